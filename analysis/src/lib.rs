@@ -1,0 +1,2 @@
+//! polars probe
+#[allow(unused_imports)] use polars as _;

@@ -1,0 +1,2 @@
+//! The command `hoof`.
+fn main() {}
