@@ -1,0 +1,32 @@
+# One word for each chore. `make` alone lists them.
+SHELL := /bin/bash
+.SHELLFLAGS := -euo pipefail -c
+.DEFAULT_GOAL := help
+.PHONY: help setup build demo test bindings
+
+export PATH := $(PATH):$(HOME)/.cargo/bin
+TARGET_DIR := $(or $(CARGO_TARGET_DIR),target)
+
+help: ## list these targets
+	@awk -F ':.*## ' '/^[a-z]+:.*## / { printf "make %-10s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
+
+setup: ## install what cargo cannot: liblcm, MuJoCo (quick when nothing is to be done)
+	@scripts/setup.sh
+
+build: setup ## build the command, TARGET_DIR/release/hoof
+	cargo build --release --locked
+
+demo: build ## simulate, log, replay bit for bit and report, in one go
+	$(TARGET_DIR)/release/hoof demo
+
+test: setup ## the gate: format, lints, tests, documentation
+	cargo fmt --all --check
+	cargo clippy --release --locked --workspace --all-targets -- -D warnings
+	cargo test --release --locked --workspace
+	RUSTDOCFLAGS="-D warnings" cargo doc --release --locked --workspace --no-deps
+	@# nalgebra's default features bring matrixmultiply, whose kernels give bits that depend on the CPU.
+	@tree=$$(cargo tree --locked --package hoofprint --prefix none); \
+	if grep '^matrixmultiply' <<<"$$tree"; then echo "error: matrixmultiply is in the build of hoofprint" >&2; exit 1; fi
+
+bindings: ## regenerate the bindings of liblcm (needs libclang)
+	scripts/regenerate_bindings.sh

@@ -1,0 +1,106 @@
+#!/usr/bin/env bash
+# Fetches what cargo cannot: liblcm, a multicast route for it, and MuJoCo.
+# Every step asks whether there is anything to do, so a second run takes no time and leaves no stamp behind.
+# Run as root, or as somebody who may use sudo; without either it says what to run instead.
+set -euo pipefail
+cd "$(dirname "$0")/.."
+
+mujoco_version=3.17.0
+mujoco_wheel_sha256=d66928d86a2d1b601bbaa4dc11db50214d17d5301bb8afd84721313b67ff0874
+mujoco_library_sha256=23496b023ee80fb61ab71167e94bc649f9941710fde96b18bb8204fb332523ad
+mujoco_dir=third_party/mujoco
+lcm_group=239.255.76.67
+
+say() { printf 'setup: %s\n' "$*"; }
+fail() { printf 'setup: %s\n' "$*" >&2; exit 1; }
+
+# Runs a command as root; fails with the command to type when that is not possible.
+as_root() {
+    if [ "$(id -u)" = 0 ]; then
+        "$@"
+    elif command -v sudo >/dev/null; then
+        sudo "$@"
+    else
+        fail "not root and no sudo; run this as root, then start again: $*"
+    fi
+}
+
+check_machine() {
+    [ "$(uname -sm)" = "Linux x86_64" ] || fail "found $(uname -sm), but MuJoCo is pinned for Linux x86_64 only"
+    PATH="$PATH:$HOME/.cargo/bin" command -v cargo >/dev/null \
+        || fail "cargo not found; install Rust from https://rustup.rs (rust-toolchain.toml then picks the version)"
+}
+
+# What is there counts, not which package brought it.
+install_packages() {
+    local missing=()
+    command -v cc >/dev/null || missing+=(gcc libc6-dev)
+    liblcm_present || missing+=(liblcm-dev)
+    command -v lcm-logger >/dev/null || missing+=(liblcm-bin)
+    command -v ip >/dev/null || missing+=(iproute2)
+    mujoco_present || python3 -m pip --version >/dev/null 2>&1 || missing+=(python3 python3-pip)
+    [ ${#missing[@]} -gt 0 ] || return 0
+
+    command -v apt-get >/dev/null || fail "no apt-get on this machine; install what Debian calls: ${missing[*]}"
+    say "installing ${missing[*]}"
+    as_root apt-get update
+    as_root env DEBIAN_FRONTEND=noninteractive apt-get install --yes --no-install-recommends "${missing[@]}"
+}
+
+liblcm_present() {
+    cc -x c - -o /dev/null -llcm 2>/dev/null <<<$'#include <lcm/lcm.h>\nint main(void) { return 0; }'
+}
+
+# liblcm refuses to start without a route for its multicast group. Lockstep runs need none, so this one only warns.
+add_multicast_route() {
+    ip route get "$lcm_group" >/dev/null 2>&1 && return 0
+    say "no route to $lcm_group: sending 224.0.0.0/4 over the loopback"
+    (as_root ip link set lo up && as_root ip route add 224.0.0.0/4 dev lo) \
+        || say "could not add the route: lockstep runs work, live runs over LCM will not"
+}
+
+mujoco_present() {
+    local library="$mujoco_dir/lib/libmujoco.so.$mujoco_version"
+    [ -f "$mujoco_dir/include/mujoco/mujoco.h" ] && [ -e "$mujoco_dir/lib/libmujoco.so" ] && [ -f "$library" ] \
+        && sha256sum --status --check <<<"$mujoco_library_sha256  $library"
+}
+
+install_mujoco() {
+    mujoco_present && return 0
+    local wheel
+    mkdir -p third_party
+    work=$(mktemp -d third_party/.mujoco.XXXXXX)
+    trap 'rm -rf "$work"' EXIT
+
+    say "downloading MuJoCo $mujoco_version (27 MB)"
+    python3 -m pip download --no-deps --only-binary=:all: --python-version 3.11 --implementation cp \
+        --platform manylinux_2_28_x86_64 --dest "$work" "mujoco==$mujoco_version"
+    wheel=$(echo "$work"/mujoco-*.whl)
+    sha256sum --check - <<<"$mujoco_wheel_sha256  $wheel" || fail "$wheel is not the pinned file"
+
+    python3 - "$wheel" "$work/mujoco" <<'PYTHON'
+import pathlib, sys, zipfile
+
+wheel, target = sys.argv[1], pathlib.Path(sys.argv[2])
+with zipfile.ZipFile(wheel) as archive:
+    for name in archive.namelist():
+        if name.startswith("mujoco/libmujoco.so"):
+            path = target / "lib" / pathlib.PurePath(name).name
+        elif name.startswith("mujoco/include/mujoco/") and name.endswith(".h"):
+            path = target / "include" / "mujoco" / pathlib.PurePath(name).name
+        else:
+            continue
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_bytes(archive.read(name))
+PYTHON
+    ln -s "libmujoco.so.$mujoco_version" "$work/mujoco/lib/libmujoco.so"
+    rm -rf "$mujoco_dir"
+    mv "$work/mujoco" "$mujoco_dir"
+    mujoco_present || fail "$mujoco_dir is incomplete after unpacking"
+}
+
+check_machine
+install_packages
+add_multicast_route
+install_mujoco
+say "ready: liblcm, MuJoCo $mujoco_version"
