@@ -1,0 +1,86 @@
+//! 64-bit digests of the bits of a stage's quantities: equal digests, equal stage.
+
+use nalgebra::{DMatrix, DVector, Matrix3, Vector3};
+
+/// A running digest. Words are mixed in by multiply and rotate (the finalizer of SplitMix64 closes it), fast enough to
+/// cover every quantity of every tick.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Digest(u64);
+
+impl Default for Digest {
+    fn default() -> Self {
+        Digest(0x9e37_79b9_7f4a_7c15)
+    }
+}
+
+impl Digest {
+    /// Mixes in one word.
+    pub fn word(&mut self, word: u64) {
+        self.0 = (self.0.rotate_left(5) ^ word).wrapping_mul(0x2545_f491_4f6c_dd1d);
+    }
+
+    /// Mixes in the bits of a number; `0.0` and `-0.0`, and NaNs of different payload, differ.
+    pub fn f64(&mut self, x: f64) {
+        self.word(x.to_bits());
+    }
+
+    /// Mixes in the bits of a slice, in order.
+    pub fn f64s(&mut self, xs: &[f64]) {
+        for &x in xs {
+            self.f64(x);
+        }
+    }
+
+    /// Mixes in a vector.
+    pub fn vec3(&mut self, x: &Vector3<f64>) {
+        self.f64s(x.as_slice());
+    }
+
+    /// Mixes in a 3x3 matrix, column by column.
+    pub fn mat3(&mut self, x: &Matrix3<f64>) {
+        self.f64s(x.as_slice());
+    }
+
+    /// Mixes in a vector of any size.
+    pub fn dvec(&mut self, x: &DVector<f64>) {
+        self.f64s(x.as_slice());
+    }
+
+    /// Mixes in a matrix of any size, column by column.
+    pub fn dmat(&mut self, x: &DMatrix<f64>) {
+        self.f64s(x.as_slice());
+    }
+
+    /// The digest of all that was mixed in, as the signed word of the messages.
+    pub fn finish(self) -> i64 {
+        let mut z = self.0;
+        z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+        z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+        (z ^ (z >> 31)).cast_signed()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_bit_and_the_order_count() {
+        let of = |xs: &[f64]| {
+            let mut d = Digest::default();
+            d.f64s(xs);
+            d.finish()
+        };
+        let xs = [0.0, 1.5, -3.25, f64::NAN];
+        for i in 0..xs.len() {
+            for bit in 0..64 {
+                let mut ys = xs;
+                ys[i] = f64::from_bits(ys[i].to_bits() ^ (1 << bit));
+                assert_ne!(of(&xs), of(&ys), "bit {bit} of word {i}");
+            }
+        }
+        assert_ne!(of(&[1.0, 2.0]), of(&[2.0, 1.0]));
+        assert_ne!(of(&[0.0]), of(&[-0.0]));
+        assert_ne!(of(&[1.0]), of(&[1.0, 0.0]));
+    }
+}

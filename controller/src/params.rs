@@ -1,0 +1,558 @@
+//! What can be set: one TOML text a run, read once, checked once, written whole into the log.
+//!
+//! A robot's file (`robots/NAME/NAME.toml`) names what is particular to it; everything left out has the default of the source,
+//! Raiola et al. 2020 (cited "Raiola" below), or one stated here. [`Params::to_toml`] writes every key, so a log never depends
+//! on defaults of a build.
+
+use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
+
+/// Why parameters are unusable.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum ParamsError {
+    /// Not TOML, an unknown key, a missing key, or a value of the wrong type. The text of the parser names line and key.
+    #[error("{source_name}: {error}")]
+    Parse {
+        /// File, or what the text is.
+        source_name: String,
+        /// What the parser says, with line and column.
+        error: String,
+    },
+    /// An override names no parameter.
+    #[error("unknown parameter \"{key}\"{hint}")]
+    UnknownKey {
+        /// The key as given.
+        key: String,
+        /// Names that are near it, or the keys of its section.
+        hint: String,
+    },
+    /// An override has a value of the wrong kind.
+    #[error("parameter {key}: found `{found}`, expected {expected}")]
+    BadValue {
+        /// The key.
+        key: String,
+        /// The value as given.
+        found: String,
+        /// Kind of the present value.
+        expected: String,
+    },
+    /// A value outside its range.
+    #[error("parameter {key} is {found}, expected {expected}")]
+    OutOfRange {
+        /// The key.
+        key: &'static str,
+        /// Its value.
+        found: f64,
+        /// The range.
+        expected: &'static str,
+    },
+}
+
+/// Every parameter of the quadruped controller and what drivers need to know of the robot.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Params {
+    /// The robot: feet, posture, sensors.
+    pub robot: RobotConfig,
+    /// Gait timing and force ramps.
+    #[serde(default)]
+    pub gait: GaitParams,
+    /// Foothold planner and limits of the velocity command.
+    #[serde(default)]
+    pub foothold: FootholdParams,
+    /// Swing trajectory and closed-loop inverse kinematics.
+    #[serde(default)]
+    pub swing: SwingParams,
+    /// Contact estimation.
+    #[serde(default)]
+    pub contact: ContactParams,
+    /// Trunk orientation and height.
+    #[serde(default)]
+    pub trunk: TrunkParams,
+    /// Postural task.
+    #[serde(default)]
+    pub posture: PostureParams,
+    /// Weights, limits and solver of the quadratic program.
+    #[serde(default)]
+    pub wbc: WbcParams,
+    /// When to give up, and how.
+    #[serde(default)]
+    pub safety: SafetyParams,
+}
+
+/// The robot: what its URDF does not say.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct RobotConfig {
+    /// Name of the robot.
+    pub name: String,
+    /// URDF file, beside the TOML file.
+    pub urdf: String,
+    /// Foot links in the order LF RF LH RH; the link's origin is the centre of the foot sphere.
+    pub feet: [String; 4],
+    /// Radius of the foot sphere, m.
+    pub foot_radius: f64,
+    /// Link whose axes the IMU measures in.
+    pub imu_link: String,
+    /// Nominal standing posture: joint name -> rad.
+    pub posture: BTreeMap<String, f64>,
+    /// Resolution of the simulated sensors.
+    #[serde(default)]
+    pub sensors: SensorParams,
+}
+
+/// Resolution of the simulated sensors: a value read is a whole multiple of it. 0 = as computed.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct SensorParams {
+    /// Joint position, rad.
+    pub position: f64,
+    /// Joint velocity, rad/s.
+    pub velocity: f64,
+    /// Joint torque, N m.
+    pub torque: f64,
+    /// Component of the orientation quaternion.
+    pub orientation: f64,
+    /// Gyro, rad/s.
+    pub gyro: f64,
+    /// Accelerometer, m/s².
+    pub acceleration: f64,
+}
+
+impl Default for SensorParams {
+    /// Powers of two near what a 19-bit encoder, a load cell and a tactical IMU resolve; so many low bits are zero that a log compresses well.
+    fn default() -> Self {
+        let fraction = |bits: i32| 1.0 / f64::from(1u32 << bits);
+        SensorParams {
+            position: fraction(18),
+            velocity: fraction(12),
+            torque: fraction(7),
+            orientation: fraction(24),
+            gyro: fraction(14),
+            acceleration: fraction(10),
+        }
+    }
+}
+
+/// Timing of the gaits. Source: Raiola, Fig. 4 and Table 2.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct GaitParams {
+    /// Trot: diagonal pairs.
+    pub trot: GaitTiming,
+    /// Crawl: one leg at a time, LF RH RF LH.
+    pub crawl: GaitTiming,
+}
+
+/// Timing of one gait. Swing time `1/f_sw`, stride `T = T_sw/(1 - δ)`.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct GaitTiming {
+    /// Duty factor δ = T_st/T.
+    pub duty: f64,
+    /// Swing frequency `f_sw = 1/T_sw`, Hz.
+    pub swing_frequency: f64,
+    /// Phase of the stride at which each leg lifts off, LF RF LH RH.
+    pub lift_off_phase: [f64; 4],
+    /// Factor on the velocity command in the foothold, so that true and commanded speed agree.
+    pub speed_factor: f64,
+}
+
+impl Default for GaitParams {
+    fn default() -> Self {
+        GaitParams {
+            trot: GaitTiming {
+                duty: 0.55,
+                swing_frequency: 2.0,
+                lift_off_phase: [0.0, 0.5, 0.5, 0.0],
+                speed_factor: 1.0,
+            },
+            crawl: GaitTiming {
+                duty: 0.80,
+                swing_frequency: 2.0,
+                lift_off_phase: [0.0, 0.5, 0.75, 0.25],
+                speed_factor: 1.0,
+            },
+        }
+    }
+}
+
+/// Foothold planner and the ramp of the velocity command. Source: Raiola, eqs. (19)-(25).
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct FootholdParams {
+    /// Longest step, m.
+    pub max_step_length: f64,
+    /// Time constant of the velocity command's filter, s.
+    pub command_time_constant: f64,
+    /// Largest commanded speed, m/s.
+    pub max_speed: f64,
+    /// Largest commanded yaw rate, rad/s.
+    pub max_yaw_rate: f64,
+    /// Part of the swing, at its end, in which step length and heading are kept.
+    pub freeze_fraction: f64,
+}
+
+impl Default for FootholdParams {
+    fn default() -> Self {
+        FootholdParams {
+            max_step_length: 0.3,
+            command_time_constant: 0.1,
+            max_speed: 0.6,
+            max_yaw_rate: 0.8,
+            freeze_fraction: 0.2,
+        }
+    }
+}
+
+/// Swing ellipse and closed-loop inverse kinematics. Source: Raiola, eqs. (26)-(30), Table 2.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct SwingParams {
+    /// Step height `H_s`, m.
+    pub height: f64,
+    /// CLIK gain P, 1/s.
+    pub clik_gain: f64,
+    /// Time after `T_sw`, in swing times, that a foot may search for the ground.
+    pub reach_time: f64,
+}
+
+impl Default for SwingParams {
+    fn default() -> Self {
+        SwingParams { height: 0.1, clik_gain: 10.0, reach_time: 0.5 }
+    }
+}
+
+/// Contact estimation. Source: Raiola, eq. (18) and section 4.3.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct ContactParams {
+    /// Normal force above which a foot touches, N.
+    pub threshold: f64,
+    /// Samples in a row above the threshold before it counts.
+    pub debounce: i32,
+    /// Smallest |det J_leg| at which a force is computed, m³; below, the last one is kept.
+    pub min_jacobian_det: f64,
+}
+
+impl Default for ContactParams {
+    fn default() -> Self {
+        ContactParams { threshold: 50.0, debounce: 3, min_jacobian_det: 1e-4 }
+    }
+}
+
+/// Trunk orientation task and height. Source: Raiola, eqs. (8), (16)-(17), (31)-(32), section 5.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct TrunkParams {
+    /// Stiffness about the x, y, z axes of W, 1/s².
+    pub kp: [f64; 3],
+    /// Damping, 1/s.
+    pub kd: [f64; 3],
+    /// Gain of the height integrator, 1/s.
+    pub height_gain: f64,
+    /// Limit of the height integral, m.
+    pub max_height_correction: f64,
+    /// Fastest change of the roll and pitch references, rad/s.
+    pub max_orientation_rate: f64,
+    /// Largest roll and pitch reference, rad.
+    pub max_orientation: f64,
+    /// Fastest change of the height reference, m/s.
+    pub max_height_rate: f64,
+    /// Largest offset of the height reference, m.
+    pub max_height_offset: f64,
+}
+
+impl Default for TrunkParams {
+    fn default() -> Self {
+        TrunkParams {
+            kp: [1000.0; 3],
+            kd: [100.0; 3],
+            height_gain: 10.0,
+            max_height_correction: 0.1,
+            max_orientation_rate: 0.5,
+            max_orientation: 0.35,
+            max_height_rate: 0.1,
+            max_height_offset: 0.12,
+        }
+    }
+}
+
+/// Postural task. Source: Raiola, eq. (9), section 5; gains per leg joint HAA HFE KFE.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct PostureParams {
+    /// Swing stiffness: 1/s², or N m/rad with [`PostureParams::swing_inertia`].
+    pub swing_kp: [f64; 3],
+    /// Swing damping: 1/s, or N m s/rad.
+    pub swing_kd: [f64; 3],
+    /// Swing gains are torques: premultiply them by the inverse of the leg's inertia (Raiola, appendix).
+    pub swing_inertia: bool,
+    /// Stance stiffness, 1/s².
+    pub stance_kp: [f64; 3],
+    /// Stance damping, 1/s.
+    pub stance_kd: [f64; 3],
+    /// Time constant with which the reference of a landed leg goes from its touchdown value to the nominal posture, s.
+    pub blend_time_constant: f64,
+}
+
+impl Default for PostureParams {
+    fn default() -> Self {
+        PostureParams {
+            swing_kp: [300.0; 3],
+            swing_kd: [8.0, 12.0, 5.0],
+            swing_inertia: true,
+            stance_kp: [500.0; 3],
+            stance_kd: [20.0; 3],
+            blend_time_constant: 0.1,
+        }
+    }
+}
+
+/// Quadratic program of the weighted stack S1. Source: Raiola, eqs. (10)-(15), Table 2.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct WbcParams {
+    /// Weight of the contact task.
+    pub weight_contact: f64,
+    /// Weight of the trunk task.
+    pub weight_trunk: f64,
+    /// Weight of the postural task.
+    pub weight_posture: f64,
+    /// Regularization λ of accelerations and forces.
+    pub regularization: f64,
+    /// Friction coefficient μ.
+    pub friction: f64,
+    /// Largest tangential force of a foot, N.
+    pub f_xy_max: f64,
+    /// Largest vertical force of a foot, N.
+    pub f_z_max: f64,
+    /// Smallest vertical force of a stance foot, N.
+    pub f_z_min: f64,
+    /// Largest joint acceleration, rad/s².
+    pub qdd_max: f64,
+    /// Iterations of the solver.
+    pub max_iterations: u32,
+    /// Tolerance of the solver on feasibility and gap.
+    pub tolerance: f64,
+}
+
+impl Default for WbcParams {
+    fn default() -> Self {
+        WbcParams {
+            weight_contact: 1e6,
+            weight_trunk: 1e3,
+            weight_posture: 1.0,
+            regularization: 1e-6,
+            friction: 0.8,
+            f_xy_max: 1000.0,
+            f_z_max: 1000.0,
+            f_z_min: 20.0,
+            qdd_max: 500.0,
+            max_iterations: 50,
+            tolerance: 1e-8,
+        }
+    }
+}
+
+/// When to give up, and how.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct SafetyParams {
+    /// Largest roll or pitch of the base, rad.
+    pub max_tilt: f64,
+    /// Oldest joint state that a tick may act on, s.
+    pub max_state_age: f64,
+    /// Ticks in a row that may repeat the last torque when the quadratic program fails.
+    pub max_qp_failures: i32,
+    /// Damping of the joints in the safe state, N m s/rad.
+    pub damping: f64,
+}
+
+impl Default for SafetyParams {
+    fn default() -> Self {
+        SafetyParams { max_tilt: 0.6, max_state_age: 0.01, max_qp_failures: 5, damping: 8.0 }
+    }
+}
+
+impl Params {
+    /// Reads and checks a TOML text; `source_name` stands in errors.
+    ///
+    /// # Errors
+    /// Not TOML, unknown or missing keys, values of the wrong kind or out of range.
+    pub fn from_toml(text: &str, source_name: &str) -> Result<Self, ParamsError> {
+        let params: Params = toml::from_str(text)
+            .map_err(|e| ParamsError::Parse { source_name: source_name.to_owned(), error: e.to_string() })?;
+        params.check()?;
+        Ok(params)
+    }
+
+    /// Every parameter as TOML, defaults included. [`Params::from_toml`] reads it back to the same bits.
+    pub fn to_toml(&self) -> String {
+        toml::to_string(self).expect("plain structs of numbers, strings and tables always serialize")
+    }
+
+    fn check(&self) -> Result<(), ParamsError> {
+        let positive = [
+            ("robot.foot_radius", self.robot.foot_radius),
+            ("gait.trot.swing_frequency", self.gait.trot.swing_frequency),
+            ("gait.crawl.swing_frequency", self.gait.crawl.swing_frequency),
+            ("foothold.max_step_length", self.foothold.max_step_length),
+            ("foothold.command_time_constant", self.foothold.command_time_constant),
+            ("swing.height", self.swing.height),
+            ("swing.clik_gain", self.swing.clik_gain),
+            ("contact.threshold", self.contact.threshold),
+            ("posture.blend_time_constant", self.posture.blend_time_constant),
+            ("wbc.weight_contact", self.wbc.weight_contact),
+            ("wbc.weight_trunk", self.wbc.weight_trunk),
+            ("wbc.weight_posture", self.wbc.weight_posture),
+            ("wbc.regularization", self.wbc.regularization),
+            ("wbc.friction", self.wbc.friction),
+            ("wbc.f_xy_max", self.wbc.f_xy_max),
+            ("wbc.f_z_max", self.wbc.f_z_max),
+            ("wbc.f_z_min", self.wbc.f_z_min),
+            ("wbc.qdd_max", self.wbc.qdd_max),
+            ("wbc.tolerance", self.wbc.tolerance),
+            ("safety.max_tilt", self.safety.max_tilt),
+            ("safety.max_state_age", self.safety.max_state_age),
+            ("safety.damping", self.safety.damping),
+        ];
+        for (key, found) in positive {
+            if !(found > 0.0 && found.is_finite()) {
+                return Err(ParamsError::OutOfRange { key, found, expected: "a positive number" });
+            }
+        }
+        for (key, found) in [("gait.trot.duty", self.gait.trot.duty), ("gait.crawl.duty", self.gait.crawl.duty)] {
+            if !(0.5..1.0).contains(&found) {
+                return Err(ParamsError::OutOfRange { key, found, expected: "at least 0.5 and below 1" });
+            }
+        }
+        if self.wbc.f_z_min >= self.wbc.f_z_max {
+            return Err(ParamsError::OutOfRange {
+                key: "wbc.f_z_min",
+                found: self.wbc.f_z_min,
+                expected: "less than wbc.f_z_max",
+            });
+        }
+        Ok(())
+    }
+}
+
+/// Sets parameters by dotted key, `("gait.trot.swing_frequency", "3.5")`, in a full or partial TOML text; gives back the full text.
+///
+/// # Errors
+/// As [`Params::from_toml`]; a key that names no parameter; a value of another kind than the present one.
+pub fn apply_overrides(text: &str, overrides: &[(String, String)]) -> Result<String, ParamsError> {
+    let full = Params::from_toml(text, "parameters")?.to_toml();
+    let mut table: toml::Table = full.parse().expect("to_toml writes TOML");
+    for (key, value) in overrides {
+        set(&mut table, key, value)?;
+    }
+    let text = toml::to_string(&table).expect("a table that was read can be written");
+    Ok(Params::from_toml(&text, "parameters with overrides")?.to_toml())
+}
+
+fn set(table: &mut toml::Table, key: &str, value: &str) -> Result<(), ParamsError> {
+    let unknown = |hint: String| ParamsError::UnknownKey { key: key.to_owned(), hint };
+    let mut path: Vec<&str> = key.split('.').collect();
+    let last = path.pop().unwrap_or_default();
+    let mut section = table;
+    for (depth, name) in path.iter().enumerate() {
+        let names = keys_of(section, &path[..depth]);
+        section = match section.get_mut(*name) {
+            Some(toml::Value::Table(inner)) => inner,
+            _ => return Err(unknown(names)),
+        };
+    }
+    let names = keys_of(section, &path);
+    let slot = match section.get_mut(last) {
+        Some(slot) if !slot.is_table() => slot,
+        Some(toml::Value::Table(inner)) => return Err(unknown(keys_of(inner, &[path, vec![last]].concat()))),
+        _ => return Err(unknown(names)),
+    };
+    let bad = || ParamsError::BadValue {
+        key: key.to_owned(),
+        found: value.to_owned(),
+        expected: format!("a value like `{slot}` ({})", slot.type_str()),
+    };
+    let parsed: toml::Value = match format!("v = {value}").parse::<toml::Table>() {
+        Ok(mut one) => one.remove("v").ok_or_else(bad)?,
+        Err(_) if slot.is_str() => toml::Value::String(value.to_owned()),
+        Err(_) => return Err(bad()),
+    };
+    let parsed = like(slot, parsed).ok_or_else(bad)?;
+    *slot = parsed;
+    Ok(())
+}
+
+/// `new` if it is of the same kind as `old`; whole numbers pass as floats.
+fn like(old: &toml::Value, new: toml::Value) -> Option<toml::Value> {
+    use toml::Value::{Array, Float, Integer};
+    match (old, new) {
+        #[expect(clippy::cast_precision_loss, reason = "a person's parameter, far below 2^53")]
+        (Float(_), Integer(i)) => Some(Float(i as f64)),
+        (Array(old), Array(new)) if old.len() == new.len() => {
+            old.iter().zip(new).map(|(o, n)| like(o, n)).collect::<Option<Vec<_>>>().map(Array)
+        }
+        (Array(_), _) => None,
+        (old, new) if old.same_type(&new) => Some(new),
+        _ => None,
+    }
+}
+
+fn keys_of(table: &toml::Table, path: &[&str]) -> String {
+    let place = if path.is_empty() { "at the top".to_owned() } else { format!("in [{}]", path.join(".")) };
+    let names: Vec<&str> = table.keys().map(String::as_str).collect();
+    format!(", {place} there are: {}", names.join(", "))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const ROBOT: &str = r#"
+        [robot]
+        name = "box"
+        urdf = "box.urdf"
+        feet = ["a", "b", "c", "d"]
+        foot_radius = 0.02
+        imu_link = "imu"
+        posture = { j1 = 0.1 }
+    "#;
+
+    fn overridden(key: &str, value: &str) -> Result<Params, ParamsError> {
+        let text = apply_overrides(ROBOT, &[(key.to_owned(), value.to_owned())])?;
+        Params::from_toml(&text, "test")
+    }
+
+    #[test]
+    fn full_text_reads_back_to_the_same_parameters() {
+        let params = Params::from_toml(ROBOT, "test").unwrap();
+        assert_eq!(Params::from_toml(&params.to_toml(), "test").unwrap(), params);
+    }
+
+    #[test]
+    fn overrides_reach_numbers_arrays_and_switches() {
+        assert_eq!(overridden("gait.trot.swing_frequency", "4").unwrap().gait.trot.swing_frequency, 4.0);
+        assert_eq!(overridden("trunk.kp", "[1, 2.5, 3]").unwrap().trunk.kp, [1.0, 2.5, 3.0]);
+        assert!(!overridden("posture.swing_inertia", "false").unwrap().posture.swing_inertia);
+        assert_eq!(overridden("robot.posture.j1", "-0.5").unwrap().robot.posture["j1"], -0.5);
+    }
+
+    #[test]
+    fn errors_name_the_key_and_what_was_expected() {
+        let text = |key, value| overridden(key, value).unwrap_err().to_string();
+        assert!(text("gait.trott.duty", "0.6").contains("\"gait.trott.duty\", in [gait] there are: crawl, trot"));
+        assert!(text("wbc.mu", "0.6").contains("friction"));
+        assert!(text("gait.trot", "1").contains("in [gait.trot] there are: duty"));
+        assert_eq!(
+            text("wbc.friction", "high"),
+            "parameter wbc.friction: found `high`, expected a value like `0.8` (float)"
+        );
+        assert!(text("trunk.kp", "[1.0, 2.0]").contains("expected a value like `[1000.0, 1000.0, 1000.0]`"));
+        assert_eq!(text("gait.trot.duty", "1.5"), "parameter gait.trot.duty is 1.5, expected at least 0.5 and below 1");
+        let unknown = Params::from_toml(&format!("{ROBOT}\n[wbc]\nmu = 0.5"), "box.toml").unwrap_err().to_string();
+        assert!(unknown.contains("box.toml") && unknown.contains("unknown field `mu`"), "{unknown}");
+    }
+}
