@@ -1,0 +1,374 @@
+//! The model: movable bodies in one array, fixed joints merged away, links kept as frames.
+
+use nalgebra::{Matrix3, Vector3};
+
+use super::error::{ModelError, ModelWarning, near_names};
+use super::inertia::SpatialInertia;
+use super::pose::Pose;
+use super::tree::{JointKind, Limits, UrdfTree};
+
+/// Gravitational acceleration along -z of W, m/s².
+pub const GRAVITY: f64 = 9.81;
+
+/// Whether the root link can move.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Base {
+    /// Six degrees of freedom, not actuated.
+    Floating,
+    /// Bolted to W.
+    Fixed,
+}
+
+/// A movable joint: its place in `q`, `qd` and `tau`.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub struct JointId(usize);
+
+impl JointId {
+    /// Index in `q`, `qd`, `tau`, `0..nj`.
+    pub fn index(self) -> usize {
+        self.0
+    }
+}
+
+/// A frame fixed to a body; there is one for every link.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub struct FrameId(usize);
+
+impl FrameId {
+    /// Index among the links of the tree, `0..nf`.
+    pub fn index(self) -> usize {
+        self.0
+    }
+}
+
+/// What is known about a movable joint besides its place in the tree.
+#[derive(Debug, Clone, PartialEq)]
+pub struct JointInfo {
+    /// As in the URDF.
+    pub name: String,
+    /// Never [`JointKind::Fixed`].
+    pub kind: JointKind,
+    /// Smallest position, rad or m; -infinity for a continuous joint.
+    pub lower: f64,
+    /// Largest position, rad or m; infinity for a continuous joint.
+    pub upper: f64,
+    /// Largest torque or force, N m or N.
+    pub effort: f64,
+    /// Largest speed, rad/s or m/s.
+    pub velocity: f64,
+    /// Viscous friction, N m s/rad or N s/m. Not part of `h`: the drives of the robot compensate it, or the simulator applies it.
+    pub damping: f64,
+}
+
+/// How a body moves against its parent: along or about z of its own frame.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Motion {
+    Rotation,
+    Translation,
+}
+
+/// A set of links fixed to each other, and the joint that moves it.
+///
+/// The frame of a body has its z on the axis of its joint, whatever the URDF says, so that turning it costs two columns
+/// and the axis in W is a column of `R_WB`. The frame of the link differs by a constant rotation (see [`FrameOnBody`]).
+#[derive(Debug, Clone)]
+pub(super) struct Body {
+    /// Index of the parent body; 0 for the root itself.
+    pub(super) parent: usize,
+    pub(super) motion: Motion,
+    /// Place of the joint in `q` and `qd`.
+    pub(super) i_q: usize,
+    /// Place of the joint in `v`.
+    pub(super) i_v: usize,
+    /// Pose of this body in its parent at position zero.
+    pub(super) X_PB: Pose,
+    pub(super) m: f64,
+    /// Centre of mass in the body, m.
+    pub(super) c: Vector3<f64>,
+    /// About the centre of mass, in body axes, kg m².
+    pub(super) I_C: Matrix3<f64>,
+}
+
+/// Where a link's frame sits.
+#[derive(Debug, Clone)]
+pub(super) struct FrameOnBody {
+    pub(super) name: String,
+    pub(super) body: usize,
+    /// Pose of the link in the body.
+    pub(super) X_BL: Pose,
+}
+
+/// A robot, ready for computing.
+#[derive(Debug, Clone)]
+pub struct Model {
+    /// As in the URDF.
+    pub name: String,
+    /// Movable joints, in the order of the file text.
+    pub joints: Vec<JointInfo>,
+    /// What is odd about the description.
+    pub warnings: Vec<ModelWarning>,
+    base: Base,
+    total_mass: f64,
+    /// Parents before children, each subtree contiguous; 0 is the root.
+    pub(super) bodies: Vec<Body>,
+    pub(super) frames: Vec<FrameOnBody>,
+}
+
+impl Model {
+    /// Merges links that do not move against each other, and lays the bodies out.
+    ///
+    /// # Errors
+    /// [`ModelError::BadNumber`] if the mass of the robot is not a finite number, or zero on a floating base.
+    pub fn new(tree: &UrdfTree, base: Base) -> Result<Self, ModelError> {
+        let nb = match base {
+            Base::Floating => 6,
+            Base::Fixed => 0,
+        };
+        let mut place_in_q = vec![usize::MAX; tree.joints.len()];
+        let mut joints = Vec::new();
+        for (place, joint) in place_in_q.iter_mut().zip(&tree.joints) {
+            if joint.kind == JointKind::Fixed {
+                continue;
+            }
+            *place = joints.len();
+            let Limits {
+                lower,
+                upper,
+                effort,
+                velocity,
+            } = joint.limits;
+            joints.push(JointInfo {
+                name: joint.name.clone(),
+                kind: joint.kind,
+                lower,
+                upper,
+                effort,
+                velocity,
+                damping: joint.damping,
+            });
+        }
+
+        let mut bodies = Vec::with_capacity(joints.len() + 1);
+        let mut inertias: Vec<SpatialInertia> = Vec::with_capacity(joints.len() + 1);
+        let mut carriers = Vec::with_capacity(joints.len() + 1);
+        let mut frames: Vec<FrameOnBody> = Vec::with_capacity(tree.links.len());
+        let mut total_mass = 0.0;
+        for (i, link) in tree.links.iter().enumerate() {
+            let joint = link.parent_joint.map(|j| (&tree.joints[j], place_in_q[j]));
+            let frame = match joint {
+                Some((joint, _)) if joint.kind == JointKind::Fixed => {
+                    let FrameOnBody { body, X_BL, .. } = &frames[joint.parent];
+                    FrameOnBody {
+                        name: link.name.clone(),
+                        body: *body,
+                        X_BL: X_BL.then(&joint.X_PC),
+                    }
+                }
+                _ => {
+                    let R_LB = joint.map_or(Matrix3::identity(), |(joint, _)| z_onto(&joint.axis));
+                    let (parent, X_PB, motion, i_q) = match joint {
+                        None => (0, Pose::identity(), Motion::Translation, usize::MAX),
+                        Some((joint, i_q)) => {
+                            let FrameOnBody { body, X_BL, .. } = &frames[joint.parent];
+                            let X_LB = Pose {
+                                p: Vector3::zeros(),
+                                R: R_LB,
+                            };
+                            let motion = if joint.kind == JointKind::Prismatic {
+                                Motion::Translation
+                            } else {
+                                Motion::Rotation
+                            };
+                            (*body, X_BL.then(&joint.X_PC).then(&X_LB), motion, i_q)
+                        }
+                    };
+                    let i_v = if joint.is_some() {
+                        nb + i_q
+                    } else {
+                        usize::MAX
+                    };
+                    bodies.push(Body {
+                        parent,
+                        motion,
+                        i_q,
+                        i_v,
+                        X_PB,
+                        m: 0.0,
+                        c: Vector3::zeros(),
+                        I_C: Matrix3::zeros(),
+                    });
+                    inertias.push(SpatialInertia::zero());
+                    carriers.push(i);
+                    let X_BL = Pose {
+                        p: Vector3::zeros(),
+                        R: R_LB.transpose(),
+                    };
+                    FrameOnBody {
+                        name: link.name.clone(),
+                        body: bodies.len() - 1,
+                        X_BL,
+                    }
+                }
+            };
+            let X_BC = frame.X_BL.then(&link.inertial.X_LC);
+            let I_C = X_BC.R * link.inertial.I_C * X_BC.R.transpose();
+            inertias[frame.body] += SpatialInertia::from_com(link.inertial.mass, X_BC.p, &I_C);
+            total_mass += link.inertial.mass;
+            frames.push(frame);
+        }
+
+        if !total_mass.is_finite() || (base == Base::Floating && total_mass == 0.0) {
+            return Err(ModelError::BadNumber {
+                file: tree.source.clone(),
+                element: format!("robot \"{}\"", tree.name),
+                quantity: "total mass",
+                found: total_mass.to_string(),
+                expected: "a finite number, above zero on a floating base",
+            });
+        }
+        let mut warnings = tree.warnings.clone();
+        for (i, (body, inertia)) in bodies.iter_mut().zip(&inertias).enumerate() {
+            (body.c, body.I_C) = inertia.about_com();
+            body.m = inertia.m;
+            let link = &tree.links[carriers[i]];
+            if let (Some(joint), true) = (link.parent_joint, body.m == 0.0) {
+                warnings.push(ModelWarning::MasslessBody {
+                    link: link.name.clone(),
+                    joint: tree.joints[joint].name.clone(),
+                });
+            }
+            warnings.extend(implausible(&link.name, body));
+        }
+        for joint in &joints {
+            for (quantity, value) in [("effort", joint.effort), ("velocity", joint.velocity)] {
+                if value == 0.0 {
+                    warnings.push(ModelWarning::ZeroLimit {
+                        joint: joint.name.clone(),
+                        quantity,
+                    });
+                }
+            }
+        }
+        Ok(Self {
+            name: tree.name.clone(),
+            joints,
+            warnings,
+            base,
+            total_mass,
+            bodies,
+            frames,
+        })
+    }
+
+    /// Floating or fixed.
+    pub fn base(&self) -> Base {
+        self.base
+    }
+
+    /// Length of `v`: base and joints.
+    pub fn nv(&self) -> usize {
+        self.nv_base() + self.nj()
+    }
+
+    /// Length of the base part of `v`: 6 or 0.
+    pub fn nv_base(&self) -> usize {
+        match self.base {
+            Base::Floating => 6,
+            Base::Fixed => 0,
+        }
+    }
+
+    /// Number of movable joints: length of `q`, `qd`, `tau`.
+    pub fn nj(&self) -> usize {
+        self.joints.len()
+    }
+
+    /// Mass of all links, kg.
+    pub fn total_mass(&self) -> f64 {
+        self.total_mass
+    }
+
+    /// Finds a movable joint.
+    ///
+    /// # Errors
+    /// [`ModelError::Unknown`], with names close to it.
+    pub fn joint(&self, name: &str) -> Result<JointId, ModelError> {
+        let names = || self.joints.iter().map(|joint| joint.name.as_str());
+        names()
+            .position(|n| n == name)
+            .map(JointId)
+            .ok_or_else(|| self.unknown("joint", name, names()))
+    }
+
+    /// Place of a joint in `v`, and so its row of `M` and column of a Jacobian.
+    pub fn v_index(&self, joint: JointId) -> usize {
+        self.nv_base() + joint.0
+    }
+
+    /// Finds the frame of a link.
+    ///
+    /// # Errors
+    /// [`ModelError::Unknown`], with names close to it.
+    pub fn frame(&self, link: &str) -> Result<FrameId, ModelError> {
+        let names = || self.frames.iter().map(|frame| frame.name.as_str());
+        names()
+            .position(|n| n == link)
+            .map(FrameId)
+            .ok_or_else(|| self.unknown("link", link, names()))
+    }
+
+    /// The frames of all links, root first, in the order of [`UrdfTree::links`].
+    pub fn frames(&self) -> impl ExactSizeIterator<Item = (FrameId, &str)> {
+        self.frames
+            .iter()
+            .enumerate()
+            .map(|(i, frame)| (FrameId(i), frame.name.as_str()))
+    }
+
+    /// The frame of the root link, B.
+    pub fn base_frame(&self) -> FrameId {
+        FrameId(0)
+    }
+
+    fn unknown<'a>(
+        &self,
+        what: &'static str,
+        name: &str,
+        names: impl Iterator<Item = &'a str>,
+    ) -> ModelError {
+        ModelError::Unknown {
+            robot: self.name.clone(),
+            what,
+            name: name.to_owned(),
+            near: near_names(name, names),
+        }
+    }
+}
+
+/// Rotation whose third column is the unit vector `axis`; the identity for z.
+fn z_onto(axis: &Vector3<f64>) -> Matrix3<f64> {
+    let mut least = 0;
+    for k in 1..3 {
+        if axis[k].abs() < axis[least].abs() {
+            least = k;
+        }
+    }
+    let mut x = -axis[least] * axis;
+    x[least] += 1.0;
+    x /= x.norm();
+    Matrix3::from_columns(&[x, axis.cross(&x), *axis])
+}
+
+/// A warning if no distribution of mass has this inertia: every principal moment is at most the sum of the other two.
+fn implausible(link: &str, body: &Body) -> Option<ModelWarning> {
+    let mut moments: [f64; 3] = body.I_C.symmetric_eigenvalues().into();
+    moments.sort_by(f64::total_cmp);
+    // A rod has one moment of zero: rounding must not make it suspect.
+    let slack = 1e-9 * moments[2].abs();
+    let fits = moments[0] >= -slack && moments[2] <= moments[0] + moments[1] + slack;
+    let empty = body.m == 0.0 && moments == [0.0; 3];
+    (!fits && !empty).then(|| ModelWarning::ImplausibleInertia {
+        link: link.to_owned(),
+        moments,
+    })
+}

@@ -1,0 +1,242 @@
+//! What can be wrong with a robot description, or with a question to a model.
+
+use thiserror::Error;
+
+/// Why a model could not be built or asked.
+#[derive(Debug, Clone, PartialEq, Error)]
+#[non_exhaustive]
+pub enum ModelError {
+    /// The text is not well-formed XML, or has no URDF content.
+    #[error("{file}: not a URDF: {reason}")]
+    NotUrdf {
+        /// Name of the source.
+        file: String,
+        /// What the parser found.
+        reason: String,
+    },
+    /// One element does not say what a URDF must say.
+    #[error("{file}: in {element}: {reason}")]
+    BadElement {
+        /// Name of the source.
+        file: String,
+        /// For example `joint "knee"`.
+        element: String,
+        /// What the parser found.
+        reason: String,
+    },
+    /// No link at all.
+    #[error("{file}: no link found, expected at least one")]
+    NoLinks {
+        /// Name of the source.
+        file: String,
+    },
+    /// Two links or two joints share a name.
+    #[error("{file}: two {what}s are called \"{name}\", expected unique names")]
+    DuplicateName {
+        /// Name of the source.
+        file: String,
+        /// `link` or `joint`.
+        what: &'static str,
+        /// The name.
+        name: String,
+    },
+    /// A joint names a link that does not exist.
+    #[error("{file}: joint \"{joint}\": its {role} link \"{link}\" does not exist{}", near_list(.near))]
+    MissingLink {
+        /// Name of the source.
+        file: String,
+        /// The joint.
+        joint: String,
+        /// `parent` or `child`.
+        role: &'static str,
+        /// The name that was not found.
+        link: String,
+        /// Existing names close to it.
+        near: Vec<String>,
+    },
+    /// A link is the child of two joints.
+    #[error(
+        "{file}: link \"{link}\" is the child of joints \"{first}\" and \"{second}\", expected one parent"
+    )]
+    TwoParents {
+        /// Name of the source.
+        file: String,
+        /// The link.
+        link: String,
+        /// The joint that came first in the file.
+        first: String,
+        /// The other joint.
+        second: String,
+    },
+    /// More than one link has no parent.
+    #[error("{file}: links {links:?} have no parent joint, expected one root")]
+    SeveralRoots {
+        /// Name of the source.
+        file: String,
+        /// The links without a parent, in file order.
+        links: Vec<String>,
+    },
+    /// Links that hang on each other in a circle.
+    #[error("{file}: links {links:?} form a loop, expected a tree")]
+    Loop {
+        /// Name of the source.
+        file: String,
+        /// The links that the root does not reach, in file order.
+        links: Vec<String>,
+    },
+    /// A joint type outside this model.
+    #[error(
+        "{file}: joint \"{joint}\" has type \"{found}\", expected fixed, revolute, continuous or prismatic"
+    )]
+    UnsupportedJoint {
+        /// Name of the source.
+        file: String,
+        /// The joint.
+        joint: String,
+        /// The type found.
+        found: String,
+    },
+    /// A revolute or prismatic joint without a usable `<limit>`.
+    #[error(
+        "{file}: joint \"{joint}\" has no limits, expected <limit> with lower, upper, effort and velocity"
+    )]
+    MissingLimits {
+        /// Name of the source.
+        file: String,
+        /// The joint.
+        joint: String,
+    },
+    /// A number that cannot be what it says.
+    #[error("{file}: {element}: {quantity} is {found}, expected {expected}")]
+    BadNumber {
+        /// Name of the source.
+        file: String,
+        /// For example `link "trunk"`.
+        element: String,
+        /// For example `mass`.
+        quantity: &'static str,
+        /// The value found.
+        found: String,
+        /// The condition it breaks.
+        expected: &'static str,
+    },
+    /// A name that the model does not have.
+    #[error("robot \"{robot}\" has no {what} \"{name}\"{}", near_list(.near))]
+    Unknown {
+        /// Name of the robot.
+        robot: String,
+        /// `joint` or `link`.
+        what: &'static str,
+        /// The name asked for.
+        name: String,
+        /// Existing names close to it.
+        near: Vec<String>,
+    },
+    /// A state that leaves a joint out, or holds a value that is no number.
+    #[error("state: {key}: found {found}, expected {expected}")]
+    BadState {
+        /// For example `q.lf_haa_joint`.
+        key: String,
+        /// What is there.
+        found: String,
+        /// What should be there.
+        expected: &'static str,
+    },
+}
+
+/// What is odd about a robot description without making it unusable.
+#[derive(Debug, Clone, PartialEq, Error)]
+#[non_exhaustive]
+pub enum ModelWarning {
+    /// A body that a joint moves has no mass: the mass matrix may be singular.
+    #[error(
+        "link \"{link}\" is moved by joint \"{joint}\" but it and the links fixed to it have no mass"
+    )]
+    MasslessBody {
+        /// The link.
+        link: String,
+        /// The joint that moves it.
+        joint: String,
+    },
+    /// The principal moments of inertia of a body are not those of any distribution of mass.
+    #[error(
+        "body of link \"{link}\": principal moments of inertia {moments:?} kg m², expected each positive and at most the sum of the others"
+    )]
+    ImplausibleInertia {
+        /// The link that carries the body.
+        link: String,
+        /// Principal moments, ascending, kg m².
+        moments: [f64; 3],
+    },
+    /// A movable joint whose effort or velocity limit is zero.
+    #[error("joint \"{joint}\": {quantity} limit is zero, so it cannot move")]
+    ZeroLimit {
+        /// The joint.
+        joint: String,
+        /// `effort` or `velocity`.
+        quantity: &'static str,
+    },
+    /// A `<mimic>` element, which this model does not follow.
+    #[error("joint \"{joint}\" mimics \"{leader}\"; it is taken as a free, actuated joint")]
+    MimicIgnored {
+        /// The joint.
+        joint: String,
+        /// The joint it should follow.
+        leader: String,
+    },
+}
+
+/// Names close to `wanted`, best first, at most three; ties keep the order of `names`.
+pub(super) fn near_names<'a>(wanted: &str, names: impl Iterator<Item = &'a str>) -> Vec<String> {
+    let wanted = wanted.to_lowercase();
+    let mut ranked: Vec<(usize, &str)> = names
+        .map(|name| (edit_distance(&wanted, &name.to_lowercase()), name))
+        .filter(|(distance, name)| *distance <= 1 + wanted.len().max(name.len()) / 3)
+        .collect();
+    ranked.sort_by_key(|(distance, _)| *distance);
+    ranked
+        .into_iter()
+        .take(3)
+        .map(|(_, name)| name.to_owned())
+        .collect()
+}
+
+fn near_list(near: &[String]) -> String {
+    if near.is_empty() {
+        String::new()
+    } else {
+        format!("; near: {}", near.join(", "))
+    }
+}
+
+/// Levenshtein distance of two names.
+fn edit_distance(a: &str, b: &str) -> usize {
+    let b: Vec<char> = b.chars().collect();
+    let mut row: Vec<usize> = (0..=b.len()).collect();
+    for (i, ca) in a.chars().enumerate() {
+        let mut diagonal = row[0];
+        row[0] = i + 1;
+        for (j, &cb) in b.iter().enumerate() {
+            let substituted = diagonal + usize::from(ca != cb);
+            diagonal = row[j + 1];
+            row[j + 1] = substituted.min(diagonal + 1).min(row[j] + 1);
+        }
+    }
+    row[b.len()]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn near_names_are_ranked_and_far_ones_left_out() {
+        let names = ["lf_haa_joint", "rf_haa_joint", "lf_foot", "trunk"];
+        assert_eq!(
+            near_names("LF_haa_jont", names.into_iter()),
+            ["lf_haa_joint", "rf_haa_joint"]
+        );
+        assert!(near_names("wheel", names.into_iter()).is_empty());
+        assert_eq!(edit_distance("kitten", "sitting"), 3);
+    }
+}
