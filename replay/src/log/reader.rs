@@ -1,0 +1,139 @@
+//! Reading a log of either format.
+
+use super::event_log::{self, EventLogReader};
+use super::mcap_reader::McapReader;
+use super::source::Source;
+use super::{Event, Format, Health, Item};
+use crate::Error;
+use std::path::Path;
+
+/// How far into a damaged file the first event is looked for.
+const SEARCH: u64 = 1 << 20;
+
+/// Reads a log from its beginning to its end, whatever has happened to it.
+///
+/// An iterator of [`Item`]; the end of the iteration without an [`Item::Cut`] is the end of the log. After an `Err` (the operating
+/// system fails to read) it ends.
+pub struct LogReader {
+    format: Format,
+    bytes: u64,
+    reader: Option<Reader>,
+}
+
+enum Reader {
+    EventLog(EventLogReader),
+    Mcap(Box<McapReader>),
+}
+
+impl LogReader {
+    /// Opens a log and finds its format from its bytes, not from its name.
+    ///
+    /// # Errors
+    /// [`Error::Io`], [`Error::NotAFile`], [`Error::EmptyFile`], or [`Error::NotALog`] if neither format shows in the file.
+    pub fn open(path: impl AsRef<Path>) -> Result<Self, Error> {
+        let path = path.as_ref();
+        let mut source = Source::open(path)?;
+        let bytes = source.len();
+        if bytes == 0 {
+            return Err(Error::EmptyFile { path: path.into() });
+        }
+        let format = detect(&mut source)?;
+        let reader = match format {
+            Format::LcmLog => Reader::EventLog(EventLogReader::new(source)),
+            Format::Mcap => Reader::Mcap(Box::new(McapReader::new(source))),
+        };
+        Ok(LogReader {
+            format,
+            bytes,
+            reader: Some(reader),
+        })
+    }
+
+    /// Format of the file.
+    pub fn format(&self) -> Format {
+        self.format
+    }
+
+    /// Length of the file when it was opened.
+    pub fn bytes(&self) -> u64 {
+        self.bytes
+    }
+
+    /// The events alone; what is wrong with the log is collected beside them.
+    pub fn events(self) -> Events {
+        Events {
+            reader: self,
+            health: Health::default(),
+        }
+    }
+}
+
+impl Iterator for LogReader {
+    type Item = Result<Item, Error>;
+
+    fn next(&mut self) -> Option<Self::Item> {
+        let item = match self.reader.as_mut()? {
+            Reader::EventLog(reader) => reader.next(),
+            Reader::Mcap(reader) => reader.next(),
+        };
+        if item.is_err() {
+            self.reader = None;
+        }
+        item.transpose()
+    }
+}
+
+/// The events of a log. Once they are all read, [`Events::health`] says what was missing.
+pub struct Events {
+    reader: LogReader,
+    health: Health,
+}
+
+impl Events {
+    /// What is wrong with the log, as far as it has been read.
+    pub fn health(&self) -> &Health {
+        &self.health
+    }
+}
+
+impl Iterator for Events {
+    type Item = Result<Event, Error>;
+
+    fn next(&mut self) -> Option<Self::Item> {
+        loop {
+            match self.reader.next()? {
+                Ok(Item::Event(event)) => return Some(Ok(event)),
+                Ok(Item::Damaged(damaged)) => self.health.damaged.push(damaged),
+                Ok(Item::Cut(cut)) => self.health.cut = Some(cut),
+                Err(error) => return Some(Err(error)),
+            }
+        }
+    }
+}
+
+fn detect(source: &mut Source) -> Result<Format, Error> {
+    let first = source.bytes(0, mcap::MAGIC.len())?;
+    if first.starts_with(&event_log::SYNC) {
+        return Ok(Format::LcmLog);
+    }
+    if first == mcap::MAGIC {
+        return Ok(Format::Mcap);
+    }
+    let found = first
+        .iter()
+        .map(|byte| format!("{byte:02x}"))
+        .collect::<Vec<_>>()
+        .join(" ");
+    // The first bytes themselves may be what is damaged.
+    if McapReader::looks_like_one(source)? {
+        return Ok(Format::Mcap);
+    }
+    if EventLogReader::looks_like_one(source, SEARCH)? {
+        return Ok(Format::LcmLog);
+    }
+    Err(Error::NotALog {
+        path: source.path().into(),
+        bytes: source.len(),
+        found,
+    })
+}

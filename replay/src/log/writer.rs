@@ -1,0 +1,158 @@
+//! Writing a log of either format.
+
+use super::event_log::{self, EventLogWriter};
+use super::mcap_writer::McapWriter;
+use super::{Format, MAX_CHANNEL, MAX_MESSAGE};
+use crate::Error;
+use std::path::{Path, PathBuf};
+
+/// Writes a log. Equal events give equal bytes.
+///
+/// Dropping it writes out what is buffered, but only [`LogWriter::finish`] tells whether that went well.
+pub struct LogWriter {
+    path: PathBuf,
+    sink: Sink,
+    events: u64,
+    failed: bool,
+}
+
+enum Sink {
+    EventLog(EventLogWriter),
+    Mcap(Box<McapWriter>),
+}
+
+impl LogWriter {
+    /// Creates the file, or empties it. The format is that of the name's ending: `.lcmlog` or `.mcap`.
+    ///
+    /// # Errors
+    /// [`Error::UnknownExtension`] for another ending, [`Error::Io`] if the file cannot be created.
+    pub fn create(path: impl AsRef<Path>) -> Result<Self, Error> {
+        let path = path.as_ref();
+        let sink = match Format::of_name(path)? {
+            Format::LcmLog => Sink::EventLog(EventLogWriter::new(event_log::create(path)?)),
+            Format::Mcap => {
+                let writer = McapWriter::new(event_log::create(path)?);
+                Sink::Mcap(Box::new(writer.map_err(|source| mcap_error(path, source))?))
+            }
+        };
+        Ok(LogWriter {
+            path: path.into(),
+            sink,
+            events: 0,
+            failed: false,
+        })
+    }
+
+    /// Appends an event.
+    ///
+    /// - `t_ns`: ns, not negative. An LCM event log holds microseconds: the rest is rounded down there. Ticks are whole microseconds,
+    ///   and a message carries its own `t_ns`, so nothing of a run is lost.
+    /// - `data`: the encoded message, at most [`MAX_MESSAGE`] bytes.
+    ///
+    /// # Errors
+    /// A bad channel, time or length leaves the log as it was. After a failed write every later one fails too, so that no log has a hole.
+    pub fn write(&mut self, channel: &str, t_ns: i64, data: &[u8]) -> Result<(), Error> {
+        if self.failed {
+            return Err(Error::WriterFailed {
+                path: self.path.clone(),
+            });
+        }
+        if channel.is_empty() || channel.len() > MAX_CHANNEL || channel.contains('\0') {
+            return Err(Error::ChannelName {
+                path: self.path.clone(),
+                channel: channel.into(),
+            });
+        }
+        let Ok(t) = u64::try_from(t_ns) else {
+            return Err(Error::NegativeTime {
+                path: self.path.clone(),
+                channel: channel.into(),
+                t_ns,
+            });
+        };
+        if data.len() > MAX_MESSAGE {
+            return Err(Error::MessageTooLong {
+                path: self.path.clone(),
+                channel: channel.into(),
+                bytes: data.len(),
+                limit: MAX_MESSAGE,
+            });
+        }
+        let written = match &mut self.sink {
+            Sink::EventLog(out) => out
+                .write(channel, t_ns, data)
+                .map_err(|source| io_error(&self.path, source)),
+            Sink::Mcap(out) => out
+                .write(channel, t, data, || None)
+                .map_err(|source| mcap_error(&self.path, source)),
+        };
+        self.failed = written.is_err();
+        self.events += u64::from(written.is_ok());
+        written
+    }
+
+    /// Hands everything so far to the operating system. In MCAP this ends a chunk: call it a few times a second, not per event.
+    ///
+    /// # Errors
+    /// [`Error::Io`] or [`Error::Mcap`] if that fails.
+    pub fn flush(&mut self) -> Result<(), Error> {
+        let flushed = match &mut self.sink {
+            Sink::EventLog(out) => out.flush().map_err(|source| io_error(&self.path, source)),
+            Sink::Mcap(out) => out.flush().map_err(|source| mcap_error(&self.path, source)),
+        };
+        self.failed |= flushed.is_err();
+        flushed
+    }
+
+    /// Completes the file. Returns the number of events in it.
+    ///
+    /// # Errors
+    /// [`Error::WriterFailed`] after a failed write, otherwise as [`LogWriter::flush`].
+    pub fn finish(mut self) -> Result<u64, Error> {
+        if self.failed {
+            return Err(Error::WriterFailed { path: self.path });
+        }
+        match self.sink {
+            Sink::EventLog(ref mut out) => {
+                out.flush().map_err(|source| io_error(&self.path, source))?
+            }
+            Sink::Mcap(out) => out
+                .finish()
+                .map_err(|source| mcap_error(&self.path, source))?,
+        }
+        Ok(self.events)
+    }
+
+    /// Events written so far.
+    pub fn events(&self) -> u64 {
+        self.events
+    }
+}
+
+impl Format {
+    /// The format that a file of this name is written in.
+    ///
+    /// # Errors
+    /// [`Error::UnknownExtension`] unless the name ends with `.lcmlog` or `.mcap`.
+    pub fn of_name(path: &Path) -> Result<Self, Error> {
+        match path.extension().and_then(|e| e.to_str()) {
+            Some("lcmlog") => Ok(Format::LcmLog),
+            Some("mcap") => Ok(Format::Mcap),
+            _ => Err(Error::UnknownExtension { path: path.into() }),
+        }
+    }
+}
+
+fn io_error(path: &Path, source: std::io::Error) -> Error {
+    Error::Io {
+        path: path.into(),
+        source,
+    }
+}
+
+fn mcap_error(path: &Path, source: mcap::McapError) -> Error {
+    Error::Mcap {
+        path: path.into(),
+        source,
+    }
+}
