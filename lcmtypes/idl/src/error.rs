@@ -1,0 +1,122 @@
+//! What can go wrong with a text, and with a message.
+
+/// A `.lcm` text cannot be used.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[non_exhaustive]
+pub enum Error {
+    /// The text breaks a rule of the language.
+    #[error("{file}:{line}:{column}: found {found}, expected {expected}")]
+    Syntax {
+        /// Name of the text, as given.
+        file: String,
+        /// Line, from 1.
+        line: usize,
+        /// Column, from 1, in characters.
+        column: usize,
+        /// What stands there.
+        found: String,
+        /// What the language wants there.
+        expected: String,
+    },
+}
+
+/// A message cannot be written.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[non_exhaustive]
+pub enum EncodeError {
+    /// An array does not have the length that its length field says.
+    #[error("{type_name}.{field} has {found} elements, but its length field {length_field} says {expected}")]
+    Length {
+        /// Type that holds the array.
+        type_name: String,
+        /// The array.
+        field: String,
+        /// Field that holds the length.
+        length_field: String,
+        /// Value of that field.
+        expected: i64,
+        /// Elements in the array.
+        found: usize,
+    },
+    /// A string does not fit its 32-bit length.
+    #[error("a string has {length} bytes, LCM allows at most {}", i32::MAX - 1)]
+    StringTooLong {
+        /// Its length in bytes.
+        length: usize,
+    },
+    /// A value tree does not have the shape of its type.
+    #[error("{type_name}, field {path}: found {found}, expected {expected}")]
+    Shape {
+        /// Type of the message.
+        type_name: String,
+        /// Where in the message, such as `state.q[3]`.
+        path: String,
+        /// What the value is.
+        found: String,
+        /// What the type wants.
+        expected: String,
+    },
+}
+
+/// Bytes are not a message of the type.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[error("{type_name}{}{path}, byte {offset}: {problem}", if path.is_empty() { "" } else { ", field " })]
+pub struct DecodeError {
+    /// Type that was to be read.
+    pub type_name: String,
+    /// Where in the message, such as `state.q[3]`; empty for the message as a whole.
+    pub path: String,
+    /// Offset in the message, fingerprint included.
+    pub offset: usize,
+    /// What is wrong there.
+    pub problem: DecodeProblem,
+}
+
+/// What is wrong with a message.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[non_exhaustive]
+#[allow(missing_docs, reason = "the messages name the fields")]
+pub enum DecodeProblem {
+    #[error("found fingerprint {found:016x}, expected {expected:016x}")]
+    Fingerprint { found: u64, expected: u64 },
+    #[error("no known type has the fingerprint {found:016x}")]
+    UnknownFingerprint { found: u64 },
+    #[error("{remaining} bytes remain, expected at least {needed}")]
+    Truncated { needed: usize, remaining: usize },
+    #[error("{length_field} is {found}, expected a length of 0 or more")]
+    NegativeLength { length_field: String, found: i64 },
+    #[error("{length_field} is {found}, but these elements take no bytes and only {limit} of them are allowed")]
+    TooManyEmpty { length_field: String, found: i64, limit: usize },
+    #[error("structs stand deeper than {limit} in each other")]
+    TooDeep { limit: usize },
+    #[error("string length (with its final NUL) is {found}, expected 1 or more")]
+    StringLength { found: i32 },
+    #[error("last byte of a string is {found:#04x}, expected NUL")]
+    StringEnd { found: u8 },
+    #[error("a string is not UTF-8")]
+    StringUtf8,
+    #[error("boolean is {found}, expected 0 or 1")]
+    Boolean { found: u8 },
+    #[error("{extra} bytes follow the last field, expected none")]
+    TrailingBytes { extra: usize },
+}
+
+impl DecodeError {
+    /// Puts a field in front of the path; called while an error passes outwards.
+    pub(crate) fn in_field(mut self, name: &str) -> Self {
+        let dot = if self.path.is_empty() || self.path.starts_with('[') { "" } else { "." };
+        self.path = format!("{name}{dot}{}", self.path);
+        self
+    }
+
+    /// Puts an array index in front of the path.
+    pub(crate) fn at_index(self, index: usize) -> Self {
+        self.in_field(&format!("[{index}]"))
+    }
+
+    /// Says which message was read.
+    pub(crate) fn of_type(mut self, name: &str) -> Self {
+        self.type_name = name.to_owned();
+        self
+    }
+}

@@ -1,0 +1,401 @@
+//! Reflection on messages: decode, encode, walk, compare.
+
+use std::fmt;
+use std::sync::Arc;
+
+use crate::ast::{Dim, Primitive};
+use crate::set::{Element, Linked};
+use crate::wire::{self, Reader, Wire};
+use crate::{DecodeError, DecodeProblem, EncodeError, Leaf, Type, TypeSet, Value};
+
+/// One step from a message to a value in it.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Segment<'a> {
+    /// To a field of a struct.
+    Field(&'a str),
+    /// To an element of an array.
+    Index(usize),
+}
+
+/// The way from a message to a leaf. Its text is such as `state.q[3]`; writing it is left to who needs it.
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
+pub struct Path<'a>(Vec<Segment<'a>>);
+
+impl<'a> Path<'a> {
+    /// The steps, outermost first.
+    pub fn segments(&self) -> &[Segment<'a>] {
+        &self.0
+    }
+}
+
+impl fmt::Display for Path<'_> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        for (place, segment) in self.0.iter().enumerate() {
+            match segment {
+                Segment::Field(name) if place == 0 => f.write_str(name)?,
+                Segment::Field(name) => write!(f, ".{name}")?,
+                Segment::Index(index) => write!(f, "[{index}]")?,
+            }
+        }
+        Ok(())
+    }
+}
+
+/// A leaf in which two messages of a type differ.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Difference {
+    /// Where, such as `state.q[3]`.
+    pub path: String,
+    /// Value in the first message.
+    pub left: Value,
+    /// Value in the second message.
+    pub right: Value,
+}
+
+impl Difference {
+    /// How many floats lie between the two values, plus one; `None` unless both are floats and neither is a NaN.
+    pub fn ulps(&self) -> Option<u64> {
+        // Bits of floats of one sign are in the order of their values; the negative ones are mirrored below zero.
+        let line64 = |v: f64| {
+            if v.is_sign_negative() { -i128::from((-v).to_bits()) } else { i128::from(v.to_bits()) }
+        };
+        let line32 = |v: f32| {
+            if v.is_sign_negative() { -i128::from((-v).to_bits()) } else { i128::from(v.to_bits()) }
+        };
+        let distance = match (&self.left, &self.right) {
+            (Value::Double(a), Value::Double(b)) if !a.is_nan() && !b.is_nan() => line64(*a) - line64(*b),
+            (Value::Float(a), Value::Float(b)) if !a.is_nan() && !b.is_nan() => line32(*a) - line32(*b),
+            _ => return None,
+        };
+        u64::try_from(distance.abs()).ok()
+    }
+}
+
+impl TypeSet {
+    /// Decodes a message of any type of the set, found by its fingerprint.
+    ///
+    /// # Errors
+    /// [`DecodeProblem::UnknownFingerprint`], and those of [`Type::decode`].
+    pub fn decode(&self, bytes: &[u8]) -> Result<(Type<'_>, Value), DecodeError> {
+        let Some(ty) = self.of_message(bytes) else {
+            let problem = match bytes.first_chunk() {
+                Some(found) => DecodeProblem::UnknownFingerprint { found: u64::from_be_bytes(*found) },
+                None => DecodeProblem::Truncated { needed: 8, remaining: bytes.len() },
+            };
+            return Err(DecodeError { type_name: "message".into(), path: String::new(), offset: 0, problem });
+        };
+        ty.decode(bytes).map(|value| (ty, value))
+    }
+}
+
+impl<'a> Type<'a> {
+    /// Reads a whole message into a tree of values.
+    ///
+    /// # Errors
+    /// [`DecodeError`] with field and offset. Lengths are checked against the bytes that remain before anything is allocated.
+    pub fn decode(&self, bytes: &[u8]) -> Result<Value, DecodeError> {
+        self.traverse(bytes, Tree)
+    }
+
+    /// Calls `visit` with every leaf of a message in wire order: where it stands, and its value.
+    ///
+    /// # Errors
+    /// As [`Type::decode`]; leaves before the damage have been visited then.
+    pub fn walk<'b>(&self, bytes: &'b [u8], visit: impl FnMut(&Path<'a>, Leaf<'b>)) -> Result<(), DecodeError> {
+        self.traverse(bytes, Walk(visit))
+    }
+
+    /// Every leaf of a message in wire order, with its path.
+    ///
+    /// # Errors
+    /// As [`Type::decode`].
+    pub fn leaves<'b>(&self, bytes: &'b [u8]) -> Result<Vec<(String, Leaf<'b>)>, DecodeError> {
+        let mut leaves = Vec::new();
+        self.walk(bytes, |path, leaf| leaves.push((path.to_string(), leaf)))?;
+        Ok(leaves)
+    }
+
+    /// The first leaf in which two messages differ, comparing bits of floats; `None` if none does.
+    ///
+    /// A difference in length shows in the field that holds the length, which always stands before the array.
+    ///
+    /// # Errors
+    /// As [`Type::decode`], of either message.
+    pub fn first_difference(&self, left: &[u8], right: &[u8]) -> Result<Option<Difference>, DecodeError> {
+        if left == right {
+            return self.walk(left, |_, _| ()).map(|()| None);
+        }
+        let mut expected = Vec::new();
+        self.walk(left, |_, leaf| expected.push(leaf))?;
+        let (mut expected, mut first) = (expected.into_iter(), None);
+        self.walk(right, |path, right| {
+            let left = expected.next();
+            if let (None, Some(left)) = (&first, left.filter(|&left| left != right)) {
+                first = Some(Difference { path: path.to_string(), left: left.to_value(), right: right.to_value() });
+            }
+        })?;
+        Ok(first)
+    }
+
+    /// The value whose numbers are 0, strings and variable arrays empty.
+    pub fn default_value(&self) -> Value {
+        let fields = self.linked().def.fields.iter().zip(&self.linked().elements);
+        Value::Struct(
+            fields.map(|(field, element)| (Arc::clone(&field.name), self.default_of(*element, &field.dims))).collect(),
+        )
+    }
+
+    fn default_of(&self, element: Element, dims: &[Dim]) -> Value {
+        match (dims.split_first(), element) {
+            (Some((Dim::Constant { size, .. }, inner)), _) => {
+                Value::Array(vec![self.default_of(element, inner); *size])
+            }
+            (Some((Dim::Variable { .. }, _)), _) => Value::Array(Vec::new()),
+            (None, Element::Struct(index)) => Type { set: self.set, index }.default_value(),
+            (None, Element::Enum(_)) => Value::Int32(0),
+            (None, Element::Primitive(p)) => match p {
+                Primitive::Int8 => Value::Int8(0),
+                Primitive::Int16 => Value::Int16(0),
+                Primitive::Int32 => Value::Int32(0),
+                Primitive::Int64 => Value::Int64(0),
+                Primitive::Byte => Value::Byte(0),
+                Primitive::Float => Value::Float(0.0),
+                Primitive::Double => Value::Double(0.0),
+                Primitive::String => Value::String(String::new()),
+                Primitive::Boolean => Value::Boolean(false),
+            },
+        }
+    }
+
+    /// Writes a message.
+    ///
+    /// # Errors
+    /// [`EncodeError::Shape`] if the tree does not have the fields and kinds of the type, [`EncodeError::Length`] if an array does
+    /// not have the length that its length field says.
+    pub fn encode(&self, value: &Value) -> Result<Vec<u8>, EncodeError> {
+        let mut writer = Writer { top: *self, path: Path::default(), out: self.fingerprint().to_be_bytes().to_vec() };
+        writer.structure(*self, value)?;
+        Ok(writer.out)
+    }
+
+    fn traverse<'b, S: Sink<'a, 'b>>(&self, bytes: &'b [u8], sink: S) -> Result<S::Out, DecodeError> {
+        let mut traversal = Traversal { set: self.set, wire: Reader::new(bytes), path: Path::default(), sink };
+        let fingerprint = traversal.wire.fingerprint(self.fingerprint());
+        let out = fingerprint.and_then(|()| traversal.structure(self.linked()));
+        let out = out.and_then(|out| traversal.wire.finish().map(|()| out));
+        out.map_err(|e| DecodeError { path: traversal.path.to_string(), ..e.of_type(self.name()) })
+    }
+}
+
+/// What becomes of a message as it is read; one traversal serves all uses.
+trait Sink<'a, 'b> {
+    type Out;
+    fn leaf(&mut self, path: &Path<'a>, leaf: Leaf<'b>) -> Self::Out;
+    fn array(&mut self, items: Vec<Self::Out>) -> Self::Out;
+    fn structure(&mut self, linked: &'a Linked, fields: Vec<Self::Out>) -> Self::Out;
+}
+
+struct Tree;
+
+impl<'a, 'b> Sink<'a, 'b> for Tree {
+    type Out = Value;
+    fn leaf(&mut self, _: &Path<'a>, leaf: Leaf<'b>) -> Value {
+        leaf.to_value()
+    }
+    fn array(&mut self, items: Vec<Value>) -> Value {
+        Value::Array(items)
+    }
+    fn structure(&mut self, linked: &'a Linked, fields: Vec<Value>) -> Value {
+        Value::Struct(linked.def.fields.iter().map(|f| Arc::clone(&f.name)).zip(fields).collect())
+    }
+}
+
+/// Lists of `()` take no memory, so a walk builds nothing.
+struct Walk<F>(F);
+
+impl<'a, 'b, F: FnMut(&Path<'a>, Leaf<'b>)> Sink<'a, 'b> for Walk<F> {
+    type Out = ();
+    fn leaf(&mut self, path: &Path<'a>, leaf: Leaf<'b>) {
+        (self.0)(path, leaf);
+    }
+    fn array(&mut self, _: Vec<()>) {}
+    fn structure(&mut self, _: &'a Linked, _: Vec<()>) {}
+}
+
+/// On failure `path` stays where it was, and so names the place.
+struct Traversal<'a, 'b, S> {
+    set: &'a TypeSet,
+    wire: Reader<'b>,
+    path: Path<'a>,
+    sink: S,
+}
+
+impl<'a, 'b, S: Sink<'a, 'b>> Traversal<'a, 'b, S> {
+    fn structure(&mut self, linked: &'a Linked) -> Result<S::Out, DecodeError> {
+        let mut fields = Vec::with_capacity(linked.def.fields.len());
+        let mut integers = vec![0; linked.def.fields.len()];
+        for (index, field) in linked.def.fields.iter().enumerate() {
+            self.path.0.push(Segment::Field(&field.name));
+            let element = linked.elements[index];
+            let out = if field.dims.is_empty() {
+                self.element(element, &mut integers[index])?
+            } else {
+                self.array(element, &field.dims, &integers)?
+            };
+            fields.push(out);
+            self.path.0.pop();
+        }
+        Ok(self.sink.structure(linked, fields))
+    }
+
+    fn array(&mut self, element: Element, dims: &[Dim], integers: &[i64]) -> Result<S::Out, DecodeError> {
+        let Some((outer, inner)) = dims.split_first() else {
+            return self.element(element, &mut 0);
+        };
+        // Sizes known from the type are checked too: the type may come from a log, hence from anywhere.
+        let inner_lengths: Vec<i64> = inner.iter().map(|dim| dim_length(dim, integers)).collect();
+        let row_size = wire::row_size(&inner_lengths, self.min_size(element));
+        let name = if let Dim::Variable { name, .. } = outer { name } else { "the array size" };
+        let length = self.wire.claim(name, dim_length(outer, integers), row_size)?;
+        let mut items = Vec::with_capacity(length);
+        for index in 0..length {
+            self.path.0.push(Segment::Index(index));
+            items.push(self.array(element, inner, integers)?);
+            self.path.0.pop();
+        }
+        Ok(self.sink.array(items))
+    }
+
+    fn min_size(&self, element: Element) -> usize {
+        match element {
+            Element::Primitive(p) => p.min_size(),
+            Element::Enum(_) => i32::MIN_SIZE,
+            Element::Struct(index) => self.set.structs[index].min_size,
+        }
+    }
+
+    /// Reads one element; `integer` takes its value if it may be the length of an array.
+    fn element(&mut self, element: Element, integer: &mut i64) -> Result<S::Out, DecodeError> {
+        let wire = &mut self.wire;
+        let leaf = match element {
+            Element::Struct(index) => {
+                wire.enter()?;
+                let out = self.structure(&self.set.structs[index])?;
+                self.wire.leave();
+                return Ok(out);
+            }
+            Element::Enum(_) => Leaf::Int32(i32::take(wire)?),
+            Element::Primitive(p) => match p {
+                Primitive::Int8 => Leaf::Int8(i8::take(wire)?),
+                Primitive::Int16 => Leaf::Int16(i16::take(wire)?),
+                Primitive::Int32 => Leaf::Int32(i32::take(wire)?),
+                Primitive::Int64 => Leaf::Int64(i64::take(wire)?),
+                Primitive::Byte => Leaf::Byte(u8::take(wire)?),
+                Primitive::Float => Leaf::Float(f32::take(wire)?),
+                Primitive::Double => Leaf::Double(f64::take(wire)?),
+                Primitive::Boolean => Leaf::Boolean(bool::take(wire)?),
+                Primitive::String => Leaf::String(wire.text()?),
+            },
+        };
+        if let Some(value) = leaf.as_i64() {
+            *integer = value;
+        }
+        Ok(self.sink.leaf(&self.path, leaf))
+    }
+}
+
+fn dim_length(dim: &Dim, integers: &[i64]) -> i64 {
+    match dim {
+        Dim::Constant { size, .. } => i64::try_from(*size).unwrap_or(i64::MAX),
+        Dim::Variable { field, .. } => integers[*field],
+    }
+}
+
+struct Writer<'a> {
+    top: Type<'a>,
+    path: Path<'a>,
+    out: Vec<u8>,
+}
+
+impl<'a> Writer<'a> {
+    fn shape(&self, found: &str, expected: &str) -> EncodeError {
+        let (type_name, path) = (self.top.name().to_owned(), self.path.to_string());
+        EncodeError::Shape { type_name, path, found: found.to_owned(), expected: expected.to_owned() }
+    }
+
+    fn structure(&mut self, ty: Type<'a>, value: &Value) -> Result<(), EncodeError> {
+        let linked = ty.linked();
+        let Value::Struct(fields) = value else {
+            return Err(self.shape(value.kind(), ty.name()));
+        };
+        if fields.len() != linked.def.fields.len() {
+            let (found, expected) = (fields.len(), linked.def.fields.len());
+            return Err(self.shape(&format!("{found} fields"), &format!("the {expected} of {}", ty.name())));
+        }
+        let integers: Vec<i64> = fields.iter().map(|(_, value)| value.as_i64().unwrap_or(0)).collect();
+        for (index, (name, value)) in fields.iter().enumerate() {
+            let field = &linked.def.fields[index];
+            if *name != field.name {
+                return Err(self.shape(&format!("field {name}"), &format!("field {}", field.name)));
+            }
+            self.path.0.push(Segment::Field(&field.name));
+            self.array(ty, linked.elements[index], &field.dims, &integers, value)?;
+            self.path.0.pop();
+        }
+        Ok(())
+    }
+
+    fn array(
+        &mut self,
+        ty: Type<'a>,
+        element: Element,
+        dims: &'a [Dim],
+        integers: &[i64],
+        value: &Value,
+    ) -> Result<(), EncodeError> {
+        let Some((outer, inner)) = dims.split_first() else {
+            return self.element(element, value);
+        };
+        let Value::Array(items) = value else {
+            return Err(self.shape(value.kind(), "array"));
+        };
+        match outer {
+            Dim::Constant { size, .. } if *size == items.len() => {}
+            Dim::Constant { size, .. } => {
+                return Err(self.shape(&format!("{} elements", items.len()), &format!("{size} elements")));
+            }
+            Dim::Variable { field, name } => {
+                wire::check_length(ty.name(), &self.path.to_string(), items.len(), name, integers[*field])?;
+            }
+        }
+        for (index, item) in items.iter().enumerate() {
+            self.path.0.push(Segment::Index(index));
+            self.array(ty, element, inner, integers, item)?;
+            self.path.0.pop();
+        }
+        Ok(())
+    }
+
+    fn element(&mut self, element: Element, value: &Value) -> Result<(), EncodeError> {
+        let out = &mut self.out;
+        let expected = match element {
+            Element::Struct(index) => {
+                return self.structure(Type { set: self.top.set, index }, value);
+            }
+            Element::Enum(_) => Primitive::Int32,
+            Element::Primitive(p) => p,
+        };
+        match (expected, value) {
+            (Primitive::Int8, Value::Int8(v)) => v.put(out),
+            (Primitive::Int16, Value::Int16(v)) => v.put(out),
+            (Primitive::Int32, Value::Int32(v)) => v.put(out),
+            (Primitive::Int64, Value::Int64(v)) => v.put(out),
+            (Primitive::Byte, Value::Byte(v)) => v.put(out),
+            (Primitive::Float, Value::Float(v)) => v.put(out),
+            (Primitive::Double, Value::Double(v)) => v.put(out),
+            (Primitive::Boolean, Value::Boolean(v)) => v.put(out),
+            (Primitive::String, Value::String(v)) => wire::put_str(v, out),
+            _ => Err(self.shape(value.kind(), expected.name())),
+        }
+    }
+}

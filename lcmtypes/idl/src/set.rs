@@ -1,0 +1,269 @@
+//! Several `.lcm` texts linked together.
+
+use std::collections::BTreeMap;
+use std::sync::Arc;
+
+use crate::ast::{Dim, Enum, FieldType, Position, Primitive, Struct, TypeName};
+use crate::wire::MAX_DEPTH;
+use crate::{Error, hash, parse};
+
+/// Types from one or more `.lcm` texts, every name in them linked to what it means.
+#[derive(Debug, Clone)]
+pub struct TypeSet {
+    pub(crate) structs: Vec<Linked>,
+    enums: Vec<Enum>,
+    by_name: BTreeMap<String, usize>,
+    by_fingerprint: BTreeMap<u64, usize>,
+}
+
+/// A struct and what linking added to it.
+#[derive(Debug, Clone)]
+pub(crate) struct Linked {
+    pub def: Struct,
+    pub file: Arc<str>,
+    /// Name with package.
+    pub full_name: Arc<str>,
+    /// What each field's elements are.
+    pub elements: Vec<Element>,
+    pub base: u64,
+    pub fingerprint: u64,
+    /// Fewest bytes of a value on the wire.
+    pub min_size: usize,
+}
+
+/// What the elements of a field are.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Element {
+    Primitive(Primitive),
+    /// Index in [`TypeSet::structs`].
+    Struct(usize),
+    /// Index in the set's enums; on the wire an `int32_t`.
+    Enum(usize),
+}
+
+/// One struct of a [`TypeSet`], with reflection on its messages.
+#[derive(Debug, Clone, Copy)]
+pub struct Type<'a> {
+    pub(crate) set: &'a TypeSet,
+    pub(crate) index: usize,
+}
+
+impl TypeSet {
+    /// Parses and links texts, given as (name, text). Their order does not matter.
+    ///
+    /// # Errors
+    /// [`Error::Syntax`] at the first place where a text breaks a rule of the language, names a type that no text declares, declares
+    /// one a second time, or holds itself without end.
+    pub fn parse<'t>(sources: impl IntoIterator<Item = (&'t str, &'t str)>) -> Result<Self, Error> {
+        let mut set =
+            Self { structs: Vec::new(), enums: Vec::new(), by_name: BTreeMap::new(), by_fingerprint: BTreeMap::new() };
+        let mut places = Names::default();
+        for (path, text) in sources {
+            let file = parse(path, text)?;
+            for e in file.enums {
+                places.declare(&file.path, &e.name, e.position, Element::Enum(set.enums.len()))?;
+                set.enums.push(e);
+            }
+            for def in file.structs {
+                places.declare(&file.path, &def.name, def.position, Element::Struct(set.structs.len()))?;
+                let full_name = def.name.to_string().into();
+                let (file, base) = (Arc::clone(&file.path), hash::struct_base(&def));
+                set.structs.push(Linked {
+                    def,
+                    file,
+                    full_name,
+                    elements: Vec::new(),
+                    base,
+                    fingerprint: 0,
+                    min_size: 0,
+                });
+            }
+        }
+        for linked in &mut set.structs {
+            linked.elements = elements(linked, &places)?;
+        }
+        let (mut hashes, mut sizes) = (Known::new(&set), Known::new(&set));
+        for index in 0..set.structs.len() {
+            let (fingerprint, _) = set.full_hash(index, &mut Vec::new(), &mut hashes)?;
+            let min_size = set.min_size(index, &mut Vec::new(), &mut sizes)?;
+            let linked = &mut set.structs[index];
+            (linked.fingerprint, linked.min_size) = (fingerprint, min_size);
+            set.by_name.insert(linked.full_name.to_string(), index);
+            // Types that differ in name only share a fingerprint and a wire format: the first one declared stands for all.
+            set.by_fingerprint.entry(fingerprint).or_insert(index);
+        }
+        Ok(set)
+    }
+
+    /// The struct of that full name, such as `hoofprint.robot_state_t`.
+    pub fn by_name(&self, name: &str) -> Option<Type<'_>> {
+        self.by_name.get(name).map(|&index| Type { set: self, index })
+    }
+
+    /// The struct of that fingerprint. Structs that differ in name only share one; then it is the first one declared.
+    pub fn by_fingerprint(&self, fingerprint: u64) -> Option<Type<'_>> {
+        self.by_fingerprint.get(&fingerprint).map(|&index| Type { set: self, index })
+    }
+
+    /// The struct whose fingerprint a message begins with.
+    pub fn of_message(&self, bytes: &[u8]) -> Option<Type<'_>> {
+        self.by_fingerprint(u64::from_be_bytes(*bytes.first_chunk()?))
+    }
+
+    /// Every struct, in the order of the texts.
+    pub fn types(&self) -> impl Iterator<Item = Type<'_>> {
+        (0..self.structs.len()).map(|index| Type { set: self, index })
+    }
+
+    /// Every enum, in the order of the texts.
+    pub fn enums(&self) -> &[Enum] {
+        &self.enums
+    }
+
+    /// Sum of the hashes of the types that a struct holds, folded into its own; a struct inside itself adds nothing.
+    ///
+    /// Beside it, how many of `parents` (counted from the outermost) the result depends on: none, and it is known for good.
+    fn full_hash(&self, index: usize, parents: &mut Vec<usize>, known: &mut Known<u64>) -> Result<(u64, usize), Error> {
+        if let Some(place) = parents.iter().position(|&p| p == index) {
+            return Ok((0, place + 1));
+        }
+        if let Some(hash) = known.0[index] {
+            return Ok((hash, 0));
+        }
+        let linked = &self.structs[index];
+        if parents.len() >= MAX_DEPTH {
+            let found = format!("{} at depth {}", linked.full_name, parents.len());
+            return Err(error(
+                &linked.file,
+                linked.def.position,
+                found,
+                &format!("at most {MAX_DEPTH} structs in each other"),
+            ));
+        }
+        parents.push(index);
+        let (mut sum, mut depends_on) = (0u64, 0);
+        for element in &linked.elements {
+            let (hash, depends) = match *element {
+                Element::Primitive(_) => (0, 0),
+                Element::Struct(inner) => self.full_hash(inner, parents, known)?,
+                Element::Enum(inner) => (hash::enum_base(&self.enums[inner]), 0),
+            };
+            sum = sum.wrapping_add(hash);
+            // What depends on this struct alone does not depend on those around it.
+            depends_on = depends_on.max(if depends < parents.len() { depends } else { 0 });
+        }
+        parents.pop();
+        let hash = hash::full(linked.base, sum);
+        if depends_on == 0 {
+            known.0[index] = Some(hash);
+        }
+        Ok((hash, depends_on))
+    }
+
+    /// Fewest bytes on the wire: arrays of variable length count as empty. Fails on a struct that always holds itself.
+    fn min_size(&self, index: usize, parents: &mut Vec<usize>, known: &mut Known<usize>) -> Result<usize, Error> {
+        if let Some(size) = known.0[index] {
+            return Ok(size);
+        }
+        let linked = &self.structs[index];
+        parents.push(index);
+        let mut size = 0usize;
+        for (field, element) in linked.def.fields.iter().zip(&linked.elements) {
+            let count = field.dims.iter().fold(1usize, |count, dim| match dim {
+                Dim::Constant { size, .. } => count.saturating_mul(*size),
+                Dim::Variable { .. } => 0,
+            });
+            if count == 0 {
+                continue;
+            }
+            let one = match *element {
+                Element::Primitive(p) => p.min_size(),
+                Element::Enum(_) => Primitive::Int32.min_size(),
+                Element::Struct(inner) if parents.contains(&inner) => {
+                    let found =
+                        format!("a field of type `{}`, which always holds another one", self.structs[inner].full_name);
+                    return Err(error(
+                        &linked.file,
+                        field.position,
+                        found,
+                        "an array of variable length on the way to itself",
+                    ));
+                }
+                Element::Struct(inner) => self.min_size(inner, parents, known)?,
+            };
+            size = size.saturating_add(count.saturating_mul(one));
+        }
+        parents.pop();
+        known.0[index] = Some(size);
+        Ok(size)
+    }
+}
+
+/// What is already known of each struct, or linking would take exponential time on types that share types.
+struct Known<T>(Vec<Option<T>>);
+
+impl<T: Clone> Known<T> {
+    fn new(set: &TypeSet) -> Self {
+        Self(vec![None; set.structs.len()])
+    }
+}
+
+impl<'a> Type<'a> {
+    /// What the text says: comment, constants, fields.
+    pub fn def(&self) -> &'a Struct {
+        &self.linked().def
+    }
+
+    /// Name with package, such as `hoofprint.robot_state_t`.
+    pub fn name(&self) -> &'a str {
+        &self.linked().full_name
+    }
+
+    /// The hash that starts every message of this type.
+    pub fn fingerprint(&self) -> u64 {
+        self.linked().fingerprint
+    }
+
+    /// Hash of the struct's own fields, as `lcm-gen -d` prints it.
+    pub fn base_hash(&self) -> u64 {
+        self.linked().base
+    }
+
+    pub(crate) fn linked(&self) -> &'a Linked {
+        &self.set.structs[self.index]
+    }
+}
+
+fn error(file: &str, at: Position, found: String, expected: &str) -> Error {
+    Error::Syntax { file: file.to_owned(), line: at.line, column: at.column, found, expected: expected.to_owned() }
+}
+
+/// Every declared name, what it means and where it stands.
+#[derive(Default)]
+struct Names(BTreeMap<TypeName, (Element, String)>);
+
+impl Names {
+    fn declare(&mut self, file: &str, name: &TypeName, at: Position, element: Element) -> Result<(), Error> {
+        let place = format!("{file}:{}:{}", at.line, at.column);
+        if let Some((_, first)) = self.0.insert(name.clone(), (element, place)) {
+            let expected = format!("another name: {first} declares this one");
+            return Err(error(file, at, format!("`{name}`"), &expected));
+        }
+        Ok(())
+    }
+}
+
+fn elements(linked: &Linked, names: &Names) -> Result<Vec<Element>, Error> {
+    let link = |field: &crate::ast::Field| match &field.ty {
+        FieldType::Primitive(p) => Ok(Element::Primitive(*p)),
+        FieldType::Named(name) => names.0.get(name).map(|found| found.0).ok_or_else(|| {
+            error(
+                &linked.file,
+                field.position,
+                format!("a field of type `{name}`"),
+                "a type that one of the texts declares",
+            )
+        }),
+    };
+    linked.def.fields.iter().map(link).collect()
+}
