@@ -131,12 +131,7 @@ impl Model {
                 continue;
             }
             *place = joints.len();
-            let Limits {
-                lower,
-                upper,
-                effort,
-                velocity,
-            } = joint.limits;
+            let Limits { lower, upper, effort, velocity } = joint.limits;
             joints.push(JointInfo {
                 name: joint.name.clone(),
                 kind: joint.kind,
@@ -158,11 +153,7 @@ impl Model {
             let frame = match joint {
                 Some((joint, _)) if joint.kind == JointKind::Fixed => {
                     let FrameOnBody { body, X_BL, .. } = &frames[joint.parent];
-                    FrameOnBody {
-                        name: link.name.clone(),
-                        body: *body,
-                        X_BL: X_BL.then(&joint.X_PC),
-                    }
+                    FrameOnBody { name: link.name.clone(), body: *body, X_BL: X_BL.then(&joint.X_PC) }
                 }
                 _ => {
                     let R_LB = joint.map_or(Matrix3::identity(), |(joint, _)| z_onto(&joint.axis));
@@ -170,23 +161,13 @@ impl Model {
                         None => (0, Pose::identity(), Motion::Translation, usize::MAX),
                         Some((joint, i_q)) => {
                             let FrameOnBody { body, X_BL, .. } = &frames[joint.parent];
-                            let X_LB = Pose {
-                                p: Vector3::zeros(),
-                                R: R_LB,
-                            };
-                            let motion = if joint.kind == JointKind::Prismatic {
-                                Motion::Translation
-                            } else {
-                                Motion::Rotation
-                            };
+                            let X_LB = Pose { p: Vector3::zeros(), R: R_LB };
+                            let motion =
+                                if joint.kind == JointKind::Prismatic { Motion::Translation } else { Motion::Rotation };
                             (*body, X_BL.then(&joint.X_PC).then(&X_LB), motion, i_q)
                         }
                     };
-                    let i_v = if joint.is_some() {
-                        nb + i_q
-                    } else {
-                        usize::MAX
-                    };
+                    let i_v = if joint.is_some() { nb + i_q } else { usize::MAX };
                     bodies.push(Body {
                         parent,
                         motion,
@@ -199,15 +180,8 @@ impl Model {
                     });
                     inertias.push(SpatialInertia::zero());
                     carriers.push(i);
-                    let X_BL = Pose {
-                        p: Vector3::zeros(),
-                        R: R_LB.transpose(),
-                    };
-                    FrameOnBody {
-                        name: link.name.clone(),
-                        body: bodies.len() - 1,
-                        X_BL,
-                    }
+                    let X_BL = Pose { p: Vector3::zeros(), R: R_LB.transpose() };
+                    FrameOnBody { name: link.name.clone(), body: bodies.len() - 1, X_BL }
                 }
             };
             let X_BC = frame.X_BL.then(&link.inertial.X_LC);
@@ -242,22 +216,11 @@ impl Model {
         for joint in &joints {
             for (quantity, value) in [("effort", joint.effort), ("velocity", joint.velocity)] {
                 if value == 0.0 {
-                    warnings.push(ModelWarning::ZeroLimit {
-                        joint: joint.name.clone(),
-                        quantity,
-                    });
+                    warnings.push(ModelWarning::ZeroLimit { joint: joint.name.clone(), quantity });
                 }
             }
         }
-        Ok(Self {
-            name: tree.name.clone(),
-            joints,
-            warnings,
-            base,
-            total_mass,
-            bodies,
-            frames,
-        })
+        Ok(Self { name: tree.name.clone(), joints, warnings, base, total_mass, bodies, frames })
     }
 
     /// Floating or fixed.
@@ -294,10 +257,7 @@ impl Model {
     /// [`ModelError::Unknown`], with names close to it.
     pub fn joint(&self, name: &str) -> Result<JointId, ModelError> {
         let names = || self.joints.iter().map(|joint| joint.name.as_str());
-        names()
-            .position(|n| n == name)
-            .map(JointId)
-            .ok_or_else(|| self.unknown("joint", name, names()))
+        names().position(|n| n == name).map(JointId).ok_or_else(|| self.unknown("joint", name, names()))
     }
 
     /// Place of a joint in `v`, and so its row of `M` and column of a Jacobian.
@@ -311,18 +271,12 @@ impl Model {
     /// [`ModelError::Unknown`], with names close to it.
     pub fn frame(&self, link: &str) -> Result<FrameId, ModelError> {
         let names = || self.frames.iter().map(|frame| frame.name.as_str());
-        names()
-            .position(|n| n == link)
-            .map(FrameId)
-            .ok_or_else(|| self.unknown("link", link, names()))
+        names().position(|n| n == link).map(FrameId).ok_or_else(|| self.unknown("link", link, names()))
     }
 
     /// The frames of all links, root first, in the order of [`UrdfTree::links`].
     pub fn frames(&self) -> impl ExactSizeIterator<Item = (FrameId, &str)> {
-        self.frames
-            .iter()
-            .enumerate()
-            .map(|(i, frame)| (FrameId(i), frame.name.as_str()))
+        self.frames.iter().enumerate().map(|(i, frame)| (FrameId(i), frame.name.as_str()))
     }
 
     /// The frame of the root link, B.
@@ -330,18 +284,8 @@ impl Model {
         FrameId(0)
     }
 
-    fn unknown<'a>(
-        &self,
-        what: &'static str,
-        name: &str,
-        names: impl Iterator<Item = &'a str>,
-    ) -> ModelError {
-        ModelError::Unknown {
-            robot: self.name.clone(),
-            what,
-            name: name.to_owned(),
-            near: near_names(name, names),
-        }
+    fn unknown<'a>(&self, what: &'static str, name: &str, names: impl Iterator<Item = &'a str>) -> ModelError {
+        ModelError::Unknown { robot: self.name.clone(), what, name: name.to_owned(), near: near_names(name, names) }
     }
 }
 
@@ -367,8 +311,5 @@ fn implausible(link: &str, body: &Body) -> Option<ModelWarning> {
     let slack = 1e-9 * moments[2].abs();
     let fits = moments[0] >= -slack && moments[2] <= moments[0] + moments[1] + slack;
     let empty = body.m == 0.0 && moments == [0.0; 3];
-    (!fits && !empty).then(|| ModelWarning::ImplausibleInertia {
-        link: link.to_owned(),
-        moments,
-    })
+    (!fits && !empty).then(|| ModelWarning::ImplausibleInertia { link: link.to_owned(), moments })
 }

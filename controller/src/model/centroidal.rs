@@ -32,11 +32,7 @@ pub fn com_bias_acceleration(kin: &Kinematics) -> Vector3<f64> {
 /// # Panics
 /// If `J` has another shape.
 pub fn com_jacobian(model: &Model, kin: &Kinematics, J: &mut DMatrix<f64>) {
-    assert_eq!(
-        J.shape(),
-        (3, model.nv()),
-        "the Jacobian of the centre of mass is 3 x nv"
-    );
+    assert_eq!(J.shape(), (3, model.nv()), "the Jacobian of the centre of mass is 3 x nv");
     let m = kin.bodies[0].subtree.m;
     if model.base() == Base::Floating {
         let c = c_B_W(kin);
@@ -69,35 +65,21 @@ pub fn centroidal_momentum(kin: &Kinematics) -> Vector6<f64> {
 /// # Panics
 /// If `A_G` has another shape.
 pub fn centroidal_momentum_matrix(model: &Model, kin: &Kinematics, A_G: &mut DMatrix<f64>) {
-    assert_eq!(
-        A_G.shape(),
-        (6, model.nv()),
-        "the centroidal momentum matrix is 6 x nv"
-    );
+    assert_eq!(A_G.shape(), (6, model.nv()), "the centroidal momentum matrix is 6 x nv");
     let c = c_B_W(kin);
     let mut set = |column: usize, (p, l): (Vector3<f64>, Vector3<f64>)| {
         let l = l - c.cross(&p);
-        A_G.column_mut(column)
-            .copy_from(&Vector6::new(p.x, p.y, p.z, l.x, l.y, l.z));
+        A_G.column_mut(column).copy_from(&Vector6::new(p.x, p.y, p.z, l.x, l.y, l.z));
     };
     if model.base() == Base::Floating {
         for k in 0..3 {
-            set(
-                k,
-                kin.bodies[0].subtree.momentum(&unit(k), &Vector3::zeros()),
-            );
-            set(
-                3 + k,
-                kin.bodies[0].subtree.momentum(&Vector3::zeros(), &unit(k)),
-            );
+            set(k, kin.bodies[0].subtree.momentum(&unit(k), &Vector3::zeros()));
+            set(3 + k, kin.bodies[0].subtree.momentum(&Vector3::zeros(), &unit(k)));
         }
     }
     for i in 1..model.bodies.len() {
         let body = &kin.bodies[i];
-        set(
-            model.bodies[i].i_v,
-            body.subtree.momentum(&body.s_v, &body.s_w),
-        );
+        set(model.bodies[i].i_v, body.subtree.momentum(&body.s_v, &body.s_w));
     }
 }
 

@@ -55,11 +55,7 @@ pub fn mass_matrix(model: &Model, kin: &Kinematics, M: &mut DMatrix<f64>) {
         let mut j = i;
         while j != 0 {
             let above = &kin.bodies[j];
-            set(
-                model.bodies[j].i_v,
-                i_v,
-                above.s_v.dot(&f) + above.s_w.dot(&n),
-            );
+            set(model.bodies[j].i_v, i_v, above.s_v.dot(&f) + above.s_w.dot(&n));
             j = model.bodies[j].parent;
         }
     }
@@ -112,17 +108,7 @@ impl RneaScratch {
     /// Allocates for a model.
     pub fn new(model: &Model) -> Self {
         let zero = Vector3::zeros();
-        Self {
-            bodies: vec![
-                RneaBody {
-                    a: zero,
-                    al: zero,
-                    f: zero,
-                    n: zero
-                };
-                model.bodies.len()
-            ],
-        }
+        Self { bodies: vec![RneaBody { a: zero, al: zero, f: zero, n: zero }; model.bodies.len()] }
     }
 }
 
@@ -136,13 +122,7 @@ impl RneaScratch {
 ///
 /// # Panics
 /// If a length does not fit.
-pub fn rnea(
-    model: &Model,
-    kin: &Kinematics,
-    vd: &DVector<f64>,
-    scratch: &mut RneaScratch,
-    tau: &mut DVector<f64>,
-) {
+pub fn rnea(model: &Model, kin: &Kinematics, vd: &DVector<f64>, scratch: &mut RneaScratch, tau: &mut DVector<f64>) {
     assert_eq!(vd.len(), model.nv(), "vd has length nv");
     let bodies = &mut scratch.bodies;
     // The observer moves with v_WB, so the spatial acceleration of the base equals the classical one of its origin.

@@ -55,9 +55,7 @@ pub enum ModelError {
         near: Vec<String>,
     },
     /// A link is the child of two joints.
-    #[error(
-        "{file}: link \"{link}\" is the child of joints \"{first}\" and \"{second}\", expected one parent"
-    )]
+    #[error("{file}: link \"{link}\" is the child of joints \"{first}\" and \"{second}\", expected one parent")]
     TwoParents {
         /// Name of the source.
         file: String,
@@ -85,9 +83,7 @@ pub enum ModelError {
         links: Vec<String>,
     },
     /// A joint type outside this model.
-    #[error(
-        "{file}: joint \"{joint}\" has type \"{found}\", expected fixed, revolute, continuous or prismatic"
-    )]
+    #[error("{file}: joint \"{joint}\" has type \"{found}\", expected fixed, revolute, continuous or prismatic")]
     UnsupportedJoint {
         /// Name of the source.
         file: String,
@@ -97,9 +93,7 @@ pub enum ModelError {
         found: String,
     },
     /// A revolute or prismatic joint without a usable `<limit>`.
-    #[error(
-        "{file}: joint \"{joint}\" has no limits, expected <limit> with lower, upper, effort and velocity"
-    )]
+    #[error("{file}: joint \"{joint}\" has no limits, expected <limit> with lower, upper, effort and velocity")]
     MissingLimits {
         /// Name of the source.
         file: String,
@@ -149,9 +143,7 @@ pub enum ModelError {
 #[non_exhaustive]
 pub enum ModelWarning {
     /// A body that a joint moves has no mass: the mass matrix may be singular.
-    #[error(
-        "link \"{link}\" is moved by joint \"{joint}\" but it and the links fixed to it have no mass"
-    )]
+    #[error("link \"{link}\" is moved by joint \"{joint}\" but it and the links fixed to it have no mass")]
     MasslessBody {
         /// The link.
         link: String,
@@ -194,19 +186,11 @@ pub(super) fn near_names<'a>(wanted: &str, names: impl Iterator<Item = &'a str>)
         .filter(|(distance, name)| *distance <= 1 + wanted.len().max(name.len()) / 3)
         .collect();
     ranked.sort_by_key(|(distance, _)| *distance);
-    ranked
-        .into_iter()
-        .take(3)
-        .map(|(_, name)| name.to_owned())
-        .collect()
+    ranked.into_iter().take(3).map(|(_, name)| name.to_owned()).collect()
 }
 
 fn near_list(near: &[String]) -> String {
-    if near.is_empty() {
-        String::new()
-    } else {
-        format!("; near: {}", near.join(", "))
-    }
+    if near.is_empty() { String::new() } else { format!("; near: {}", near.join(", ")) }
 }
 
 /// Levenshtein distance of two names.
@@ -232,10 +216,7 @@ mod tests {
     #[test]
     fn near_names_are_ranked_and_far_ones_left_out() {
         let names = ["lf_haa_joint", "rf_haa_joint", "lf_foot", "trunk"];
-        assert_eq!(
-            near_names("LF_haa_jont", names.into_iter()),
-            ["lf_haa_joint", "rf_haa_joint"]
-        );
+        assert_eq!(near_names("LF_haa_jont", names.into_iter()), ["lf_haa_joint", "rf_haa_joint"]);
         assert!(near_names("wheel", names.into_iter()).is_empty());
         assert_eq!(edit_distance("kitten", "sitting"), 3);
     }

@@ -20,21 +20,13 @@ pub(super) struct SpatialInertia {
 
 impl SpatialInertia {
     pub(super) fn zero() -> Self {
-        Self {
-            m: 0.0,
-            mc: Vector3::zeros(),
-            I_O: Matrix3::zeros(),
-        }
+        Self { m: 0.0, mc: Vector3::zeros(), I_O: Matrix3::zeros() }
     }
 
     /// From the inertia about the centre of mass `c`.
     #[inline]
     pub(super) fn from_com(m: f64, c: Vector3<f64>, I_C: &Matrix3<f64>) -> Self {
-        Self {
-            m,
-            mc: m * c,
-            I_O: I_C + point_inertia(m, &c),
-        }
+        Self { m, mc: m * c, I_O: I_C + point_inertia(m, &c) }
     }
 
     /// Inertia about the centre of mass, and that centre; the origin for a body without mass.
@@ -48,15 +40,8 @@ impl SpatialInertia {
 
     /// Momentum `[p; l]` about the origin, of a body whose point at the origin moves with `v`, at angular velocity `w`.
     #[inline]
-    pub(super) fn momentum(
-        &self,
-        v: &Vector3<f64>,
-        w: &Vector3<f64>,
-    ) -> (Vector3<f64>, Vector3<f64>) {
-        (
-            self.m * v + w.cross(&self.mc),
-            self.mc.cross(v) + self.I_O * w,
-        )
+    pub(super) fn momentum(&self, v: &Vector3<f64>, w: &Vector3<f64>) -> (Vector3<f64>, Vector3<f64>) {
+        (self.m * v + w.cross(&self.mc), self.mc.cross(v) + self.I_O * w)
     }
 }
 
@@ -74,15 +59,5 @@ impl AddAssign for SpatialInertia {
 fn point_inertia(m: f64, c: &Vector3<f64>) -> Matrix3<f64> {
     let (x, y, z) = (c.x, c.y, c.z);
     let (xy, xz, yz) = (-m * (x * y), -m * (x * z), -m * (y * z));
-    Matrix3::new(
-        m * (y * y + z * z),
-        xy,
-        xz,
-        xy,
-        m * (x * x + z * z),
-        yz,
-        xz,
-        yz,
-        m * (x * x + y * y),
-    )
+    Matrix3::new(m * (y * y + z * z), xy, xz, xy, m * (x * x + z * z), yz, xz, yz, m * (x * x + y * y))
 }

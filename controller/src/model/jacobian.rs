@@ -22,13 +22,7 @@ pub fn frame_jacobian(model: &Model, kin: &Kinematics, frame: FrameId, J: &mut D
 ///
 /// # Panics
 /// If `J` has another shape.
-pub fn point_jacobian(
-    model: &Model,
-    kin: &Kinematics,
-    frame: FrameId,
-    p_FP_W: &Vector3<f64>,
-    J: &mut DMatrix<f64>,
-) {
+pub fn point_jacobian(model: &Model, kin: &Kinematics, frame: FrameId, p_FP_W: &Vector3<f64>, J: &mut DMatrix<f64>) {
     assert_eq!(J.shape(), (6, model.nv()), "a frame's Jacobian is 6 x nv");
     J.fill(0.0);
     let r = kin.p_BF_W(model, frame) + p_FP_W;
@@ -61,19 +55,13 @@ pub fn point_jacobian_linear(
     p_FP_W: &Vector3<f64>,
     mut J: DMatrixViewMut<'_, f64>,
 ) {
-    assert_eq!(
-        J.shape(),
-        (3, model.nv()),
-        "the linear rows of a point's Jacobian are 3 x nv"
-    );
+    assert_eq!(J.shape(), (3, model.nv()), "the linear rows of a point's Jacobian are 3 x nv");
     J.fill(0.0);
     let r = kin.p_BF_W(model, frame) + p_FP_W;
     if model.base() == Base::Floating {
         write_base_linear(&r, &mut J);
     }
-    for_each_joint_above(model, kin, frame, &r, |i_v, linear, _| {
-        J.column_mut(i_v).copy_from(linear)
-    });
+    for_each_joint_above(model, kin, frame, &r, |i_v, linear, _| J.column_mut(i_v).copy_from(linear));
 }
 
 /// Acceleration `Jd v` of a link's frame with `vd = 0`: `[dv_WF/dt; dw_WF_W/dt] = J vd + Jd v`.
@@ -85,12 +73,7 @@ pub fn frame_bias_acceleration(model: &Model, kin: &Kinematics, frame: FrameId) 
 }
 
 /// [`frame_bias_acceleration`] of the point fixed to a link's frame at `p_FP_W` from its origin, in W axes, m.
-pub fn point_bias_acceleration(
-    model: &Model,
-    kin: &Kinematics,
-    frame: FrameId,
-    p_FP_W: &Vector3<f64>,
-) -> Vector6<f64> {
+pub fn point_bias_acceleration(model: &Model, kin: &Kinematics, frame: FrameId, p_FP_W: &Vector3<f64>) -> Vector6<f64> {
     let body = &kin.bodies[model.frames[frame.index()].body];
     let a = body.point_acceleration(&(kin.p_BF_W(model, frame) + p_FP_W));
     Vector6::new(a.x, a.y, a.z, body.al.x, body.al.y, body.al.z)
@@ -118,11 +101,7 @@ fn for_each_joint_above(
     let mut i = model.frames[frame.index()].body;
     while i != 0 {
         let body = &kin.bodies[i];
-        write(
-            model.bodies[i].i_v,
-            &(body.s_v + body.s_w.cross(r)),
-            &body.s_w,
-        );
+        write(model.bodies[i].i_v, &(body.s_v + body.s_w.cross(r)), &body.s_w);
         i = model.bodies[i].parent;
     }
 }

@@ -21,12 +21,7 @@ pub struct BaseState {
 impl BaseState {
     /// B on W, at rest.
     pub fn identity() -> Self {
-        Self {
-            p_WB: Vector3::zeros(),
-            R_WB: Matrix3::identity(),
-            v_WB: Vector3::zeros(),
-            w_WB_W: Vector3::zeros(),
-        }
+        Self { p_WB: Vector3::zeros(), R_WB: Matrix3::identity(), v_WB: Vector3::zeros(), w_WB_W: Vector3::zeros() }
     }
 }
 
@@ -92,18 +87,11 @@ impl BodyState {
 
     /// Force and torque about the origin of B that give this body alone the spatial acceleration `(a, al)`, gravity held.
     #[inline]
-    pub(super) fn wrench(
-        &self,
-        a: &Vector3<f64>,
-        al: &Vector3<f64>,
-    ) -> (Vector3<f64>, Vector3<f64>) {
+    pub(super) fn wrench(&self, a: &Vector3<f64>, al: &Vector3<f64>) -> (Vector3<f64>, Vector3<f64>) {
         let held = Vector3::new(a.x, a.y, a.z + GRAVITY);
         let (f, n) = self.inertia.momentum(&held, al);
         let (p, l) = self.inertia.momentum(&self.v, &self.w);
-        (
-            f + self.w.cross(&p),
-            n + self.w.cross(&l) + self.v.cross(&p),
-        )
+        (f + self.w.cross(&p), n + self.w.cross(&l) + self.v.cross(&p))
     }
 }
 
@@ -119,10 +107,7 @@ pub struct Kinematics {
 impl Kinematics {
     /// Allocates for a model; the state is zero: base on W, joints at zero, at rest.
     pub fn new(model: &Model) -> Self {
-        let mut kin = Self {
-            base: BaseState::identity(),
-            bodies: vec![BodyState::at_rest(); model.bodies.len()],
-        };
+        let mut kin = Self { base: BaseState::identity(), bodies: vec![BodyState::at_rest(); model.bodies.len()] };
         let zero = vec![0.0; model.nj()];
         kin.update(model, &BaseState::identity(), &zero, &zero);
         kin
@@ -142,21 +127,9 @@ impl Kinematics {
     /// # Panics
     /// If `q` or `qd` has another length, or `self` was made for another number of bodies.
     pub fn update(&mut self, model: &Model, base: &BaseState, q: &[f64], qd: &[f64]) {
-        assert_eq!(
-            q.len(),
-            model.nj(),
-            "q has one position for each movable joint"
-        );
-        assert_eq!(
-            qd.len(),
-            model.nj(),
-            "qd has one velocity for each movable joint"
-        );
-        assert_eq!(
-            self.bodies.len(),
-            model.bodies.len(),
-            "kinematics belong to this model"
-        );
+        assert_eq!(q.len(), model.nj(), "q has one position for each movable joint");
+        assert_eq!(qd.len(), model.nj(), "qd has one velocity for each movable joint");
+        assert_eq!(self.bodies.len(), model.bodies.len(), "kinematics belong to this model");
         self.base = *base;
         if model.base() == Base::Fixed {
             self.base.v_WB = Vector3::zeros();

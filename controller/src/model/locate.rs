@@ -3,8 +3,7 @@
 /// Describes the first top-level `<link>` or `<joint>` that cannot be read alone, with the reason.
 pub(super) fn first_bad_element(text: &str) -> Option<(String, String)> {
     top_level_elements(text).into_iter().find_map(|element| {
-        let error =
-            urdf_rs::read_from_string(&format!("<robot name=\"one\">{element}</robot>")).err()?;
+        let error = urdf_rs::read_from_string(&format!("<robot name=\"one\">{element}</robot>")).err()?;
         Some((describe(element), error.to_string()))
     })
 }
@@ -15,14 +14,9 @@ fn top_level_elements(text: &str) -> Vec<&str> {
     let (mut depth, mut start, mut at) = (0_usize, 0, 0);
     while let Some(open) = text[at..].find('<').map(|i| at + i) {
         let rest = &text[open..];
-        let skipped = [
-            ("<!--", "-->"),
-            ("<![CDATA[", "]]>"),
-            ("<?", "?>"),
-            ("<!", ">"),
-        ]
-        .iter()
-        .find(|(head, _)| rest.starts_with(head));
+        let skipped = [("<!--", "-->"), ("<![CDATA[", "]]>"), ("<?", "?>"), ("<!", ">")]
+            .iter()
+            .find(|(head, _)| rest.starts_with(head));
         let tail = skipped.map_or(">", |(_, tail)| tail);
         let Some(end) = rest.find(tail).map(|i| open + i + tail.len()) else {
             break;
@@ -51,23 +45,17 @@ fn top_level_elements(text: &str) -> Vec<&str> {
 
 fn is_link_or_joint(element: &str) -> bool {
     ["<link", "<joint"].iter().any(|tag| {
-        element.strip_prefix(tag).is_some_and(|rest| {
-            rest.starts_with(|c: char| c.is_whitespace() || c == '>' || c == '/')
-        })
+        element
+            .strip_prefix(tag)
+            .is_some_and(|rest| rest.starts_with(|c: char| c.is_whitespace() || c == '>' || c == '/'))
     })
 }
 
 /// `joint "knee"` for `<joint name="knee" …`.
 fn describe(element: &str) -> String {
-    let kind = if element.starts_with("<link") {
-        "link"
-    } else {
-        "joint"
-    };
+    let kind = if element.starts_with("<link") { "link" } else { "joint" };
     let tag = element.split('>').next().unwrap_or_default();
-    let name = ["name=\"", "name='"]
-        .iter()
-        .find_map(|key| tag.split_once(key)?.1.split(['"', '\'']).next());
+    let name = ["name=\"", "name='"].iter().find_map(|key| tag.split_once(key)?.1.split(['"', '\'']).next());
     match name {
         Some(name) => format!("{kind} \"{name}\""),
         None => format!("a {kind} without a name"),
@@ -83,10 +71,7 @@ mod tests {
         let text = r#"<?xml version="1.0"?><!-- <link name="no"> --><robot name="r">
             <transmission name="t"><joint name="inside"/></transmission>
             <link name="a"/><link name="b"><visual/></link></robot>"#;
-        assert_eq!(
-            top_level_elements(text),
-            [r#"<link name="a"/>"#, r#"<link name="b"><visual/></link>"#]
-        );
+        assert_eq!(top_level_elements(text), [r#"<link name="a"/>"#, r#"<link name="b"><visual/></link>"#]);
         let (element, _) = first_bad_element(text).expect("a visual needs a geometry");
         assert_eq!(element, "link \"b\"");
     }

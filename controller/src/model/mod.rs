@@ -19,15 +19,13 @@
 //!
 //! No message type, bus, file, clock or hash map in here; `+ - * / sqrt` and `libm` only, sums in index order.
 //! Source of the algorithms: R. Featherstone, *Rigid Body Dynamics Algorithms* (2008), chapters 5 and 6.
-#![allow(
-    non_snake_case,
-    reason = "frames are capital letters: `p_WF`, `R_WB`, `J_WF`"
-)]
+#![allow(non_snake_case, reason = "frames are capital letters: `p_WF`, `R_WB`, `J_WF`")]
 
 mod bodies;
 mod centroidal;
 mod dynamics;
 mod error;
+pub mod eval;
 mod inertia;
 mod jacobian;
 mod kinematics;
@@ -38,14 +36,12 @@ mod tree;
 
 pub use bodies::{Base, FrameId, GRAVITY, JointId, JointInfo, Model};
 pub use centroidal::{
-    centroidal_momentum, centroidal_momentum_matrix, com, com_bias_acceleration, com_jacobian,
-    com_velocity,
+    centroidal_momentum, centroidal_momentum_matrix, com, com_bias_acceleration, com_jacobian, com_velocity,
 };
 pub use dynamics::{RneaScratch, bias_force, gravity_force, mass_matrix, rnea};
 pub use error::{ModelError, ModelWarning};
 pub use jacobian::{
-    frame_bias_acceleration, frame_jacobian, point_bias_acceleration, point_jacobian,
-    point_jacobian_linear,
+    frame_bias_acceleration, frame_jacobian, point_bias_acceleration, point_jacobian, point_jacobian_linear,
 };
 pub use kinematics::{BaseState, Kinematics};
 pub use pose::Pose;

@@ -14,10 +14,7 @@ pub struct Pose {
 impl Pose {
     /// Both frames are the same.
     pub fn identity() -> Self {
-        Self {
-            p: Vector3::zeros(),
-            R: Matrix3::identity(),
-        }
+        Self { p: Vector3::zeros(), R: Matrix3::identity() }
     }
 
     /// Pose of a URDF `<origin>`: `R = Rz(yaw) Ry(pitch) Rx(roll)`, angles in rad.
@@ -31,18 +28,12 @@ impl Pose {
             sy * cp, sy * sp * sr + cy * cr, sy * sp * cr - cy * sr,
             -sp,     cp * sr,                cp * cr,
         );
-        Self {
-            p: Vector3::from(xyz),
-            R,
-        }
+        Self { p: Vector3::from(xyz), R }
     }
 
     /// Pose of the frame `inner`, given in this frame, in the frame in which this one is given.
     pub fn then(&self, inner: &Pose) -> Self {
-        Self {
-            p: self.p + self.R * inner.p,
-            R: self.R * inner.R,
-        }
+        Self { p: self.p + self.R * inner.p, R: self.R * inner.R }
     }
 
     /// Unit quaternion `w x y z` of `R`, with `w >= 0`.
@@ -52,28 +43,16 @@ impl Pose {
     pub fn quaternion_wxyz(&self) -> [f64; 4] {
         let R = &self.R;
         let trace = R[(0, 0)] + R[(1, 1)] + R[(2, 2)];
-        let squares = [
-            1.0 + trace,
-            1.0 + 2.0 * R[(0, 0)] - trace,
-            1.0 + 2.0 * R[(1, 1)] - trace,
-            1.0 + 2.0 * R[(2, 2)] - trace,
-        ];
+        let squares =
+            [1.0 + trace, 1.0 + 2.0 * R[(0, 0)] - trace, 1.0 + 2.0 * R[(1, 1)] - trace, 1.0 + 2.0 * R[(2, 2)] - trace];
         let mut largest = 0;
         for i in 1..4 {
             if squares[i] > squares[largest] {
                 largest = i;
             }
         }
-        let (wx, wy, wz) = (
-            R[(2, 1)] - R[(1, 2)],
-            R[(0, 2)] - R[(2, 0)],
-            R[(1, 0)] - R[(0, 1)],
-        );
-        let (xy, xz, yz) = (
-            R[(0, 1)] + R[(1, 0)],
-            R[(0, 2)] + R[(2, 0)],
-            R[(1, 2)] + R[(2, 1)],
-        );
+        let (wx, wy, wz) = (R[(2, 1)] - R[(1, 2)], R[(0, 2)] - R[(2, 0)], R[(1, 0)] - R[(0, 1)]);
+        let (xy, xz, yz) = (R[(0, 1)] + R[(1, 0)], R[(0, 2)] + R[(2, 0)], R[(1, 2)] + R[(2, 1)]);
         let s = squares[largest];
         let q = match largest {
             0 => [s, wx, wy, wz],
@@ -113,17 +92,10 @@ mod tests {
             [1.0, 0.0, 0.0, 0.0],
         ] {
             let R = Pose::rotation_of_quaternion(q);
-            let back = Pose {
-                p: Vector3::zeros(),
-                R,
-            }
-            .quaternion_wxyz();
+            let back = Pose { p: Vector3::zeros(), R }.quaternion_wxyz();
             let norm = q.iter().map(|x| x * x).sum::<f64>().sqrt();
             for i in 0..4 {
-                assert!(
-                    (back[i] - q[i] / norm).abs() < 1e-15,
-                    "{q:?} came back as {back:?}"
-                );
+                assert!((back[i] - q[i] / norm).abs() < 1e-15, "{q:?} came back as {back:?}");
             }
         }
     }

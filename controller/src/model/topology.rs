@@ -21,25 +21,20 @@ impl Topology {
         index("joint", robot.joints.iter().map(|j| j.name.as_str()), file)?;
 
         let find = |joint: &urdf_rs::Joint, role, link: &str| {
-            links
-                .get(link)
-                .copied()
-                .ok_or_else(|| ModelError::MissingLink {
-                    file: file(),
-                    joint: joint.name.clone(),
-                    role,
-                    link: link.to_owned(),
-                    near: near_names(link, robot.links.iter().map(|l| l.name.as_str())),
-                })
+            links.get(link).copied().ok_or_else(|| ModelError::MissingLink {
+                file: file(),
+                joint: joint.name.clone(),
+                role,
+                link: link.to_owned(),
+                near: near_names(link, robot.links.iter().map(|l| l.name.as_str())),
+            })
         };
         let mut ends = Vec::with_capacity(robot.joints.len());
         let mut joint_above: Vec<Option<usize>> = vec![None; robot.links.len()];
         let mut joints_below = vec![Vec::new(); robot.links.len()];
         for (j, joint) in robot.joints.iter().enumerate() {
-            let (parent, child) = (
-                find(joint, "parent", &joint.parent.link)?,
-                find(joint, "child", &joint.child.link)?,
-            );
+            let (parent, child) =
+                (find(joint, "parent", &joint.parent.link)?, find(joint, "child", &joint.child.link)?);
             if let Some(first) = joint_above[child] {
                 return Err(ModelError::TwoParents {
                     file: file(),
@@ -54,31 +49,19 @@ impl Topology {
         }
 
         let names = |keep: &dyn Fn(usize) -> bool| -> Vec<String> {
-            robot
-                .links
-                .iter()
-                .enumerate()
-                .filter(|(i, _)| keep(*i))
-                .map(|(_, link)| link.name.clone())
-                .collect()
+            robot.links.iter().enumerate().filter(|(i, _)| keep(*i)).map(|(_, link)| link.name.clone()).collect()
         };
         let mut roots = (0..robot.links.len()).filter(|&i| joint_above[i].is_none());
         let root = match (roots.next(), roots.next()) {
             (Some(root), None) => root,
             (Some(_), Some(_)) => {
-                return Err(ModelError::SeveralRoots {
-                    file: file(),
-                    links: names(&|i| joint_above[i].is_none()),
-                });
+                return Err(ModelError::SeveralRoots { file: file(), links: names(&|i| joint_above[i].is_none()) });
             }
             (None, _) if robot.links.is_empty() => {
                 return Err(ModelError::NoLinks { file: file() });
             }
             (None, _) => {
-                return Err(ModelError::Loop {
-                    file: file(),
-                    links: names(&|_| true),
-                });
+                return Err(ModelError::Loop { file: file(), links: names(&|_| true) });
             }
         };
         let mut order = Vec::with_capacity(robot.links.len());
@@ -88,16 +71,9 @@ impl Topology {
             waiting.extend(joints_below[link].iter().rev().map(|&j| ends[j].1));
         }
         if order.len() < robot.links.len() {
-            return Err(ModelError::Loop {
-                file: file(),
-                links: names(&|i| !order.contains(&i)),
-            });
+            return Err(ModelError::Loop { file: file(), links: names(&|i| !order.contains(&i)) });
         }
-        Ok(Self {
-            ends,
-            joint_above,
-            order,
-        })
+        Ok(Self { ends, joint_above, order })
     }
 }
 
@@ -110,11 +86,7 @@ fn index<'a>(
     let mut indices = BTreeMap::new();
     for (i, name) in names.enumerate() {
         if indices.insert(name, i).is_some() {
-            return Err(ModelError::DuplicateName {
-                file: file(),
-                what,
-                name: name.to_owned(),
-            });
+            return Err(ModelError::DuplicateName { file: file(), what, name: name.to_owned() });
         }
     }
     Ok(indices)

@@ -130,12 +130,8 @@ pub struct Limits {
 }
 
 impl Limits {
-    const NONE: Self = Self {
-        lower: f64::NEG_INFINITY,
-        upper: f64::INFINITY,
-        effort: f64::INFINITY,
-        velocity: f64::INFINITY,
-    };
+    const NONE: Self =
+        Self { lower: f64::NEG_INFINITY, upper: f64::INFINITY, effort: f64::INFINITY, velocity: f64::INFINITY };
 }
 
 /// One joint.
@@ -168,27 +164,15 @@ impl UrdfTree {
     /// Every way in which the text is not one tree of links with finite, possible numbers; see [`ModelError`].
     pub fn parse(text: &str, source_name: &str) -> Result<Self, ModelError> {
         let file = || source_name.to_owned();
-        let robot =
-            urdf_rs::read_from_string(text).map_err(|error| match first_bad_element(text) {
-                Some((element, reason)) => ModelError::BadElement {
-                    file: file(),
-                    element,
-                    reason,
-                },
-                None => ModelError::NotUrdf {
-                    file: file(),
-                    reason: error.to_string(),
-                },
-            })?;
+        let robot = urdf_rs::read_from_string(text).map_err(|error| match first_bad_element(text) {
+            Some((element, reason)) => ModelError::BadElement { file: file(), element, reason },
+            None => ModelError::NotUrdf { file: file(), reason: error.to_string() },
+        })?;
         let topology = Topology::of(&robot, source_name)?;
 
         let mut links = Vec::with_capacity(robot.links.len());
         for &i in &topology.order {
-            links.push(read_link(
-                &robot.links[i],
-                topology.joint_above[i],
-                source_name,
-            )?);
+            links.push(read_link(&robot.links[i], topology.joint_above[i], source_name)?);
         }
         let mut place = vec![0; links.len()];
         for (to, &from) in topology.order.iter().enumerate() {
@@ -199,104 +183,48 @@ impl UrdfTree {
         for (joint, &(parent, child)) in robot.joints.iter().zip(&topology.ends) {
             joints.push(read_joint(joint, place[parent], place[child], source_name)?);
             if let Some(mimic) = &joint.mimic {
-                warnings.push(ModelWarning::MimicIgnored {
-                    joint: joint.name.clone(),
-                    leader: mimic.joint.clone(),
-                });
+                warnings.push(ModelWarning::MimicIgnored { joint: joint.name.clone(), leader: mimic.joint.clone() });
             }
         }
-        Ok(Self {
-            name: robot.name,
-            source: file(),
-            links,
-            joints,
-            warnings,
-        })
+        Ok(Self { name: robot.name, source: file(), links, joints, warnings })
     }
 }
 
-fn read_link(
-    link: &urdf_rs::Link,
-    parent_joint: Option<usize>,
-    file: &str,
-) -> Result<Link, ModelError> {
-    let check = Check {
-        file,
-        element: format!("link \"{}\"", link.name),
-    };
+fn read_link(link: &urdf_rs::Link, parent_joint: Option<usize>, file: &str) -> Result<Link, ModelError> {
+    let check = Check { file, element: format!("link \"{}\"", link.name) };
     let i = &link.inertial.inertia;
     check.all_finite("inertia", &[i.ixx, i.iyy, i.izz, i.ixy, i.ixz, i.iyz])?;
     let inertial = Inertial {
         X_LC: check.pose("inertial origin", &link.inertial.origin)?,
         mass: check.not_negative("mass", link.inertial.mass.value)?,
-        I_C: Matrix3::new(
-            i.ixx, i.ixy, i.ixz, i.ixy, i.iyy, i.iyz, i.ixz, i.iyz, i.izz,
-        ),
+        I_C: Matrix3::new(i.ixx, i.ixy, i.ixz, i.ixy, i.iyy, i.iyz, i.ixz, i.iyz, i.izz),
     };
-    let visuals = link
-        .visual
-        .iter()
-        .map(|v| read_shape(&v.origin, &v.geometry, &check))
-        .collect::<Result<_, _>>()?;
-    let collisions = link
-        .collision
-        .iter()
-        .map(|c| read_shape(&c.origin, &c.geometry, &check))
-        .collect::<Result<_, _>>()?;
-    Ok(Link {
-        name: link.name.clone(),
-        parent_joint,
-        inertial,
-        visuals,
-        collisions,
-    })
+    let visuals = link.visual.iter().map(|v| read_shape(&v.origin, &v.geometry, &check)).collect::<Result<_, _>>()?;
+    let collisions =
+        link.collision.iter().map(|c| read_shape(&c.origin, &c.geometry, &check)).collect::<Result<_, _>>()?;
+    Ok(Link { name: link.name.clone(), parent_joint, inertial, visuals, collisions })
 }
 
-fn read_shape(
-    origin: &urdf_rs::Pose,
-    geometry: &urdf_rs::Geometry,
-    check: &Check,
-) -> Result<Shape, ModelError> {
+fn read_shape(origin: &urdf_rs::Pose, geometry: &urdf_rs::Geometry, check: &Check) -> Result<Shape, ModelError> {
     let length = |quantity, value| check.positive(quantity, value);
     let kind = match geometry {
         urdf_rs::Geometry::Box { size } => ShapeKind::Box {
-            size: [
-                length("box size", size[0])?,
-                length("box size", size[1])?,
-                length("box size", size[2])?,
-            ],
+            size: [length("box size", size[0])?, length("box size", size[1])?, length("box size", size[2])?],
         },
-        urdf_rs::Geometry::Cylinder { radius, length: l } => ShapeKind::Cylinder {
-            radius: length("cylinder radius", *radius)?,
-            length: length("cylinder length", *l)?,
-        },
-        urdf_rs::Geometry::Capsule { radius, length: l } => ShapeKind::Capsule {
-            radius: length("capsule radius", *radius)?,
-            length: length("capsule length", *l)?,
-        },
-        urdf_rs::Geometry::Sphere { radius } => ShapeKind::Sphere {
-            radius: length("sphere radius", *radius)?,
-        },
-        urdf_rs::Geometry::Mesh { filename, .. } => ShapeKind::Mesh {
-            filename: filename.clone(),
-        },
+        urdf_rs::Geometry::Cylinder { radius, length: l } => {
+            ShapeKind::Cylinder { radius: length("cylinder radius", *radius)?, length: length("cylinder length", *l)? }
+        }
+        urdf_rs::Geometry::Capsule { radius, length: l } => {
+            ShapeKind::Capsule { radius: length("capsule radius", *radius)?, length: length("capsule length", *l)? }
+        }
+        urdf_rs::Geometry::Sphere { radius } => ShapeKind::Sphere { radius: length("sphere radius", *radius)? },
+        urdf_rs::Geometry::Mesh { filename, .. } => ShapeKind::Mesh { filename: filename.clone() },
     };
-    Ok(Shape {
-        X_LS: check.pose("shape origin", origin)?,
-        kind,
-    })
+    Ok(Shape { X_LS: check.pose("shape origin", origin)?, kind })
 }
 
-fn read_joint(
-    joint: &urdf_rs::Joint,
-    parent: usize,
-    child: usize,
-    file: &str,
-) -> Result<Joint, ModelError> {
-    let check = Check {
-        file,
-        element: format!("joint \"{}\"", joint.name),
-    };
+fn read_joint(joint: &urdf_rs::Joint, parent: usize, child: usize, file: &str) -> Result<Joint, ModelError> {
+    let check = Check { file, element: format!("joint \"{}\"", joint.name) };
     let kind = match joint.joint_type {
         urdf_rs::JointType::Fixed => JointKind::Fixed,
         urdf_rs::JointType::Revolute => JointKind::Revolute,
@@ -306,32 +234,21 @@ fn read_joint(
         urdf_rs::JointType::Planar => return Err(check.unsupported(&joint.name, "planar")),
         urdf_rs::JointType::Spherical => return Err(check.unsupported(&joint.name, "spherical")),
     };
-    let (damping, friction) = joint
-        .dynamics
-        .as_ref()
-        .map_or((0.0, 0.0), |d| (d.damping, d.friction));
+    let (damping, friction) = joint.dynamics.as_ref().map_or((0.0, 0.0), |d| (d.damping, d.friction));
     Ok(Joint {
         name: joint.name.clone(),
         kind,
         parent,
         child,
         X_PC: check.pose("origin", &joint.origin)?,
-        axis: if kind == JointKind::Fixed {
-            Vector3::z()
-        } else {
-            check.unit_axis(*joint.axis.xyz)?
-        },
+        axis: if kind == JointKind::Fixed { Vector3::z() } else { check.unit_axis(*joint.axis.xyz)? },
         limits: read_limits(joint, kind, &check)?,
         damping: check.not_negative("damping", damping)?,
         friction: check.not_negative("friction", friction)?,
     })
 }
 
-fn read_limits(
-    joint: &urdf_rs::Joint,
-    kind: JointKind,
-    check: &Check,
-) -> Result<Limits, ModelError> {
+fn read_limits(joint: &urdf_rs::Joint, kind: JointKind, check: &Check) -> Result<Limits, ModelError> {
     // The XML reader fills a missing <limit> with zeros, which no joint can mean.
     let missing = joint.limit == urdf_rs::JointLimit::default();
     let l = &joint.limit;
@@ -339,35 +256,19 @@ fn read_limits(
         JointKind::Fixed => return Ok(Limits::NONE),
         JointKind::Continuous if missing => return Ok(Limits::NONE),
         _ if missing => {
-            return Err(ModelError::MissingLimits {
-                file: check.file.to_owned(),
-                joint: joint.name.clone(),
-            });
+            return Err(ModelError::MissingLimits { file: check.file.to_owned(), joint: joint.name.clone() });
         }
         _ => {}
     }
     let effort = check.limit("effort limit", l.effort)?;
     let velocity = check.limit("velocity limit", l.velocity)?;
     if kind == JointKind::Continuous {
-        return Ok(Limits {
-            effort,
-            velocity,
-            ..Limits::NONE
-        });
+        return Ok(Limits { effort, velocity, ..Limits::NONE });
     }
     if l.lower <= l.upper {
-        return Ok(Limits {
-            lower: l.lower,
-            upper: l.upper,
-            effort,
-            velocity,
-        });
+        return Ok(Limits { lower: l.lower, upper: l.upper, effort, velocity });
     }
-    Err(check.bad(
-        "position limits",
-        format!("[{}, {}]", l.lower, l.upper),
-        "lower <= upper",
-    ))
+    Err(check.bad("position limits", format!("[{}, {}]", l.lower, l.upper), "lower <= upper"))
 }
 
 /// Checks the numbers of one element.
@@ -378,21 +279,11 @@ struct Check<'a> {
 
 impl Check<'_> {
     fn bad(&self, quantity: &'static str, found: String, expected: &'static str) -> ModelError {
-        ModelError::BadNumber {
-            file: self.file.to_owned(),
-            element: self.element.clone(),
-            quantity,
-            found,
-            expected,
-        }
+        ModelError::BadNumber { file: self.file.to_owned(), element: self.element.clone(), quantity, found, expected }
     }
 
     fn unsupported(&self, joint: &str, found: &str) -> ModelError {
-        ModelError::UnsupportedJoint {
-            file: self.file.to_owned(),
-            joint: joint.to_owned(),
-            found: found.to_owned(),
-        }
+        ModelError::UnsupportedJoint { file: self.file.to_owned(), joint: joint.to_owned(), found: found.to_owned() }
     }
 
     fn all_finite(&self, quantity: &'static str, values: &[f64]) -> Result<(), ModelError> {
@@ -420,11 +311,7 @@ impl Check<'_> {
 
     /// Infinity is a limit: it says that there is none.
     fn limit(&self, quantity: &'static str, value: f64) -> Result<f64, ModelError> {
-        if value >= 0.0 {
-            Ok(value)
-        } else {
-            Err(self.bad(quantity, value.to_string(), "a number >= 0"))
-        }
+        if value >= 0.0 { Ok(value) } else { Err(self.bad(quantity, value.to_string(), "a number >= 0")) }
     }
 
     fn pose(&self, quantity: &'static str, origin: &urdf_rs::Pose) -> Result<Pose, ModelError> {
