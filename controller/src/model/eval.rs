@@ -218,7 +218,7 @@ fn base_state(base: &EvalBase) -> Result<BaseState, ModelError> {
     finite("base.linear_velocity", linear_velocity)?;
     finite("base.angular_velocity", angular_velocity)?;
     let norm = quaternion_wxyz.iter().map(|x| x * x).sum::<f64>().sqrt();
-    if !((norm - 1.0).abs() < 1e-3) {
+    if !(0.999..=1.001).contains(&norm) {
         return Err(bad_state("base.quaternion_wxyz", format!("length {norm}"), "length one to a thousandth"));
     }
     let R_WB: Matrix3<f64> = Pose::rotation_of_quaternion(*quaternion_wxyz);

@@ -1,0 +1,214 @@
+//! Clarabel, an interior-point solver: the reference back-end.
+//!
+//! The problem's pattern of non-zeros is fixed when the solver is built, so that a tick only writes numbers. Every option is
+//! written out; equilibration is off, since with it an updated and a fresh solver differ in the last bits.
+
+use super::{Qp, QpInfo, QpSolver, QpStatus};
+use clarabel::algebra::CscMatrix;
+use clarabel::solver::{
+    DefaultSettings, DefaultSettingsBuilder, DefaultSolver, IPSolver, SolverStatus, SupportedConeT,
+};
+use nalgebra::DVector;
+
+/// Which entries of a program may ever be other than 0: an entry that is not 0 in `pattern` may be.
+pub struct ClarabelSolver {
+    solver: DefaultSolver<f64>,
+    P: CscMatrix<f64>,
+    q: Vec<f64>,
+    A: CscMatrix<f64>,
+    b: Vec<f64>,
+    bounds: Vec<Bound>,
+    n_eq: usize,
+    n_in: usize,
+}
+
+/// A finite bound on a variable: a row of its own.
+#[derive(Clone, Copy)]
+enum Bound {
+    Lower(usize),
+    Upper(usize),
+}
+
+impl ClarabelSolver {
+    /// A solver for programs whose non-zeros and finite bounds are among those of `pattern`.
+    ///
+    /// - `max_iterations`, `tolerance`: of feasibility (primal, dual) and gap, absolute and relative.
+    pub fn new(pattern: &Qp, max_iterations: u32, tolerance: f64) -> Self {
+        let n = pattern.n();
+        let mut bounds = Vec::new();
+        for i in 0..n {
+            if pattern.lower[i].is_finite() {
+                bounds.push(Bound::Lower(i));
+            }
+            if pattern.upper[i].is_finite() {
+                bounds.push(Bound::Upper(i));
+            }
+        }
+        let (n_eq, n_in) = (pattern.b.len(), pattern.d.len());
+        let P = csc(n, n, |i, j| i == j || (i < j && pattern.H[(i, j)] != 0.0));
+        let A = csc(n_eq + n_in + bounds.len(), n, |i, j| {
+            if i < n_eq {
+                pattern.A[(i, j)] != 0.0
+            } else if i < n_eq + n_in {
+                pattern.C[(i - n_eq, j)] != 0.0
+            } else {
+                match bounds[i - n_eq - n_in] {
+                    Bound::Lower(k) | Bound::Upper(k) => k == j,
+                }
+            }
+        });
+        let cones = [SupportedConeT::ZeroConeT(n_eq), SupportedConeT::NonnegativeConeT(n_in + bounds.len())];
+        let (q, b) = (vec![0.0; n], vec![0.0; A.m]);
+        let solver = DefaultSolver::new(&P, &q, &A, &b, &cones, settings(max_iterations, tolerance))
+            .expect("sizes agree by construction, and the settings are ours");
+        ClarabelSolver { solver, P, q, A, b, bounds, n_eq, n_in }
+    }
+
+    fn load(&mut self, qp: &Qp) {
+        fill(&mut self.P, |i, j| qp.H[(i, j)]);
+        let (n_eq, n_in) = (self.n_eq, self.n_in);
+        let bounds = &self.bounds;
+        fill(&mut self.A, |i, j| {
+            if i < n_eq {
+                qp.A[(i, j)]
+            } else if i < n_eq + n_in {
+                qp.C[(i - n_eq, j)]
+            } else {
+                match bounds[i - n_eq - n_in] {
+                    Bound::Lower(_) => -1.0,
+                    Bound::Upper(_) => 1.0,
+                }
+            }
+        });
+        self.q.copy_from_slice(qp.g.as_slice());
+        self.b[..n_eq].copy_from_slice(qp.b.as_slice());
+        self.b[n_eq..n_eq + n_in].copy_from_slice(qp.d.as_slice());
+        for (row, bound) in bounds.iter().enumerate() {
+            self.b[n_eq + n_in + row] = match *bound {
+                Bound::Lower(k) => -qp.lower[k],
+                Bound::Upper(k) => qp.upper[k],
+            };
+        }
+        let solver = &mut self.solver;
+        let updated = solver
+            .update_P(&self.P.nzval)
+            .and_then(|()| solver.update_A(&self.A.nzval))
+            .and_then(|()| solver.update_q(&self.q))
+            .and_then(|()| solver.update_b(&self.b));
+        updated.expect("the pattern is that of construction, and presolve is off");
+    }
+}
+
+impl QpSolver for ClarabelSolver {
+    fn solve(&mut self, qp: &Qp, x: &mut DVector<f64>) -> QpInfo {
+        self.load(qp);
+        self.solver.solve();
+        let solution = &self.solver.solution;
+        x.as_mut_slice().copy_from_slice(&solution.x);
+        QpInfo {
+            status: match solution.status {
+                SolverStatus::Solved => QpStatus::Solved,
+                SolverStatus::AlmostSolved => QpStatus::AlmostSolved,
+                SolverStatus::PrimalInfeasible | SolverStatus::AlmostPrimalInfeasible => QpStatus::Infeasible,
+                _ => QpStatus::Failed,
+            },
+            iterations: solution.iterations,
+            n_active: solution.s[self.n_eq..].iter().filter(|s| **s < 1e-6).count(),
+        }
+    }
+}
+
+fn settings(max_iterations: u32, tolerance: f64) -> DefaultSettings<f64> {
+    DefaultSettingsBuilder::default()
+        .verbose(false)
+        .max_iter(max_iterations)
+        .time_limit(f64::INFINITY)
+        .tol_gap_abs(tolerance)
+        .tol_gap_rel(tolerance)
+        .tol_feas(tolerance)
+        .max_threads(1)
+        .direct_solve_method("qdldl".into())
+        .presolve_enable(false)
+        .equilibrate_enable(false)
+        .input_sparse_dropzeros(false)
+        .static_regularization_enable(true)
+        .static_regularization_constant(1e-8)
+        .dynamic_regularization_enable(true)
+        .iterative_refinement_enable(true)
+        .iterative_refinement_reltol(1e-13)
+        .iterative_refinement_abstol(1e-12)
+        .iterative_refinement_max_iter(10)
+        .build()
+        .expect("every option is in its range")
+}
+
+/// A matrix with explicit entries (0 until filled) where `present` says so.
+fn csc(m: usize, n: usize, present: impl Fn(usize, usize) -> bool) -> CscMatrix<f64> {
+    let (mut colptr, mut rowval) = (vec![0], Vec::new());
+    for j in 0..n {
+        rowval.extend((0..m).filter(|&i| present(i, j)));
+        colptr.push(rowval.len());
+    }
+    let nzval = vec![0.0; rowval.len()];
+    CscMatrix::new(m, n, colptr, rowval, nzval)
+}
+
+fn fill(matrix: &mut CscMatrix<f64>, value: impl Fn(usize, usize) -> f64) {
+    for j in 0..matrix.n {
+        for k in matrix.colptr[j]..matrix.colptr[j + 1] {
+            matrix.nzval[k] = value(matrix.rowval[k], j);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use nalgebra::DMatrix;
+
+    /// min ½|x - t|² s.t. x0 + x1 + x2 = 3, x0 ≤ x1, 0 ≤ x ≤ 10.
+    fn program(t: [f64; 3]) -> Qp {
+        let mut qp = Qp::zeros(3, 1, 1);
+        qp.H = DMatrix::identity(3, 3);
+        qp.g = -DVector::from_row_slice(&t);
+        qp.A.fill(1.0);
+        qp.b[0] = 3.0;
+        (qp.C[(0, 0)], qp.C[(0, 1)]) = (1.0, -1.0);
+        qp.lower.fill(0.0);
+        qp.upper.fill(10.0);
+        qp
+    }
+
+    #[test]
+    fn small_program_by_hand() {
+        // Without the order row the minimizer is t shifted to the plane: (3, 1, -1) + 0. With x2 ≥ 0 and x0 ≤ x1: (1.5, 1.5, 0).
+        let qp = program([3.0, 1.0, -1.0]);
+        let mut x = DVector::zeros(3);
+        let info = ClarabelSolver::new(&qp, 50, 1e-10).solve(&qp, &mut x);
+        assert_eq!(info.status, QpStatus::Solved);
+        assert_eq!(info.n_active, 2);
+        assert!((x - DVector::from_row_slice(&[1.5, 1.5, 0.0])).norm() < 1e-7);
+    }
+
+    #[test]
+    fn an_infeasible_program_is_said_to_be_so() {
+        let mut qp = program([0.0; 3]);
+        qp.upper.fill(0.5);
+        let mut x = DVector::zeros(3);
+        let info = ClarabelSolver::new(&qp, 50, 1e-8).solve(&qp, &mut x);
+        assert_eq!(info.status, QpStatus::Infeasible);
+    }
+
+    #[test]
+    fn what_was_solved_before_leaves_no_trace() {
+        let (first, second) = (program([3.0, 1.0, -1.0]), program([0.3, 0.7, 9.0]));
+        let (mut fresh, mut used) = (DVector::zeros(3), DVector::zeros(3));
+        ClarabelSolver::new(&first, 50, 1e-8).solve(&second, &mut fresh);
+        let mut solver = ClarabelSolver::new(&first, 50, 1e-8);
+        solver.solve(&first, &mut used);
+        solver.solve(&second, &mut used);
+        for i in 0..3 {
+            assert_eq!(fresh[i].to_bits(), used[i].to_bits());
+        }
+    }
+}

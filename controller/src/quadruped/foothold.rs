@@ -1,0 +1,86 @@
+//! Foothold planner: where a swinging foot is to land, in the horizontal frame.
+//!
+//! Not a task: the base velocity is not tracked, it results from where the feet land. Source: Raiola et al. 2020, eqs. (19)-(25),
+//! with the lift-off position in (22), where the ellipse starts.
+
+use crate::math::atan2;
+use nalgebra::Vector3;
+
+/// What the planner reads, everything in H.
+#[derive(Clone, Copy, Debug)]
+pub struct Query {
+    /// Velocity command, m/s.
+    pub v_H: [f64; 2],
+    /// Yaw rate command, rad/s.
+    pub yaw_rate: f64,
+    /// Swing time, s.
+    pub T_sw: f64,
+    /// HAA joint from the base origin, m.
+    pub p_hip_H: Vector3<f64>,
+    /// Virtual foothold: where the foot stands when the robot does, m.
+    pub p_virtual_H: Vector3<f64>,
+    /// The foot at lift-off, m.
+    pub p_lift_H: Vector3<f64>,
+    /// Longest step, m.
+    pub max_length: f64,
+}
+
+/// A step: its length and heading, seen from the lift-off.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Step {
+    /// `L_s`, m.
+    pub length: f64,
+    /// `psi_s`, rad; `None` for a step too short to have a heading.
+    pub heading: Option<f64>,
+}
+
+/// The step that brings the foot to its virtual foothold, moved by what the command asks of half a stride.
+///
+/// ```text
+/// ΔL = T_sw ( (vx, vy) + ψ̇ e_z × x_hip )         D = ΔL + (x_f0 - x_lo)
+/// L_s = |D|,  ψ_s = atan2(D.y, D.x)               xy only
+/// ```
+pub fn plan(query: &Query) -> Step {
+    let Query { v_H, yaw_rate, T_sw, p_hip_H, p_virtual_H, p_lift_H, max_length } = query;
+    let dx = T_sw * (v_H[0] - yaw_rate * p_hip_H.y) + p_virtual_H.x - p_lift_H.x;
+    let dy = T_sw * (v_H[1] + yaw_rate * p_hip_H.x) + p_virtual_H.y - p_lift_H.y;
+    let length = (dx * dx + dy * dy).sqrt();
+    Step { length: length.min(*max_length), heading: (length >= 1e-3).then(|| atan2(dy, dx)) }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const QUERY: Query = Query {
+        v_H: [0.0, 0.0],
+        yaw_rate: 0.0,
+        T_sw: 0.5,
+        p_hip_H: Vector3::new(0.37, 0.2, 0.0),
+        p_virtual_H: Vector3::new(0.37, 0.32, -0.58),
+        p_lift_H: Vector3::new(0.37, 0.32, -0.58),
+        max_length: 0.3,
+    };
+
+    #[test]
+    fn a_foot_in_place_with_no_command_stays() {
+        assert_eq!(plan(&QUERY), Step { length: 0.0, heading: None });
+    }
+
+    #[test]
+    fn command_turn_and_return_add_up() {
+        let forward = plan(&Query { v_H: [0.2, 0.0], ..QUERY });
+        assert!((forward.length - 0.1).abs() < 1e-12 && forward.heading == Some(0.0));
+        // Turning left moves the left front foot back and to the left: 0.5 * 0.4 * (-0.2, 0.37).
+        let turn = plan(&Query { yaw_rate: 0.4, ..QUERY });
+        assert!((turn.length - 0.2 * (0.2f64 * 0.2 + 0.37 * 0.37).sqrt()).abs() < 1e-12);
+        assert!((turn.heading.unwrap() - atan2(0.37, -0.2)).abs() < 1e-12);
+        let behind = plan(&Query { p_lift_H: Vector3::new(0.31, 0.32, -0.58), ..QUERY });
+        assert!((behind.length - 0.06).abs() < 1e-12);
+    }
+
+    #[test]
+    fn long_steps_are_cut() {
+        assert_eq!(plan(&Query { v_H: [3.0, 0.0], ..QUERY }).length, 0.3);
+    }
+}

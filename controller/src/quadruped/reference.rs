@@ -1,0 +1,183 @@
+//! Joint references: closed-loop inverse kinematics (CLIK) of a foot reference, one mechanism for swing and stance.
+//!
+//! ```text
+//! r = R_WB p_BF(q_d),  J = R_WB J_leg(q_d)
+//! qd_d = J⁻¹ ( ṙ_d - ω × r + P (r_d - r) ),   q_d ← q_d + qd_d dt
+//! ```
+//! Source: Raiola et al. 2020, eqs. (27)-(32). Everything is evaluated at `q_d`, so that tracking errors do not wind it up; `ω × r`
+//! takes out the motion that the base rotation gives the foot, so that swing and trunk do not disturb each other.
+//!
+//! - Swing: `r_d` on the ellipse from the lift-off, `q_d` starts at the measured position.
+//! - Stance: `r_d` is the virtual foothold, lowered or raised by the height error's integral ζ; `q_d` starts at touchdown, and the CLIK gain
+//!   makes the way to it a first-order blend. This is what moves the base: the stance feet are fixed, so pulling the
+//!   legs to their nominal shape pulls the base over the feet. The source does not say what the stance reference starts from; latched at
+//!   touchdown alone, the base would never follow.
+
+use super::estimation::Estimate;
+use super::foothold::{self, Query};
+use super::gait::{Timing, Transitions, row_of};
+use super::leg::{Leg, LegPhase, PerLeg};
+use super::robot::Robot;
+use super::state::State;
+use super::swing::swing_point;
+use crate::math::Rz;
+use crate::model::{BaseState, Kinematics, point_jacobian_linear};
+use crate::params::Params;
+use nalgebra::{DMatrix, Matrix3, Vector3};
+
+/// References of a tick. All of it is overwritten by [`References::update`].
+pub struct References {
+    /// Foot contact point from the base origin, in H, m.
+    pub p_BF_H: PerLeg<Vector3<f64>>,
+    /// Its velocity in H, m/s.
+    pub v_BF_H: PerLeg<Vector3<f64>>,
+    /// Where the foot is to land, from the base origin, in H, m.
+    pub foothold_H: PerLeg<Vector3<f64>>,
+    /// Joint velocity references, nj, rad/s; the positions are `State::q_des`.
+    pub qd_des: Vec<f64>,
+    kin: Kinematics,
+    J: DMatrix<f64>,
+    zeros: Vec<f64>,
+}
+
+impl References {
+    /// Memory for a robot.
+    pub fn new(robot: &Robot) -> Self {
+        let nan = PerLeg([Vector3::from_element(f64::NAN); 4]);
+        References {
+            p_BF_H: nan,
+            v_BF_H: nan,
+            foothold_H: nan,
+            qd_des: vec![f64::NAN; robot.nj()],
+            kin: Kinematics::new(&robot.model),
+            J: DMatrix::from_element(3, robot.model.nv(), f64::NAN),
+            zeros: vec![0.0; robot.nj()],
+        }
+    }
+
+    /// Plans footholds, moves the foot references on, and carries `state.q_des` after them.
+    pub fn update(
+        &mut self,
+        robot: &Robot,
+        params: &Params,
+        estimate: &Estimate,
+        q: &[f64],
+        changes: &Transitions,
+        state: &mut State,
+        dt: f64,
+    ) {
+        let R_HW = estimate.base.R_WH.transpose();
+        let zeta_dot = height_integral(robot, params, state, dt);
+        for leg in Leg::ALL {
+            if changes.lift_off[leg] {
+                state.p_lift_H[leg] = R_HW * estimate.legs[leg].p_BF_W;
+                for joint in robot.legs[leg].joints {
+                    state.q_des[joint] = q[joint];
+                }
+            }
+            if state.leg_phase[leg].is_stance() {
+                let p_virtual = virtual_foothold(robot, state, leg);
+                self.p_BF_H[leg] = p_virtual;
+                self.v_BF_H[leg] = Vector3::new(0.0, 0.0, zeta_dot);
+                self.foothold_H[leg] = p_virtual;
+            } else {
+                self.swing(robot, params, estimate, state, leg);
+            }
+        }
+        self.clik(robot, params, estimate, state, dt);
+    }
+
+    fn swing(&mut self, robot: &Robot, params: &Params, estimate: &Estimate, state: &mut State, leg: Leg) {
+        let timing = Timing::of(state.gait, params);
+        let t = state.t_leg[leg];
+        let R_HW = estimate.base.R_WH.transpose();
+        let p_virtual_H = virtual_foothold(robot, state, leg);
+        if t < timing.T_sw * (1.0 - params.foothold.freeze_fraction) {
+            let factor = row_of(state.gait, params).speed_factor;
+            let step = foothold::plan(&Query {
+                v_H: state.v_H_des.map(|v| v * factor),
+                yaw_rate: state.yaw_rate_des * factor,
+                T_sw: timing.T_sw,
+                p_hip_H: R_HW * estimate.legs[leg].p_hip_W,
+                p_virtual_H,
+                p_lift_H: state.p_lift_H[leg],
+                max_length: params.foothold.max_step_length,
+            });
+            state.step_length[leg] = step.length;
+            state.step_heading[leg] = step.heading.unwrap_or(state.step_heading[leg]);
+        }
+        let length = state.step_length[leg];
+        let s = swing_point(t, timing.T_sw, length, params.swing.height, params.swing.reach_time);
+        let R_HS = Rz(state.step_heading[leg]);
+        let held = state.leg_phase[leg] == LegPhase::FaultHold;
+        let sd = if held { Vector3::zeros() } else { Vector3::new(s.xd, 0.0, s.zd) };
+        self.p_BF_H[leg] = state.p_lift_H[leg] + R_HS * Vector3::new(s.x, 0.0, s.z);
+        self.v_BF_H[leg] = R_HS * sd;
+        self.foothold_H[leg] = state.p_lift_H[leg] + R_HS * Vector3::new(length, 0.0, 0.0);
+    }
+
+    fn clik(&mut self, robot: &Robot, params: &Params, estimate: &Estimate, state: &mut State, dt: f64) {
+        let base = &estimate.base;
+        let at_reference =
+            BaseState { p_WB: Vector3::zeros(), R_WB: base.R_WB, v_WB: Vector3::zeros(), w_WB_W: Vector3::zeros() };
+        self.kin.update(&robot.model, &at_reference, &state.q_des, &self.zeros);
+        let p_FC_W = estimate.n_W * -robot.foot_radius;
+        let turn_W = Vector3::z() * base.yaw_rate;
+        for leg in Leg::ALL {
+            let of_robot = &robot.legs[leg];
+            let r_W = self.kin.p_WF(&robot.model, of_robot.foot) + p_FC_W;
+            point_jacobian_linear(&robot.model, &self.kin, of_robot.foot, &Vector3::zeros(), self.J.as_view_mut());
+            let mut J_leg = Matrix3::zeros();
+            for (k, joint) in of_robot.joints.into_iter().enumerate() {
+                for row in 0..3 {
+                    J_leg[(row, k)] = self.J[(row, 6 + joint)];
+                }
+            }
+            let r_des_W = base.R_WH * self.p_BF_H[leg];
+            let rd_des_W = turn_W.cross(&r_des_W) + base.R_WH * self.v_BF_H[leg];
+            let gain = if state.leg_phase[leg].is_stance() {
+                1.0 / params.posture.blend_time_constant
+            } else {
+                params.swing.clik_gain
+            };
+            let rd_W = rd_des_W - base.w_WB_W.cross(&r_W) + (r_des_W - r_W) * gain;
+            let qd = damped_inverse(&J_leg) * rd_W;
+            for (k, joint) in of_robot.joints.into_iter().enumerate() {
+                let limits = &robot.model.joints[joint];
+                let moved = (state.q_des[joint] + qd[k] * dt).clamp(limits.lower, limits.upper);
+                let free = moved > limits.lower && moved < limits.upper;
+                self.qd_des[joint] = if free { qd[k] } else { 0.0 };
+                state.q_des[joint] = moved;
+            }
+        }
+    }
+}
+
+/// Moves ζ on and gives its rate.
+///
+/// ```text
+/// ζ̇ = -P (h_d - h_b)          to raise the base, the foot goes down
+/// ```
+fn height_integral(robot: &Robot, params: &Params, state: &mut State, dt: f64) -> f64 {
+    let error = robot.nominal_height + state.height_offset - state.height;
+    let limit = params.trunk.max_height_correction;
+    let before = state.zeta;
+    state.zeta = (before - params.trunk.height_gain * error * dt).clamp(-limit, limit);
+    if dt > 0.0 { (state.zeta - before) / dt } else { 0.0 }
+}
+
+/// Where a foot stands when the robot does: fixed in H, at the commanded height.
+fn virtual_foothold(robot: &Robot, state: &State, leg: Leg) -> Vector3<f64> {
+    robot.legs[leg].p_nominal_H + Vector3::new(0.0, 0.0, state.zeta - state.height_offset)
+}
+
+/// `J⁻¹`, or the damped least-squares inverse `Jᵀ (J Jᵀ + 1e-4 I)⁻¹` near a singularity.
+fn damped_inverse(J: &Matrix3<f64>) -> Matrix3<f64> {
+    if J.determinant().abs() > 1e-3
+        && let Some(inverse) = J.try_inverse()
+    {
+        return inverse;
+    }
+    let JJt = J * J.transpose() + Matrix3::identity() * 1e-4;
+    J.transpose() * JJt.try_inverse().unwrap_or_else(Matrix3::zeros)
+}

@@ -1,0 +1,157 @@
+//! The quadruped as the controller sees it: model, legs found in it, nominal posture, limits.
+
+use super::leg::{Leg, PerLeg};
+use crate::LoadError;
+use crate::model::{Base, BaseState, FrameId, JointKind, Kinematics, Model, UrdfTree};
+use crate::params::RobotConfig;
+use nalgebra::{Matrix3, Vector3};
+
+/// A leg of three joints, from the trunk outward HAA, HFE, KFE, and its foot.
+#[derive(Clone, Copy, Debug)]
+pub struct LegModel {
+    /// Frame at the centre of the foot sphere.
+    pub foot: FrameId,
+    /// Frame of the link behind the first joint; its origin is the HAA joint's.
+    pub hip: FrameId,
+    /// Places of the three joints in `q`.
+    pub joints: [usize; 3],
+    /// Foot contact point from the base origin, in H, in the nominal posture with level trunk: the virtual foothold, m.
+    pub p_nominal_H: Vector3<f64>,
+}
+
+/// Model and everything derived from it once.
+pub struct Robot {
+    /// Rigid-body model, floating base.
+    pub model: Model,
+    /// The four legs.
+    pub legs: PerLeg<LegModel>,
+    /// Nominal posture, nj.
+    pub q_nominal: Vec<f64>,
+    /// Height of the base above the feet in it, m.
+    pub nominal_height: f64,
+    /// Orientation of the base in the axes of the IMU.
+    pub R_IB: Matrix3<f64>,
+    /// Radius of the foot sphere, m.
+    pub foot_radius: f64,
+}
+
+impl Robot {
+    /// Reads the URDF text and finds the legs that `config` names in it.
+    ///
+    /// # Errors
+    /// An unusable URDF; links or joints that are not in it; a leg without exactly three revolute joints of its own; joints
+    /// outside the legs; a posture that leaves a joint out or its range, or stands on feet of different height.
+    pub fn new(urdf: &str, config: &RobotConfig) -> Result<Self, LoadError> {
+        let tree = UrdfTree::parse(urdf, &config.urdf)?;
+        let model = Model::new(&tree, Base::Floating)?;
+        let wrong = |what: String| LoadError::Robot { robot: config.name.clone(), what };
+
+        let mut q_nominal = vec![f64::NAN; model.nj()];
+        for (name, &q) in &config.posture {
+            q_nominal[model.joint(name)?.index()] = q;
+        }
+        for (joint, &q) in model.joints.iter().zip(&q_nominal) {
+            if q.is_nan() {
+                return Err(wrong(format!("robot.posture does not name joint {}", joint.name)));
+            }
+            if q < joint.lower || q > joint.upper {
+                let (name, lower, upper) = (&joint.name, joint.lower, joint.upper);
+                return Err(wrong(format!("robot.posture.{name} is {q}, expected {lower} to {upper}")));
+            }
+        }
+
+        let base = model.base_frame();
+        let mut kin = Kinematics::new(&model);
+        let level = BaseState {
+            p_WB: Vector3::zeros(),
+            R_WB: Matrix3::identity(),
+            v_WB: Vector3::zeros(),
+            w_WB_W: Vector3::zeros(),
+        };
+        kin.update(&model, &level, &q_nominal, &vec![0.0; model.nj()]);
+
+        let mut legs = Vec::with_capacity(4);
+        let mut owner: Vec<Option<Leg>> = vec![None; model.nj()];
+        for leg in Leg::ALL {
+            let foot_link = &config.feet[leg as usize];
+            let foot = model.frame(foot_link)?;
+            let (joints, hip_link) = chain(&tree, &model, foot.index())?;
+            let Ok(joints) = <[usize; 3]>::try_from(joints.as_slice()) else {
+                let n = joints.len();
+                return Err(wrong(format!("leg {} ({foot_link}) has {n} joints, expected 3", leg.name())));
+            };
+            for j in joints {
+                let joint = &model.joints[j];
+                if joint.kind == JointKind::Prismatic {
+                    let name = &joint.name;
+                    return Err(wrong(format!("leg joint {name} is prismatic, expected a revolute one")));
+                }
+                if let Some(other) = owner[j].replace(leg) {
+                    let (a, b) = (other.name(), leg.name());
+                    return Err(wrong(format!("joint {} belongs to legs {a} and {b}", joint.name)));
+                }
+            }
+            let mut p_nominal_H = kin.p_WF(&model, foot);
+            p_nominal_H.z -= config.foot_radius;
+            legs.push(LegModel { foot, hip: model.frame(&hip_link)?, joints, p_nominal_H });
+        }
+        if let Some(j) = owner.iter().position(Option::is_none) {
+            return Err(wrong(format!("joint {} belongs to no leg", model.joints[j].name)));
+        }
+        let legs = PerLeg(<[LegModel; 4]>::try_from(legs).expect("one is pushed for each of the four legs"));
+
+        let nominal_height = legs.0.iter().fold(0.0, |sum, leg| sum - leg.p_nominal_H.z) / 4.0;
+        for (leg, LegModel { p_nominal_H, .. }) in legs.iter() {
+            let off = (-p_nominal_H.z - nominal_height).abs();
+            if nominal_height <= 0.0 || off > 0.02 {
+                let (name, below) = (leg.name(), -p_nominal_H.z);
+                return Err(wrong(format!(
+                    "in robot.posture foot {name} is {below:.3} m below the base, the four feet {nominal_height:.3} m on average"
+                )));
+            }
+        }
+        let imu = model.frame(&config.imu_link)?;
+        if tree_parent_body(&tree, imu.index()) != base.index() {
+            return Err(wrong(format!("robot.imu_link {} is not fixed to the base", config.imu_link)));
+        }
+        let R_IB = kin.R_WF(&model, imu).transpose();
+        Ok(Robot { model, legs, q_nominal, nominal_height, R_IB, foot_radius: config.foot_radius })
+    }
+
+    /// Number of joints.
+    pub fn nj(&self) -> usize {
+        self.model.nj()
+    }
+
+    /// Total mass, kg.
+    pub fn mass(&self) -> f64 {
+        self.model.total_mass()
+    }
+}
+
+/// Movable joints from the base out to a link, and the link behind the first of them.
+fn chain(tree: &UrdfTree, model: &Model, link: usize) -> Result<(Vec<usize>, String), LoadError> {
+    let (mut joints, mut hip, mut at) = (Vec::new(), String::new(), link);
+    while let Some(parent) = tree.links[at].parent_joint {
+        let joint = &tree.joints[parent];
+        if joint.kind != JointKind::Fixed {
+            joints.push(model.joint(&joint.name)?.index());
+            hip.clone_from(&tree.links[joint.child].name);
+        }
+        at = joint.parent;
+    }
+    joints.reverse();
+    Ok((joints, hip))
+}
+
+/// The first link on the way to the root that a movable joint carries, or the root.
+fn tree_parent_body(tree: &UrdfTree, link: usize) -> usize {
+    let mut at = link;
+    while let Some(parent) = tree.links[at].parent_joint {
+        if tree.joints[parent].kind != JointKind::Fixed {
+            return at;
+        }
+        at = tree.joints[parent].parent;
+    }
+    at
+}

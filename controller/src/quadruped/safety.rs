@@ -1,0 +1,69 @@
+//! When the controller gives up: every check that leads to the safe state, in the same tick and with its reason.
+
+use super::estimation::is_unit_quaternion;
+use super::robot::Robot;
+use super::state::{Fault, State};
+use crate::params::Params;
+use lcmtypes::{ControllerInput, ControllerTick, OperatorCommand, RobotState};
+
+/// What is wrong with an input, if anything: sizes, numbers that are not finite, an orientation that is none, old data, a clock that
+/// does not advance.
+pub fn check_input(robot: &Robot, params: &Params, state: &State, input: &ControllerInput) -> Option<Fault> {
+    let RobotState { t_ns, q, qd, tau, q_WI_wxyz, w_WI_I, .. } = &input.state;
+    let nj = robot.nj();
+    for found in [q.len(), qd.len(), tau.len()] {
+        if found != nj {
+            #[expect(clippy::cast_precision_loss, reason = "a count for a person to read")]
+            return fault(ControllerTick::FAULT_INPUT_SIZE, None, found as f64);
+        }
+    }
+    for values in [q, qd, tau] {
+        if let Some(j) = values.iter().position(|x| !x.is_finite()) {
+            return fault(ControllerTick::FAULT_INPUT_NOT_FINITE, Some(j), values[j]);
+        }
+    }
+    if let Some(x) = w_WI_I.iter().find(|x| !x.is_finite()) {
+        return fault(ControllerTick::FAULT_INPUT_NOT_FINITE, None, *x);
+    }
+    if !is_unit_quaternion(q_WI_wxyz) {
+        return fault(ControllerTick::FAULT_ORIENTATION, None, q_WI_wxyz[0]);
+    }
+    if state.started && input.t_ns <= state.t_ns {
+        return fault(ControllerTick::FAULT_CLOCK, None, seconds(input.t_ns.saturating_sub(state.t_ns)));
+    }
+    let age = seconds(input.t_ns.saturating_sub(*t_ns));
+    if age > params.safety.max_state_age {
+        return fault(ControllerTick::FAULT_STATE_STALE, None, age);
+    }
+    None
+}
+
+/// The base leans further than any command may ask: the robot is falling.
+pub fn check_tilt(params: &Params, rpy: &[f64; 3]) -> Option<Fault> {
+    let worst = if rpy[0].abs() > rpy[1].abs() { rpy[0] } else { rpy[1] };
+    if worst.abs() > params.safety.max_tilt { fault(ControllerTick::FAULT_TILT, None, worst) } else { None }
+}
+
+/// The operator asks for the safe state.
+pub fn check_operator(op: &OperatorCommand) -> Option<Fault> {
+    if op.mode == OperatorCommand::MODE_DAMPING { fault(ControllerTick::FAULT_OPERATOR, None, 0.0) } else { None }
+}
+
+/// Whether every number of a command is one.
+pub fn operator_is_finite(op: &OperatorCommand) -> bool {
+    let numbers = [op.v_H[0], op.v_H[1], op.yaw_rate, op.roll, op.pitch, op.height_offset];
+    numbers.iter().all(|x| x.is_finite())
+}
+
+/// A fault of a code, at a joint or leg, with the value found.
+pub fn fault(code: i32, index: Option<usize>, value: f64) -> Option<Fault> {
+    let index = index.map_or(-1, |i| i32::try_from(i).unwrap_or(i32::MAX));
+    Some(Fault { code, index, value })
+}
+
+/// Nanoseconds to seconds.
+pub fn seconds(ns: i64) -> f64 {
+    #[expect(clippy::cast_precision_loss, reason = "differences of clock values, far below 2^53 ns")]
+    let seconds = ns as f64 * 1e-9;
+    seconds
+}

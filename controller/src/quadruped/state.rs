@@ -1,0 +1,261 @@
+//! All that survives a tick, and its snapshot.
+
+use super::leg::{Leg, LegPhase, PerLeg};
+use crate::RestoreError;
+use lcmtypes::{ControllerTick, QuadrupedState};
+use nalgebra::Vector3;
+
+/// What the controller as a whole does.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Mode {
+    /// No input has been seen yet.
+    #[default]
+    Idle,
+    /// Stands on all feet.
+    Stance,
+    /// Walks, or finishes its last steps.
+    Walk,
+    /// Safe state: the joints are damped, nothing else is asked of them.
+    Damping,
+}
+
+impl Mode {
+    const ALL: [Mode; 4] = [Mode::Idle, Mode::Stance, Mode::Walk, Mode::Damping];
+}
+
+/// Sequence of the legs.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Gait {
+    /// Diagonal pairs.
+    #[default]
+    Trot,
+    /// One leg at a time.
+    Crawl,
+}
+
+impl Gait {
+    /// All gaits, by their number in `operator_command_t`.
+    pub const ALL: [Gait; 2] = [Gait::Trot, Gait::Crawl];
+}
+
+/// Why the controller is in the safe state: a code of `controller_tick_t`, what it names and what was found there.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Fault {
+    /// FAULT_* of `controller_tick_t`.
+    pub code: i32,
+    /// Joint (URDF order), leg or row; -1 = none.
+    pub index: i32,
+    /// The value found, in its own unit.
+    pub value: f64,
+}
+
+impl Default for Fault {
+    fn default() -> Self {
+        Fault { code: ControllerTick::FAULT_NONE, index: -1, value: 0.0 }
+    }
+}
+
+/// State of the quadruped controller between two ticks. Meanings, frames and units stand at `quadruped_state_t`.
+#[derive(Clone, Debug, PartialEq)]
+#[expect(missing_docs, reason = "every field is documented at quadruped_state_t")]
+pub struct State {
+    pub t_ns: i64,
+    pub tick: i64,
+    pub mode: Mode,
+    pub fault: Fault,
+    pub started: bool,
+    pub qp_failures: i32,
+    pub gait: Gait,
+    pub gait_clock: f64,
+    pub gait_running: bool,
+    pub leg_phase: PerLeg<LegPhase>,
+    pub t_leg: PerLeg<f64>,
+    pub contact: PerLeg<bool>,
+    pub contact_count: PerLeg<i32>,
+    pub f_F_W: PerLeg<Vector3<f64>>,
+    pub p_lift_H: PerLeg<Vector3<f64>>,
+    pub step_length: PerLeg<f64>,
+    pub step_heading: PerLeg<f64>,
+    pub q_des: Vec<f64>,
+    pub tau_last: Vec<f64>,
+    pub yaw_des: f64,
+    pub rp_des: [f64; 2],
+    pub height: f64,
+    pub height_offset: f64,
+    pub zeta: f64,
+    pub v_H_des: [f64; 2],
+    pub yaw_rate_des: f64,
+}
+
+impl State {
+    /// The state before the first tick.
+    pub fn new(nj: usize) -> Self {
+        State {
+            t_ns: 0,
+            tick: -1,
+            mode: Mode::default(),
+            fault: Fault::default(),
+            started: false,
+            qp_failures: 0,
+            gait: Gait::default(),
+            gait_clock: 0.0,
+            gait_running: false,
+            leg_phase: PerLeg::default(),
+            // It has stood since ever: no ramp after a touchdown.
+            t_leg: PerLeg([f64::INFINITY; 4]),
+            contact: PerLeg::default(),
+            contact_count: PerLeg::default(),
+            f_F_W: PerLeg::default(),
+            p_lift_H: PerLeg::default(),
+            step_length: PerLeg::default(),
+            step_heading: PerLeg::default(),
+            q_des: vec![0.0; nj],
+            tau_last: vec![0.0; nj],
+            yaw_des: 0.0,
+            rp_des: [0.0; 2],
+            height: 0.0,
+            height_offset: 0.0,
+            zeta: 0.0,
+            v_H_des: [0.0; 2],
+            yaw_rate_des: 0.0,
+        }
+    }
+
+    /// Takes the state apart into its message. No `..`: a new field stops compiling here until it is in the snapshot.
+    pub fn write(&self, m: &mut QuadrupedState) {
+        let State {
+            t_ns,
+            tick,
+            mode,
+            fault: Fault { code, index, value },
+            started,
+            qp_failures,
+            gait,
+            gait_clock,
+            gait_running,
+            leg_phase,
+            t_leg,
+            contact,
+            contact_count,
+            f_F_W,
+            p_lift_H,
+            step_length,
+            step_heading,
+            q_des,
+            tau_last,
+            yaw_des,
+            rp_des,
+            height,
+            height_offset,
+            zeta,
+            v_H_des,
+            yaw_rate_des,
+        } = self;
+        m.t_ns = *t_ns;
+        m.tick = *tick;
+        m.mode = *mode as i8;
+        m.fault = *code;
+        m.fault_index = *index;
+        m.fault_value = *value;
+        m.started = *started;
+        m.qp_failures = *qp_failures;
+        m.gait = *gait as i8;
+        m.gait_clock = *gait_clock;
+        m.gait_running = *gait_running;
+        m.leg_state = leg_phase.0.map(|phase| phase as i8);
+        m.t_leg = t_leg.0;
+        m.contact = contact.0;
+        m.contact_count = contact_count.0;
+        m.f_F_W = f_F_W.0.map(Into::into);
+        m.p_lift_H = p_lift_H.0.map(Into::into);
+        m.step_length = step_length.0;
+        m.step_heading = step_heading.0;
+        m.nj = i32::try_from(q_des.len()).expect("robots have fewer than 2^31 joints");
+        m.q_des.clone_from(q_des);
+        m.tau_last.clone_from(tau_last);
+        m.yaw_des = *yaw_des;
+        m.rp_des = *rp_des;
+        m.height = *height;
+        m.height_offset = *height_offset;
+        m.zeta = *zeta;
+        m.v_H_des = *v_H_des;
+        m.yaw_rate_des = *yaw_rate_des;
+    }
+
+    /// The state that [`State::write`] took apart.
+    ///
+    /// # Errors
+    /// A state of a robot with another number of joints than `nj`; numbers that name no mode, gait or leg phase.
+    pub fn read(m: &QuadrupedState, nj: usize) -> Result<Self, RestoreError> {
+        if m.q_des.len() != nj {
+            return Err(RestoreError::Joints { found: m.q_des.len(), expected: nj });
+        }
+        let mut leg_phase = PerLeg::default();
+        for leg in Leg::ALL {
+            leg_phase[leg] = of_number("leg_state", &LegPhase::ALL, m.leg_state[leg as usize])?;
+        }
+        Ok(State {
+            t_ns: m.t_ns,
+            tick: m.tick,
+            mode: of_number("mode", &Mode::ALL, m.mode)?,
+            fault: Fault { code: m.fault, index: m.fault_index, value: m.fault_value },
+            started: m.started,
+            qp_failures: m.qp_failures,
+            gait: of_number("gait", &Gait::ALL, m.gait)?,
+            gait_clock: m.gait_clock,
+            gait_running: m.gait_running,
+            leg_phase,
+            t_leg: PerLeg(m.t_leg),
+            contact: PerLeg(m.contact),
+            contact_count: PerLeg(m.contact_count),
+            f_F_W: PerLeg(m.f_F_W.map(Into::into)),
+            p_lift_H: PerLeg(m.p_lift_H.map(Into::into)),
+            step_length: PerLeg(m.step_length),
+            step_heading: PerLeg(m.step_heading),
+            q_des: m.q_des.clone(),
+            tau_last: m.tau_last.clone(),
+            yaw_des: m.yaw_des,
+            rp_des: m.rp_des,
+            height: m.height,
+            height_offset: m.height_offset,
+            zeta: m.zeta,
+            v_H_des: m.v_H_des,
+            yaw_rate_des: m.yaw_rate_des,
+        })
+    }
+}
+
+fn of_number<T: Copy>(field: &'static str, all: &[T], number: i8) -> Result<T, RestoreError> {
+    usize::try_from(number)
+        .ok()
+        .and_then(|i| all.get(i).copied())
+        .ok_or(RestoreError::Value { field, found: number.into() })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use lcmtypes::OperatorCommand;
+
+    #[test]
+    fn numbers_are_those_of_the_messages() {
+        let modes = [
+            ControllerTick::MODE_IDLE,
+            ControllerTick::MODE_STANCE,
+            ControllerTick::MODE_WALK,
+            ControllerTick::MODE_DAMPING,
+        ];
+        assert_eq!(Mode::ALL.map(|mode| mode as i8), modes);
+        let gaits = [OperatorCommand::GAIT_TROT, OperatorCommand::GAIT_CRAWL];
+        assert_eq!(Gait::ALL.map(|gait| gait as i8), gaits);
+    }
+
+    #[test]
+    fn a_number_without_meaning_is_refused_by_name() {
+        let mut m = QuadrupedState::default();
+        State::new(0).write(&mut m);
+        m.leg_state[2] = 9;
+        assert_eq!(State::read(&m, 0).unwrap_err().to_string(), "snapshot field leg_state is 9, which means nothing");
+        assert_eq!(State::read(&m, 12).unwrap_err().to_string(), "snapshot has 0 joints, the robot has 12");
+    }
+}

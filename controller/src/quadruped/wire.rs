@@ -1,0 +1,152 @@
+//! Structs to messages: the one place where the quadruped's quantities meet their LCM types.
+
+use super::estimation::Estimate;
+use super::gait::Timing;
+use super::leg::Leg;
+use super::reference::References;
+use super::robot::Robot;
+use super::state::{Mode, State};
+use super::wbc::{TrunkReference, Wbc};
+use crate::math::rpy_of;
+use crate::params::Params;
+use crate::qp::QpStatus;
+use lcmtypes::{BaseTracking, ContactEstimate, ControllerTick, LegState, QuadrupedState, RobotCommand, WbcSolution};
+
+/// The messages of a tick, kept from tick to tick so that their arrays are not allocated anew.
+#[derive(Default)]
+pub struct Messages {
+    /// CONTACT_ESTIMATE.
+    pub contact: ContactEstimate,
+    /// BASE_TRACKING.
+    pub base: BaseTracking,
+    /// LEG_STATE.
+    pub legs: LegState,
+    /// WBC_SOLUTION.
+    pub wbc: WbcSolution,
+    /// ROBOT_COMMAND.
+    pub command: RobotCommand,
+    /// CONTROLLER_TICK.
+    pub tick: ControllerTick,
+    /// CONTROLLER_SNAPSHOT.
+    pub snapshot: QuadrupedState,
+}
+
+impl Messages {
+    /// Messages with arrays of the robot's sizes.
+    pub fn new(robot: &Robot) -> Self {
+        let (nj, nv) = (robot.nj(), robot.model.nv());
+        let mut m = Messages::default();
+        for array in
+            [&mut m.command.tau, &mut m.command.q_des, &mut m.command.qd_des, &mut m.command.kp, &mut m.command.kd]
+        {
+            array.resize(nj, 0.0);
+        }
+        m.command.nj = i32::try_from(nj).expect("robots have fewer than 2^31 joints");
+        m.wbc.vd.resize(nv, 0.0);
+        m.wbc.nv = i32::try_from(nv).expect("robots have fewer than 2^31 joints");
+        State::new(nj).write(&mut m.snapshot);
+        m
+    }
+
+    /// CONTACT_ESTIMATE and BASE_TRACKING.
+    pub fn estimation(&mut self, robot: &Robot, estimate: &Estimate, trunk: &TrunkReference, wbc: &Wbc, state: &State) {
+        let m = &mut self.contact;
+        (m.t_ns, m.tick) = (state.t_ns, state.tick);
+        m.f_F_W = state.f_F_W.0.map(Into::into);
+        m.f_normal = state.f_F_W.0.map(|f| estimate.n_W.dot(&f));
+        m.contact = state.contact.0;
+        m.height = state.height;
+        m.n_W = estimate.n_W.into();
+
+        let m = &mut self.base;
+        (m.t_ns, m.tick) = (state.t_ns, state.tick);
+        m.rpy_des = rpy_of(&trunk.R_WB);
+        m.rpy_est = estimate.base.rpy;
+        m.w_WB_W_des = trunk.w_WB_W.into();
+        m.w_WB_W_est = estimate.base.w_WB_W.into();
+        m.e_o_W = wbc.e_o_W.into();
+        m.height_des = robot.nominal_height + state.height_offset;
+        m.height_est = state.height;
+        m.v_H_des = state.v_H_des;
+        m.yaw_rate_des = state.yaw_rate_des;
+    }
+
+    /// LEG_STATE.
+    pub fn legs(&mut self, params: &Params, estimate: &Estimate, references: &References, wbc: &Wbc, state: &State) {
+        let m = &mut self.legs;
+        (m.t_ns, m.tick) = (state.t_ns, state.tick);
+        m.gait = state.gait as i8;
+        m.gait_phase = state.gait_clock / Timing::of(state.gait, params).T;
+        let R_HW = estimate.base.R_WH.transpose();
+        for leg in Leg::ALL {
+            let i = leg as usize;
+            let phase = state.leg_phase[leg];
+            m.state[i] = phase as i8;
+            m.t_swing[i] = if phase.is_stance() { 0.0 } else { state.t_leg[leg] };
+            (m.f_z_min[i], m.f_z_max[i]) = wbc.f_z_bounds[leg];
+            m.step_length[i] = state.step_length[leg];
+            m.step_heading[i] = state.step_heading[leg];
+            m.foothold_H[i] = references.foothold_H[leg].into();
+            m.p_BF_H_des[i] = references.p_BF_H[leg].into();
+            m.p_BF_H_est[i] = (R_HW * estimate.legs[leg].p_BF_W).into();
+            m.v_BF_H_des[i] = references.v_BF_H[leg].into();
+        }
+    }
+
+    /// WBC_SOLUTION.
+    pub fn wbc(&mut self, estimate: &Estimate, wbc: &Wbc, state: &State, n_clamped: i32) {
+        let m = &mut self.wbc;
+        (m.t_ns, m.tick) = (state.t_ns, state.tick);
+        m.status = match wbc.info.status {
+            QpStatus::Solved => WbcSolution::STATUS_SOLVED,
+            QpStatus::AlmostSolved => WbcSolution::STATUS_ALMOST_SOLVED,
+            QpStatus::Failed => WbcSolution::STATUS_FAILED,
+            QpStatus::Infeasible => WbcSolution::STATUS_INFEASIBLE,
+        };
+        let count = |n: usize| i32::try_from(n).unwrap_or(i32::MAX);
+        m.iterations = i32::try_from(wbc.info.iterations).unwrap_or(i32::MAX);
+        m.n_var = count(wbc.qp.n());
+        m.n_eq = count(wbc.qp.b.len());
+        let bounds = wbc.qp.lower.iter().chain(wbc.qp.upper.iter()).filter(|b| b.is_finite()).count();
+        m.n_ineq = count(wbc.qp.d.len() + bounds);
+        m.n_active = count(wbc.info.n_active);
+        m.n_clamped = n_clamped;
+        m.residual = wbc.residuals(estimate, state);
+        m.base_residual = wbc.base_residual();
+        m.vd.copy_from_slice(wbc.vd.as_slice());
+        m.f_F_W = wbc.f_F_W.0.map(Into::into);
+    }
+
+    /// The messages of a tick in which nothing was computed: their numbers say so.
+    pub fn nothing_computed(&mut self, state: &State) {
+        let (t_ns, tick) = (state.t_ns, state.tick);
+        self.contact = ContactEstimate { t_ns, tick, ..Default::default() };
+        self.base = BaseTracking { t_ns, tick, ..Default::default() };
+        self.legs = LegState { t_ns, tick, ..Default::default() };
+        let m = &mut self.wbc;
+        (m.t_ns, m.tick, m.status) = (t_ns, tick, WbcSolution::STATUS_NOT_RUN);
+        (m.iterations, m.n_active, m.n_clamped) = (0, 0, 0);
+        (m.residual, m.base_residual, m.f_F_W) = ([0.0; 3], 0.0, [[0.0; 3]; 4]);
+        m.vd.fill(0.0);
+    }
+
+    /// ROBOT_COMMAND: torques in operation, damping alone in the safe state, nothing before the first input.
+    pub fn command(&mut self, params: &Params, references: &References, state: &State) {
+        let m = &mut self.command;
+        (m.t_ns, m.tick) = (state.t_ns, state.tick);
+        m.mode = match state.mode {
+            Mode::Idle => RobotCommand::MODE_IDLE,
+            Mode::Stance | Mode::Walk => RobotCommand::MODE_TORQUE,
+            Mode::Damping => RobotCommand::MODE_DAMPING,
+        };
+        m.tau.copy_from_slice(&state.tau_last);
+        m.q_des.copy_from_slice(&state.q_des);
+        if m.mode == RobotCommand::MODE_TORQUE {
+            m.qd_des.copy_from_slice(&references.qd_des);
+        } else {
+            m.qd_des.fill(0.0);
+        }
+        m.kp.fill(0.0);
+        m.kd.fill(if m.mode == RobotCommand::MODE_DAMPING { params.safety.damping } else { 0.0 });
+    }
+}
