@@ -14,10 +14,12 @@
 //! ```
 //!
 //! - [`channels`]: which channel carries which type, and which part of a tick it belongs to.
+//! - [`bus`]: carries encoded messages, over LCM or within a process.
 //! - [`types`]: reflection on every type, for tools that know a channel by name only.
 //!
 //! It must never decide anything about a robot: it is the vocabulary, and the wire.
 
+pub mod bus;
 pub mod channels;
 mod generated {
     include!(concat!(env!("OUT_DIR"), "/types.rs"));
