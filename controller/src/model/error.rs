@@ -182,8 +182,13 @@ pub enum ModelWarning {
 pub(super) fn near_names<'a>(wanted: &str, names: impl Iterator<Item = &'a str>) -> Vec<String> {
     let wanted = wanted.to_lowercase();
     let mut ranked: Vec<(usize, &str)> = names
-        .map(|name| (edit_distance(&wanted, &name.to_lowercase()), name))
-        .filter(|(distance, name)| *distance <= 1 + wanted.len().max(name.len()) / 3)
+        .filter_map(|name| {
+            let lower = name.to_lowercase();
+            let distance = edit_distance(&wanted, &lower);
+            let part = !wanted.is_empty() && lower.contains(&wanted);
+            let close = distance <= 1 + wanted.len().max(lower.len()) / 3;
+            (part || close).then_some((distance, name))
+        })
         .collect();
     ranked.sort_by_key(|(distance, _)| *distance);
     ranked.into_iter().take(3).map(|(_, name)| name.to_owned()).collect()
@@ -217,6 +222,7 @@ mod tests {
     fn near_names_are_ranked_and_far_ones_left_out() {
         let names = ["lf_haa_joint", "rf_haa_joint", "lf_foot", "trunk"];
         assert_eq!(near_names("LF_haa_jont", names.into_iter()), ["lf_haa_joint", "rf_haa_joint"]);
+        assert_eq!(near_names("lf_haa", names.into_iter()), ["lf_haa_joint"]);
         assert!(near_names("wheel", names.into_iter()).is_empty());
         assert_eq!(edit_distance("kitten", "sitting"), 3);
     }

@@ -268,7 +268,7 @@ fn read_limits(joint: &urdf_rs::Joint, kind: JointKind, check: &Check) -> Result
     if l.lower <= l.upper {
         return Ok(Limits { lower: l.lower, upper: l.upper, effort, velocity });
     }
-    Err(check.bad("position limits", format!("[{}, {}]", l.lower, l.upper), "lower <= upper"))
+    Err(check.bad("position range", format!("[{}, {}]", l.lower, l.upper), "lower <= upper"))
 }
 
 /// Checks the numbers of one element.

@@ -1,0 +1,204 @@
+//! What is wrong with a description is said with file, element, what was found and what was expected.
+#![allow(non_snake_case, clippy::unwrap_used, missing_docs)]
+
+use controller::model::*;
+
+const HYQ: &str = include_str!("../../robots/hyq/hyq.urdf");
+
+/// A robot of two links and one joint, after replacing a part of its text.
+fn two_links(from: &str, to: &str) -> Result<Model, ModelError> {
+    let text = r#"<robot name="two">
+        <link name="stand"><inertial><mass value="2"/><inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial></link>
+        <link name="bar"><inertial><mass value="1"/><inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial></link>
+        <joint name="hinge" type="revolute">
+            <parent link="stand"/><child link="bar"/><axis xyz="0 0 2"/>
+            <limit lower="-1" upper="1" effort="5" velocity="3"/>
+        </joint></robot>"#;
+    assert!(text.contains(from), "{from} is not in the text");
+    Model::new(&UrdfTree::parse(&text.replacen(from, to, 1), "two.urdf")?, Base::Fixed)
+}
+
+#[track_caller]
+fn refused(from: &str, to: &str, expected: &str) {
+    let message = two_links(from, to).expect_err("the text is wrong").to_string();
+    assert!(message.contains(expected), "found: {message}\nexpected: {expected}");
+}
+
+#[test]
+fn the_text_as_it_stands_is_good() {
+    let model = two_links("two", "two").unwrap();
+    assert_eq!((model.nj(), model.nv(), model.total_mass()), (1, 1, 3.0));
+    assert!(model.warnings.is_empty());
+}
+
+#[test]
+fn broken_text_names_file_and_element() {
+    refused("</robot>", "", "two.urdf: not a URDF: ");
+    refused(r#"<mass value="1"/>"#, r#"<mass value="heavy"/>"#, "two.urdf: in link \"bar\": ");
+    refused(r#"<parent link="stand"/>"#, "", "two.urdf: in joint \"hinge\": ");
+    refused(r#"type="revolute""#, r#"type="hinge""#, "two.urdf: in joint \"hinge\": ");
+}
+
+#[test]
+fn names_that_do_not_fit_together() {
+    refused(
+        r#"<parent link="stand"/>"#,
+        r#"<parent link="stnd"/>"#,
+        "two.urdf: joint \"hinge\": its parent link \"stnd\" does not exist; near: stand",
+    );
+    refused(r#"<link name="bar">"#, r#"<link name="stand">"#, "two links are called \"stand\"");
+    refused(
+        "</robot>",
+        r#"<link name="c"/><joint name="hinge" type="fixed"><parent link="bar"/><child link="c"/></joint></robot>"#,
+        "two joints are called \"hinge\"",
+    );
+}
+
+#[test]
+fn links_that_are_not_one_tree() {
+    refused(
+        "</robot>",
+        r#"<link name="lone"/></robot>"#,
+        "links [\"stand\", \"lone\"] have no parent joint, expected one root",
+    );
+    refused(
+        "</robot>",
+        r#"<joint name="back" type="fixed"><parent link="bar"/><child link="stand"/></joint></robot>"#,
+        "links [\"stand\", \"bar\"] form a loop",
+    );
+    refused(
+        "</robot>",
+        r#"<link name="c"/><link name="d"/>
+        <joint name="cd" type="fixed"><parent link="c"/><child link="d"/></joint>
+        <joint name="dc" type="fixed"><parent link="d"/><child link="c"/></joint></robot>"#,
+        "links [\"c\", \"d\"] form a loop",
+    );
+    refused(
+        "</robot>",
+        r#"<joint name="again" type="fixed"><parent link="stand"/><child link="bar"/></joint></robot>"#,
+        "link \"bar\" is the child of joints \"hinge\" and \"again\"",
+    );
+    let error = UrdfTree::parse("<robot name=\"none\"/>", "none.urdf").unwrap_err();
+    assert_eq!(error.to_string(), "none.urdf: no link found, expected at least one");
+}
+
+#[test]
+fn joints_outside_the_model() {
+    for kind in ["floating", "planar", "spherical"] {
+        let expected = format!("joint \"hinge\" has type \"{kind}\", expected fixed, revolute");
+        refused("revolute", kind, &expected);
+    }
+}
+
+#[test]
+fn numbers_that_cannot_be() {
+    for (from, to, expected) in [
+        ("mass value=\"1\"", "mass value=\"-1\"", "link \"bar\": mass is -1, expected a finite number >= 0"),
+        ("mass value=\"1\"", "mass value=\"inf\"", "link \"bar\": mass is inf"),
+        ("ixx=\"1\"", "ixx=\"NaN\"", "link \"stand\": inertia is NaN, expected a finite number"),
+        ("0 0 2", "0 0 0", "joint \"hinge\": axis is [0.0, 0.0, 0.0], expected a vector that has a direction"),
+        ("lower=\"-1\"", "lower=\"1.5\"", "joint \"hinge\": position range is [1.5, 1], expected lower <= upper"),
+        ("lower=\"-1\"", "lower=\"NaN\"", "joint \"hinge\": position range is [NaN, 1]"),
+        ("effort=\"5\"", "effort=\"-5\"", "joint \"hinge\": effort limit is -5"),
+        ("velocity=\"3\"", "velocity=\"NaN\"", "joint \"hinge\": velocity limit is NaN"),
+        (
+            "<limit lower=\"-1\" upper=\"1\" effort=\"5\" velocity=\"3\"/>",
+            "",
+            "two.urdf: joint \"hinge\" has no limits, expected <limit>",
+        ),
+        (
+            "<link name=\"bar\">",
+            "<link name=\"bar\"><collision><geometry><sphere radius=\"0\"/></geometry></collision>",
+            "link \"bar\": sphere radius is 0, expected a finite number > 0",
+        ),
+    ] {
+        refused(from, to, expected);
+    }
+}
+
+#[test]
+fn odd_but_usable_figures_are_warned_of() {
+    let warnings = |from, to| two_links(from, to).unwrap().warnings;
+    let bar = "<mass value=\"1\"/><inertia ixx=\"1\" iyy=\"1\" izz=\"1\"";
+    let flat = "<mass value=\"1\"/><inertia ixx=\"1\" iyy=\"1\" izz=\"2.5\"";
+    let moments = [1.0, 1.0, 2.5];
+    assert_eq!(warnings(bar, flat), [ModelWarning::ImplausibleInertia { link: "bar".into(), moments }]);
+    let empty = "<mass value=\"0\"/><inertia ixx=\"0\" iyy=\"0\" izz=\"0\"";
+    let massless = ModelWarning::MasslessBody { link: "bar".into(), joint: "hinge".into() };
+    assert_eq!(warnings(bar, empty), [massless]);
+    let zero = ModelWarning::ZeroLimit { joint: "hinge".into(), quantity: "effort" };
+    assert_eq!(warnings("effort=\"5\"", "effort=\"0\""), [zero]);
+    let mimic = "<limit lower=\"-1\" upper=\"1\" effort=\"5\" velocity=\"3\"/><mimic joint=\"other\"/>";
+    let ignored = ModelWarning::MimicIgnored { joint: "hinge".into(), leader: "other".into() };
+    assert_eq!(warnings("<limit lower=\"-1\" upper=\"1\" effort=\"5\" velocity=\"3\"/>", mimic), [ignored]);
+}
+
+#[test]
+fn a_floating_base_needs_mass() {
+    let tree = UrdfTree::parse("<robot name=\"air\"><link name=\"a\"/></robot>", "air.urdf").unwrap();
+    assert!(Model::new(&tree, Base::Fixed).is_ok());
+    let error = Model::new(&tree, Base::Floating).unwrap_err().to_string();
+    assert!(error.contains("air.urdf: robot \"air\": total mass is 0"), "{error}");
+}
+
+#[test]
+fn a_name_asked_for_in_vain_lists_near_ones() {
+    let model = Model::new(&UrdfTree::parse(HYQ, "hyq.urdf").unwrap(), Base::Floating).unwrap();
+    let error = model.frame("lf_foott").unwrap_err().to_string();
+    assert!(error.starts_with("robot \"hyq\" has no link \"lf_foott\"; near: lf_foot, "), "{error}");
+    let error = model.joint("lf_haa").unwrap_err().to_string();
+    assert_eq!(error, "robot \"hyq\" has no joint \"lf_haa\"; near: lf_haa_joint");
+    assert_eq!(model.joint("rf_haa_joint").unwrap().index(), 3);
+    assert_eq!(model.v_index(model.joint("rf_haa_joint").unwrap()), 9);
+}
+
+#[test]
+fn links_come_parents_first_and_joints_in_file_order() {
+    let tree = UrdfTree::parse(include_str!("data/arm.urdf"), "arm.urdf").unwrap();
+    for (i, link) in tree.links.iter().enumerate() {
+        match link.parent_joint {
+            None => assert_eq!(i, 0),
+            Some(j) => {
+                assert!(tree.joints[j].parent < i, "{}", link.name);
+                assert_eq!(tree.joints[j].child, i);
+            }
+        }
+    }
+    assert_eq!(tree.joints[0].name, "wrist_roll");
+    // Depth first: a subtree is contiguous, children in file order.
+    let names: Vec<&str> = tree.links.iter().map(|link| link.name.as_str()).collect();
+    assert_eq!(
+        names,
+        ["pedestal", "turret", "upper_arm", "rail", "slider", "forearm", "wrist", "spinner", "tool", "counterweight"]
+    );
+}
+
+/// No text makes the reader panic: cut at every place, and with single bytes changed.
+#[test]
+fn damaged_text_is_an_error_or_a_robot_but_never_a_panic() {
+    let text = two_links_text();
+    for end in 0..text.len() {
+        assert!(UrdfTree::parse(&text[..end], "cut.urdf").is_err(), "cut at {end}");
+    }
+    let mut seed = 7_u64;
+    for _ in 0..3000 {
+        seed = seed.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        let mut bytes = text.clone().into_bytes();
+        let place = (seed >> 33) as usize % bytes.len();
+        bytes[place] = b"<>/\"'&=! -.0eNa\n"[(seed >> 20) as usize % 16];
+        let changed = String::from_utf8(bytes).unwrap();
+        if let Ok(tree) = UrdfTree::parse(&changed, "changed.urdf") {
+            let _ = Model::new(&tree, Base::Floating);
+        }
+    }
+}
+
+/// Every kind of element the reader knows.
+fn two_links_text() -> String {
+    r#"<?xml version="1.0"?><!-- c --><robot name="r"><link name="a"><inertial><origin xyz="1 2 3" rpy="0 0.1 0"/><mass value="2"/>
+<inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial><visual><geometry><box size="1 2 3"/></geometry></visual>
+<collision><origin rpy="1 0 0"/><geometry><mesh filename="a.stl"/></geometry></collision></link><link name="b"/>
+<joint name="j" type="prismatic"><parent link="a"/><child link="b"/><axis xyz="0 1 0"/><dynamics damping="1"/>
+<limit lower="-1" upper="1" effort="5" velocity="3"/></joint></robot>"#
+        .to_owned()
+}
