@@ -1,1 +1,30 @@
-//! drivers
+//! What touches a robot, a simulator or a person: the simulator, the scenario that happens in it, and what goes wrong.
+//!
+//! - [`Scenario`]: operator, terrain, pushes and faults of a run, from TOML (`scenarios/`).
+//! - [`Terrain`]: the ground, made from a seed.
+//! - [`Simulator`]: what the other side of a controller can do; [`MujocoSim`] does it.
+//! - [`Faults`]: what spoils messages on their way.
+//!
+//! No control is computed here but the joint loop that a drive has, and the controller sees nothing but messages. Nothing
+//! reads a clock: time comes from the caller. Start with `tests/physics.rs`: a robot is put down and held.
+#![allow(non_snake_case, reason = "names carry frames, as in p_WF = p_WB + R_WB * p_BF: see ARCHITECTURE.md")]
+#![cfg_attr(test, allow(clippy::unwrap_used, reason = "a test may panic"))]
+
+mod error;
+pub mod fault;
+mod mjcf;
+mod mujoco;
+pub mod operator;
+mod rng;
+pub mod scenario;
+mod sensors;
+mod simulator;
+pub mod terrain;
+
+pub use error::DriverError;
+pub use fault::Faults;
+pub use mujoco::{MujocoSim, SimParams};
+pub use scenario::Scenario;
+pub use sensors::NoiseParams;
+pub use simulator::Simulator;
+pub use terrain::Terrain;

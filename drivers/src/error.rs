@@ -1,0 +1,124 @@
+//! What can go wrong in a driver.
+
+use std::path::PathBuf;
+
+/// Why a scenario, a simulator or a command is unusable.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum DriverError {
+    /// A scenario cannot be read.
+    #[error("{}: {source}", path.display())]
+    Read {
+        /// The file.
+        path: PathBuf,
+        /// What the system says.
+        source: std::io::Error,
+    },
+    /// A scenario is not TOML, has an unknown key, or a value of the wrong kind.
+    #[error("{file}:{line}: {error}, in `{text}`")]
+    Parse {
+        /// File, or what the text is.
+        file: String,
+        /// Line, from 1.
+        line: usize,
+        /// What the parser says.
+        error: String,
+        /// The line.
+        text: String,
+    },
+    /// A value of a scenario makes no sense.
+    #[error("{file}:{line}: {key} is {found}, expected {expected}")]
+    Value {
+        /// File, or what the text is.
+        file: String,
+        /// Line on which the table of the key begins, from 1.
+        line: usize,
+        /// The key; entries of a list count from 1.
+        key: String,
+        /// What stands there.
+        found: String,
+        /// What may stand there.
+        expected: String,
+    },
+    /// A scenario or a robot's file names a link or joint that the robot lacks.
+    #[error("{wanted_by}: the robot has no {what} \"{name}\", it has: {}", known.join(", "))]
+    Unknown {
+        /// Key that names it.
+        wanted_by: String,
+        /// `link` or `joint`.
+        what: &'static str,
+        /// The name.
+        name: String,
+        /// Names there are.
+        known: Vec<String>,
+    },
+    /// The simulator refuses its model.
+    #[error("MuJoCo refuses the model of {robot}: {error}")]
+    Model {
+        /// Name of the robot.
+        robot: String,
+        /// What MuJoCo says.
+        error: String,
+    },
+    /// The simulator's robot is not the one of the URDF.
+    #[error("the simulated {robot} weighs {found} kg, its URDF says {expected} kg")]
+    Mass {
+        /// Name of the robot.
+        robot: String,
+        /// Total mass in the simulator, kg.
+        found: f64,
+        /// Total mass of the URDF, kg.
+        expected: f64,
+    },
+    /// A command is of another size than the robot.
+    #[error("ROBOT_COMMAND of tick {tick}: {field} has {found} entries, expected {expected}")]
+    CommandSize {
+        /// Tick of the command.
+        tick: i64,
+        /// Array of the message.
+        field: &'static str,
+        /// Its length.
+        found: usize,
+        /// Number of actuated joints.
+        expected: usize,
+    },
+    /// A command holds NaN or an infinity.
+    #[error("ROBOT_COMMAND of tick {tick}: {field} of joint {joint} is {found}, expected a finite number")]
+    CommandNotFinite {
+        /// Tick of the command.
+        tick: i64,
+        /// Array of the message.
+        field: &'static str,
+        /// Joint.
+        joint: String,
+        /// The value.
+        found: f64,
+    },
+    /// A command asks for a mode that is none.
+    #[error("ROBOT_COMMAND of tick {tick}: mode is {found}, expected 0 (idle), 1 (torque) or 2 (damping)")]
+    CommandMode {
+        /// Tick of the command.
+        tick: i64,
+        /// The mode.
+        found: i8,
+    },
+    /// The simulation blew up.
+    #[error("the simulation is not finite after {t_s} s: position {index} of the generalized coordinates is {found}")]
+    Diverged {
+        /// Simulated time, s.
+        t_s: f64,
+        /// Index in the generalized positions or, after those, velocities.
+        index: usize,
+        /// The value.
+        found: f64,
+    },
+    /// A message cannot be encoded.
+    #[error(transparent)]
+    Encode(#[from] lcmtypes::EncodeError),
+    /// A controller's message cannot be decoded.
+    #[error(transparent)]
+    Decode(#[from] lcmtypes::DecodeError),
+    /// The log cannot be written.
+    #[error(transparent)]
+    Log(#[from] replay::Error),
+}

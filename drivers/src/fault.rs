@@ -1,0 +1,223 @@
+//! Faults of a scenario: what goes wrong between robot and controller, and nothing else does.
+//!
+//! All of them act on the two messages that a driver exchanges, in one place, so a simulator and a robot fail alike.
+
+use crate::DriverError;
+use crate::scenario::Window;
+use lcmtypes::{RobotCommand, RobotState};
+
+/// What goes wrong.
+#[derive(Clone, Debug, PartialEq)]
+pub enum FaultKind {
+    /// Position, velocity and torque of a joint read NaN.
+    NanSensor {
+        /// The joint.
+        joint: String,
+    },
+    /// No state message arrives.
+    DropState,
+    /// Position of a joint keeps the value it had when the fault began, its velocity reads 0.
+    StuckEncoder {
+        /// The joint.
+        joint: String,
+    },
+    /// A drive gives only a part of its torque, damping included.
+    TorqueLoss {
+        /// The joint.
+        joint: String,
+        /// The part that remains, 0 to 1.
+        factor: f64,
+    },
+}
+
+impl std::fmt::Display for FaultKind {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match self {
+            FaultKind::NanSensor { joint } => write!(f, "nan_sensor of {joint}"),
+            FaultKind::DropState => write!(f, "drop_state"),
+            FaultKind::StuckEncoder { joint } => write!(f, "stuck_encoder of {joint}"),
+            FaultKind::TorqueLoss { joint, factor } => write!(f, "torque_loss of {joint} to {factor}"),
+        }
+    }
+}
+
+/// A fault and when it holds.
+#[derive(Clone, Debug, PartialEq)]
+pub struct FaultWindow {
+    /// When.
+    pub window: Window,
+    /// What.
+    pub kind: FaultKind,
+}
+
+/// The faults of one run on one robot.
+#[derive(Clone, Debug)]
+pub struct Faults {
+    faults: Vec<ActiveFault>,
+}
+
+#[derive(Clone, Debug)]
+struct ActiveFault {
+    window: Window,
+    effect: Effect,
+}
+
+#[derive(Clone, Debug)]
+enum Effect {
+    NanSensor { joint: usize },
+    DropState,
+    StuckEncoder { joint: usize, held: Option<f64> },
+    TorqueLoss { joint: usize, factor: f64 },
+}
+
+impl Faults {
+    /// Binds faults to a robot whose actuated joints are `joints`, in the order of its messages.
+    ///
+    /// # Errors
+    /// [`DriverError::Unknown`] for a joint that the robot lacks.
+    pub fn new(faults: &[FaultWindow], joints: &[String]) -> Result<Self, DriverError> {
+        let index = |fault: usize, name: &str| {
+            joints.iter().position(|joint| joint == name).ok_or_else(|| DriverError::Unknown {
+                wanted_by: format!("fault[{}].joint", fault + 1),
+                what: "joint",
+                name: name.to_owned(),
+                known: joints.to_vec(),
+            })
+        };
+        let bind = |(number, fault): (usize, &FaultWindow)| {
+            let effect = match &fault.kind {
+                FaultKind::NanSensor { joint } => Effect::NanSensor { joint: index(number, joint)? },
+                FaultKind::DropState => Effect::DropState,
+                FaultKind::StuckEncoder { joint } => Effect::StuckEncoder { joint: index(number, joint)?, held: None },
+                FaultKind::TorqueLoss { joint, factor } => {
+                    Effect::TorqueLoss { joint: index(number, joint)?, factor: *factor }
+                }
+            };
+            Ok(ActiveFault { window: fault.window, effect })
+        };
+        Ok(Faults { faults: faults.iter().enumerate().map(bind).collect::<Result<_, DriverError>>()? })
+    }
+
+    /// Spoils a measurement in place. False: the message is lost and must not be sent.
+    #[must_use]
+    pub fn on_state(&mut self, state: &mut RobotState) -> bool {
+        let mut arrives = true;
+        for ActiveFault { window, effect } in &mut self.faults {
+            let active = window.contains(state.t_ns);
+            match effect {
+                Effect::NanSensor { joint } if active => {
+                    for values in [&mut state.q, &mut state.qd, &mut state.tau] {
+                        set(values, *joint, f64::NAN);
+                    }
+                }
+                Effect::DropState if active => arrives = false,
+                Effect::StuckEncoder { joint, held } if active => {
+                    let measured = state.q.get(*joint).copied().unwrap_or_default();
+                    set(&mut state.q, *joint, *held.get_or_insert(measured));
+                    set(&mut state.qd, *joint, 0.0);
+                }
+                Effect::NanSensor { .. }
+                | Effect::DropState
+                | Effect::StuckEncoder { .. }
+                | Effect::TorqueLoss { .. } => {}
+            }
+        }
+        arrives
+    }
+
+    /// Spoils a command at `t_ns` in place, on its way to the drives.
+    pub fn on_command(&self, t_ns: i64, command: &mut RobotCommand) {
+        for ActiveFault { window, effect } in &self.faults {
+            if let (Effect::TorqueLoss { joint, factor }, true) = (effect, window.contains(t_ns)) {
+                for values in [&mut command.tau, &mut command.kp, &mut command.kd] {
+                    if let Some(value) = values.get_mut(*joint) {
+                        *value *= factor;
+                    }
+                }
+            }
+        }
+    }
+}
+
+fn set(values: &mut [f64], index: usize, value: f64) {
+    if let Some(slot) = values.get_mut(index) {
+        *slot = value;
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn faults(kind: FaultKind) -> Faults {
+        let window = Window { start_ns: 10, end_ns: 20 };
+        Faults::new(&[FaultWindow { window, kind }], &["hip".to_owned(), "knee".to_owned()]).unwrap()
+    }
+
+    fn state(t_ns: i64) -> RobotState {
+        #[expect(clippy::cast_precision_loss, reason = "small numbers")]
+        let q = vec![t_ns as f64, 100.0 + t_ns as f64];
+        RobotState { t_ns, nj: 2, q, qd: vec![1.0, 2.0], tau: vec![3.0, 4.0], ..RobotState::default() }
+    }
+
+    fn spoiled(faults: &mut Faults, t_ns: i64) -> (bool, RobotState) {
+        let mut state = state(t_ns);
+        let arrives = faults.on_state(&mut state);
+        (arrives, state)
+    }
+
+    #[test]
+    fn a_nan_sensor_spoils_one_joint_while_it_holds() {
+        let mut faults = faults(FaultKind::NanSensor { joint: "knee".to_owned() });
+        let (_, during) = spoiled(&mut faults, 10);
+        assert!(during.q[1].is_nan() && during.qd[1].is_nan() && during.tau[1].is_nan());
+        assert_eq!((during.q[0], during.qd[0], during.tau[0]), (10.0, 1.0, 3.0));
+        assert_eq!(spoiled(&mut faults, 9), (true, state(9)));
+        assert_eq!(spoiled(&mut faults, 20), (true, state(20)));
+    }
+
+    #[test]
+    fn a_stuck_encoder_keeps_its_first_value() {
+        let mut faults = faults(FaultKind::StuckEncoder { joint: "hip".to_owned() });
+        for t_ns in [10, 15, 19] {
+            let (_, state) = spoiled(&mut faults, t_ns);
+            assert_eq!((state.q[0], state.qd[0]), (10.0, 0.0));
+            assert_eq!(state.qd[1], 2.0);
+        }
+    }
+
+    #[test]
+    fn dropped_states_do_not_arrive() {
+        let mut faults = faults(FaultKind::DropState);
+        assert_eq!([9, 10, 19, 20].map(|t_ns| spoiled(&mut faults, t_ns).0), [true, false, false, true]);
+    }
+
+    #[test]
+    fn torque_loss_scales_all_that_makes_torque() {
+        let faults = faults(FaultKind::TorqueLoss { joint: "knee".to_owned(), factor: 0.5 });
+        let full = RobotCommand {
+            nj: 2,
+            tau: vec![10.0, 20.0],
+            q_des: vec![1.0, 1.0],
+            qd_des: vec![2.0, 2.0],
+            kp: vec![30.0, 40.0],
+            kd: vec![5.0, 6.0],
+            ..RobotCommand::default()
+        };
+        let mut command = full.clone();
+        faults.on_command(12, &mut command);
+        let half = RobotCommand { tau: vec![10.0, 10.0], kp: vec![30.0, 20.0], kd: vec![5.0, 3.0], ..full.clone() };
+        assert_eq!(command, half);
+        let mut command = full.clone();
+        faults.on_command(25, &mut command);
+        assert_eq!(command, full);
+    }
+
+    #[test]
+    fn an_unknown_joint_is_named_beside_those_there_are() {
+        let window = Window { start_ns: 0, end_ns: 1 };
+        let fault = FaultWindow { window, kind: FaultKind::NanSensor { joint: "elbow".to_owned() } };
+        let error = Faults::new(&[fault], &["hip".to_owned(), "knee".to_owned()]).unwrap_err();
+        assert_eq!(error.to_string(), "fault[1].joint: the robot has no joint \"elbow\", it has: hip, knee");
+    }
+}

@@ -1,0 +1,364 @@
+//! MuJoCo behind [`Simulator`].
+//!
+//! MuJoCo computes forces from the state at the start of a step and positions at its end. A step here is `mj_step2` followed
+//! by `mj_step1`: after it, positions, velocities and contacts belong to the new instant, forces and accelerations to the
+//! interval that led there. The same inputs give the same bits, in other processes too.
+
+use crate::DriverError;
+use crate::mjcf::{self, IMU, TIME_STEP_S};
+use crate::sensors::{NoiseParams, Sensors};
+use crate::simulator::Simulator;
+use crate::terrain::Terrain;
+use controller::model::{JointKind, Pose, UrdfTree};
+use controller::params::RobotConfig;
+use lcmtypes::{GroundTruth, RobotCommand, RobotState};
+use mujoco_rs::prelude::{MjData, MjModel, MjtObjBase};
+use nalgebra::Vector3;
+use std::collections::BTreeMap;
+use std::sync::Once;
+
+/// What a simulation needs beside robot and ground.
+#[derive(Clone, Debug, PartialEq)]
+pub struct SimParams {
+    /// Friction coefficient of feet and ground.
+    pub friction: f64,
+    /// Seed of the noise.
+    pub seed: i64,
+    /// Noise of the sensors.
+    pub noise: NoiseParams,
+    /// Base height over the ground below which the robot has fallen, m.
+    pub min_height: f64,
+    /// Roll or pitch beyond which the robot has fallen, rad.
+    pub max_tilt: f64,
+}
+
+impl Default for SimParams {
+    fn default() -> Self {
+        SimParams { friction: 0.8, seed: 0, noise: NoiseParams::default(), min_height: 0.3, max_tilt: 0.6 }
+    }
+}
+
+/// A robot in MuJoCo.
+pub struct MujocoSim {
+    data: MjData<Box<MjModel>>,
+    mjcf: String,
+    terrain: Terrain,
+    params: SimParams,
+    sensors: Sensors,
+    joint_names: Vec<String>,
+    joints: Vec<JointPlace>,
+    feet: Vec<usize>,
+    foot_radius: f64,
+    /// Of each link, the body that carries it.
+    body_of_link: Vec<(String, usize)>,
+    base: usize,
+    /// Places of orientation, gyro, accelerometer in the sensor data.
+    imu: [usize; 3],
+    command: RobotCommand,
+    /// Of the last interval, on each foot, N.
+    f_F_W: Vec<[f64; 3]>,
+    contact: Vec<bool>,
+}
+
+/// Where MuJoCo keeps a joint, and its limits.
+struct JointPlace {
+    qpos: usize,
+    qvel: usize,
+    lower: f64,
+    upper: f64,
+    effort: f64,
+}
+
+impl MujocoSim {
+    /// Puts a robot in its nominal posture on the ground.
+    ///
+    /// # Errors
+    /// Links or joints that the tree lacks, a model that MuJoCo refuses, or one whose mass is not that of the tree.
+    pub fn new(tree: &UrdfTree, robot: &RobotConfig, terrain: Terrain, params: SimParams) -> Result<Self, DriverError> {
+        keep_log_file_away();
+        let mjcf = mjcf::write(tree, robot, &terrain, params.friction)?;
+        let refused = |error: String| DriverError::Model { robot: robot.name.clone(), error };
+        let mut model = MjModel::from_xml_string(&mjcf.text).map_err(|error| refused(error.to_string()))?;
+        if let Some(field) = terrain.field() {
+            model.hfield_data_mut().iter_mut().zip(mjcf::elevation(field)).for_each(|(slot, height)| *slot = height);
+        }
+        let found = model.totalmass();
+        if (found - mjcf.total_mass).abs() > 1e-6 * mjcf.total_mass {
+            return Err(DriverError::Mass { robot: robot.name.clone(), found, expected: mjcf.total_mass });
+        }
+
+        let id = |kind: MjtObjBase, name: &str| {
+            model.name_to_id(kind, name).ok_or_else(|| refused(format!("it has no {name:?}")))
+        };
+        let mut joint_names = Vec::new();
+        let mut joints = Vec::new();
+        for joint in tree.joints.iter().filter(|joint| joint.kind != JointKind::Fixed) {
+            let place = id(MjtObjBase::mjOBJ_JOINT, &joint.name)?;
+            let address =
+                |addresses: &[i32]| usize::try_from(addresses[place]).map_err(|error| refused(error.to_string()));
+            let limits = joint.limits;
+            joints.push(JointPlace {
+                qpos: address(model.jnt_qposadr())?,
+                qvel: address(model.jnt_dofadr())?,
+                lower: limits.lower,
+                upper: limits.upper,
+                effort: limits.effort,
+            });
+            joint_names.push(joint.name.clone());
+        }
+        let feet = robot.feet.iter().map(|foot| id(MjtObjBase::mjOBJ_GEOM, foot)).collect::<Result<Vec<_>, _>>()?;
+        let mut body_of_link = Vec::with_capacity(tree.links.len());
+        for (link, body) in tree.links.iter().zip(&mjcf.body_of_link) {
+            body_of_link.push((link.name.clone(), id(MjtObjBase::mjOBJ_BODY, body)?));
+        }
+        let mut imu = [0; 3];
+        for (place, sensor) in imu.iter_mut().zip(["orientation", "gyro", "accelerometer"]) {
+            let sensor = id(MjtObjBase::mjOBJ_SENSOR, &format!("{IMU}_{sensor}"))?;
+            *place = usize::try_from(model.sensor_adr()[sensor]).map_err(|error| refused(error.to_string()))?;
+        }
+
+        let base = body_of_link[0].1;
+        let mut sim = MujocoSim {
+            data: MjData::try_new(Box::new(model)).map_err(|error| refused(error.to_string()))?,
+            mjcf: mjcf.text,
+            terrain,
+            sensors: Sensors { resolution: robot.sensors.clone(), noise: params.noise.clone(), seed: params.seed },
+            params,
+            command: RobotCommand::default(),
+            joint_names,
+            joints,
+            foot_radius: robot.foot_radius,
+            body_of_link,
+            base,
+            imu,
+            f_F_W: vec![[0.0; 3]; feet.len()],
+            contact: vec![false; feet.len()],
+            feet,
+        };
+        sim.reset(&robot.posture)?;
+        Ok(sim)
+    }
+
+    /// The model with its ground as text, for MuJoCo's own viewer or a renderer.
+    pub fn mjcf(&self) -> String {
+        mjcf::with_elevation(&self.mjcf, &self.terrain)
+    }
+
+    /// The ground.
+    pub fn terrain(&self) -> &Terrain {
+        &self.terrain
+    }
+
+    /// Pose of the base in W.
+    fn X_WB(&self) -> Pose {
+        Pose {
+            p: Vector3::from(self.data.xpos()[self.base]),
+            R: Pose::rotation_of_quaternion(self.data.xquat()[self.base]),
+        }
+    }
+
+    /// Sums the contacts of each foot, as forces on the robot. Valid after the forces were computed and before the next
+    /// collision pass.
+    fn read_contact_forces(&mut self) {
+        self.f_F_W.fill([0.0; 3]);
+        self.contact.fill(false);
+        for (index, contact) in self.data.contact().iter().enumerate() {
+            // MuJoCo gives what geom 2 feels, along the normal from geom 1 to geom 2; which one is the foot depends on the ground.
+            for (geom, sign) in [(contact.geom1, -1.0), (contact.geom2, 1.0)] {
+                let Some(foot) = self.feet.iter().position(|&foot| usize::try_from(geom) == Ok(foot)) else { continue };
+                let f = self.data.contact_force(index);
+                for axis in 0..3 {
+                    self.f_F_W[foot][axis] += sign
+                        * (f[0] * contact.frame[axis]
+                            + f[1] * contact.frame[3 + axis]
+                            + f[2] * contact.frame[6 + axis]);
+                }
+                self.contact[foot] |= contact.exclude == 0;
+            }
+        }
+    }
+
+    /// The joint loop of the drives.
+    fn torque(&self, joint: usize) -> f64 {
+        let RobotCommand { mode, tau, q_des, qd_des, kp, kd, .. } = &self.command;
+        let place = &self.joints[joint];
+        let (q, qd) = (self.data.qpos()[place.qpos], self.data.qvel()[place.qvel]);
+        let tau = match *mode {
+            RobotCommand::MODE_TORQUE => tau[joint] + kp[joint] * (q_des[joint] - q) + kd[joint] * (qd_des[joint] - qd),
+            RobotCommand::MODE_DAMPING => -kd[joint] * qd,
+            _ => 0.0,
+        };
+        tau.clamp(-place.effort, place.effort)
+    }
+
+    fn check_finite(&self) -> Result<(), DriverError> {
+        let values = self.data.qpos().iter().chain(self.data.qvel());
+        match values.enumerate().find(|(_, value)| !value.is_finite()) {
+            None => Ok(()),
+            Some((index, found)) => Err(DriverError::Diverged { t_s: self.data.time(), index, found: *found }),
+        }
+    }
+}
+
+impl Simulator for MujocoSim {
+    fn joints(&self) -> &[String] {
+        &self.joint_names
+    }
+
+    fn period_ns(&self) -> i64 {
+        (TIME_STEP_S * 1e9).round() as i64
+    }
+
+    fn reset(&mut self, posture: &BTreeMap<String, f64>) -> Result<(), DriverError> {
+        if let Some(name) = posture.keys().find(|name| !self.joint_names.contains(name)) {
+            return Err(DriverError::Unknown {
+                wanted_by: "robot.posture".to_owned(),
+                what: "joint",
+                name: name.clone(),
+                known: self.joint_names.clone(),
+            });
+        }
+        self.data.reset();
+        self.command = RobotCommand { mode: RobotCommand::MODE_IDLE, ..RobotCommand::default() };
+        for (name, place) in self.joint_names.iter().zip(&self.joints) {
+            let q = posture.get(name).copied().unwrap_or_else(|| 0.0f64.max(place.lower).min(place.upper));
+            self.data.qpos_mut()[place.qpos] = q;
+        }
+        // The free joint comes first: position of the base, then its quaternion.
+        self.data.qpos_mut()[..7].copy_from_slice(&[0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0]);
+        self.data.kinematics();
+        let lift = |&foot: &usize| {
+            let [x, y, z] = self.data.geom_xpos()[foot];
+            self.terrain.height_at(x, y) + self.foot_radius - z
+        };
+        let height = self.feet.iter().map(lift).fold(f64::NEG_INFINITY, f64::max);
+        self.data.qpos_mut()[2] = height;
+        self.data.forward();
+        self.read_contact_forces();
+        self.check_finite()
+    }
+
+    fn robot_state(&self, t_ns: i64, seq: i64, state: &mut RobotState) {
+        let of_joints = |values: &[f64], place: fn(&JointPlace) -> usize, out: &mut Vec<f64>| {
+            out.clear();
+            out.extend(self.joints.iter().map(|joint| values[place(joint)]));
+        };
+        state.t_ns = t_ns;
+        state.seq = seq;
+        state.nj = self.joints.len() as i32;
+        of_joints(self.data.qpos(), |joint| joint.qpos, &mut state.q);
+        of_joints(self.data.qvel(), |joint| joint.qvel, &mut state.qd);
+        of_joints(self.data.qfrc_actuator(), |joint| joint.qvel, &mut state.tau);
+        let [orientation, gyro, accelerometer] = self.imu;
+        let read = self.data.sensordata();
+        state.q_WI_wxyz.copy_from_slice(&read[orientation..orientation + 4]);
+        state.w_WI_I.copy_from_slice(&read[gyro..gyro + 3]);
+        state.a_I.copy_from_slice(&read[accelerometer..accelerometer + 3]);
+        self.sensors.measure(state);
+    }
+
+    fn ground_truth(&self, t_ns: i64, truth: &mut GroundTruth) {
+        // The free joint's velocity: of the origin in W, then angular in B.
+        let [vx, vy, vz, wx, wy, wz] = std::array::from_fn(|i| self.data.qvel()[i]);
+        truth.t_ns = t_ns;
+        truth.p_WB = self.data.xpos()[self.base];
+        truth.q_WB_wxyz = self.data.xquat()[self.base];
+        truth.v_WB = [vx, vy, vz];
+        truth.w_WB_W = (self.X_WB().R * Vector3::new(wx, wy, wz)).into();
+        truth.n_feet = self.feet.len() as i32;
+        truth.p_WF.clear();
+        truth.v_WF.clear();
+        for &foot in &self.feet {
+            let [x, y, z] = self.data.geom_xpos()[foot];
+            truth.p_WF.push([x, y, z - self.foot_radius]);
+            let [_, _, _, vx, vy, vz] = self.data.object_velocity(MjtObjBase::mjOBJ_GEOM, foot, false);
+            truth.v_WF.push([vx, vy, vz]);
+        }
+        truth.f_F_W.clone_from(&self.f_F_W);
+        truth.contact.clone_from(&self.contact);
+        let [fx, fy, fz, tx, ty, tz] = self.data.xfrc_applied()[self.base];
+        truth.f_push_W = [fx, fy, fz];
+        truth.tau_push_W = [tx, ty, tz];
+    }
+
+    fn apply(&mut self, command: &RobotCommand) -> Result<(), DriverError> {
+        let tick = command.tick;
+        let fields: [(_, &[f64]); 5] = [
+            ("tau", &command.tau),
+            ("q_des", &command.q_des),
+            ("qd_des", &command.qd_des),
+            ("kp", &command.kp),
+            ("kd", &command.kd),
+        ];
+        if !matches!(command.mode, RobotCommand::MODE_IDLE | RobotCommand::MODE_TORQUE | RobotCommand::MODE_DAMPING) {
+            return Err(DriverError::CommandMode { tick, found: command.mode });
+        }
+        for (field, values) in fields {
+            if values.len() != self.joints.len() {
+                return Err(DriverError::CommandSize { tick, field, found: values.len(), expected: self.joints.len() });
+            }
+            if let Some((joint, found)) = values.iter().enumerate().find(|(_, value)| !value.is_finite()) {
+                return Err(DriverError::CommandNotFinite {
+                    tick,
+                    field,
+                    joint: self.joint_names[joint].clone(),
+                    found: *found,
+                });
+            }
+        }
+        self.command.clone_from(command);
+        Ok(())
+    }
+
+    fn step(&mut self) -> Result<(), DriverError> {
+        for joint in 0..self.joints.len() {
+            self.data.ctrl_mut()[joint] = self.torque(joint);
+        }
+        self.data.step2();
+        self.read_contact_forces();
+        self.check_finite()?;
+        self.data.step1();
+        Ok(())
+    }
+
+    fn add_push(&mut self, link: Option<&str>, f_W: [f64; 3], tau_W: [f64; 3]) -> Result<(), DriverError> {
+        let body = match link {
+            None => self.base,
+            Some(name) => {
+                let found = self.body_of_link.iter().find(|(link, _)| link == name);
+                found.map(|(_, body)| *body).ok_or_else(|| DriverError::Unknown {
+                    wanted_by: "push.link".to_owned(),
+                    what: "link",
+                    name: name.to_owned(),
+                    known: self.body_of_link.iter().map(|(link, _)| link.clone()).collect(),
+                })?
+            }
+        };
+        let wrench = f_W.into_iter().chain(tau_W);
+        self.data.xfrc_applied_mut()[body].iter_mut().zip(wrench).for_each(|(sum, part)| *sum += part);
+        Ok(())
+    }
+
+    fn clear_pushes(&mut self) {
+        self.data.xfrc_applied_mut().fill([0.0; 6]);
+    }
+
+    fn fallen(&self) -> bool {
+        let Pose { p, R } = self.X_WB();
+        // R = Rz(yaw) Ry(pitch) Rx(roll)
+        let pitch = libm::asin(-R[(2, 0)].clamp(-1.0, 1.0));
+        let roll = libm::atan2(R[(2, 1)], R[(2, 2)]);
+        let height = p.z - self.terrain.height_at(p.x, p.y);
+        height < self.params.min_height || roll.abs() > self.params.max_tilt || pitch.abs() > self.params.max_tilt
+    }
+}
+
+/// MuJoCo writes its warnings to a file in the working directory unless told otherwise; what they warn of is checked here.
+#[expect(unsafe_code, reason = "a global of the C library")]
+fn keep_log_file_away() {
+    static ONCE: Once = Once::new();
+    ONCE.call_once(|| {
+        // SAFETY: this runs before the first use of MuJoCo in this process: every use goes through `MujocoSim::new`, which waits here.
+        unsafe { mujoco_rs::prelude::set_log_config(mujoco_rs::prelude::log_config().with_logto_file(false)) }
+    });
+}

@@ -1,0 +1,151 @@
+//! The operator of a scenario: keyframes over time, sent like a joystick does, on every change and 50 times a second.
+
+use crate::scenario::to_ns;
+use crate::terrain::{BadKey, check_range};
+use lcmtypes::OperatorCommand;
+use serde::Deserialize;
+
+/// Time between two commands when nothing changes, ns.
+pub const HEARTBEAT_NS: i64 = 20_000_000;
+
+/// An `[[operator]]` entry: what changes at a time.
+#[derive(Clone, Debug, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(crate) struct OperatorKey {
+    pub t_s: f64,
+    mode: Option<Mode>,
+    gait: Option<Gait>,
+    v_x: Option<f64>,
+    v_y: Option<f64>,
+    yaw_rate: Option<f64>,
+    roll: Option<f64>,
+    pitch: Option<f64>,
+    height_offset: Option<f64>,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Deserialize)]
+#[serde(rename_all = "snake_case")]
+enum Mode {
+    Stand,
+    Walk,
+    Damping,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Deserialize)]
+#[serde(rename_all = "snake_case")]
+enum Gait {
+    Trot,
+    Crawl,
+}
+
+impl OperatorKey {
+    pub(crate) fn check(&self) -> Result<(), BadKey> {
+        let keys = [
+            ("v_x", self.v_x, 5.0),
+            ("v_y", self.v_y, 5.0),
+            ("yaw_rate", self.yaw_rate, 5.0),
+            ("roll", self.roll, 1.0),
+            ("pitch", self.pitch, 1.0),
+            ("height_offset", self.height_offset, 1.0),
+        ];
+        keys.iter().try_for_each(|(key, value, limit)| check_range(key, value.as_slice(), -limit..=*limit))
+    }
+}
+
+/// Every command of a run, each complete.
+#[derive(Clone, Debug, PartialEq)]
+pub struct OperatorScript {
+    commands: Vec<OperatorCommand>,
+    /// Commands begun so far.
+    begun: usize,
+    next_seq: i64,
+    next_heartbeat_ns: i64,
+}
+
+impl OperatorScript {
+    pub(crate) fn new(keys: &[OperatorKey]) -> Self {
+        let mut command = OperatorCommand {
+            t_ns: 0,
+            seq: 0,
+            mode: OperatorCommand::MODE_STAND,
+            gait: OperatorCommand::GAIT_TROT,
+            v_H: [0.0; 2],
+            yaw_rate: 0.0,
+            roll: 0.0,
+            pitch: 0.0,
+            height_offset: 0.0,
+        };
+        let set = |slot: &mut f64, value: Option<f64>| *slot = value.unwrap_or(*slot);
+        let mut commands = Vec::with_capacity(keys.len());
+        for key in keys {
+            command.t_ns = to_ns(key.t_s);
+            command.mode = match key.mode {
+                Some(Mode::Stand) => OperatorCommand::MODE_STAND,
+                Some(Mode::Walk) => OperatorCommand::MODE_WALK,
+                Some(Mode::Damping) => OperatorCommand::MODE_DAMPING,
+                None => command.mode,
+            };
+            command.gait = match key.gait {
+                Some(Gait::Trot) => OperatorCommand::GAIT_TROT,
+                Some(Gait::Crawl) => OperatorCommand::GAIT_CRAWL,
+                None => command.gait,
+            };
+            set(&mut command.v_H[0], key.v_x);
+            set(&mut command.v_H[1], key.v_y);
+            set(&mut command.yaw_rate, key.yaw_rate);
+            set(&mut command.roll, key.roll);
+            set(&mut command.pitch, key.pitch);
+            set(&mut command.height_offset, key.height_offset);
+            commands.push(command.clone());
+        }
+        OperatorScript { commands, begun: 0, next_seq: 0, next_heartbeat_ns: i64::MIN }
+    }
+
+    /// The message that the operator sends at `t_ns`, if any. Call it with rising times; a script that was not called yet is at its start.
+    pub fn operator_at(&mut self, t_ns: i64) -> Option<OperatorCommand> {
+        let begun = self.commands.iter().take_while(|command| command.t_ns <= t_ns).count();
+        let changed = begun > self.begun;
+        if begun == 0 || !(changed || t_ns >= self.next_heartbeat_ns) {
+            return None;
+        }
+        let message = OperatorCommand { t_ns, seq: self.next_seq, ..self.commands[begun - 1].clone() };
+        self.begun = begun;
+        self.next_seq += 1;
+        self.next_heartbeat_ns = t_ns + HEARTBEAT_NS;
+        Some(message)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::scenario::Scenario;
+
+    #[test]
+    fn keys_hold_until_changed_and_changes_go_out_at_once() {
+        let text = "name = \"t\"\nduration_s = 1.0\n[terrain]\nkind = \"flat\"\n\
+            [[operator]]\nt_s = 0.01\nmode = \"stand\"\nroll = 0.1\n\
+            [[operator]]\nt_s = 0.035\nmode = \"walk\"\ngait = \"crawl\"\nv_x = 0.2\n\
+            [[operator]]\nt_s = 0.06\nv_y = -0.1\n";
+        let mut script = Scenario::parse(text, "t.toml").unwrap().operator;
+        let sent: Vec<OperatorCommand> = (0..90).filter_map(|ms| script.operator_at(ms * 1_000_000)).collect();
+
+        let times: Vec<i64> = sent.iter().map(|command| command.t_ns / 1_000_000).collect();
+        assert_eq!(times, [10, 30, 35, 55, 60, 80]);
+        let numbers: Vec<i64> = sent.iter().map(|command| command.seq).collect();
+        assert_eq!(numbers, [0, 1, 2, 3, 4, 5]);
+        let last = OperatorCommand {
+            t_ns: 80_000_000,
+            seq: 5,
+            mode: OperatorCommand::MODE_WALK,
+            gait: OperatorCommand::GAIT_CRAWL,
+            v_H: [0.2, -0.1],
+            yaw_rate: 0.0,
+            roll: 0.1,
+            pitch: 0.0,
+            height_offset: 0.0,
+        };
+        assert_eq!(sent[5], last);
+        assert_eq!((sent[1].mode, sent[1].v_H), (OperatorCommand::MODE_STAND, [0.0, 0.0]));
+    }
+}

@@ -1,0 +1,396 @@
+//! What happens in a run, as TOML: terrain, operator, pushes, faults.
+//!
+//! ```toml
+//! name = "push"
+//! duration_s = 5.0
+//! seed = 1
+//! friction = 0.8
+//!
+//! [terrain]
+//! kind = "flat"
+//!
+//! [[operator]]          # a key holds until a later entry changes it
+//! t_s = 0.0
+//! mode = "stand"
+//!
+//! [[operator]]
+//! t_s = 1.0
+//! mode = "walk"
+//! v_x = 0.2
+//!
+//! [[push]]
+//! t_s = 2.5
+//! duration_s = 0.2
+//! force_W = [0.0, 150.0, 0.0]
+//! ```
+//!
+//! A scenario is read whole and checked whole; after that nothing in it can fail but names of links and joints.
+
+use crate::DriverError;
+use crate::fault::{FaultKind, FaultWindow};
+use crate::operator::{OperatorKey, OperatorScript};
+use crate::sensors::NoiseParams;
+use crate::terrain::{BadKey, TerrainParams, check_range};
+use serde::Deserialize;
+use std::path::Path;
+
+/// A run's description.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Scenario {
+    /// Short name.
+    pub name: String,
+    /// Length of the run, s.
+    pub duration_s: f64,
+    /// Seed of terrain and noise.
+    pub seed: i64,
+    /// Friction coefficient of feet and ground.
+    pub friction: f64,
+    /// The ground.
+    pub terrain: TerrainParams,
+    /// Noise of the sensors.
+    pub noise: NoiseParams,
+    /// The operator's commands, complete and in order of time.
+    pub operator: OperatorScript,
+    /// Pushes, as in the file.
+    pub pushes: Vec<Push>,
+    /// Faults, as in the file.
+    pub faults: Vec<FaultWindow>,
+}
+
+/// A force on a link for some time.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Push {
+    /// When it acts.
+    pub window: Window,
+    /// Link whose centre of mass it acts on; none = the base.
+    pub link: Option<String>,
+    /// Force in W, N.
+    pub f_W: [f64; 3],
+    /// Torque in W, N m.
+    pub tau_W: [f64; 3],
+}
+
+/// A half-open span of time, ns.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Window {
+    /// First instant inside.
+    pub start_ns: i64,
+    /// First instant after.
+    pub end_ns: i64,
+}
+
+impl Window {
+    /// Whether it holds at `t_ns`.
+    pub fn contains(&self, t_ns: i64) -> bool {
+        (self.start_ns..self.end_ns).contains(&t_ns)
+    }
+
+    fn new(t_s: f64, duration_s: f64) -> Self {
+        Window { start_ns: to_ns(t_s), end_ns: to_ns(t_s + duration_s) }
+    }
+}
+
+impl Scenario {
+    /// Reads and checks a file.
+    ///
+    /// # Errors
+    /// Unreadable, not TOML, an unknown key, a value of the wrong kind or out of range; the message names file, line and key.
+    pub fn load(path: &Path) -> Result<Self, DriverError> {
+        let text =
+            std::fs::read_to_string(path).map_err(|source| DriverError::Read { path: path.to_owned(), source })?;
+        Self::parse(&text, &path.display().to_string())
+    }
+
+    /// Reads and checks a text; `source_name` stands in errors.
+    ///
+    /// # Errors
+    /// As [`Scenario::load`].
+    pub fn parse(text: &str, source_name: &str) -> Result<Self, DriverError> {
+        let file: ScenarioFile = toml::from_str(text).map_err(|error| parse_error(text, source_name, &error))?;
+        let at = |table: &'static str, number: usize| Place { text, file: source_name, table, number };
+
+        let top = at("", 0);
+        top.check(check_range("duration_s", &[file.duration_s], 0.001..=36_000.0))?;
+        top.check(check_range("friction", &[file.friction], 0.01..=5.0))?;
+        at("terrain", 0).check(file.terrain.check())?;
+        at("noise", 0).check(file.noise.check())?;
+
+        let mut last_t_s = 0.0;
+        for (index, key) in file.operator.iter().enumerate() {
+            let place = at("operator", index + 1);
+            place.check(check_range("t_s", &[key.t_s], last_t_s..=36_000.0))?;
+            place.check(key.check())?;
+            last_t_s = key.t_s;
+        }
+        let mut pushes = Vec::with_capacity(file.push.len());
+        for (index, push) in file.push.into_iter().enumerate() {
+            let place = at("push", index + 1);
+            pushes.push(place.check(push.resolve())?);
+        }
+        let mut faults = Vec::with_capacity(file.fault.len());
+        for (index, fault) in file.fault.into_iter().enumerate() {
+            let place = at("fault", index + 1);
+            faults.push(place.check(fault.resolve())?);
+        }
+        Ok(Scenario {
+            name: file.name,
+            duration_s: file.duration_s,
+            seed: file.seed,
+            friction: file.friction,
+            terrain: file.terrain,
+            noise: file.noise,
+            operator: OperatorScript::new(&file.operator),
+            pushes,
+            faults,
+        })
+    }
+
+    /// Length of the run, ns.
+    pub fn duration_ns(&self) -> i64 {
+        to_ns(self.duration_s)
+    }
+
+    /// The pushes that act at `t_ns`.
+    pub fn pushes_at(&self, t_ns: i64) -> impl Iterator<Item = &Push> {
+        self.pushes.iter().filter(move |push| push.window.contains(t_ns))
+    }
+
+    /// Starts and ends of pushes and faults as sentences for the log, in order of time.
+    pub fn timeline(&self) -> Vec<(i64, String)> {
+        let mut events = Vec::new();
+        let mut add = |window: Window, what: String| {
+            events.push((window.start_ns, format!("{what} begins")));
+            events.push((window.end_ns, format!("{what} ends")));
+        };
+        for Push { window, link, f_W, tau_W } in &self.pushes {
+            let link = link.as_deref().unwrap_or("the base");
+            add(*window, format!("push of {f_W:?} N and {tau_W:?} N m on {link}"));
+        }
+        for FaultWindow { window, kind } in &self.faults {
+            add(*window, format!("fault {kind}"));
+        }
+        events.sort_by_key(|event| event.0);
+        events
+    }
+}
+
+/// Seconds of a file as whole nanoseconds.
+pub(crate) fn to_ns(t_s: f64) -> i64 {
+    (t_s * 1e9).round() as i64
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct ScenarioFile {
+    name: String,
+    duration_s: f64,
+    #[serde(default)]
+    seed: i64,
+    #[serde(default = "default_friction")]
+    friction: f64,
+    terrain: TerrainParams,
+    #[serde(default)]
+    noise: NoiseParams,
+    operator: Vec<OperatorKey>,
+    #[serde(default)]
+    push: Vec<PushEntry>,
+    #[serde(default)]
+    fault: Vec<FaultEntry>,
+}
+
+fn default_friction() -> f64 {
+    0.8
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct PushEntry {
+    t_s: f64,
+    duration_s: f64,
+    link: Option<String>,
+    #[serde(rename = "force_W", default)]
+    f_W: [f64; 3],
+    #[serde(rename = "torque_W", default)]
+    tau_W: [f64; 3],
+}
+
+impl PushEntry {
+    fn resolve(self) -> Result<Push, BadKey> {
+        check_range("t_s", &[self.t_s], 0.0..=36_000.0)?;
+        check_range("duration_s", &[self.duration_s], 0.0..=36_000.0)?;
+        check_range("force_W", &self.f_W, -1e5..=1e5)?;
+        check_range("torque_W", &self.tau_W, -1e5..=1e5)?;
+        Ok(Push { window: Window::new(self.t_s, self.duration_s), link: self.link, f_W: self.f_W, tau_W: self.tau_W })
+    }
+}
+
+#[derive(Clone, Copy, Deserialize)]
+#[serde(rename_all = "snake_case")]
+enum FaultName {
+    NanSensor,
+    DropState,
+    StuckEncoder,
+    TorqueLoss,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct FaultEntry {
+    t_s: f64,
+    duration_s: f64,
+    kind: FaultName,
+    joint: Option<String>,
+    factor: Option<f64>,
+}
+
+impl FaultEntry {
+    fn resolve(self) -> Result<FaultWindow, BadKey> {
+        check_range("t_s", &[self.t_s], 0.0..=36_000.0)?;
+        check_range("duration_s", &[self.duration_s], 0.0..=36_000.0)?;
+        let FaultEntry { t_s, duration_s, kind, joint, factor } = self;
+        let missing = |key, expected: &str| BadKey { key, found: "missing".to_owned(), expected: expected.to_owned() };
+        let needless =
+            |key| BadKey { key, found: "given".to_owned(), expected: "no such key with this kind of fault".to_owned() };
+
+        let needs_joint = !matches!(kind, FaultName::DropState);
+        if joint.is_some() && !needs_joint {
+            return Err(needless("joint"));
+        }
+        let needs_factor = matches!(kind, FaultName::TorqueLoss);
+        if factor.is_some() && !needs_factor {
+            return Err(needless("factor"));
+        }
+        let joint = || joint.ok_or_else(|| missing("joint", "the name of a joint"));
+        let kind = match kind {
+            FaultName::NanSensor => FaultKind::NanSensor { joint: joint()? },
+            FaultName::DropState => FaultKind::DropState,
+            FaultName::StuckEncoder => FaultKind::StuckEncoder { joint: joint()? },
+            FaultName::TorqueLoss => {
+                let factor = factor.ok_or_else(|| missing("factor", "the part of the torque that remains"))?;
+                check_range("factor", &[factor], 0.0..=1.0)?;
+                FaultKind::TorqueLoss { joint: joint()?, factor }
+            }
+        };
+        Ok(FaultWindow { window: Window::new(t_s, duration_s), kind })
+    }
+}
+
+/// A table of a file, for messages.
+struct Place<'a> {
+    text: &'a str,
+    file: &'a str,
+    table: &'static str,
+    /// 0 for a plain table, from 1 in a list of tables.
+    number: usize,
+}
+
+impl Place<'_> {
+    fn check<T>(&self, result: Result<T, BadKey>) -> Result<T, DriverError> {
+        result.map_err(|BadKey { key, found, expected }| DriverError::Value {
+            file: self.file.to_owned(),
+            line: self.line(key),
+            key: match (self.table, self.number) {
+                ("", _) => key.to_owned(),
+                (table, 0) => format!("{table}.{key}"),
+                (table, number) => format!("{table}[{number}].{key}"),
+            },
+            found,
+            expected,
+        })
+    }
+
+    /// Line of the key in this table, or of the table where it does not have the key.
+    fn line(&self, key: &str) -> usize {
+        let header = if self.number == 0 { format!("[{}]", self.table) } else { format!("[[{}]]", self.table) };
+        let lines = || self.text.lines().map(str::trim).enumerate();
+        let start = if self.table.is_empty() {
+            0
+        } else {
+            let mut headers = lines().filter(|(_, line)| line.starts_with(&header)).map(|(index, _)| index + 1);
+            headers.nth(self.number.saturating_sub(1)).unwrap_or(0)
+        };
+        lines()
+            .skip(start)
+            .take_while(|(_, line)| !line.starts_with('['))
+            .find(|(_, line)| line.split('=').next().is_some_and(|name| name.trim() == key))
+            .map_or(start.max(1), |(index, _)| index + 1)
+    }
+}
+
+fn parse_error(text: &str, file: &str, error: &toml::de::Error) -> DriverError {
+    let offset = error.span().map_or(0, |span| span.start.min(text.len()));
+    let line = text.bytes().take(offset).filter(|&byte| byte == b'\n').count() + 1;
+    DriverError::Parse {
+        file: file.to_owned(),
+        line,
+        error: error.message().replace('\n', ", "),
+        text: text.lines().nth(line - 1).unwrap_or_default().trim().to_owned(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const SMALL: &str =
+        "name = \"small\"\nduration_s = 2.0\n[terrain]\nkind = \"flat\"\n[[operator]]\nt_s = 0.0\nmode = \"stand\"\n";
+
+    fn error(text: &str) -> String {
+        Scenario::parse(text, "small.toml").unwrap_err().to_string()
+    }
+
+    #[test]
+    fn defaults_are_those_of_the_documentation() {
+        let scenario = Scenario::parse(SMALL, "small.toml").unwrap();
+        assert_eq!((scenario.seed, scenario.friction, scenario.duration_ns()), (0, 0.8, 2_000_000_000));
+        assert!(scenario.pushes.is_empty() && scenario.faults.is_empty());
+    }
+
+    #[test]
+    fn an_unknown_key_is_named_with_file_and_line() {
+        assert_eq!(
+            error(&format!("{SMALL}v_z = 1.0\n")),
+            "small.toml:8: unknown field `v_z`, expected one of `t_s`, `mode`, `gait`, `v_x`, `v_y`, `yaw_rate`, `roll`, `pitch`, \
+             `height_offset`, in `v_z = 1.0`"
+        );
+        assert!(
+            error(&SMALL.replace("\"flat\"", "\"moon\""))
+                .starts_with("small.toml:4: unknown variant `moon`, expected one of `flat`")
+        );
+        assert!(error(&SMALL.replace("2.0", "\"2\"")).starts_with("small.toml:2: invalid type: string"));
+    }
+
+    #[test]
+    fn a_value_out_of_range_is_named_with_file_line_and_key() {
+        assert_eq!(
+            error(&SMALL.replace("2.0", "-2.0")),
+            "small.toml:2: duration_s is -2, expected at least 0.001 and at most 36000"
+        );
+        let late = format!("{SMALL}[[operator]]\nt_s = 1.5\n[[operator]]\n# earlier\nt_s = 1.0\n");
+        assert_eq!(error(&late), "small.toml:12: operator[3].t_s is 1, expected at least 1.5 and at most 36000");
+        let fast = format!("{SMALL}v_x = nan\n");
+        assert_eq!(error(&fast), "small.toml:8: operator[1].v_x is NaN, expected at least -5 and at most 5");
+        let fault =
+            format!("{SMALL}[[fault]]\nt_s = 1.0\nduration_s = 0.1\nkind = \"torque_loss\"\njoint = \"knee\"\n");
+        assert_eq!(
+            error(&fault),
+            "small.toml:8: fault[1].factor is missing, expected the part of the torque that remains"
+        );
+        let push = format!("{SMALL}[[push]]\nt_s = 1.0\nduration_s = -0.1\n");
+        assert!(error(&push).starts_with("small.toml:10: push[1].duration_s is -0.1"));
+    }
+
+    #[test]
+    fn windows_are_half_open_and_on_the_timeline() {
+        let text = format!(
+            "{SMALL}[[push]]\nt_s = 0.5\nduration_s = 0.1\nforce_W = [0.0, 60.0, 0.0]\n\
+             [[fault]]\nt_s = 0.25\nduration_s = 1.0\nkind = \"drop_state\"\n"
+        );
+        let scenario = Scenario::parse(&text, "small.toml").unwrap();
+        let pushes = |t_ns| scenario.pushes_at(t_ns).count();
+        assert_eq!([499_999_999, 500_000_000, 599_999_999, 600_000_000].map(pushes), [0, 1, 1, 0]);
+        let times: Vec<i64> = scenario.timeline().iter().map(|event| event.0 / 1_000_000).collect();
+        assert_eq!(times, [250, 500, 600, 1250]);
+        assert_eq!(scenario.timeline()[1].1, "push of [0.0, 60.0, 0.0] N and [0.0, 0.0, 0.0] N m on the base begins");
+    }
+}

@@ -1,0 +1,310 @@
+//! The simulated HyQ against what can be worked out by hand.
+#![allow(non_snake_case, reason = "frames are capital letters")]
+#![allow(clippy::unwrap_used, reason = "a test may panic")]
+
+use controller::model::{GRAVITY, UrdfTree};
+use controller::params::{Params, RobotConfig};
+use drivers::terrain::{TerrainKind, TerrainParams};
+use drivers::{DriverError, MujocoSim, NoiseParams, SimParams, Simulator, Terrain};
+use lcmtypes::{GroundTruth, RobotCommand, RobotState};
+
+/// `total_mass` of `robots/hyq/SOURCES`, kg.
+const MASS: f64 = 86.774_005;
+
+fn hyq() -> (UrdfTree, RobotConfig) {
+    let read =
+        |name: &str| std::fs::read_to_string(format!("{}/../robots/hyq/{name}", env!("CARGO_MANIFEST_DIR"))).unwrap();
+    let tree = UrdfTree::parse(&read("hyq.urdf"), "hyq.urdf").unwrap();
+    (tree, Params::from_toml(&read("hyq.toml"), "hyq.toml").unwrap().robot)
+}
+
+fn simulation(kind: TerrainKind, seed: i64, params: SimParams) -> MujocoSim {
+    let (tree, robot) = hyq();
+    MujocoSim::new(&tree, &robot, Terrain::new(&TerrainParams::of_kind(kind), seed), params).unwrap()
+}
+
+fn flat() -> MujocoSim {
+    simulation(TerrainKind::Flat, 0, SimParams::default())
+}
+
+/// Holds the posture with springs and dampers at the joints.
+fn hold(sim: &dyn Simulator, robot: &RobotConfig) -> RobotCommand {
+    let nj = sim.joints().len();
+    RobotCommand {
+        mode: RobotCommand::MODE_TORQUE,
+        nj: nj as i32,
+        tau: vec![0.0; nj],
+        q_des: sim.joints().iter().map(|joint| robot.posture[joint]).collect(),
+        qd_des: vec![0.0; nj],
+        kp: vec![800.0; nj],
+        kd: vec![20.0; nj],
+        ..RobotCommand::default()
+    }
+}
+
+fn run(sim: &mut MujocoSim, steps: usize) {
+    for _ in 0..steps {
+        sim.step().unwrap();
+    }
+}
+
+fn standing(mut sim: MujocoSim) -> MujocoSim {
+    let command = hold(&sim, &hyq().1);
+    sim.apply(&command).unwrap();
+    run(&mut sim, 3000);
+    sim
+}
+
+fn truth(sim: &MujocoSim) -> GroundTruth {
+    let mut truth = GroundTruth::default();
+    sim.ground_truth(0, &mut truth);
+    truth
+}
+
+fn state(sim: &MujocoSim) -> RobotState {
+    let mut state = RobotState::default();
+    sim.robot_state(0, 0, &mut state);
+    state
+}
+
+fn sum(forces: &[[f64; 3]]) -> [f64; 3] {
+    std::array::from_fn(|axis| forces.iter().map(|f| f[axis]).sum())
+}
+
+#[test]
+fn standing_feet_carry_the_weight_on_plane_and_height_field() {
+    for kind in [TerrainKind::Flat, TerrainKind::Rough] {
+        let sim = standing(simulation(kind, 1, SimParams::default()));
+        let truth = truth(&sim);
+        let [fx, fy, fz] = sum(&truth.f_F_W);
+        let weight = MASS * GRAVITY;
+        assert!((fz - weight).abs() < 0.005 * weight, "{kind:?}: feet carry {fz} N, the robot weighs {weight} N");
+        assert!(fx.abs() < 1.0 && fy.abs() < 1.0, "{kind:?}: horizontal forces {fx} {fy} do not cancel");
+        assert!(truth.f_F_W.iter().all(|f| f[2] > 100.0) && truth.contact == [true; 4], "{kind:?}: {:?}", truth.f_F_W);
+        assert!(!sim.fallen());
+        let speed = truth.v_WB.iter().fold(0.0f64, |most, v| most.max(v.abs()));
+        assert!(speed < 1e-3, "{kind:?}: base moves at {speed} m/s");
+    }
+}
+
+#[test]
+fn a_reset_robot_stands_on_the_ground_at_its_nominal_height() {
+    let (_, robot) = hyq();
+    let mut sim = flat();
+    let truth = truth(&sim);
+    // 0.5775 m from the hips to a foot's centre, worked out in Python from the joint placements, plus the foot's radius
+    assert!((truth.p_WB[2] - 0.599).abs() < 1e-3, "base at {}", truth.p_WB[2]);
+    for p_WF in &truth.p_WF {
+        assert!(p_WF[2].abs() < 1e-12, "foot at {p_WF:?}");
+    }
+    let fresh = state(&sim);
+    run(&mut sim, 100);
+    sim.reset(&robot.posture).unwrap();
+    assert_eq!(state(&sim), fresh);
+}
+
+#[test]
+fn two_simulations_are_equal_in_every_bit() {
+    let noise = NoiseParams { position: 1e-3, gyro: 1e-2, ..NoiseParams::default() };
+    let params = SimParams { seed: 5, noise, ..SimParams::default() };
+    let run_one = || {
+        let mut sim = simulation(TerrainKind::Rough, 3, params.clone());
+        sim.apply(&hold(&sim, &hyq().1)).unwrap();
+        sim.add_push(None, [80.0, 40.0, 0.0], [0.0; 3]).unwrap();
+        let mut states = Vec::new();
+        for seq in 0..500 {
+            let mut state = RobotState::default();
+            sim.robot_state(seq, seq, &mut state);
+            states.push((state, truth(&sim)));
+            sim.step().unwrap();
+        }
+        states
+    };
+    let (first, second) = (run_one(), run_one());
+    let different = first.iter().zip(&second).position(|(a, b)| format!("{a:?}") != format!("{b:?}"));
+    assert_eq!(different, None, "first different step");
+    assert_ne!(first[499].1.v_WB, first[400].1.v_WB);
+}
+
+#[test]
+fn momentum_changes_by_push_weight_and_contact_forces_times_time() {
+    for kind in [TerrainKind::Flat, TerrainKind::Rough] {
+        let mut sim = standing(simulation(kind, 1, SimParams::default()));
+        let f_W = [150.0, -300.0, 50.0];
+        sim.add_push(None, [150.0, -400.0, 0.0], [0.0; 3]).unwrap();
+        sim.add_push(None, [0.0, 100.0, 50.0], [0.0; 3]).unwrap();
+        let before = momentum(&sim);
+        let mut impulse = [0.0; 3];
+        for _ in 0..200 {
+            sim.step().unwrap();
+            let truth = truth(&sim);
+            assert_eq!(truth.f_push_W, f_W);
+            let contact = sum(&truth.f_F_W);
+            for axis in 0..3 {
+                let weight = if axis == 2 { -MASS * GRAVITY } else { 0.0 };
+                impulse[axis] += (f_W[axis] + weight + contact[axis]) * 1e-3;
+            }
+        }
+        let after = momentum(&sim);
+        assert!((after[1] - before[1]).abs() > 1.0, "{kind:?}: the push moved nothing");
+        for axis in 0..3 {
+            let found = after[axis] - before[axis];
+            // forces act at the start of a step, momentum is read at its end: first order in 1 ms
+            assert!(
+                (found - impulse[axis]).abs() < 0.15,
+                "{kind:?}, axis {axis}: {found} N s, forces give {}",
+                impulse[axis]
+            );
+        }
+        sim.clear_pushes();
+        assert_eq!(truth(&sim).f_push_W, [0.0; 3]);
+    }
+}
+
+/// Linear momentum in W from the controller's own model.
+fn momentum(sim: &MujocoSim) -> [f64; 3] {
+    use controller::model::{Base, BaseState, Kinematics, Model, Pose, com_velocity};
+    let (tree, _) = hyq();
+    let model = Model::new(&tree, Base::Floating).unwrap();
+    let truth = truth(sim);
+    let state = state(sim);
+    let mut kin = Kinematics::new(&model);
+    let base = BaseState {
+        p_WB: truth.p_WB.into(),
+        R_WB: Pose::rotation_of_quaternion(truth.q_WB_wxyz),
+        v_WB: truth.v_WB.into(),
+        w_WB_W: truth.w_WB_W.into(),
+    };
+    kin.update(&model, &base, &state.q, &state.qd);
+    (com_velocity(&kin) * MASS).into()
+}
+
+#[test]
+fn imu_at_rest_reads_gravity_upwards_also_when_it_is_mounted_turned() {
+    let sim = standing(flat());
+    let RobotState { q_WI_wxyz, a_I, w_WI_I, .. } = state(&sim);
+    let R_WI = controller::model::Pose::rotation_of_quaternion(q_WI_wxyz);
+    let a_W = R_WI * nalgebra::Vector3::from(a_I);
+    assert!((a_W - nalgebra::Vector3::new(0.0, 0.0, GRAVITY)).norm() < 0.01, "specific force in W {a_W:?}");
+    assert!(w_WI_I.iter().all(|w| w.abs() < 1e-3), "turn rate {w_WI_I:?}");
+    // HyQ's IMU looks backwards and down: half a turn about y of the trunk
+    assert!(a_I[2] < -9.7, "specific force in the IMU {a_I:?}");
+}
+
+#[test]
+fn torque_read_is_the_torque_applied_and_never_above_the_effort() {
+    let mut sim = flat();
+    let nj = sim.joints().len();
+    let zero = hold(&sim, &hyq().1);
+    let command = |tau: f64, kd: f64, mode| RobotCommand {
+        mode,
+        tau: vec![tau; nj],
+        kp: vec![0.0; nj],
+        kd: vec![kd; nj],
+        ..zero.clone()
+    };
+    for (given, expected) in [(10.0, 10.0), (400.0, 150.0), (-400.0, -150.0)] {
+        sim.apply(&command(given, 0.0, RobotCommand::MODE_TORQUE)).unwrap();
+        run(&mut sim, 1);
+        assert_eq!(state(&sim).tau, vec![expected; nj]);
+    }
+    let before = state(&sim);
+    sim.apply(&command(400.0, 2.0, RobotCommand::MODE_DAMPING)).unwrap();
+    run(&mut sim, 1);
+    for (tau, qd) in state(&sim).tau.iter().zip(&before.qd) {
+        // half a step of the torque's and the velocity's resolution
+        assert!((tau + 2.0 * qd).abs() <= 0.5 / 128.0 + 2.0 * 0.5 / 4096.0, "damping torque {tau} at {qd} rad/s");
+    }
+    sim.apply(&command(400.0, 2.0, RobotCommand::MODE_IDLE)).unwrap();
+    run(&mut sim, 1);
+    assert_eq!(state(&sim).tau, vec![0.0; nj]);
+}
+
+#[test]
+fn a_robot_without_torque_lies_on_the_ground_and_has_fallen() {
+    for kind in [TerrainKind::Flat, TerrainKind::Rough] {
+        let mut sim = simulation(kind, 2, SimParams::default());
+        assert!(!sim.fallen());
+        run(&mut sim, 3000);
+        assert!(sim.fallen());
+        // half the trunk's height is 0.1 m; the trunk lies on the ground or on the legs, not in it
+        let height = truth(&sim).p_WB[2];
+        assert!((0.08..0.3).contains(&height), "{kind:?}: base at {height} m");
+    }
+}
+
+#[test]
+fn friction_of_the_scenario_holds_and_slips() {
+    // A horizontal push of 0.5 m g: above friction 0.3, below 0.8.
+    let slid = |friction: f64| {
+        let mut sim = standing(simulation(TerrainKind::Flat, 0, SimParams { friction, ..SimParams::default() }));
+        let before = truth(&sim).p_WF[0][0];
+        sim.add_push(None, [0.5 * MASS * GRAVITY, 0.0, 0.0], [0.0; 3]).unwrap();
+        run(&mut sim, 150);
+        truth(&sim).p_WF[0][0] - before
+    };
+    assert!(slid(0.8).abs() < 0.005, "slid {} m at friction 0.8", slid(0.8));
+    assert!(slid(0.3) > 0.01, "slid {} m at friction 0.3", slid(0.3));
+}
+
+#[test]
+fn height_of_the_terrain_is_where_feet_stand() {
+    for seed in [3, 4] {
+        let sim = standing(simulation(TerrainKind::Rough, seed, SimParams::default()));
+        let terrain = sim.terrain();
+        for p_WF in truth(&sim).p_WF {
+            let height = terrain.height_at(p_WF[0], p_WF[1]);
+            assert!((p_WF[2] - height).abs() < 2e-3, "foot at {p_WF:?}, ground at {height}");
+        }
+    }
+}
+
+#[test]
+fn bad_commands_are_refused_and_named() {
+    let mut sim = flat();
+    let good = hold(&sim, &hyq().1);
+    let text = |sim: &mut MujocoSim, command: RobotCommand| sim.apply(&command).unwrap_err().to_string();
+    let short = RobotCommand { tick: 7, kp: vec![0.0; 3], ..good.clone() };
+    assert_eq!(text(&mut sim, short), "ROBOT_COMMAND of tick 7: kp has 3 entries, expected 12");
+    let mut tau = vec![0.0; 12];
+    tau[2] = f64::NAN;
+    let nan = RobotCommand { tick: 8, tau, ..good.clone() };
+    assert_eq!(
+        text(&mut sim, nan),
+        "ROBOT_COMMAND of tick 8: tau of joint lf_kfe_joint is NaN, expected a finite number"
+    );
+    let mode = RobotCommand { tick: 9, mode: 5, ..good };
+    assert!(text(&mut sim, mode).starts_with("ROBOT_COMMAND of tick 9: mode is 5"));
+    let unknown = sim.add_push(Some("tail"), [0.0; 3], [0.0; 3]).unwrap_err().to_string();
+    assert!(unknown.starts_with("push.link: the robot has no link \"tail\", it has: base_link, trunk,"), "{unknown}");
+}
+
+#[test]
+fn a_robot_whose_file_names_other_links_is_refused() {
+    let (tree, robot) = hyq();
+    let other = RobotConfig { imu_link: "nose_imu".to_owned(), ..robot };
+    let result = MujocoSim::new(
+        &tree,
+        &other,
+        Terrain::new(&TerrainParams::of_kind(TerrainKind::Flat), 0),
+        SimParams::default(),
+    );
+    assert!(matches!(result, Err(DriverError::Unknown { ref name, .. }) if name == "nose_imu"));
+}
+
+#[test]
+fn the_text_of_the_model_is_the_model() {
+    let sim = simulation(TerrainKind::Rough, 1, SimParams::default());
+    let model = mujoco_rs::prelude::MjModel::from_xml_string(&sim.mjcf()).unwrap();
+    let heights = model.hfield_data();
+    let terrain = sim.terrain();
+    let field = terrain.field().unwrap();
+    let low = field.min_count();
+    let range = f64::from(field.max_count() - low);
+    for (index, (height, count)) in heights.iter().zip(&field.counts).enumerate() {
+        let expected = f64::from(count - low) / range;
+        assert!((f64::from(*height) - expected).abs() < 1e-6, "point {index}: {height}, expected {expected}");
+    }
+    assert_eq!(heights.len(), field.counts.len());
+    assert!((model.totalmass() - MASS).abs() < 1e-4);
+}
