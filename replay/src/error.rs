@@ -86,4 +86,12 @@ pub enum Error {
         /// Reason.
         source: mcap::McapError,
     },
+    /// `.lcm` texts that cannot be used.
+    #[error("{path}: its types: {source}", path = path.display())]
+    Types {
+        /// File.
+        path: PathBuf,
+        /// Reason.
+        source: lcm_idl::Error,
+    },
 }

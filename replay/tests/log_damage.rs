@@ -26,11 +26,7 @@ fn read(path: &Path, bytes: &[u8]) -> Vec<Item> {
 /// Ends of the events: every event that ends before the cut is read, and nothing else.
 fn ends(bytes: &[u8]) -> Vec<usize> {
     let starts = |b: &[u8]| {
-        b.windows(4)
-            .enumerate()
-            .filter(|(_, w)| w == &[0xed, 0xa1, 0xda, 0x01])
-            .map(|(i, _)| i)
-            .collect::<Vec<_>>()
+        b.windows(4).enumerate().filter(|(_, w)| w == &[0xed, 0xa1, 0xda, 0x01]).map(|(i, _)| i).collect::<Vec<_>>()
     };
     let mut ends = starts(bytes);
     ends.remove(0);
@@ -51,16 +47,10 @@ fn an_event_log_cut_at_any_byte_gives_all_whole_events() {
         let start = if whole == 0 { 0 } else { ends[whole - 1] };
         match items.last() {
             Some(Item::Event(_)) => assert_eq!(length, start),
-            Some(Item::Cut(cut)) => assert_eq!(
-                (cut.offset, cut.bytes),
-                (start as u64, (length - start) as u64)
-            ),
+            Some(Item::Cut(cut)) => assert_eq!((cut.offset, cut.bytes), (start as u64, (length - start) as u64)),
             other => panic!("cut at {length}: {other:?}"),
         }
-        assert!(
-            !items.iter().any(|item| matches!(item, Item::Damaged(_))),
-            "cut at {length}"
-        );
+        assert!(!items.iter().any(|item| matches!(item, Item::Damaged(_))), "cut at {length}");
     }
 }
 
@@ -78,17 +68,9 @@ fn an_event_log_flipped_at_any_byte_loses_at_most_the_event_there() {
             let found = common::events(&items);
             // All others stand there, in order; of the one that was hit there may be a changed copy or nothing.
             let behind = COUNT - hit - 1;
-            assert!(
-                found.len() >= COUNT - 1,
-                "byte {at}: {} of {COUNT} events",
-                found.len()
-            );
+            assert!(found.len() >= COUNT - 1, "byte {at}: {} of {COUNT} events", found.len());
             assert_eq!(found[..hit], messages[..hit], "byte {at}");
-            assert_eq!(
-                found[found.len() - behind..],
-                messages[hit + 1..],
-                "byte {at}"
-            );
+            assert_eq!(found[found.len() - behind..], messages[hit + 1..], "byte {at}");
             if found.len() < COUNT {
                 let told = items.iter().any(|item| !matches!(item, Item::Event(_)));
                 assert!(told, "byte {at}: an event is missing and nobody says so");
@@ -103,21 +85,13 @@ fn garbage_between_events_costs_no_event() {
     let path = common::path("garbage_inside.lcmlog");
     let mut random = common::Random(7);
     for at in ends(&bytes) {
-        let garbage: Vec<u8> = (0..1 + random.next() % 100)
-            .map(|_| (random.next() >> 40) as u8)
-            .collect();
+        let garbage: Vec<u8> = (0..1 + random.next() % 100).map(|_| (random.next() >> 40) as u8).collect();
         let spoilt = [&bytes[..at], &garbage, &bytes[at..]].concat();
         let items = read(&path, &spoilt);
         assert_eq!(common::events(&items), messages, "garbage at {at}");
         let damaged: Vec<_> = items
             .iter()
-            .filter_map(|i| {
-                if let Item::Damaged(d) = i {
-                    Some((d.offset, d.bytes))
-                } else {
-                    None
-                }
-            })
+            .filter_map(|i| if let Item::Damaged(d) = i { Some((d.offset, d.bytes)) } else { None })
             .collect();
         assert_eq!(damaged, [(at as u64, garbage.len() as u64)]);
     }
@@ -133,17 +107,8 @@ fn an_mcap_cut_at_any_byte_gives_all_whole_chunks() {
         let items = read(&path, &bytes[..length]);
         let whole = CHUNK * ends.iter().filter(|&&end| end <= length).count();
         assert_eq!(common::events(&items), messages[..whole], "cut at {length}");
-        assert!(
-            matches!(items.last(), Some(Item::Cut(_))),
-            "cut at {length}: {:?}",
-            items.last()
-        );
-        assert_eq!(
-            items.len(),
-            whole + 1,
-            "cut at {length}: {:?}",
-            &items[whole..]
-        );
+        assert!(matches!(items.last(), Some(Item::Cut(_))), "cut at {length}: {:?}", items.last());
+        assert_eq!(items.len(), whole + 1, "cut at {length}: {:?}", &items[whole..]);
     }
 }
 
@@ -161,16 +126,9 @@ fn an_mcap_flipped_at_any_byte_loses_at_most_the_chunk_there() {
             if found != messages {
                 let hit = ends.iter().filter(|&&end| end <= at).count();
                 let others = [&messages[..hit * CHUNK], &messages[(hit + 1) * CHUNK..]].concat();
-                assert!(
-                    found == others,
-                    "byte {at} ^ {mask:#x}: {} of {COUNT} events",
-                    found.len()
-                );
+                assert!(found == others, "byte {at} ^ {mask:#x}: {} of {COUNT} events", found.len());
                 let told = items.iter().any(|item| !matches!(item, Item::Event(_)));
-                assert!(
-                    told,
-                    "byte {at} ^ {mask:#x}: a chunk is missing and nobody says so"
-                );
+                assert!(told, "byte {at} ^ {mask:#x}: a chunk is missing and nobody says so");
             }
         }
     }
@@ -179,11 +137,7 @@ fn an_mcap_flipped_at_any_byte_loses_at_most_the_chunk_there() {
 /// Ends of the chunk records, by the index of the mcap crate.
 fn chunk_ends(bytes: &[u8]) -> Vec<usize> {
     let summary = mcap::Summary::read(bytes).unwrap().unwrap();
-    summary
-        .chunk_indexes
-        .iter()
-        .map(|c| (c.chunk_start_offset + c.chunk_length) as usize)
-        .collect()
+    summary.chunk_indexes.iter().map(|c| (c.chunk_start_offset + c.chunk_length) as usize).collect()
 }
 
 #[test]
@@ -192,11 +146,7 @@ fn logs_one_behind_the_other_are_read_as_one() {
         let (bytes, messages) = sample(&format!("once.{ending}"));
         let path = common::path(&format!("twice.{ending}"));
         let items = read(&path, &[&bytes[..], &bytes[..]].concat());
-        assert_eq!(
-            common::events(&items),
-            [&messages[..], &messages[..]].concat(),
-            "{ending}"
-        );
+        assert_eq!(common::events(&items), [&messages[..], &messages[..]].concat(), "{ending}");
         assert_eq!(items.len(), 2 * COUNT, "{ending}");
     }
 }
@@ -205,10 +155,9 @@ fn logs_one_behind_the_other_are_read_as_one() {
 #[test]
 fn noise_is_read_to_its_end() {
     let mut random = common::Random(11);
-    for (ending, heads) in [
-        ("lcmlog", &[&[0xed, 0xa1, 0xda, 0x01][..]][..]),
-        ("mcap", &[mcap::MAGIC, &[6, 60, 0, 0, 0, 0, 0, 0, 0]]),
-    ] {
+    for (ending, heads) in
+        [("lcmlog", &[&[0xed, 0xa1, 0xda, 0x01][..]][..]), ("mcap", &[mcap::MAGIC, &[6, 60, 0, 0, 0, 0, 0, 0, 0]])]
+    {
         let path = common::path(&format!("noise.{ending}"));
         for _ in 0..300 {
             let mut bytes = heads[0].to_vec();
@@ -216,8 +165,7 @@ fn noise_is_read_to_its_end() {
                 bytes.extend_from_slice(heads[(random.next() % heads.len() as u64) as usize]);
                 let small = random.next().is_multiple_of(2);
                 bytes.extend(
-                    (0..random.next() % 80)
-                        .map(|_| (random.next() >> 40) as u8 & if small { 0x07 } else { 0xff }),
+                    (0..random.next() % 80).map(|_| (random.next() >> 40) as u8 & if small { 0x07 } else { 0xff }),
                 );
             }
             std::fs::write(&path, &bytes).unwrap();
@@ -242,8 +190,7 @@ fn a_huge_length_takes_no_memory() {
     let items = read(&common::path("huge_length.lcmlog"), &bytes);
     assert_eq!(common::events(&items), messages[1..]);
     let (mut bytes, messages) = sample("huge.mcap");
-    let first =
-        mcap::Summary::read(&bytes).unwrap().unwrap().chunk_indexes[0].chunk_start_offset as usize;
+    let first = mcap::Summary::read(&bytes).unwrap().unwrap().chunk_indexes[0].chunk_start_offset as usize;
     // The size after decompression, behind the prefix and two times.
     bytes[first + 25..first + 33].copy_from_slice(&(u64::MAX >> 8).to_le_bytes());
     let items = read(&common::path("huge_length.mcap"), &bytes);

@@ -32,11 +32,7 @@ fn a_log_of_the_stock_writer_is_read() {
         ("CH".to_owned(), 123_456_789_000, b"hello".to_vec()),
         ("CH2".to_owned(), 123_456_999_000, vec![]),
         ("CH".to_owned(), 123_457_000_000, (0..=255).collect()),
-        (
-            "SYNC".to_owned(),
-            123_456_000_000,
-            [0xed, 0xa1, 0xda, 0x01].repeat(8),
-        ),
+        ("SYNC".to_owned(), 123_456_000_000, [0xed, 0xa1, 0xda, 0x01].repeat(8)),
         ("x".repeat(63), 123_458_000_000, vec![0]),
     ];
     assert_eq!(common::events(&items), expected);
@@ -46,19 +42,13 @@ fn a_log_of_the_stock_writer_is_read() {
 #[test]
 fn both_formats_give_back_what_was_written() {
     let messages = common::messages(1000);
-    for (name, format) in [
-        ("round.lcmlog", Format::LcmLog),
-        ("round.mcap", Format::Mcap),
-    ] {
+    for (name, format) in [("round.lcmlog", Format::LcmLog), ("round.mcap", Format::Mcap)] {
         let path = common::path(name);
         common::write(&path, &messages, 300);
         let reader = LogReader::open(&path).unwrap();
         assert_eq!(reader.format(), format);
         let mut events = reader.events();
-        let read: Vec<_> = events
-            .by_ref()
-            .map(|event| common::message(&event.unwrap()))
-            .collect();
+        let read: Vec<_> = events.by_ref().map(|event| common::message(&event.unwrap())).collect();
         assert!(read == messages, "{name}");
         assert!(events.health().is_good(), "{name}: {:?}", events.health());
     }
@@ -69,10 +59,7 @@ fn nanoseconds_survive_in_mcap_and_are_rounded_down_in_an_event_log() {
     for (name, expected) in [("ns.mcap", 1_999), ("ns.lcmlog", 1_000)] {
         let path = common::path(name);
         common::write(&path, &[("CH".into(), 1_999, vec![7])], 10);
-        assert_eq!(
-            common::events(&common::items(&path)),
-            [("CH".to_owned(), expected, vec![7])]
-        );
+        assert_eq!(common::events(&common::items(&path)), [("CH".to_owned(), expected, vec![7])]);
     }
 }
 
@@ -83,10 +70,7 @@ fn equal_events_give_equal_bytes() {
         let [a, b] = ["a", "b"].map(|name| common::path(&format!("same_{name}.{ending}")));
         common::write(&a, &messages, usize::MAX);
         common::write(&b, &messages, usize::MAX);
-        assert!(
-            std::fs::read(a).unwrap() == std::fs::read(b).unwrap(),
-            "{ending}"
-        );
+        assert!(std::fs::read(a).unwrap() == std::fs::read(b).unwrap(), "{ending}");
     }
 }
 
@@ -97,21 +81,12 @@ fn our_mcap_is_read_by_the_mcap_crate() {
     let path = common::path("crate.mcap");
     common::write(&path, &messages, 100);
     let bytes = std::fs::read(path).unwrap();
-    let read: Vec<_> = mcap::MessageStream::new(&bytes)
-        .unwrap()
-        .map(Result::unwrap)
-        .collect();
+    let read: Vec<_> = mcap::MessageStream::new(&bytes).unwrap().map(Result::unwrap).collect();
     assert_eq!(read.len(), messages.len());
     let mut sequence = std::collections::BTreeMap::new();
     for (found, (channel, t_ns, data)) in read.iter().zip(&messages) {
-        assert_eq!(
-            (&found.channel.topic, &found.data[..]),
-            (channel, &data[..])
-        );
-        assert_eq!(
-            (found.log_time, found.publish_time),
-            (*t_ns as u64, *t_ns as u64)
-        );
+        assert_eq!((&found.channel.topic, &found.data[..]), (channel, &data[..]));
+        assert_eq!((found.log_time, found.publish_time), (*t_ns as u64, *t_ns as u64));
         assert_eq!(found.channel.message_encoding, "lcm");
         let expected = sequence.entry(found.channel.id).or_insert(0);
         assert_eq!(found.sequence, *expected);
@@ -143,58 +118,28 @@ fn what_is_no_log_is_refused_by_name() {
     assert!(matches!(open("empty.lcmlog", b""), Error::EmptyFile { .. }));
     let error = open("three.mcap", b"abc");
     assert!(matches!(error, Error::NotALog { bytes: 3, .. }), "{error}");
-    assert!(
-        error.to_string().contains("three.mcap") && error.to_string().contains("61 62 63"),
-        "{error}"
-    );
-    assert!(matches!(
-        open("text.mcap", "nothing but words ".repeat(100_000).as_bytes()),
-        Error::NotALog { .. }
-    ));
+    assert!(error.to_string().contains("three.mcap") && error.to_string().contains("61 62 63"), "{error}");
+    assert!(matches!(open("text.mcap", "nothing but words ".repeat(100_000).as_bytes()), Error::NotALog { .. }));
     let missing = LogReader::open(common::path("missing.mcap")).err().unwrap();
-    assert!(
-        matches!(missing, Error::Io { .. }) && missing.to_string().contains("missing.mcap"),
-        "{missing}"
-    );
-    assert!(matches!(
-        LogReader::open(common::path("")),
-        Err(Error::NotAFile { .. })
-    ));
+    assert!(matches!(missing, Error::Io { .. }) && missing.to_string().contains("missing.mcap"), "{missing}");
+    assert!(matches!(LogReader::open(common::path("")), Err(Error::NotAFile { .. })));
 }
 
 #[test]
 fn a_writer_refuses_what_no_reader_could_read() {
-    assert!(matches!(
-        LogWriter::create(common::path("log.txt")),
-        Err(Error::UnknownExtension { .. })
-    ));
-    assert!(matches!(
-        LogWriter::create(common::path("none/log.mcap")),
-        Err(Error::Io { .. })
-    ));
+    assert!(matches!(LogWriter::create(common::path("log.txt")), Err(Error::UnknownExtension { .. })));
+    assert!(matches!(LogWriter::create(common::path("none/log.mcap")), Err(Error::Io { .. })));
     for name in ["refuse.lcmlog", "refuse.mcap"] {
         let path = common::path(name);
         let mut log = LogWriter::create(&path).unwrap();
         for channel in ["", "a\0b", &"x".repeat(64)] {
-            assert!(
-                matches!(
-                    log.write(channel, 0, b"data"),
-                    Err(Error::ChannelName { .. })
-                ),
-                "{channel:?}"
-            );
+            assert!(matches!(log.write(channel, 0, b"data"), Err(Error::ChannelName { .. })), "{channel:?}");
         }
-        assert!(matches!(
-            log.write("CH", -1, b"data"),
-            Err(Error::NegativeTime { t_ns: -1, .. })
-        ));
+        assert!(matches!(log.write("CH", -1, b"data"), Err(Error::NegativeTime { t_ns: -1, .. })));
         // A refusal leaves the log as it was.
         log.write("CH", 5000, b"data").unwrap();
         assert_eq!(log.finish().unwrap(), 1);
-        assert_eq!(
-            common::events(&common::items(&path)),
-            [("CH".to_owned(), 5000, b"data".to_vec())]
-        );
+        assert_eq!(common::events(&common::items(&path)), [("CH".to_owned(), 5000, b"data".to_vec())]);
     }
 }
 
@@ -205,9 +150,6 @@ fn a_dropped_writer_has_written_its_events() {
         let mut log = LogWriter::create(&path).unwrap();
         log.write("CH", 5000, b"data").unwrap();
         drop(log);
-        assert!(
-            matches!(common::items(&path)[..], [Item::Event(_)]),
-            "{name}"
-        );
+        assert!(matches!(common::items(&path)[..], [Item::Event(_)]), "{name}");
     }
 }

@@ -13,7 +13,6 @@ use super::{Cut, Damaged, Event, Item, MAX_CHANNEL, MAX_MESSAGE, Names};
 use crate::Error;
 use std::fs::File;
 use std::io::{BufWriter, Write};
-use std::path::Path;
 
 /// First bytes of every event.
 pub(super) const SYNC: [u8; 4] = 0xEDA1_DA01_u32.to_be_bytes();
@@ -31,10 +30,7 @@ pub(super) struct EventLogWriter {
 
 impl EventLogWriter {
     pub fn new(file: File) -> Self {
-        EventLogWriter {
-            out: BufWriter::with_capacity(1 << 18, file),
-            number: 0,
-        }
+        EventLogWriter { out: BufWriter::with_capacity(1 << 18, file), number: 0 }
     }
 
     /// `t_ns` is rounded down to whole microseconds; the caller has checked name, time and length.
@@ -69,11 +65,7 @@ pub(super) struct EventLogReader {
 /// What stands at an offset.
 enum Found {
     /// A header that fits what the file still holds.
-    Event {
-        t_ns: i64,
-        channel: usize,
-        data: usize,
-    },
+    Event { t_ns: i64, channel: usize, data: usize },
     /// The beginning of an event whose end is missing.
     Beginning,
     /// Something else.
@@ -82,12 +74,7 @@ enum Found {
 
 impl EventLogReader {
     pub fn new(source: Source) -> Self {
-        EventLogReader {
-            source,
-            at: 0,
-            names: Names::default(),
-            pending: None,
-        }
+        EventLogReader { source, at: 0, names: Names::default(), pending: None }
     }
 
     /// Whether an event begins anywhere in the first `limit` bytes.
@@ -105,11 +92,7 @@ impl EventLogReader {
             return Ok(None);
         }
         let item = match found_at(&mut self.source, at)? {
-            Found::Event {
-                t_ns,
-                channel,
-                data,
-            } => {
+            Found::Event { t_ns, channel, data } => {
                 let length = HEADER + channel + data;
                 // One window for the event and what tells where it ends.
                 self.source.bytes(at, length + SYNC.len())?;
@@ -118,17 +101,9 @@ impl EventLogReader {
                 if !boundary(&mut self.source, end)? {
                     next = next_header(&mut self.source, at + 1)?.unwrap_or(self.source.len());
                     if next < end {
-                        return Ok(Some(self.damaged(
-                            at,
-                            next,
-                            "another event begins inside this one",
-                        )));
+                        return Ok(Some(self.damaged(at, next, "another event begins inside this one")));
                     }
-                    self.pending = Some(Damaged {
-                        offset: end,
-                        bytes: next - end,
-                        why: "no event begins here".into(),
-                    });
+                    self.pending = Some(Damaged { offset: end, bytes: next - end, why: "no event begins here".into() });
                 }
                 self.at = next;
                 Item::Event(self.event(at, t_ns, channel, data)?)
@@ -136,17 +111,11 @@ impl EventLogReader {
             found => match (next_header(&mut self.source, at + 1)?, found) {
                 (None, Found::Beginning) => {
                     self.at = self.source.len();
-                    Item::Cut(Cut {
-                        offset: at,
-                        bytes: self.at - at,
-                    })
+                    Item::Cut(Cut { offset: at, bytes: self.at - at })
                 }
                 (next, found) => {
-                    let why = if let Found::Other(why) = found {
-                        why
-                    } else {
-                        "the event is longer than what follows it"
-                    };
+                    let why =
+                        if let Found::Other(why) = found { why } else { "the event is longer than what follows it" };
                     let end = next.unwrap_or(self.source.len());
                     self.damaged(at, end, why)
                 }
@@ -157,30 +126,15 @@ impl EventLogReader {
 
     fn damaged(&mut self, from: u64, to: u64, why: &str) -> Item {
         self.at = to;
-        Item::Damaged(Damaged {
-            offset: from,
-            bytes: to - from,
-            why: why.into(),
-        })
+        Item::Damaged(Damaged { offset: from, bytes: to - from, why: why.into() })
     }
 
-    fn event(
-        &mut self,
-        offset: u64,
-        t_ns: i64,
-        channel: usize,
-        data: usize,
-    ) -> Result<Event, Error> {
+    fn event(&mut self, offset: u64, t_ns: i64, channel: usize, data: usize) -> Result<Event, Error> {
         let bytes = &self.source.bytes(offset, HEADER + channel + data)?[HEADER..];
         let (name, data) = bytes.split_at(channel.min(bytes.len()));
         // `found_at` has seen that the name is text.
         let channel = self.names.intern(&String::from_utf8_lossy(name));
-        Ok(Event {
-            channel,
-            t_ns,
-            data: data.to_vec(),
-            offset,
-        })
+        Ok(Event { channel, t_ns, data: data.to_vec(), offset })
     }
 }
 
@@ -235,21 +189,9 @@ fn found_at(source: &mut Source, at: u64) -> Result<Found, Error> {
     if (HEADER + channel + data) as u64 > left {
         return Ok(Found::Beginning);
     }
-    Ok(Found::Event {
-        t_ns,
-        channel,
-        data,
-    })
+    Ok(Found::Event { t_ns, channel, data })
 }
 
 fn field<const N: usize>(header: &[u8; HEADER], at: usize) -> [u8; N] {
     std::array::from_fn(|i| header[at + i])
-}
-
-/// Opens `path` for writing, empty.
-pub(super) fn create(path: &Path) -> Result<File, Error> {
-    File::create(path).map_err(|source| Error::Io {
-        path: path.into(),
-        source,
-    })
 }

@@ -90,9 +90,7 @@ impl McapReader {
         let Some((length, body)) = rest.split_first_chunk() else {
             return Ok(false);
         };
-        let whole = usize::try_from(u64::from_le_bytes(*length))
-            .ok()
-            .and_then(|n| body.get(..n));
+        let whole = usize::try_from(u64::from_le_bytes(*length)).ok().and_then(|n| body.get(..n));
         Ok(whole.is_some_and(|body| parse_record(op::HEADER, body).is_ok()))
     }
 
@@ -104,12 +102,7 @@ impl McapReader {
             if self.at >= self.source.len() {
                 let complete = matches!(self.place, Place::AfterClosingMagic | Place::Over);
                 self.place = Place::Over;
-                return Ok((!complete).then(|| {
-                    Item::Cut(Cut {
-                        offset: self.source.len(),
-                        bytes: 0,
-                    })
-                }));
+                return Ok((!complete).then(|| Item::Cut(Cut { offset: self.source.len(), bytes: 0 })));
             }
             let from = self.at;
             match self.step()? {
@@ -126,26 +119,15 @@ impl McapReader {
             return self.record(at);
         }
         let bytes = self.source.bytes(at, MAGIC.len())?;
-        let (is_magic, is_cut) = (
-            bytes == MAGIC,
-            bytes.len() < MAGIC.len() && MAGIC.starts_with(bytes),
-        );
+        let (is_magic, is_cut) = (bytes == MAGIC, bytes.len() < MAGIC.len() && MAGIC.starts_with(bytes));
         let end = at + bytes.len() as u64;
         if is_cut {
             return Ok(Step::Lost("the closing magic is not whole"));
         }
         let closing = self.place == Place::BeforeClosingMagic;
-        self.place = if closing {
-            Place::AfterClosingMagic
-        } else {
-            Place::InRecords
-        };
+        self.place = if closing { Place::AfterClosingMagic } else { Place::InRecords };
         if closing {
-            return Ok(if is_magic {
-                Step::Next(end)
-            } else {
-                Step::Bad(end, "the closing magic is damaged".into())
-            });
+            return Ok(if is_magic { Step::Next(end) } else { Step::Bad(end, "the closing magic is damaged".into()) });
         }
         self.base = at;
         self.channels.clear();
@@ -172,10 +154,7 @@ impl McapReader {
             op::CHUNK if is_chunk => return self.chunk(at, length),
             op::CHUNK => return Ok(Step::Lost("the head of a chunk is damaged")),
             _ if is_chunk => {
-                return Ok(Step::Bad(
-                    next,
-                    format!("a chunk has the opcode {opcode:#04x}"),
-                ));
+                return Ok(Step::Bad(next, format!("a chunk has the opcode {opcode:#04x}")));
             }
             op::DATA_END if length != DATA_END => {
                 return Ok(Step::Lost("the end of the data has a wrong length"));
@@ -200,14 +179,9 @@ impl McapReader {
             _ => return Ok(Step::Next(next)),
         }
         if length > MAX_RECORD {
-            return Ok(Step::Bad(
-                next,
-                format!("a record of {length} bytes, at most {MAX_RECORD} are read"),
-            ));
+            return Ok(Step::Bad(next, format!("a record of {length} bytes, at most {MAX_RECORD} are read")));
         }
-        match parse_record(opcode, self.source.bytes(body, length as usize)?)
-            .map(Record::into_owned)
-        {
+        match parse_record(opcode, self.source.bytes(body, length as usize)?).map(Record::into_owned) {
             Ok(record) => self.messages(at, [record])?,
             Err(why) => return Ok(Step::Bad(next, why.to_string())),
         }
@@ -227,11 +201,7 @@ impl McapReader {
     }
 
     /// Takes channels and messages from sound records.
-    fn messages(
-        &mut self,
-        at: u64,
-        records: impl IntoIterator<Item = Record<'static>>,
-    ) -> Result<(), Error> {
+    fn messages(&mut self, at: u64, records: impl IntoIterator<Item = Record<'static>>) -> Result<(), Error> {
         let mut lost = 0_u64;
         for record in records {
             match record {
@@ -258,11 +228,7 @@ impl McapReader {
         }
         if lost > 0 {
             let why = format!("{lost} messages have no channel, or a time beyond 292 years");
-            self.ready.push_back(Item::Damaged(Damaged {
-                offset: at,
-                bytes: 0,
-                why,
-            }));
+            self.ready.push_back(Item::Damaged(Damaged { offset: at, bytes: 0, why }));
         }
         Ok(())
     }
@@ -284,11 +250,7 @@ impl McapReader {
 
     fn damaged(&mut self, from: u64, to: u64, why: String) {
         self.at = to;
-        self.ready.push_back(Item::Damaged(Damaged {
-            offset: from,
-            bytes: to - from,
-            why,
-        }));
+        self.ready.push_back(Item::Damaged(Damaged { offset: from, bytes: to - from, why }));
     }
 
     /// Goes on at the next chunk, else at the footer, else at the end.
@@ -310,10 +272,7 @@ impl McapReader {
         if !ends_with_magic(&mut self.source)? {
             self.at = end;
             self.place = Place::Over;
-            self.ready.push_back(Item::Cut(Cut {
-                offset: from,
-                bytes: end - from,
-            }));
+            self.ready.push_back(Item::Cut(Cut { offset: from, bytes: end - from }));
             return Ok(());
         }
         let magic = end - MAGIC.len() as u64;
@@ -346,10 +305,7 @@ fn records_of(mut chunk: &[u8]) -> mcap::McapResult<Vec<Record<'static>>> {
                 chunk = rest;
             }
             // Only these are parsed: the parser of an attachment panics on a short one.
-            LinearReadEvent::Record {
-                opcode: opcode @ (op::CHANNEL | op::MESSAGE),
-                data,
-            } => {
+            LinearReadEvent::Record { opcode: opcode @ (op::CHANNEL | op::MESSAGE), data } => {
                 records.push(parse_record(opcode, data)?.into_owned());
             }
             LinearReadEvent::Record { .. } => {}
@@ -364,9 +320,7 @@ fn prefix(source: &mut Source, at: u64) -> Result<Option<(u8, u64)>, Error> {
     let Some((&opcode, length)) = bytes.split_first() else {
         return Ok(None);
     };
-    Ok(length
-        .first_chunk()
-        .map(|length| (opcode, u64::from_le_bytes(*length))))
+    Ok(length.first_chunk().map(|length| (opcode, u64::from_le_bytes(*length))))
 }
 
 /// Whether a record may begin at `at`: one of the specification or a private one, of a length that can be.
@@ -385,14 +339,8 @@ fn looks_like_chunk(source: &mut Source, body: u64, length: u64) -> Result<bool,
     let Some((head, rest)) = bytes.split_first_chunk::<CHUNK_HEAD>() else {
         return Ok(false);
     };
-    let size = head[16..24]
-        .iter()
-        .rev()
-        .fold(0, |n, &byte| n << 8 | u64::from(byte));
-    let name = head[28..32]
-        .iter()
-        .rev()
-        .fold(0, |n, &byte| n << 8 | usize::from(byte));
+    let size = head[16..24].iter().rev().fold(0, |n, &byte| n << 8 | u64::from(byte));
+    let name = head[28..32].iter().rev().fold(0, |n, &byte| n << 8 | usize::from(byte));
     let Some((name, rest)) = rest.split_at_checked(name) else {
         return Ok(false);
     };
@@ -412,10 +360,7 @@ fn ends_with_magic(source: &mut Source) -> Result<bool, Error> {
 
 /// The footer in front of the closing magic, and where it stands.
 fn footer(source: &mut Source) -> Result<Option<(u64, Footer)>, Error> {
-    let Some(at) = source
-        .len()
-        .checked_sub(PREFIX + FOOTER + MAGIC.len() as u64)
-    else {
+    let Some(at) = source.len().checked_sub(PREFIX + FOOTER + MAGIC.len() as u64) else {
         return Ok(None);
     };
     if prefix(source, at)? != Some((op::FOOTER, FOOTER)) {
@@ -438,10 +383,7 @@ fn summary_channels(source: &mut Source, base: u64) -> Result<Vec<(u16, String)>
         return Ok(channels);
     };
     // The summary follows the end of the data; an offset into another MCAP would not point there.
-    let data_end = at
-        .checked_sub(PREFIX + DATA_END)
-        .map(|before| prefix(source, before))
-        .transpose()?;
+    let data_end = at.checked_sub(PREFIX + DATA_END).map(|before| prefix(source, before)).transpose()?;
     if data_end != Some(Some((op::DATA_END, DATA_END))) {
         return Ok(channels);
     }
@@ -450,8 +392,7 @@ fn summary_channels(source: &mut Source, base: u64) -> Result<Vec<(u16, String)>
         && length <= MAX_RECORD.min(end - at)
     {
         if opcode == op::CHANNEL
-            && let Ok(Record::Channel(channel)) =
-                parse_record(opcode, source.bytes(at + PREFIX, length as usize)?)
+            && let Ok(Record::Channel(channel)) = parse_record(opcode, source.bytes(at + PREFIX, length as usize)?)
         {
             channels.push((channel.id, channel.topic));
         }

@@ -7,6 +7,7 @@
 //! - Chunks of 256 KiB before compression, zstd on the writing thread, CRCs and indexes on: equal events give equal bytes, and a
 //!   process that dies loses no more than the chunk that it was filling.
 
+use super::schema::Schema;
 use mcap::records::MessageHeader;
 use mcap::write::NoSeek;
 use mcap::{Compression, McapResult, WriteOptions, Writer};
@@ -15,12 +16,6 @@ use std::fs::File;
 use std::io::BufWriter;
 
 const CHUNK_BYTES: u64 = 1 << 18;
-
-/// Name and text of a type.
-pub(super) struct Schema {
-    pub name: String,
-    pub text: String,
-}
 
 pub(super) struct McapWriter {
     out: Writer<NoSeek<BufWriter<File>>>,
@@ -45,10 +40,7 @@ impl McapWriter {
             .chunk_size(Some(CHUNK_BYTES))
             .disable_seeking(true)
             .create(NoSeek::new(BufWriter::new(file)))?;
-        Ok(McapWriter {
-            out,
-            channels: BTreeMap::new(),
-        })
+        Ok(McapWriter { out, channels: BTreeMap::new() })
     }
 
     /// `schema` is asked once per channel and type. The caller has checked that the time is not negative.
@@ -57,7 +49,7 @@ impl McapWriter {
         channel: &str,
         t_ns: u64,
         data: &[u8],
-        schema: impl FnOnce() -> Option<Schema>,
+        schema: impl FnOnce(u64) -> Option<Schema>,
     ) -> McapResult<()> {
         let fingerprint = super::fingerprint(data);
         let known = match self.channels.get_mut(channel) {
@@ -67,34 +59,21 @@ impl McapWriter {
         let index = match known.iter().position(|c| c.fingerprint == fingerprint) {
             Some(index) => index,
             None => {
-                let schema_id = match schema() {
-                    Some(schema) => {
-                        self.out
-                            .add_schema(&schema.name, "lcm", schema.text.as_bytes())?
-                    }
+                let schema_id = match fingerprint.and_then(schema) {
+                    Some(schema) => self.out.add_schema(&schema.name, "lcm", schema.text.as_bytes())?,
                     None => 0,
                 };
                 // The fingerprint as metadata also keeps two types of one topic apart, which otherwise count as one channel.
-                let metadata = fingerprint
-                    .map(|f| ("lcm_fingerprint".to_owned(), format!("{f:016x}")))
-                    .into_iter()
-                    .collect();
+                let metadata =
+                    fingerprint.map(|f| ("lcm_fingerprint".to_owned(), format!("{f:016x}"))).into_iter().collect();
                 let id = self.out.add_channel(schema_id, channel, "lcm", &metadata)?;
-                known.push(ChannelOfType {
-                    fingerprint,
-                    id,
-                    sequence: 0,
-                });
+                known.push(ChannelOfType { fingerprint, id, sequence: 0 });
                 known.len() - 1
             }
         };
         let known = &mut known[index];
-        let header = MessageHeader {
-            channel_id: known.id,
-            sequence: known.sequence,
-            log_time: t_ns,
-            publish_time: t_ns,
-        };
+        let header =
+            MessageHeader { channel_id: known.id, sequence: known.sequence, log_time: t_ns, publish_time: t_ns };
         known.sequence = known.sequence.wrapping_add(1);
         self.out.write_to_known_channel(&header, data)
     }

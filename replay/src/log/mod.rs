@@ -18,10 +18,13 @@ mod event_log;
 mod mcap_reader;
 mod mcap_writer;
 mod reader;
+mod schema;
 mod source;
+mod summary;
 mod writer;
 
 pub use reader::{Events, LogReader};
+pub use summary::{ChannelSummary, LogSummary};
 pub use writer::LogWriter;
 
 use std::sync::Arc;
@@ -64,9 +67,7 @@ impl Event {
 
 /// Fingerprint of an encoded LCM message: its first eight bytes, big-endian. `None` if it is shorter.
 pub fn fingerprint(message: &[u8]) -> Option<u64> {
-    message
-        .first_chunk()
-        .map(|bytes| u64::from_be_bytes(*bytes))
+    message.first_chunk().map(|bytes| u64::from_be_bytes(*bytes))
 }
 
 /// What a reader comes across.

@@ -42,11 +42,7 @@ impl LogReader {
             Format::LcmLog => Reader::EventLog(EventLogReader::new(source)),
             Format::Mcap => Reader::Mcap(Box::new(McapReader::new(source))),
         };
-        Ok(LogReader {
-            format,
-            bytes,
-            reader: Some(reader),
-        })
+        Ok(LogReader { format, bytes, reader: Some(reader) })
     }
 
     /// Format of the file.
@@ -61,10 +57,7 @@ impl LogReader {
 
     /// The events alone; what is wrong with the log is collected beside them.
     pub fn events(self) -> Events {
-        Events {
-            reader: self,
-            health: Health::default(),
-        }
+        Events { reader: self, health: Health::default() }
     }
 }
 
@@ -119,11 +112,7 @@ fn detect(source: &mut Source) -> Result<Format, Error> {
     if first == mcap::MAGIC {
         return Ok(Format::Mcap);
     }
-    let found = first
-        .iter()
-        .map(|byte| format!("{byte:02x}"))
-        .collect::<Vec<_>>()
-        .join(" ");
+    let found = first.iter().map(|byte| format!("{byte:02x}")).collect::<Vec<_>>().join(" ");
     // The first bytes themselves may be what is damaged.
     if McapReader::looks_like_one(source)? {
         return Ok(Format::Mcap);
@@ -131,9 +120,5 @@ fn detect(source: &mut Source) -> Result<Format, Error> {
     if EventLogReader::looks_like_one(source, SEARCH)? {
         return Ok(Format::LcmLog);
     }
-    Err(Error::NotALog {
-        path: source.path().into(),
-        bytes: source.len(),
-        found,
-    })
+    Err(Error::NotALog { path: source.path().into(), bytes: source.len(), found })
 }

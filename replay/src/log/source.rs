@@ -19,22 +19,13 @@ pub(super) struct Source {
 
 impl Source {
     pub fn open(path: &Path) -> Result<Self, Error> {
-        let io = |source| Error::Io {
-            path: path.into(),
-            source,
-        };
+        let io = |source| Error::Io { path: path.into(), source };
         let file = File::open(path).map_err(io)?;
         let metadata = file.metadata().map_err(io)?;
         if !metadata.is_file() {
             return Err(Error::NotAFile { path: path.into() });
         }
-        Ok(Source {
-            path: path.into(),
-            file,
-            len: metadata.len(),
-            window: Vec::new(),
-            start: 0,
-        })
+        Ok(Source { path: path.into(), file, len: metadata.len(), window: Vec::new(), start: 0 })
     }
 
     pub fn path(&self) -> &Path {
@@ -48,8 +39,7 @@ impl Source {
     /// The `n` bytes at `offset`, or as many as the file has there. The caller has checked `n` against a limit.
     pub fn bytes(&mut self, offset: u64, n: usize) -> Result<&[u8], Error> {
         let n = (n as u64).min(self.len.saturating_sub(offset)) as usize;
-        let inside =
-            offset >= self.start && offset + n as u64 <= self.start + self.window.len() as u64;
+        let inside = offset >= self.start && offset + n as u64 <= self.start + self.window.len() as u64;
         if !inside {
             self.load(offset, n.max(WINDOW))?;
         }
@@ -78,10 +68,7 @@ impl Source {
         self.start = offset;
         let mut filled = 0;
         while filled < n {
-            match self
-                .file
-                .read_at(&mut self.window[filled..], offset + filled as u64)
-            {
+            match self.file.read_at(&mut self.window[filled..], offset + filled as u64) {
                 Ok(0) => {
                     // The file has become shorter since it was opened.
                     self.len = offset + filled as u64;
@@ -90,10 +77,7 @@ impl Source {
                 Ok(count) => filled += count,
                 Err(error) if error.kind() == std::io::ErrorKind::Interrupted => {}
                 Err(source) => {
-                    return Err(Error::Io {
-                        path: self.path.clone(),
-                        source,
-                    });
+                    return Err(Error::Io { path: self.path.clone(), source });
                 }
             }
         }

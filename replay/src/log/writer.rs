@@ -1,9 +1,11 @@
 //! Writing a log of either format.
 
-use super::event_log::{self, EventLogWriter};
+use super::event_log::EventLogWriter;
 use super::mcap_writer::McapWriter;
+use super::schema::Schemas;
 use super::{Format, MAX_CHANNEL, MAX_MESSAGE};
 use crate::Error;
+use std::fs::File;
 use std::path::{Path, PathBuf};
 
 /// Writes a log. Equal events give equal bytes.
@@ -18,7 +20,7 @@ pub struct LogWriter {
 
 enum Sink {
     EventLog(EventLogWriter),
-    Mcap(Box<McapWriter>),
+    Mcap(Box<McapWriter>, Schemas),
 }
 
 impl LogWriter {
@@ -28,19 +30,28 @@ impl LogWriter {
     /// [`Error::UnknownExtension`] for another ending, [`Error::Io`] if the file cannot be created.
     pub fn create(path: impl AsRef<Path>) -> Result<Self, Error> {
         let path = path.as_ref();
-        let sink = match Format::of_name(path)? {
-            Format::LcmLog => Sink::EventLog(EventLogWriter::new(event_log::create(path)?)),
+        let format = Format::of_name(path)?;
+        let file = File::create(path).map_err(|source| io_error(path, source))?;
+        let sink = match format {
+            Format::LcmLog => Sink::EventLog(EventLogWriter::new(file)),
             Format::Mcap => {
-                let writer = McapWriter::new(event_log::create(path)?);
-                Sink::Mcap(Box::new(writer.map_err(|source| mcap_error(path, source))?))
+                let writer = McapWriter::new(file).map_err(|source| mcap_error(path, source))?;
+                Sink::Mcap(Box::new(writer), Schemas::ours())
             }
         };
-        Ok(LogWriter {
-            path: path.into(),
-            sink,
-            events: 0,
-            failed: false,
-        })
+        Ok(LogWriter { path: path.into(), sink, events: 0, failed: false })
+    }
+
+    /// Explains the types of other `.lcm` texts, given as (name, text), instead of our own: those of an older log, or of another
+    /// project. To be called before the first event; without effect on an LCM event log, which holds no types.
+    ///
+    /// # Errors
+    /// [`Error::Types`] if the texts cannot be used.
+    pub fn explain(&mut self, sources: &[(String, String)]) -> Result<(), Error> {
+        if let Sink::Mcap(_, schemas) = &mut self.sink {
+            *schemas = Schemas::new(sources).map_err(|source| Error::Types { path: self.path.clone(), source })?;
+        }
+        Ok(())
     }
 
     /// Appends an event.
@@ -53,22 +64,13 @@ impl LogWriter {
     /// A bad channel, time or length leaves the log as it was. After a failed write every later one fails too, so that no log has a hole.
     pub fn write(&mut self, channel: &str, t_ns: i64, data: &[u8]) -> Result<(), Error> {
         if self.failed {
-            return Err(Error::WriterFailed {
-                path: self.path.clone(),
-            });
+            return Err(Error::WriterFailed { path: self.path.clone() });
         }
         if channel.is_empty() || channel.len() > MAX_CHANNEL || channel.contains('\0') {
-            return Err(Error::ChannelName {
-                path: self.path.clone(),
-                channel: channel.into(),
-            });
+            return Err(Error::ChannelName { path: self.path.clone(), channel: channel.into() });
         }
         let Ok(t) = u64::try_from(t_ns) else {
-            return Err(Error::NegativeTime {
-                path: self.path.clone(),
-                channel: channel.into(),
-                t_ns,
-            });
+            return Err(Error::NegativeTime { path: self.path.clone(), channel: channel.into(), t_ns });
         };
         if data.len() > MAX_MESSAGE {
             return Err(Error::MessageTooLong {
@@ -79,12 +81,11 @@ impl LogWriter {
             });
         }
         let written = match &mut self.sink {
-            Sink::EventLog(out) => out
-                .write(channel, t_ns, data)
-                .map_err(|source| io_error(&self.path, source)),
-            Sink::Mcap(out) => out
-                .write(channel, t, data, || None)
-                .map_err(|source| mcap_error(&self.path, source)),
+            Sink::EventLog(out) => out.write(channel, t_ns, data).map_err(|source| io_error(&self.path, source)),
+            Sink::Mcap(out, schemas) => {
+                let schema = |fingerprint| schemas.of(channel, fingerprint);
+                out.write(channel, t, data, schema).map_err(|source| mcap_error(&self.path, source))
+            }
         };
         self.failed = written.is_err();
         self.events += u64::from(written.is_ok());
@@ -98,7 +99,7 @@ impl LogWriter {
     pub fn flush(&mut self) -> Result<(), Error> {
         let flushed = match &mut self.sink {
             Sink::EventLog(out) => out.flush().map_err(|source| io_error(&self.path, source)),
-            Sink::Mcap(out) => out.flush().map_err(|source| mcap_error(&self.path, source)),
+            Sink::Mcap(out, _) => out.flush().map_err(|source| mcap_error(&self.path, source)),
         };
         self.failed |= flushed.is_err();
         flushed
@@ -113,12 +114,8 @@ impl LogWriter {
             return Err(Error::WriterFailed { path: self.path });
         }
         match self.sink {
-            Sink::EventLog(ref mut out) => {
-                out.flush().map_err(|source| io_error(&self.path, source))?
-            }
-            Sink::Mcap(out) => out
-                .finish()
-                .map_err(|source| mcap_error(&self.path, source))?,
+            Sink::EventLog(ref mut out) => out.flush().map_err(|source| io_error(&self.path, source))?,
+            Sink::Mcap(out, _) => out.finish().map_err(|source| mcap_error(&self.path, source))?,
         }
         Ok(self.events)
     }
@@ -144,15 +141,9 @@ impl Format {
 }
 
 fn io_error(path: &Path, source: std::io::Error) -> Error {
-    Error::Io {
-        path: path.into(),
-        source,
-    }
+    Error::Io { path: path.into(), source }
 }
 
 fn mcap_error(path: &Path, source: mcap::McapError) -> Error {
-    Error::Mcap {
-        path: path.into(),
-        source,
-    }
+    Error::Mcap { path: path.into(), source }
 }

@@ -31,9 +31,7 @@ pub fn messages(count: usize) -> Vec<Message> {
     (0..count)
         .map(|i| {
             let channel = ["ALPHA", "BETA", "A_CHANNEL_WITH_A_LONGER_NAME"][i % 3];
-            let data = (0..random.next() % 60)
-                .map(|_| (random.next() >> 33) as u8)
-                .collect();
+            let data = (0..random.next() % 60).map(|_| (random.next() >> 33) as u8).collect();
             (channel.to_owned(), 1_000_000_000 + i as i64 * 250_000, data)
         })
         .collect()
@@ -52,10 +50,7 @@ pub fn write(path: &Path, messages: &[Message], chunk: usize) {
 }
 
 pub fn items(path: &Path) -> Vec<Item> {
-    LogReader::open(path)
-        .unwrap()
-        .map(|item| item.unwrap())
-        .collect()
+    LogReader::open(path).unwrap().map(|item| item.unwrap()).collect()
 }
 
 pub fn message(event: &Event) -> Message {
@@ -64,14 +59,5 @@ pub fn message(event: &Event) -> Message {
 
 /// The messages among the items.
 pub fn events(items: &[Item]) -> Vec<Message> {
-    items
-        .iter()
-        .filter_map(|item| {
-            if let Item::Event(event) = item {
-                Some(message(event))
-            } else {
-                None
-            }
-        })
-        .collect()
+    items.iter().filter_map(|item| if let Item::Event(event) = item { Some(message(event)) } else { None }).collect()
 }
