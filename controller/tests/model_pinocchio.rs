@@ -10,11 +10,7 @@ const TOLERANCE: f64 = 1e-11;
 
 #[test]
 fn hyq() {
-    check(
-        include_str!("../../robots/hyq/hyq.urdf"),
-        include_str!("data/model_hyq.json"),
-        Base::Floating,
-    );
+    check(include_str!("../../robots/hyq/hyq.urdf"), include_str!("data/model_hyq.json"), Base::Floating);
 }
 
 #[test]
@@ -28,11 +24,7 @@ fn anymal_b() {
 
 #[test]
 fn fixed_base_arm_with_prismatic_and_continuous_joints() {
-    check(
-        include_str!("data/arm.urdf"),
-        include_str!("data/model_arm.json"),
-        Base::Fixed,
-    );
+    check(include_str!("data/arm.urdf"), include_str!("data/model_arm.json"), Base::Fixed);
 }
 
 fn check(urdf: &str, fixture: &str, base: Base) {
@@ -52,12 +44,7 @@ fn check(urdf: &str, fixture: &str, base: Base) {
         let (state, expected) = (&state["state"], &state["expected"]);
         let (q, qd) = (numbers(&state["q"]), numbers(&state["qd"]));
         kin.update(&model, &base_state(state), &q, &qd);
-        whole_robot(
-            &model,
-            &kin,
-            &DVector::from(numbers(&state["vd"])),
-            expected,
-        );
+        whole_robot(&model, &kin, &DVector::from(numbers(&state["vd"])), expected);
         let frames = expected["frames"].as_object().unwrap();
         assert_eq!(frames.len(), tree.links.len());
         for (link, expected) in frames {
@@ -76,66 +63,30 @@ fn whole_robot(model: &Model, kin: &Kinematics, vd: &DVector<f64>, expected: &Va
     bias_force(model, kin, &mut force);
     near("bias force", &expected["bias_force"], force.as_slice());
     gravity_force(model, kin, &mut force);
-    near(
-        "gravity force",
-        &expected["gravity_force"],
-        force.as_slice(),
-    );
+    near("gravity force", &expected["gravity_force"], force.as_slice());
     rnea(model, kin, vd, &mut RneaScratch::new(model), &mut force);
     near("rnea", &expected["rnea"], force.as_slice());
 
     near("com", &expected["com"], com(kin).as_slice());
-    near(
-        "com velocity",
-        &expected["com_velocity"],
-        com_velocity(kin).as_slice(),
-    );
-    near(
-        "com bias acceleration",
-        &expected["com_bias_acceleration"],
-        com_bias_acceleration(kin).as_slice(),
-    );
+    near("com velocity", &expected["com_velocity"], com_velocity(kin).as_slice());
+    near("com bias acceleration", &expected["com_bias_acceleration"], com_bias_acceleration(kin).as_slice());
     let mut J = DMatrix::from_element(3, nv, f64::NAN);
     com_jacobian(model, kin, &mut J);
     near_matrix("com Jacobian", &expected["com_jacobian"], &J);
-    near(
-        "centroidal momentum",
-        &expected["centroidal_momentum"],
-        centroidal_momentum(kin).as_slice(),
-    );
+    near("centroidal momentum", &expected["centroidal_momentum"], centroidal_momentum(kin).as_slice());
     let mut A_G = DMatrix::from_element(6, nv, f64::NAN);
     centroidal_momentum_matrix(model, kin, &mut A_G);
-    near_matrix(
-        "centroidal momentum matrix",
-        &expected["centroidal_momentum_matrix"],
-        &A_G,
-    );
+    near_matrix("centroidal momentum matrix", &expected["centroidal_momentum_matrix"], &A_G);
 }
 
 fn one_frame(model: &Model, kin: &Kinematics, link: &str, expected: &Value) {
     let frame = model.frame(link).unwrap();
     let named = |quantity: &str| format!("{link}: {quantity}");
-    near(
-        &named("p_WF"),
-        &expected["p_WF"],
-        kin.p_WF(model, frame).as_slice(),
-    );
+    near(&named("p_WF"), &expected["p_WF"], kin.p_WF(model, frame).as_slice());
     let R_WF = kin.R_WF(model, frame);
-    near_matrix(
-        &named("R_WF"),
-        &expected["R_WF"],
-        &DMatrix::from_column_slice(3, 3, R_WF.as_slice()),
-    );
-    near(
-        &named("v_WF"),
-        &expected["v_WF"],
-        kin.v_WF(model, frame).as_slice(),
-    );
-    near(
-        &named("w_WF_W"),
-        &expected["w_WF_W"],
-        kin.w_WF_W(model, frame).as_slice(),
-    );
+    near_matrix(&named("R_WF"), &expected["R_WF"], &DMatrix::from_column_slice(3, 3, R_WF.as_slice()));
+    near(&named("v_WF"), &expected["v_WF"], kin.v_WF(model, frame).as_slice());
+    near(&named("w_WF_W"), &expected["w_WF_W"], kin.w_WF_W(model, frame).as_slice());
     let mut J = DMatrix::from_element(6, model.nv(), f64::NAN);
     frame_jacobian(model, kin, frame, &mut J);
     near_matrix(&named("Jacobian"), &expected["jacobian"], &J);
@@ -172,10 +123,7 @@ fn near(what: &str, expected: &Value, found: &[f64]) {
     assert_eq!(expected.len(), found.len(), "{what}: count");
     let scale = expected.iter().fold(1.0_f64, |scale, x| scale.max(x.abs()));
     for (i, (e, f)) in expected.iter().zip(found).enumerate() {
-        assert!(
-            (e - f).abs() <= TOLERANCE * scale,
-            "{what}[{i}]: found {f}, expected {e}"
-        );
+        assert!((e - f).abs() <= TOLERANCE * scale, "{what}[{i}]: found {f}, expected {e}");
     }
 }
 

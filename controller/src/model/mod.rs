@@ -12,14 +12,13 @@
 //!
 //! All of it is computed in one frame: W axes at the origin of the base. Spatial inertias and wrenches of different bodies then
 //! add without transformation, the base rows of `M` and `h` fall out as they stand, and nothing depends on `p_WB` or `v_WB`
-//! by construction, not up to rounding: the equations never see them (specification of Raiola et al. 2020, section 2).
+//! by construction, not up to rounding: the equations never see them.
 //!
 //! Order of joints: the order in which the movable joints stand in the text of the URDF file, whatever the shape of the tree.
 //! Every movable joint is actuated. A continuous joint is stored as its angle, not wrapped.
 //!
 //! No message type, bus, file, clock or hash map in here; `+ - * / sqrt` and `libm` only, sums in index order.
 //! Source of the algorithms: R. Featherstone, *Rigid Body Dynamics Algorithms* (2008), chapters 5 and 6.
-#![allow(non_snake_case, reason = "frames are capital letters: `p_WF`, `R_WB`, `J_WF`")]
 
 mod bodies;
 mod centroidal;
