@@ -128,6 +128,9 @@ fn odd_but_usable_figures_are_warned_of() {
     assert_eq!(warnings(bar, empty), [massless]);
     let zero = ModelWarning::ZeroLimit { joint: "hinge".into(), quantity: "effort" };
     assert_eq!(warnings("effort=\"5\"", "effort=\"0\""), [zero]);
+    let locked =
+        two_links(r#"lower="-1" upper="1" effort="5" velocity="3""#, r#"lower="0" upper="0" effort="0" velocity="0""#);
+    assert_eq!(locked.unwrap().warnings.len(), 2, "a limit of zeros is there, a missing one is refused");
     let mimic = "<limit lower=\"-1\" upper=\"1\" effort=\"5\" velocity=\"3\"/><mimic joint=\"other\"/>";
     let ignored = ModelWarning::MimicIgnored { joint: "hinge".into(), leader: "other".into() };
     assert_eq!(warnings("<limit lower=\"-1\" upper=\"1\" effort=\"5\" velocity=\"3\"/>", mimic), [ignored]);

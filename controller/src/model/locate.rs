@@ -1,4 +1,4 @@
-//! Which element of a URDF the XML reader stumbled over: its own errors name neither element nor line.
+//! What the XML reader does not tell: which element it stumbled over, and whether a limit of zeros was there at all.
 
 /// Describes the first top-level `<link>` or `<joint>` that cannot be read alone, with the reason.
 pub(super) fn first_bad_element(text: &str) -> Option<(String, String)> {
@@ -8,47 +8,60 @@ pub(super) fn first_bad_element(text: &str) -> Option<(String, String)> {
     })
 }
 
+/// Whether the joint of that name has a `<limit>`: the XML reader fills a missing one with zeros.
+pub(super) fn has_limit(text: &str, joint: &str) -> bool {
+    let wanted = format!("joint \"{joint}\"");
+    let elements = top_level_elements(text);
+    let element = elements.into_iter().find(|element| describe(element) == wanted);
+    element.is_some_and(|element| tags(element).iter().any(|(start, _)| is_tag(&element[*start..], "<limit")))
+}
+
 /// The text of each `<link>…</link>` and `<joint>…</joint>` that stands directly in `<robot>`.
 fn top_level_elements(text: &str) -> Vec<&str> {
     let mut elements = Vec::new();
-    let (mut depth, mut start, mut at) = (0_usize, 0, 0);
-    while let Some(open) = text[at..].find('<').map(|i| at + i) {
-        let rest = &text[open..];
-        let skipped = [("<!--", "-->"), ("<![CDATA[", "]]>"), ("<?", "?>"), ("<!", ">")]
-            .iter()
-            .find(|(head, _)| rest.starts_with(head));
-        let tail = skipped.map_or(">", |(_, tail)| tail);
-        let Some(end) = rest.find(tail).map(|i| open + i + tail.len()) else {
-            break;
-        };
-        at = end;
-        if skipped.is_some() {
-            continue;
-        }
-        if rest.starts_with("</") {
+    let (mut depth, mut first) = (0_usize, 0);
+    for (start, end) in tags(text) {
+        let tag = &text[start..end];
+        if tag.starts_with("</") {
             depth = depth.saturating_sub(1);
         } else {
             if depth == 1 {
-                start = open;
+                first = start;
             }
-            if !text[open..end].ends_with("/>") {
+            if !tag.ends_with("/>") {
                 depth += 1;
                 continue;
             }
         }
-        if depth == 1 && is_link_or_joint(&text[start..end]) {
-            elements.push(&text[start..end]);
+        let element = &text[first..end];
+        if depth == 1 && (is_tag(element, "<link") || is_tag(element, "<joint")) {
+            elements.push(element);
         }
     }
     elements
 }
 
-fn is_link_or_joint(element: &str) -> bool {
-    ["<link", "<joint"].iter().any(|tag| {
-        element
-            .strip_prefix(tag)
-            .is_some_and(|rest| rest.starts_with(|c: char| c.is_whitespace() || c == '>' || c == '/'))
-    })
+/// Start and end of every opening or closing tag, without comments, CDATA and declarations.
+fn tags(text: &str) -> Vec<(usize, usize)> {
+    let mut tags = Vec::new();
+    let mut at = 0;
+    while let Some(start) = text[at..].find('<').map(|i| at + i) {
+        let rest = &text[start..];
+        let skipped = [("<!--", "-->"), ("<![CDATA[", "]]>"), ("<?", "?>"), ("<!", ">")];
+        let skipped = skipped.iter().find(|(head, _)| rest.starts_with(head));
+        let tail = skipped.map_or(">", |(_, tail)| tail);
+        let Some(end) = rest.find(tail).map(|i| start + i + tail.len()) else { break };
+        if skipped.is_none() {
+            tags.push((start, end));
+        }
+        at = end;
+    }
+    tags
+}
+
+fn is_tag(text: &str, tag: &str) -> bool {
+    let ends = |c: char| c.is_whitespace() || c == '>' || c == '/';
+    text.strip_prefix(tag).is_some_and(|rest| rest.starts_with(ends))
 }
 
 /// `joint "knee"` for `<joint name="knee" …`.
@@ -72,6 +85,7 @@ mod tests {
             <transmission name="t"><joint name="inside"/></transmission>
             <link name="a"/><link name="b"><visual/></link></robot>"#;
         assert_eq!(top_level_elements(text), [r#"<link name="a"/>"#, r#"<link name="b"><visual/></link>"#]);
+        assert!(!has_limit(text, "inside"));
         let (element, _) = first_bad_element(text).expect("a visual needs a geometry");
         assert_eq!(element, "link \"b\"");
     }

@@ -3,7 +3,7 @@
 use nalgebra::{Matrix3, Vector3};
 
 use super::error::{ModelError, ModelWarning};
-use super::locate::first_bad_element;
+use super::locate::{first_bad_element, has_limit};
 use super::pose::Pose;
 use super::topology::Topology;
 
@@ -181,7 +181,8 @@ impl UrdfTree {
         let mut joints = Vec::with_capacity(robot.joints.len());
         let mut warnings = Vec::new();
         for (joint, &(parent, child)) in robot.joints.iter().zip(&topology.ends) {
-            joints.push(read_joint(joint, place[parent], place[child], source_name)?);
+            let limited = joint.limit != urdf_rs::JointLimit::default() || has_limit(text, &joint.name);
+            joints.push(read_joint(joint, place[parent], place[child], limited, source_name)?);
             if let Some(mimic) = &joint.mimic {
                 warnings.push(ModelWarning::MimicIgnored { joint: joint.name.clone(), leader: mimic.joint.clone() });
             }
@@ -223,7 +224,13 @@ fn read_shape(origin: &urdf_rs::Pose, geometry: &urdf_rs::Geometry, check: &Chec
     Ok(Shape { X_LS: check.pose("shape origin", origin)?, kind })
 }
 
-fn read_joint(joint: &urdf_rs::Joint, parent: usize, child: usize, file: &str) -> Result<Joint, ModelError> {
+fn read_joint(
+    joint: &urdf_rs::Joint,
+    parent: usize,
+    child: usize,
+    limited: bool,
+    file: &str,
+) -> Result<Joint, ModelError> {
     let check = Check { file, element: format!("joint \"{}\"", joint.name) };
     let kind = match joint.joint_type {
         urdf_rs::JointType::Fixed => JointKind::Fixed,
@@ -242,20 +249,18 @@ fn read_joint(joint: &urdf_rs::Joint, parent: usize, child: usize, file: &str) -
         child,
         X_PC: check.pose("origin", &joint.origin)?,
         axis: if kind == JointKind::Fixed { Vector3::z() } else { check.unit_axis(*joint.axis.xyz)? },
-        limits: read_limits(joint, kind, &check)?,
+        limits: read_limits(joint, kind, limited, &check)?,
         damping: check.not_negative("damping", damping)?,
         friction: check.not_negative("friction", friction)?,
     })
 }
 
-fn read_limits(joint: &urdf_rs::Joint, kind: JointKind, check: &Check) -> Result<Limits, ModelError> {
-    // The XML reader fills a missing <limit> with zeros, which no joint can mean.
-    let missing = joint.limit == urdf_rs::JointLimit::default();
+fn read_limits(joint: &urdf_rs::Joint, kind: JointKind, limited: bool, check: &Check) -> Result<Limits, ModelError> {
     let l = &joint.limit;
     match kind {
         JointKind::Fixed => return Ok(Limits::NONE),
-        JointKind::Continuous if missing => return Ok(Limits::NONE),
-        _ if missing => {
+        JointKind::Continuous if !limited => return Ok(Limits::NONE),
+        _ if !limited => {
             return Err(ModelError::MissingLimits { file: check.file.to_owned(), joint: joint.name.clone() });
         }
         _ => {}
