@@ -216,3 +216,10 @@ pub struct Enum {
     /// Names and values, in the order of the text.
     pub values: Vec<(String, i32)>,
 }
+
+impl Enum {
+    /// What it adds to the fingerprint of a struct that holds it.
+    pub fn fingerprint(&self) -> u64 {
+        crate::hash::enum_base(self)
+    }
+}

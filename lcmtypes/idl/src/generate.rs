@@ -27,6 +27,7 @@ pub fn generate(set: &TypeSet) -> String {
             out,
             "\n/// Types of {title}.\n\
              #[allow(missing_docs, reason = \"the comment of a type says what its fields mean\")]\n\
+             #[allow(unused_variables, reason = \"a type may have no field\")]\n\
              #[allow(non_snake_case, non_upper_case_globals, clippy::all, rustdoc::all, reason = \"names and texts are those of the .lcm\")]\n\
              pub mod {} {{\n    use ::lcm_idl::wire as lcm_wire;\n",
             module_name(package)
@@ -231,7 +232,7 @@ fn put(out: &mut String, fields: &[Field], field: &Field, dims: &[Dim], place: &
         );
     }
     let item = format!("item_{depth}");
-    let _ = writeln!(out, "{indent}for {item} in &{place} {{");
+    let _ = writeln!(out, "{indent}for {item} in {place}.iter() {{");
     put(out, fields, field, inner, &item, depth + 1);
     let _ = writeln!(out, "{indent}}}");
 }

@@ -122,47 +122,43 @@ impl TypeSet {
 
     /// Sum of the hashes of the types that a struct holds, folded into its own; a struct inside itself adds nothing.
     ///
-    /// Beside it, how many of `parents` (counted from the outermost) the result depends on: none, and it is known for good.
-    fn full_hash(&self, index: usize, parents: &mut Vec<usize>, known: &mut Known<u64>) -> Result<(u64, usize), Error> {
-        if let Some(place) = parents.iter().position(|&p| p == index) {
-            return Ok((0, place + 1));
+    /// Beside it, whether a struct inside itself was met: then the hash holds for these `parents` only.
+    fn full_hash(&self, index: usize, parents: &mut Vec<usize>, known: &mut Known<u64>) -> Result<(u64, bool), Error> {
+        if parents.contains(&index) {
+            return Ok((0, true));
         }
-        if let Some(hash) = known.0[index] {
-            return Ok((hash, 0));
+        if let Some(hash) = known.values[index] {
+            return Ok((hash, false));
         }
         let linked = &self.structs[index];
-        if parents.len() >= MAX_DEPTH {
-            let found = format!("{} at depth {}", linked.full_name, parents.len());
-            return Err(error(
-                &linked.file,
-                linked.def.position,
-                found,
-                &format!("at most {MAX_DEPTH} structs in each other"),
-            ));
+        known.visits += 1;
+        if parents.len() >= MAX_DEPTH || known.visits > MAX_VISITS {
+            let found = format!("{} at depth {}, {} types visited", linked.full_name, parents.len(), known.visits);
+            let expected = format!("at most {MAX_DEPTH} structs in each other and {MAX_VISITS} visits");
+            return Err(error(&linked.file, linked.def.position, found, &expected));
         }
         parents.push(index);
-        let (mut sum, mut depends_on) = (0u64, 0);
+        let (mut sum, mut met_itself) = (0u64, false);
         for element in &linked.elements {
-            let (hash, depends) = match *element {
-                Element::Primitive(_) => (0, 0),
+            let (hash, met) = match *element {
+                Element::Primitive(_) => (0, false),
                 Element::Struct(inner) => self.full_hash(inner, parents, known)?,
-                Element::Enum(inner) => (hash::enum_base(&self.enums[inner]), 0),
+                Element::Enum(inner) => (self.enums[inner].fingerprint(), false),
             };
             sum = sum.wrapping_add(hash);
-            // What depends on this struct alone does not depend on those around it.
-            depends_on = depends_on.max(if depends < parents.len() { depends } else { 0 });
+            met_itself |= met;
         }
         parents.pop();
         let hash = hash::full(linked.base, sum);
-        if depends_on == 0 {
-            known.0[index] = Some(hash);
+        if !met_itself {
+            known.values[index] = Some(hash);
         }
-        Ok((hash, depends_on))
+        Ok((hash, met_itself))
     }
 
     /// Fewest bytes on the wire: arrays of variable length count as empty. Fails on a struct that always holds itself.
     fn min_size(&self, index: usize, parents: &mut Vec<usize>, known: &mut Known<usize>) -> Result<usize, Error> {
-        if let Some(size) = known.0[index] {
+        if let Some(size) = known.values[index] {
             return Ok(size);
         }
         let linked = &self.structs[index];
@@ -194,17 +190,24 @@ impl TypeSet {
             size = size.saturating_add(count.saturating_mul(one));
         }
         parents.pop();
-        known.0[index] = Some(size);
+        known.values[index] = Some(size);
         Ok(size)
     }
 }
 
-/// What is already known of each struct, or linking would take exponential time on types that share types.
-struct Known<T>(Vec<Option<T>>);
+/// Structs that hold each other in many ways take exponential time to hash. No real set comes near this many steps, and texts from a
+/// log may be anything.
+const MAX_VISITS: usize = 1 << 20;
+
+/// What is already known of each struct, or types that share types would take exponential time.
+struct Known<T> {
+    values: Vec<Option<T>>,
+    visits: usize,
+}
 
 impl<T: Clone> Known<T> {
     fn new(set: &TypeSet) -> Self {
-        Self(vec![None; set.structs.len()])
+        Self { values: vec![None; set.structs.len()], visits: 0 }
     }
 }
 
