@@ -84,7 +84,7 @@ impl TypeSet {
         }
         let (mut hashes, mut sizes) = (Known::new(&set), Known::new(&set));
         for index in 0..set.structs.len() {
-            let (fingerprint, _) = set.full_hash(index, &mut Vec::new(), &mut hashes)?;
+            let fingerprint = set.full_hash(index, &mut Vec::new(), &mut hashes)?.hash;
             let min_size = set.min_size(index, &mut Vec::new(), &mut sizes)?;
             let linked = &mut set.structs[index];
             (linked.fingerprint, linked.min_size) = (fingerprint, min_size);
@@ -121,39 +121,41 @@ impl TypeSet {
     }
 
     /// Sum of the hashes of the types that a struct holds, folded into its own; a struct inside itself adds nothing.
-    ///
-    /// Beside it, whether a struct inside itself was met: then the hash holds for these `parents` only.
-    fn full_hash(&self, index: usize, parents: &mut Vec<usize>, known: &mut Known<u64>) -> Result<(u64, bool), Error> {
+    fn full_hash(&self, index: usize, parents: &mut Vec<usize>, known: &mut Known<Hashed>) -> Result<Hashed, Error> {
         if parents.contains(&index) {
-            return Ok((0, true));
+            return Ok(Hashed { hash: 0, height: 0, met_itself: true });
         }
-        if let Some(hash) = known.values[index] {
-            return Ok((hash, false));
+        if let Some(hashed) = known.values[index] {
+            return Ok(hashed);
         }
         let linked = &self.structs[index];
         known.visits += 1;
-        if parents.len() >= MAX_DEPTH || known.visits > MAX_VISITS {
-            let found = format!("{} at depth {}, {} types visited", linked.full_name, parents.len(), known.visits);
-            let expected = format!("at most {MAX_DEPTH} structs in each other and {MAX_VISITS} visits");
-            return Err(error(&linked.file, linked.def.position, found, &expected));
+        if parents.len() == MAX_DEPTH || known.visits > MAX_VISITS {
+            return Err(too_many(linked));
         }
         parents.push(index);
-        let (mut sum, mut met_itself) = (0u64, false);
+        let mut own = Hashed { hash: 0, height: 1, met_itself: false };
         for element in &linked.elements {
-            let (hash, met) = match *element {
-                Element::Primitive(_) => (0, false),
-                Element::Struct(inner) => self.full_hash(inner, parents, known)?,
-                Element::Enum(inner) => (self.enums[inner].fingerprint(), false),
-            };
-            sum = sum.wrapping_add(hash);
-            met_itself |= met;
+            match *element {
+                Element::Primitive(_) => {}
+                Element::Enum(inner) => own.hash = own.hash.wrapping_add(self.enums[inner].fingerprint()),
+                Element::Struct(inner) => {
+                    let inner = self.full_hash(inner, parents, known)?;
+                    own.hash = own.hash.wrapping_add(inner.hash);
+                    own.height = own.height.max(inner.height + 1);
+                    own.met_itself |= inner.met_itself;
+                }
+            }
         }
         parents.pop();
-        let hash = hash::full(linked.base, sum);
-        if !met_itself {
-            known.values[index] = Some(hash);
+        if own.height > MAX_DEPTH {
+            return Err(too_many(linked));
         }
-        Ok((hash, met_itself))
+        own.hash = hash::full(linked.base, own.hash);
+        if !own.met_itself {
+            known.values[index] = Some(own);
+        }
+        Ok(own)
     }
 
     /// Fewest bytes on the wire: arrays of variable length count as empty. Fails on a struct that always holds itself.
@@ -199,6 +201,16 @@ impl TypeSet {
 /// log may be anything.
 const MAX_VISITS: usize = 1 << 20;
 
+/// What hashing a struct found.
+#[derive(Clone, Copy)]
+struct Hashed {
+    hash: u64,
+    /// Structs in each other, this one included.
+    height: usize,
+    /// A struct inside itself was met: the hash holds for these parents only.
+    met_itself: bool,
+}
+
 /// What is already known of each struct, or types that share types would take exponential time.
 struct Known<T> {
     values: Vec<Option<T>>,
@@ -239,6 +251,12 @@ impl<'a> Type<'a> {
 
 fn error(file: &str, at: Position, found: String, expected: &str) -> Error {
     Error::Syntax { file: file.to_owned(), line: at.line, column: at.column, found, expected: expected.to_owned() }
+}
+
+fn too_many(linked: &Linked) -> Error {
+    let found = format!("{}, which holds too many other types in each other", linked.full_name);
+    let expected = format!("at most {MAX_DEPTH} in each other, and {MAX_VISITS} ways through them");
+    error(&linked.file, linked.def.position, found, &expected)
 }
 
 /// Every declared name, what it means and where it stands.
