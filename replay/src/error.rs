@@ -84,7 +84,7 @@ pub enum Error {
         /// File.
         path: PathBuf,
         /// Reason.
-        source: mcap::McapError,
+        source: Box<mcap::McapError>,
     },
     /// `.lcm` texts that cannot be used.
     #[error("{path}: its types: {source}", path = path.display())]
@@ -92,6 +92,80 @@ pub enum Error {
         /// File.
         path: PathBuf,
         /// Reason.
-        source: lcm_idl::Error,
+        source: Box<lcm_idl::Error>,
+    },
+    /// A log without RUN_INFO: nobody knows which controller ran.
+    #[error("{path}: no RUN_INFO among its {events} events, so the controller and its parameters are unknown", path = path.display())]
+    NoRunInfo {
+        /// File.
+        path: PathBuf,
+        /// Events that were looked through.
+        events: u64,
+    },
+    /// A log without CONTROLLER_INPUT: there is nothing to replay.
+    #[error("{path}: no CONTROLLER_INPUT, so there is nothing to replay", path = path.display())]
+    NoInput {
+        /// File.
+        path: PathBuf,
+    },
+    /// A second RUN_INFO that differs from the first.
+    #[error("{path}: another run begins at byte {offset}: trim the log to one run", path = path.display())]
+    SeveralRuns {
+        /// File.
+        path: PathBuf,
+        /// Where the second RUN_INFO stands.
+        offset: u64,
+    },
+    /// A type has changed since the log was written.
+    #[error("{path}: log of another type version: channel {channel}, {type_name}: fingerprint {found:016x} in the log, {expected:016x} today", path = path.display())]
+    OtherTypeVersion {
+        /// File.
+        path: PathBuf,
+        /// Channel.
+        channel: String,
+        /// Its type.
+        type_name: String,
+        /// Fingerprint in the log; 0 if the message is too short to have one.
+        found: u64,
+        /// Fingerprint of the type as it is now.
+        expected: u64,
+    },
+    /// A message that is not what its channel says.
+    #[error("{path}: channel {channel}, byte {offset}: {source}", path = path.display())]
+    Decode {
+        /// File.
+        path: PathBuf,
+        /// Channel.
+        channel: String,
+        /// Where its event stands.
+        offset: u64,
+        /// Reason.
+        source: Box<lcmtypes::DecodeError>,
+    },
+    /// A message that cannot be written.
+    #[error("{path}: {source}", path = path.display())]
+    Encode {
+        /// File.
+        path: PathBuf,
+        /// Reason.
+        source: Box<lcmtypes::EncodeError>,
+    },
+    /// The controller of a log cannot be built.
+    #[error("{path}: {source}", path = path.display())]
+    Load {
+        /// Log.
+        path: PathBuf,
+        /// Reason.
+        source: Box<controller::LoadError>,
+    },
+    /// A recorded state that the controller does not take.
+    #[error("{path}: CONTROLLER_SNAPSHOT of tick {tick}: {source}", path = path.display())]
+    Restore {
+        /// Log.
+        path: PathBuf,
+        /// Tick of the snapshot.
+        tick: i64,
+        /// Reason.
+        source: Box<controller::RestoreError>,
     },
 }

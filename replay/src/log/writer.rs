@@ -49,7 +49,8 @@ impl LogWriter {
     /// [`Error::Types`] if the texts cannot be used.
     pub fn explain(&mut self, sources: &[(String, String)]) -> Result<(), Error> {
         if let Sink::Mcap(_, schemas) = &mut self.sink {
-            *schemas = Schemas::new(sources).map_err(|source| Error::Types { path: self.path.clone(), source })?;
+            *schemas = Schemas::new(sources)
+                .map_err(|source| Error::Types { path: self.path.clone(), source: source.into() })?;
         }
         Ok(())
     }
@@ -145,5 +146,5 @@ fn io_error(path: &Path, source: std::io::Error) -> Error {
 }
 
 fn mcap_error(path: &Path, source: mcap::McapError) -> Error {
-    Error::Mcap { path: path.into(), source }
+    Error::Mcap { path: path.into(), source: source.into() }
 }

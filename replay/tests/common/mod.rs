@@ -1,6 +1,8 @@
 //! Small logs for the tests of this crate.
 #![allow(dead_code, reason = "no test file needs all of it")]
 
+pub mod toy;
+
 use replay::log::{Event, Item, LogReader, LogWriter};
 use std::path::{Path, PathBuf};
 

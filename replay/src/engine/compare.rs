@@ -1,0 +1,203 @@
+//! Where two runs of a tick part: the earliest stage, then the first field.
+
+use lcm_idl::Value;
+use lcmtypes::channels::{self, Stage};
+use lcmtypes::{ControllerTick, Message};
+use std::fmt::Write as _;
+
+/// The first difference between a record and its replay.
+#[derive(Debug, Clone, PartialEq, serde::Serialize)]
+pub struct Divergence {
+    /// Tick.
+    pub tick: i64,
+    /// Time of the tick, ns.
+    pub t_ns: i64,
+    /// The earliest stage of the tick that differs: input, estimation, gait, tasks, qp, output.
+    pub stage: &'static str,
+    /// Channel on which it shows.
+    pub channel: String,
+    /// Field, such as `state.q`; empty if the whole message is on one side only.
+    pub field: String,
+    /// Index in the field, if it is an array.
+    pub index: Option<Index>,
+    /// Recorded value; floats as hexadecimal float and decimal.
+    pub recorded: String,
+    /// Replayed value.
+    pub replayed: String,
+    /// Floats that lie between the two, plus one; `None` unless both are floats and numbers.
+    pub ulp: Option<u64>,
+}
+
+/// Place in an array: one number, or one a dimension.
+#[derive(Debug, Clone, PartialEq, Eq, serde::Serialize)]
+#[serde(untagged)]
+pub enum Index {
+    /// Place in an array of one dimension.
+    One(usize),
+    /// Place in an array of several dimensions.
+    Many(Vec<usize>),
+}
+
+/// One message of a tick on both sides, where it is there.
+pub(super) struct Pair<'a> {
+    pub channel: &'a str,
+    pub recorded: Option<&'a [u8]>,
+    pub replayed: Option<&'a [u8]>,
+}
+
+/// Attributes a tick that differs. `different` holds every pair that does, in the order of the controller's messages.
+pub(super) fn attribute(tick: i64, t_ns: i64, different: &[Pair]) -> Option<Divergence> {
+    let found = |stage: Stage, pair: &Pair| {
+        let Difference { field, index, recorded, replayed, ulp } = difference(pair);
+        let (stage, channel) = (stage.name(), pair.channel.to_owned());
+        Some(Divergence { tick, t_ns, stage, channel, field, index, recorded, replayed, ulp })
+    };
+    let digests = different.iter().find(|pair| pair.channel == channels::CONTROLLER_TICK);
+    if let Some((stage, recorded, replayed)) = digests.and_then(first_digest) {
+        let shown = different.iter().filter(|pair| pair.channel != channels::CONTROLLER_TICK);
+        if let Some(pair) = shown.into_iter().find(|pair| stage_of(pair.channel) == stage) {
+            return found(stage, pair);
+        }
+        return Some(Divergence {
+            tick,
+            t_ns,
+            stage: stage.name(),
+            channel: channels::CONTROLLER_TICK.to_owned(),
+            field: format!("digest_{}", stage.name()),
+            index: None,
+            recorded: format!("{recorded:#018x}"),
+            replayed: format!("{replayed:#018x}"),
+            ulp: None,
+        });
+    }
+    let pair = different.iter().min_by_key(|pair| stage_of(pair.channel))?;
+    found(stage_of(pair.channel), pair)
+}
+
+/// The stage that a channel shows; what is in no table counts as output.
+fn stage_of(channel: &str) -> Stage {
+    channels::find(channel).and_then(|known| known.stage).unwrap_or(Stage::Output)
+}
+
+/// The earliest stage whose digests differ, and the two.
+fn first_digest(pair: &Pair) -> Option<(Stage, i64, i64)> {
+    let digests = |bytes: &[u8]| {
+        let tick = ControllerTick::decode(bytes).ok()?;
+        Some(Stage::ALL.map(|stage| match stage {
+            Stage::Input => tick.digest_input,
+            Stage::Estimation => tick.digest_estimation,
+            Stage::Gait => tick.digest_gait,
+            Stage::Tasks => tick.digest_tasks,
+            Stage::Qp => tick.digest_qp,
+            Stage::Output => tick.digest_output,
+        }))
+    };
+    let (recorded, replayed) = (digests(pair.recorded?)?, digests(pair.replayed?)?);
+    let stages = Stage::ALL.into_iter().zip(recorded.into_iter().zip(replayed));
+    stages.map(|(stage, (a, b))| (stage, a, b)).find(|(_, a, b)| a != b)
+}
+
+struct Difference {
+    field: String,
+    index: Option<Index>,
+    recorded: String,
+    replayed: String,
+    ulp: Option<u64>,
+}
+
+/// The first field in which a pair differs, by reflection.
+fn difference(pair: &Pair) -> Difference {
+    let side = |bytes: Option<&[u8]>| bytes.map_or("absent".to_owned(), |bytes| format!("{} bytes", bytes.len()));
+    let whole = || Difference {
+        field: String::new(),
+        index: None,
+        recorded: side(pair.recorded),
+        replayed: side(pair.replayed),
+        ulp: None,
+    };
+    let (Some(recorded), Some(replayed)) = (pair.recorded, pair.replayed) else { return whole() };
+    let fingerprints = [recorded, replayed].map(crate::log::fingerprint);
+    if fingerprints[0] != fingerprints[1] {
+        let [recorded, replayed] = fingerprints.map(|f| f.map_or("none".to_owned(), |f| format!("{f:016x}")));
+        return Difference { field: "fingerprint".into(), recorded, replayed, ..whole() };
+    }
+    let ty = lcmtypes::types().of_message(recorded);
+    let Some(Ok(Some(found))) = ty.map(|ty| ty.first_difference(recorded, replayed)) else { return whole() };
+    let (field, index) = split_path(&found.path);
+    let ulp = found.ulps();
+    Difference { field, index, recorded: show(&found.left), replayed: show(&found.right), ulp }
+}
+
+/// `f_F_W[2][1]` is the field `f_F_W` at the index 2, 1. Indices on the way, as in `legs[2].q`, stay in the field.
+fn split_path(path: &str) -> (String, Option<Index>) {
+    let (mut field, mut indices) = (path, Vec::new());
+    while let Some((before, number)) = field.strip_suffix(']').and_then(|open| open.rsplit_once('[')) {
+        let Ok(number) = number.parse() else { break };
+        indices.insert(0, number);
+        field = before;
+    }
+    let index = match indices[..] {
+        [] => None,
+        [one] => Some(Index::One(one)),
+        _ => Some(Index::Many(indices)),
+    };
+    (field.to_owned(), index)
+}
+
+fn show(value: &Value) -> String {
+    match value {
+        Value::Double(v) => format!("{} ({v:?})", hex_float(*v)),
+        Value::Float(v) => format!("{} ({v:?})", hex_float(f64::from(*v))),
+        other => other.to_string(),
+    }
+}
+
+/// A float to the last bit, as C's `%a` writes it: `0x1.8p+1` is 3. A NaN shows its bits.
+fn hex_float(v: f64) -> String {
+    let bits = v.to_bits();
+    let mut text = String::from(if v.is_sign_negative() { "-" } else { "" });
+    let (exponent, mantissa) = ((bits >> 52) & 0x7ff, bits & ((1 << 52) - 1));
+    let (lead, power) = match exponent {
+        0x7ff if mantissa != 0 => return format!("nan:{bits:#018x}"),
+        0x7ff => return text + "inf",
+        0 if mantissa == 0 => return text + "0x0p+0",
+        0 => ('0', -1022),
+        _ => ('1', exponent as i64 - 1023),
+    };
+    let digits = format!("{mantissa:013x}");
+    let digits = digits.trim_end_matches('0');
+    let point = if digits.is_empty() { "" } else { "." };
+    write!(text, "0x{lead}{point}{digits}p{power:+}").expect("a string takes everything");
+    text
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Expected values: `float.hex` of Python 3.11, without its trailing zeros.
+    #[test]
+    fn floats_are_shown_to_the_last_bit() {
+        let cases = [
+            (3.0, "0x1.8p+1"),
+            (-0.1, "-0x1.999999999999ap-4"),
+            (1.0, "0x1p+0"),
+            (0.0, "0x0p+0"),
+            (-0.0, "-0x0p+0"),
+            (f64::MIN_POSITIVE / 2.0, "0x0.8p-1022"),
+            (f64::MAX, "0x1.fffffffffffffp+1023"),
+            (f64::NEG_INFINITY, "-inf"),
+        ];
+        for (value, text) in cases {
+            assert_eq!(hex_float(value), text);
+        }
+        assert_eq!(hex_float(f64::from_bits(0x7ff8_0000_0000_0001)), "nan:0x7ff8000000000001");
+    }
+
+    #[test]
+    fn a_path_ends_with_its_indices() {
+        assert_eq!(split_path("tau[7]"), ("tau".into(), Some(Index::One(7))));
+        assert_eq!(split_path("f_F_W[2][1]"), ("f_F_W".into(), Some(Index::Many(vec![2, 1]))));
+        assert_eq!(split_path("legs[2].q"), ("legs[2].q".into(), None));
+    }
+}

@@ -1,0 +1,106 @@
+//! One controller that is led through a stretch of a log.
+
+use super::compare::{Pair, attribute};
+use super::report::Tally;
+use super::ticks::Tick;
+use controller::{Controller, Outbox, RestoreError};
+use lcmtypes::channels::CONTROLLER_SNAPSHOT;
+
+/// A controller, and what its replay has found so far.
+pub(super) struct Runner {
+    controller: Box<dyn Controller>,
+    outbox: Outbox,
+    state: Vec<u8>,
+    /// Tick that should come next, if one has come.
+    next: Option<i64>,
+    /// The state of the controller is not the one that the run had.
+    lost: bool,
+    /// Keep the own state where the recorded one differs: the run is to change, as with other parameters.
+    own_state: bool,
+    pub tally: Tally,
+}
+
+impl Runner {
+    pub fn new(controller: Box<dyn Controller>, own_state: bool) -> Self {
+        Runner {
+            controller,
+            outbox: Outbox::new(),
+            state: Vec::new(),
+            next: None,
+            lost: false,
+            own_state,
+            tally: Tally::default(),
+        }
+    }
+
+    /// Goes on behind `tick` with the state that was recorded then.
+    pub fn restore(&mut self, tick: i64, snapshot: &[u8]) -> Result<(), RestoreError> {
+        self.controller.restore(snapshot)?;
+        self.next = tick.checked_add(1);
+        self.lost = false;
+        Ok(())
+    }
+
+    /// Takes a tick. Gives back what the controller put out, if it could be computed.
+    pub fn tick(&mut self, tick: &Tick) -> Result<Option<&Outbox>, RestoreError> {
+        // A controller is new at tick 0; at any other one it has a past.
+        let begins_late = self.next.is_none() && tick.tick != 0;
+        let gap = self.next.map_or(0, |next| tick.tick.saturating_sub(next) as u64 + u64::from(tick.input.is_none()));
+        self.tally.missing = self.tally.missing.saturating_add(gap);
+        self.lost |= gap > 0 || begins_late || tick.input.is_none();
+        self.next = tick.tick.checked_add(1);
+        let Some(input) = tick.input.as_ref() else {
+            return self.find_again(tick).map(|()| None);
+        };
+        if self.lost {
+            self.tally.skipped += 1;
+            return self.find_again(tick).map(|()| None);
+        }
+        self.outbox.clear();
+        self.controller.step(input, &mut self.outbox);
+        self.tally.ticks += 1;
+        self.tally.time(input.t_ns);
+        self.compare(tick, input.t_ns)?;
+        Ok(Some(&self.outbox))
+    }
+
+    fn find_again(&mut self, tick: &Tick) -> Result<(), RestoreError> {
+        tick.snapshot().map_or(Ok(()), |snapshot| self.restore(tick.tick, snapshot))
+    }
+
+    fn compare(&mut self, tick: &Tick, t_ns: i64) -> Result<(), RestoreError> {
+        let snapshot = tick.snapshot();
+        if snapshot.is_some() {
+            self.state.clear();
+            self.controller.snapshot(&mut self.state);
+        }
+        let (outbox, state, tally) = (&self.outbox, &self.state, &mut self.tally);
+        let mut different = Vec::new();
+        let mut compared = 0;
+        for (channel, recorded) in &tick.recorded {
+            let is_snapshot = **channel == *CONTROLLER_SNAPSHOT;
+            let replayed = if is_snapshot { Some(&state[..]) } else { outbox.get(channel) };
+            compared += 1;
+            tally.snapshots += u64::from(is_snapshot);
+            if replayed != Some(recorded) {
+                different.push(Pair { channel, recorded: Some(recorded), replayed });
+            }
+        }
+        let is_recorded = |channel: &str| tick.recorded.iter().any(|(recorded, _)| **recorded == *channel);
+        tally.not_recorded += outbox.iter().filter(|(channel, _)| !is_recorded(channel)).count() as u64;
+        tally.compared += compared;
+        tally.different += different.len() as u64;
+        tally.unverifiable += u64::from(compared == 0);
+        // In the order in which the controller puts them out, whatever the order of the log.
+        let place = |channel: &str| outbox.iter().position(|(c, _)| c == channel).unwrap_or(usize::MAX);
+        different.sort_by_key(|pair| place(pair.channel));
+        if tally.first.is_none() {
+            tally.first = attribute(tick.tick, t_ns, &different);
+        }
+        // From a snapshot on, a replay is that of the record again, so that every stretch of the log is judged by itself.
+        match snapshot {
+            Some(snapshot) if !self.own_state && snapshot != self.state => self.restore(tick.tick, snapshot),
+            _ => Ok(()),
+        }
+    }
+}

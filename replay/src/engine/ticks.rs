@@ -1,0 +1,204 @@
+//! The messages of a log, put together tick by tick.
+
+use crate::Error;
+use crate::log::{Event, Events, Health, LogReader};
+use lcm_idl::ast::{Field, FieldType, Primitive};
+use lcmtypes::channels::{self, Class};
+use lcmtypes::{ControllerInput, Message};
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+/// How many ticks late a message may be: over a bus, those of one tick do not all arrive before those of the next.
+const WINDOW: usize = 256;
+
+/// All that a log holds of one tick.
+#[derive(Default)]
+pub(crate) struct Tick {
+    pub tick: i64,
+    /// Time that the log gives the input, ns.
+    pub t_log_ns: i64,
+    pub input: Option<ControllerInput>,
+    /// What the controller put out then, in the order of the log.
+    pub recorded: Vec<(Arc<str>, Vec<u8>)>,
+    /// Everything else that stands in the log between the last input and this one, if it was asked for.
+    pub others: Vec<Event>,
+}
+
+impl Tick {
+    /// The state after the tick, if it was recorded.
+    pub fn snapshot(&self) -> Option<&[u8]> {
+        self.recorded.iter().find(|(channel, _)| **channel == *channels::CONTROLLER_SNAPSHOT).map(|(_, bytes)| &**bytes)
+    }
+}
+
+/// The ticks of a log in the order of their numbers. Memory is bounded by a window of ticks.
+pub(crate) struct Ticks {
+    path: PathBuf,
+    events: Events,
+    waiting: BTreeMap<i64, Tick>,
+    handed_out: Option<i64>,
+    kinds: Vec<(Arc<str>, Option<u64>, Kind)>,
+    run_info: Option<Vec<u8>>,
+    /// Events that wait for the next input; `None` if nobody wants them.
+    others: Option<Vec<Event>>,
+    /// Messages of ticks that were already handed out: too late, or a second time.
+    pub late: u64,
+    /// Offset of the last event read.
+    pub offset: u64,
+}
+
+/// What a message is to a replay.
+#[derive(Clone, Copy)]
+enum Kind {
+    RunInfo,
+    Input,
+    /// Says its tick, so the controller may have put it out.
+    Output,
+    Other,
+}
+
+impl Ticks {
+    pub fn open(path: &Path, keep_others: bool) -> Result<Self, Error> {
+        Ok(Ticks {
+            path: path.into(),
+            events: LogReader::open(path)?.events(),
+            waiting: BTreeMap::new(),
+            handed_out: None,
+            kinds: Vec::new(),
+            run_info: None,
+            others: keep_others.then(Vec::new),
+            late: 0,
+            offset: 0,
+        })
+    }
+
+    pub fn health(&self) -> &Health {
+        self.events.health()
+    }
+
+    /// What stands in the log behind the last input.
+    pub fn rest(&mut self) -> Vec<Event> {
+        self.others.take().unwrap_or_default()
+    }
+
+    /// The next tick, or `None` at the end of the log.
+    ///
+    /// # Errors
+    /// A second run in the log, a type of another version, an input that cannot be decoded, a file that cannot be read.
+    pub fn next(&mut self) -> Result<Option<Tick>, Error> {
+        while self.waiting.len() <= WINDOW {
+            let Some(event) = self.events.next().transpose()? else { break };
+            self.offset = event.offset;
+            self.take(event)?;
+        }
+        let tick = self.waiting.pop_first().map(|(_, tick)| tick);
+        self.handed_out = tick.as_ref().map(|tick| tick.tick).or(self.handed_out);
+        Ok(tick)
+    }
+
+    fn take(&mut self, event: Event) -> Result<(), Error> {
+        match self.kind(&event)? {
+            Kind::RunInfo => {
+                // It may be repeated for those who come late; another one is another run.
+                let first = self.run_info.get_or_insert_with(|| event.data.clone());
+                if *first != event.data {
+                    return Err(Error::SeveralRuns { path: self.path.clone(), offset: event.offset });
+                }
+                self.other(event);
+            }
+            Kind::Input => {
+                let input = ControllerInput::decode(&event.data).map_err(|source| Error::Decode {
+                    path: self.path.clone(),
+                    channel: event.channel.to_string(),
+                    offset: event.offset,
+                    source: source.into(),
+                })?;
+                let others = self.others.as_mut().map(std::mem::take).unwrap_or_default();
+                if let Some(tick) = self.slot(input.tick) {
+                    tick.t_log_ns = event.t_ns;
+                    tick.others.extend(others);
+                    tick.input.get_or_insert(input);
+                }
+            }
+            Kind::Output => {
+                let number = integer_at(&event.data, 16);
+                if let Some(tick) = number.and_then(|number| self.slot(number)) {
+                    tick.recorded.push((event.channel, event.data));
+                }
+            }
+            Kind::Other => self.other(event),
+        }
+        Ok(())
+    }
+
+    fn other(&mut self, event: Event) {
+        if let Some(others) = &mut self.others {
+            others.push(event);
+        }
+    }
+
+    fn slot(&mut self, number: i64) -> Option<&mut Tick> {
+        if self.handed_out.is_some_and(|last| number <= last) {
+            self.late += 1;
+            return None;
+        }
+        Some(self.waiting.entry(number).or_insert_with(|| Tick { tick: number, ..Tick::default() }))
+    }
+
+    fn kind(&mut self, event: &Event) -> Result<Kind, Error> {
+        let fingerprint = event.fingerprint();
+        let same = |(c, f, _): &&(Arc<str>, _, _)| Arc::ptr_eq(c, &event.channel) && *f == fingerprint;
+        if let Some((.., kind)) = self.kinds.iter().find(same) {
+            return Ok(*kind);
+        }
+        let kind = match channels::find(&event.channel) {
+            // Its type is that of the controller at hand, which checks it.
+            Some(known) if known.name == channels::CONTROLLER_SNAPSHOT => Kind::Output,
+            Some(known) => {
+                let kind = match (known.name, known.class, known.stage) {
+                    (channels::RUN_INFO, ..) => Kind::RunInfo,
+                    (_, Class::ReplayInput, _) => Kind::Input,
+                    (_, Class::Output | Class::Debug, Some(_)) => Kind::Output,
+                    _ => Kind::Other,
+                };
+                if !matches!(kind, Kind::Other) {
+                    same_version(&self.path, event, known)?;
+                }
+                kind
+            }
+            None if fingerprint.is_some_and(says_its_tick) => Kind::Output,
+            None => Kind::Other,
+        };
+        self.kinds.push((Arc::clone(&event.channel), fingerprint, kind));
+        Ok(kind)
+    }
+}
+
+/// Whether the type of a message is still the one of its channel.
+pub(crate) fn same_version(path: &Path, event: &Event, known: &channels::Channel) -> Result<(), Error> {
+    if event.fingerprint() == Some(known.fingerprint) {
+        return Ok(());
+    }
+    Err(Error::OtherTypeVersion {
+        path: path.into(),
+        channel: known.name.into(),
+        type_name: known.type_name.into(),
+        found: event.fingerprint().unwrap_or(0),
+        expected: known.fingerprint,
+    })
+}
+
+/// Whether a type begins with `int64_t t_ns; int64_t tick;`.
+fn says_its_tick(fingerprint: u64) -> bool {
+    let Some(ty) = lcmtypes::types().by_fingerprint(fingerprint) else { return false };
+    let is = |field: &Field, name: &str| {
+        *field.name == *name && field.dims.is_empty() && matches!(field.ty, FieldType::Primitive(Primitive::Int64))
+    };
+    matches!(&ty.def().fields[..], [time, tick, ..] if is(time, "t_ns") && is(tick, "tick"))
+}
+
+/// The big-endian `int64_t` at an offset of a message: `t_ns` stands at 8, `tick` or `seq` at 16.
+pub(crate) fn integer_at(message: &[u8], offset: usize) -> Option<i64> {
+    message.get(offset..)?.first_chunk().map(|bytes| i64::from_be_bytes(*bytes))
+}

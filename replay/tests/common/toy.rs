@@ -1,0 +1,201 @@
+//! A controller with a filter and an integrator: enough state for a replay to go wrong in.
+
+use controller::digest::Digest;
+use controller::params::Params;
+use controller::{Controller, LoadError, Outbox, Probe, RestoreError};
+use lcmtypes::channels::Stage;
+use lcmtypes::{
+    ContactEstimate, ControllerInput, ControllerTick, Message, QuadrupedState, RobotCommand, RobotState, RunInfo,
+    Timing, WbcSolution, channels,
+};
+use replay::log::LogWriter;
+use std::path::Path;
+
+pub const PERIOD_NS: i64 = 1_000_000;
+/// Ticks from one snapshot to the next.
+pub const SNAPSHOT: i64 = 100;
+
+const PARAMS: &str = r#"
+[robot]
+name = "toy"
+urdf = "toy.urdf"
+feet = ["a", "b", "c", "d"]
+foot_radius = 0.02
+imu_link = "base"
+posture = {}
+"#;
+
+#[derive(Default)]
+pub struct Toy {
+    pub gain: f64,
+    pub height: f64,
+    pub integral: f64,
+    /// Stage and tick from which on the controller computes something else than it did.
+    pub mutant: Option<(Stage, i64)>,
+    /// A state that is taken over is not quite the one that was written.
+    pub restores_badly: bool,
+    pub last: (i64, i64),
+}
+
+/// What [`controller::load`] is to the real ones.
+pub fn load(info: &RunInfo) -> Result<Box<dyn Controller>, LoadError> {
+    Ok(Box::new(toy(info)?))
+}
+
+pub fn toy(info: &RunInfo) -> Result<Toy, LoadError> {
+    let gain = Params::from_toml(&info.params, "toy")?.gait.trot.swing_frequency;
+    Ok(Toy { gain, ..Toy::default() })
+}
+
+fn digest(values: &[f64]) -> i64 {
+    let mut digest = Digest::default();
+    digest.f64s(values);
+    digest.finish()
+}
+
+fn next_up(value: &mut f64) {
+    *value = value.next_up();
+}
+
+impl Controller for Toy {
+    fn name(&self) -> &'static str {
+        "toy"
+    }
+
+    fn step_probed(&mut self, input: &ControllerInput, out: &mut Outbox, _: &mut dyn Probe) {
+        let (t_ns, tick) = (input.t_ns, input.tick);
+        let mutant = |stage| self.mutant.is_some_and(|(s, from)| s == stage && tick >= from);
+        let mut q = input.state.q[0];
+        if mutant(Stage::Input) {
+            next_up(&mut q);
+        }
+        let digest_input = digest(&[q]);
+        self.height += 0.125 * (q - self.height);
+        if mutant(Stage::Estimation) {
+            next_up(&mut self.height);
+        }
+        let mut gait = self.height.abs();
+        if mutant(Stage::Gait) {
+            next_up(&mut gait);
+        }
+        let mut task = self.gain * gait;
+        if mutant(Stage::Tasks) {
+            next_up(&mut task);
+        }
+        self.integral += 0.001 * task;
+        let mut vd = 1.5 * self.integral - self.height;
+        if mutant(Stage::Qp) {
+            next_up(&mut vd);
+        }
+        let mut tau = 2.0 * vd + 1.0;
+        if mutant(Stage::Output) {
+            next_up(&mut tau);
+        }
+        let mut contact = ContactEstimate { t_ns, tick, height: self.height, ..Default::default() };
+        contact.f_F_W[2][1] = -self.height;
+        out.put(channels::CONTACT_ESTIMATE, &contact).unwrap();
+        let solution = WbcSolution { t_ns, tick, nv: 2, vd: vec![0.5, vd], ..Default::default() };
+        out.put(channels::WBC_SOLUTION, &solution).unwrap();
+        let zeros = vec![0.0; 1];
+        let command = RobotCommand {
+            t_ns,
+            tick,
+            nj: 1,
+            tau: vec![tau],
+            q_des: zeros.clone(),
+            qd_des: zeros.clone(),
+            kp: zeros.clone(),
+            kd: zeros,
+            ..Default::default()
+        };
+        out.put(channels::ROBOT_COMMAND, &command).unwrap();
+        let digests = ControllerTick {
+            t_ns,
+            tick,
+            digest_input,
+            digest_estimation: digest(&[self.height]),
+            digest_gait: digest(&[gait]),
+            digest_tasks: digest(&[task]),
+            digest_qp: digest(&[vd]),
+            digest_output: digest(&[tau]),
+            ..Default::default()
+        };
+        out.put(channels::CONTROLLER_TICK, &digests).unwrap();
+        self.last = (t_ns, tick);
+        if tick % SNAPSHOT == SNAPSHOT - 1 {
+            out.put(channels::CONTROLLER_SNAPSHOT, &self.state()).unwrap();
+        }
+    }
+
+    fn snapshot(&self, out: &mut Vec<u8>) {
+        self.state().encode(out).unwrap();
+    }
+
+    fn restore(&mut self, bytes: &[u8]) -> Result<(), RestoreError> {
+        let state = QuadrupedState::decode(bytes)?;
+        self.last = (state.t_ns, state.tick);
+        self.height = state.height;
+        self.integral = state.zeta;
+        if self.restores_badly {
+            next_up(&mut self.height);
+        }
+        Ok(())
+    }
+
+    fn poison_workspace(&mut self) {}
+}
+
+impl Toy {
+    fn state(&self) -> QuadrupedState {
+        let (t_ns, tick) = self.last;
+        QuadrupedState { t_ns, tick, height: self.height, zeta: self.integral, ..Default::default() }
+    }
+}
+
+pub fn encoded(message: &impl Message) -> Vec<u8> {
+    let mut bytes = Vec::new();
+    message.encode(&mut bytes).unwrap();
+    bytes
+}
+
+/// The events of a run of the toy: RUN_INFO, then in each tick the measurement, the input, the outputs and the timing.
+pub fn events(ticks: i64) -> Vec<super::Message> {
+    let info = RunInfo { controller: "toy".into(), params: PARAMS.into(), ..Default::default() };
+    let mut toy = toy(&info).unwrap();
+    let mut events = vec![(channels::RUN_INFO.to_owned(), 0, encoded(&info))];
+    let (mut random, mut out) = (super::Random(5), Outbox::new());
+    for tick in 0..ticks {
+        let t_ns = tick * PERIOD_NS;
+        let mut put = |channel: &str, bytes: Vec<u8>| events.push((channel.to_owned(), t_ns, bytes));
+        let q = (random.next() >> 11) as f64 / (1_u64 << 53) as f64;
+        let zeros = vec![0.0; 1];
+        let state =
+            RobotState { t_ns, seq: tick, nj: 1, q: vec![q], qd: zeros.clone(), tau: zeros, ..Default::default() };
+        put(channels::ROBOT_STATE, encoded(&state));
+        let input = ControllerInput { t_ns, tick, state, ..Default::default() };
+        put(channels::CONTROLLER_INPUT, encoded(&input));
+        out.clear();
+        toy.step(&input, &mut out);
+        out.iter().for_each(|(channel, bytes)| put(channel, bytes.to_vec()));
+        put(channels::TIMING, encoded(&Timing { t_ns, tick, wall_ns: 17 * tick, ..Default::default() }));
+    }
+    events
+}
+
+/// Writes events as they are.
+pub fn write(path: &Path, events: &[super::Message]) {
+    let mut log = LogWriter::create(path).unwrap();
+    for (channel, t_ns, data) in events {
+        log.write(channel, *t_ns, data).unwrap();
+    }
+    log.finish().unwrap();
+}
+
+/// Changes the message of a channel and tick.
+pub fn change<M: Message>(events: &mut [super::Message], channel: &str, tick: i64, change: impl FnOnce(&mut M)) {
+    let is_it = |(c, t_ns, _): &&mut super::Message| c == channel && *t_ns == tick * PERIOD_NS;
+    let (.., data) = events.iter_mut().find(is_it).unwrap();
+    let mut message = M::decode(data).unwrap();
+    change(&mut message);
+    *data = encoded(&message);
+}

@@ -1,0 +1,318 @@
+//! A replay finds exactly what was changed: every test of equality has mutants that must be found, each at its tick and field.
+#![allow(clippy::unwrap_used, reason = "a test may")]
+
+mod common;
+
+use common::toy::{self, PERIOD_NS, SNAPSHOT, Toy};
+use common::{Message, path};
+use lcmtypes::channels::{self, Stage};
+use lcmtypes::{ControllerInput, QuadrupedState, RunInfo, WbcSolution};
+use replay::Error;
+use replay::engine::{Divergence, Index, Options, Replay, ReplayReport};
+use std::path::Path;
+
+const TICKS: i64 = 1000;
+/// Messages that the toy puts out in each tick, besides snapshots.
+const OUTPUTS: u64 = 4;
+
+fn log(name: &str, change: impl FnOnce(&mut Vec<Message>)) -> std::path::PathBuf {
+    let path = path(name);
+    let mut events = toy::events(TICKS);
+    change(&mut events);
+    toy::write(&path, &events);
+    path
+}
+
+fn replay(path: &Path, options: &Options) -> ReplayReport {
+    replay_toy(path, options, |toy| toy)
+}
+
+/// Replays with a toy that is no longer the one that ran.
+fn replay_toy(path: &Path, options: &Options, change: impl Fn(Toy) -> Toy) -> ReplayReport {
+    let replay = Replay::open_with(path, |info| Ok(Box::new(change(toy::toy(info)?)))).unwrap();
+    replay.run(options, &mut |_| {}).unwrap()
+}
+
+fn place(divergence: &Divergence) -> (i64, &str, &str, &str) {
+    (divergence.tick, divergence.stage, &divergence.channel, &divergence.field)
+}
+
+/// All that does not depend on a clock.
+fn timeless(mut report: ReplayReport) -> ReplayReport {
+    (report.wall_seconds, report.real_time_factor) = (0.0, 0.0);
+    report
+}
+
+#[test]
+fn an_unchanged_controller_replays_bit_for_bit() {
+    for name in ["same.mcap", "same.lcmlog"] {
+        let report = replay(&log(name, |_| {}), &Options::default());
+        assert!(report.identical, "{name}: {report:?}");
+        assert_eq!((report.ticks, report.snapshots_compared), (TICKS as u64, (TICKS / SNAPSHOT) as u64));
+        assert_eq!(report.messages_compared, TICKS as u64 * OUTPUTS + report.snapshots_compared);
+        assert_eq!((report.unverifiable_ticks, report.messages_not_recorded, report.messages_different), (0, 0, 0));
+        assert_eq!((report.first_t_ns, report.last_t_ns), (Some(0), Some((TICKS - 1) * PERIOD_NS)));
+    }
+}
+
+#[test]
+fn a_change_in_a_stage_is_found_in_that_stage() {
+    let path = log("stages.mcap", |_| {});
+    let expected = [
+        (Stage::Input, "CONTROLLER_TICK", "digest_input"),
+        (Stage::Estimation, "CONTACT_ESTIMATE", "f_F_W"),
+        (Stage::Gait, "CONTROLLER_TICK", "digest_gait"),
+        (Stage::Tasks, "CONTROLLER_TICK", "digest_tasks"),
+        (Stage::Qp, "WBC_SOLUTION", "vd"),
+        (Stage::Output, "ROBOT_COMMAND", "tau"),
+    ];
+    for (stage, channel, field) in expected {
+        let report = replay_toy(&path, &Options::default(), |toy| Toy { mutant: Some((stage, 321)), ..toy });
+        assert!(!report.identical);
+        let first = report.first_divergence.unwrap();
+        assert_eq!(place(&first), (321, stage.name(), channel, field));
+        assert_eq!(first.t_ns, 321 * PERIOD_NS);
+    }
+}
+
+#[test]
+fn a_divergence_shows_both_values_to_the_last_bit() {
+    let path = log("values.mcap", |_| {});
+    let first = |stage| {
+        let report = replay_toy(&path, &Options::default(), |toy| Toy { mutant: Some((stage, 321)), ..toy });
+        report.first_divergence.unwrap()
+    };
+    let qp = first(Stage::Qp);
+    assert_eq!((qp.index.clone(), qp.ulp), (Some(Index::One(1)), Some(1)));
+    assert!(qp.recorded.contains("0x1.") && qp.recorded != qp.replayed, "{qp:?}");
+    assert_eq!(first(Stage::Estimation).index, Some(Index::Many(vec![2, 1])));
+    let json = serde_json::to_value(&qp).unwrap();
+    let keys = ["tick", "stage", "channel", "field", "index", "recorded", "replayed", "ulp"];
+    assert!(keys.iter().all(|key| !json[key].is_null()), "{json}");
+    assert_eq!((&json["index"], &json["tick"]), (&1.into(), &321.into()));
+}
+
+#[test]
+fn one_flipped_bit_of_an_input_is_found() {
+    let flip = |input: &mut ControllerInput| input.state.q[0] = f64::from_bits(input.state.q[0].to_bits() ^ 1 << 20);
+    let path = log("flip.mcap", |events| toy::change(events, channels::CONTROLLER_INPUT, 437, flip));
+    let first = replay(&path, &Options::default()).first_divergence.unwrap();
+    assert_eq!(place(&first), (437, "input", "CONTROLLER_TICK", "digest_input"));
+
+    // Without digests it shows in the first stage that has a channel.
+    let path = log("flip_no_digests.mcap", |events| {
+        toy::change(events, channels::CONTROLLER_INPUT, 437, flip);
+        events.retain(|(channel, ..)| channel != channels::CONTROLLER_TICK);
+    });
+    let report = replay(&path, &Options::default());
+    let first = report.first_divergence.unwrap();
+    assert_eq!(place(&first), (437, "estimation", "CONTACT_ESTIMATE", "f_F_W"));
+    assert_eq!(report.messages_not_recorded, TICKS as u64);
+}
+
+#[test]
+fn another_parameter_is_found_at_once() {
+    let path = log("parameter.mcap", |_| {});
+    let set = vec![("gait.trot.swing_frequency".to_owned(), "2.5".to_owned())];
+    let report = replay(&path, &Options { set, jobs: 2, ..Options::default() });
+    let first = report.first_divergence.unwrap();
+    assert_eq!(place(&first), (0, "tasks", "CONTROLLER_TICK", "digest_tasks"));
+    assert_eq!(report.ticks, TICKS as u64);
+    // The state is carried through: the last snapshot differs too.
+    assert!(report.messages_different > 3 * TICKS as u64, "{}", report.messages_different);
+
+    let set = vec![("gait.trot.no_such_thing".to_owned(), "2.5".to_owned())];
+    let error = Replay::open_with(&path, toy::load).unwrap().run(&Options { set, ..Options::default() }, &mut |_| {});
+    assert!(matches!(error, Err(Error::Load { .. })), "{error:?}");
+}
+
+#[test]
+fn after_a_missing_input_it_goes_on_from_the_next_snapshot() {
+    let missing = |(channel, t_ns, _): &Message| channel == channels::CONTROLLER_INPUT && *t_ns == 437 * PERIOD_NS;
+    let path = log("missing.mcap", |events| events.retain(|event| !missing(event)));
+    let report = replay(&path, &Options::default());
+    assert!(report.identical, "{report:?}");
+    // 438 to 499 have an input, but nobody knows the state before them.
+    assert_eq!((report.missing_input_ticks, report.skipped_ticks), (1, 62));
+    assert_eq!(report.ticks, TICKS as u64 - 63);
+
+    // All that was known of the tick is gone, and of its neighbours: found by the numbers.
+    let path = log("gap.mcap", |events| events.retain(|(_, t_ns, _)| !(430..440).contains(&(t_ns / PERIOD_NS))));
+    let report = replay(&path, &Options::default());
+    assert_eq!((report.missing_input_ticks, report.skipped_ticks, report.identical), (10, 60, true));
+}
+
+#[test]
+fn a_perturbed_state_is_found_in_the_snapshot() {
+    let path = log("state.mcap", |events| {
+        toy::change(events, channels::CONTROLLER_SNAPSHOT, 299, |state: &mut QuadrupedState| {
+            state.zeta = state.zeta.next_down();
+        });
+    });
+    let report = replay(&path, &Options::default());
+    let first = report.first_divergence.unwrap();
+    assert_eq!(place(&first), (299, "output", "CONTROLLER_SNAPSHOT", "zeta"));
+    assert_eq!(first.ulp, Some(1));
+}
+
+#[test]
+fn a_state_that_is_restored_wrongly_is_found_behind_it() {
+    let path = log("restore.mcap", |_| {});
+    let options = Options { from_s: Some(0.35), ..Options::default() };
+    assert!(replay(&path, &options).identical);
+    let report = replay_toy(&path, &options, |toy| Toy { restores_badly: true, ..toy });
+    let first = report.first_divergence.unwrap();
+    assert_eq!(place(&first), (300, "estimation", "CONTACT_ESTIMATE", "f_F_W"));
+}
+
+#[test]
+fn a_part_of_a_log_is_replayed_from_the_snapshot_before_it() {
+    let path = log("part.mcap", |_| {});
+    let part = |from_s, to_s| {
+        let report = replay(&path, &Options { from_s, to_s, ..Options::default() });
+        assert!(report.identical);
+        (report.ticks, report.first_t_ns.unwrap() / PERIOD_NS, report.last_t_ns.unwrap() / PERIOD_NS)
+    };
+    assert_eq!(part(Some(0.55), Some(0.6)), (101, 500, 600));
+    assert_eq!(part(Some(0.05), Some(0.1)), (101, 0, 100));
+    assert_eq!(part(Some(0.9), None), (100, 900, 999));
+    assert_eq!(part(None, Some(0.0)), (1, 0, 0));
+}
+
+#[test]
+fn threads_do_not_change_the_report() {
+    let flip = |input: &mut ControllerInput| input.state.q[0] += 1.0;
+    let logs = [
+        log("jobs.mcap", |_| {}),
+        log("jobs_flip.mcap", |events| {
+            toy::change(events, channels::CONTROLLER_INPUT, 437, flip);
+            toy::change(events, channels::CONTROLLER_INPUT, 855, flip);
+        }),
+        log("jobs_gap.mcap", |events| events.retain(|(_, t_ns, _)| !(295..310).contains(&(t_ns / PERIOD_NS)))),
+        log("jobs_late.mcap", |events| events.retain(|(c, t_ns, _)| c == "RUN_INFO" || *t_ns > 150 * PERIOD_NS)),
+    ];
+    for path in &logs {
+        for from_s in [None, Some(0.45)] {
+            let report = |jobs| timeless(replay(path, &Options { jobs, from_s, ..Options::default() }));
+            let serial = report(1);
+            assert!(serial.ticks >= 400);
+            for jobs in 2..5 {
+                assert_eq!(report(jobs), serial, "{} with {jobs} threads", path.display());
+            }
+        }
+    }
+}
+
+#[test]
+fn what_is_not_in_the_log_is_counted_not_judged() {
+    let path = log("trimmed.mcap", |events| {
+        let keep = [channels::RUN_INFO, channels::CONTROLLER_INPUT, channels::CONTROLLER_TICK];
+        events.retain(|(channel, t_ns, _)| {
+            let index = keep.iter().position(|kept| kept == channel);
+            index.is_some_and(|index| index < 2 || *t_ns >= 900 * PERIOD_NS)
+        });
+    });
+    let report = replay(&path, &Options::default());
+    assert!(report.identical);
+    assert_eq!((report.messages_compared, report.unverifiable_ticks), (100, 900));
+    assert_eq!(report.messages_not_recorded, TICKS as u64 * OUTPUTS + 10 - 100);
+
+    // With nothing to compare, nothing is claimed.
+    let path = log("inputs.mcap", |events| {
+        events.retain(|(channel, ..)| [channels::RUN_INFO, channels::CONTROLLER_INPUT].contains(&channel.as_str()));
+    });
+    let report = replay(&path, &Options::default());
+    assert_eq!((report.identical, report.messages_compared, report.unverifiable_ticks), (false, 0, TICKS as u64));
+}
+
+#[test]
+fn an_output_that_no_longer_comes_is_a_difference() {
+    let path = log("surplus.mcap", |events| {
+        let leg_state = lcmtypes::LegState { t_ns: 500 * PERIOD_NS, tick: 500, ..Default::default() };
+        events.push((channels::LEG_STATE.into(), 999 * PERIOD_NS, toy::encoded(&leg_state)));
+        events.sort_by_key(|(_, t_ns, _)| *t_ns);
+    });
+    // It comes 499 ticks late, which is more than any bus does.
+    let report = replay(&path, &Options::default());
+    assert_eq!((report.identical, report.late_messages), (true, 1));
+    let path = log("surplus_in_time.mcap", |events| {
+        let leg_state = lcmtypes::LegState { t_ns: 500 * PERIOD_NS, tick: 500, ..Default::default() };
+        events.push((channels::LEG_STATE.into(), 600 * PERIOD_NS, toy::encoded(&leg_state)));
+        events.sort_by_key(|(_, t_ns, _)| *t_ns);
+    });
+    let first = replay(&path, &Options::default()).first_divergence.unwrap();
+    assert_eq!(place(&first), (500, "gait", "LEG_STATE", ""));
+    assert_eq!(first.replayed, "absent");
+}
+
+/// Over a bus the messages of a tick come late, and those of different channels in any order.
+#[test]
+fn the_order_of_messages_in_the_log_does_not_matter() {
+    let mut random = common::Random(3);
+    let path = log("order.mcap", |events| {
+        let mut late: Vec<_> =
+            events.drain(..).map(|event| (event.1 + random.next() as i64 % (50 * PERIOD_NS), event)).collect();
+        late[0].0 = i64::MIN;
+        late.sort_by_key(|(t_ns, _)| *t_ns);
+        events.extend(late.into_iter().map(|(_, event)| event));
+    });
+    let report = replay(&path, &Options::default());
+    assert!(report.identical, "{report:?}");
+    assert_eq!((report.ticks, report.late_messages, report.missing_input_ticks), (TICKS as u64, 0, 0));
+}
+
+#[test]
+fn the_log_of_a_replay_is_the_replayed_log() {
+    for ending in ["mcap", "lcmlog"] {
+        let recorded = log(&format!("out_a.{ending}"), |_| {});
+        let out = path(&format!("out_b.{ending}"));
+        replay(&recorded, &Options { out: Some(out.clone()), jobs: 4, ..Options::default() });
+        assert!(std::fs::read(recorded).unwrap() == std::fs::read(out).unwrap(), "{ending}");
+    }
+    // With another parameter it is the log of a run with that parameter.
+    let out = path("out_other.mcap");
+    let set = vec![("gait.trot.swing_frequency".to_owned(), "2.5".to_owned())];
+    replay(&log("out_c.mcap", |_| {}), &Options { out: Some(out.clone()), set, ..Options::default() });
+    assert!(replay(&out, &Options::default()).identical);
+    assert!(Replay::open(&out).unwrap().info().params.contains("2.5"));
+}
+
+#[test]
+fn a_log_that_is_cut_is_replayed_up_to_there() {
+    let path = log("whole.lcmlog", |_| {});
+    let bytes = std::fs::read(&path).unwrap();
+    std::fs::write(&path, &bytes[..bytes.len() / 2]).unwrap();
+    let report = replay(&path, &Options::default());
+    assert!(report.identical && report.cut && report.ticks > 400, "{report:?}");
+}
+
+#[test]
+fn what_is_not_one_run_is_refused() {
+    let run = |path: &Path| Replay::open_with(path, toy::load)?.run(&Options::default(), &mut |_| {});
+    let without = |name: &str, channel: &str| log(name, |events| events.retain(|(c, ..)| c != channel));
+    let error = run(&without("no_info.mcap", channels::RUN_INFO)).unwrap_err();
+    assert!(matches!(error, Error::NoRunInfo { events: 7010, .. }), "{error}");
+    let error = run(&without("no_input.mcap", channels::CONTROLLER_INPUT)).unwrap_err();
+    assert!(matches!(error, Error::NoInput { .. }), "{error}");
+
+    let path = log("two_runs.mcap", |events| {
+        let info = RunInfo { seed: 2, ..Default::default() };
+        events.push((channels::RUN_INFO.into(), TICKS * PERIOD_NS, toy::encoded(&info)));
+    });
+    let error = run(&path).unwrap_err();
+    assert!(matches!(error, Error::SeveralRuns { .. }), "{error}");
+    // Said again, it is still the same run.
+    let path = log("info_again.mcap", |events| {
+        let info = events[0].clone();
+        events.insert(3000, info);
+    });
+    assert!(run(&path).unwrap().identical);
+
+    let path = log("version.mcap", |events| {
+        events.iter_mut().filter(|(c, ..)| c == channels::WBC_SOLUTION).for_each(|(.., data)| data[7] ^= 1);
+    });
+    let error = run(&path).unwrap_err();
+    let expected = <WbcSolution as lcmtypes::Message>::FINGERPRINT;
+    assert!(matches!(error, Error::OtherTypeVersion { found, .. } if found == expected ^ 1), "{error}");
+    assert!(error.to_string().contains("log of another type version: channel WBC_SOLUTION"), "{error}");
+}
