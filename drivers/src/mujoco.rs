@@ -6,6 +6,7 @@
 
 use crate::DriverError;
 use crate::mjcf::{self, IMU, TIME_STEP_S};
+use crate::scenario::Scenario;
 use crate::sensors::{NoiseParams, Sensors};
 use crate::simulator::Simulator;
 use crate::terrain::Terrain;
@@ -30,6 +31,14 @@ pub struct SimParams {
     pub min_height: f64,
     /// Roll or pitch beyond which the robot has fallen, rad.
     pub max_tilt: f64,
+}
+
+impl SimParams {
+    /// What a scenario says, and defaults for the rest.
+    pub fn of(scenario: &Scenario) -> Self {
+        let Scenario { friction, seed, noise, .. } = scenario;
+        SimParams { friction: *friction, seed: *seed, noise: noise.clone(), ..SimParams::default() }
+    }
 }
 
 impl Default for SimParams {
@@ -60,13 +69,12 @@ pub struct MujocoSim {
     contact: Vec<bool>,
 }
 
-/// Where MuJoCo keeps a joint, and its limits.
+/// Where MuJoCo keeps a joint, and its range.
 struct JointPlace {
     qpos: usize,
     qvel: usize,
     lower: f64,
     upper: f64,
-    effort: f64,
 }
 
 impl MujocoSim {
@@ -96,13 +104,11 @@ impl MujocoSim {
             let place = id(MjtObjBase::mjOBJ_JOINT, &joint.name)?;
             let address =
                 |addresses: &[i32]| usize::try_from(addresses[place]).map_err(|error| refused(error.to_string()));
-            let limits = joint.limits;
             joints.push(JointPlace {
                 qpos: address(model.jnt_qposadr())?,
                 qvel: address(model.jnt_dofadr())?,
-                lower: limits.lower,
-                upper: limits.upper,
-                effort: limits.effort,
+                lower: joint.limits.lower,
+                upper: joint.limits.upper,
             });
             joint_names.push(joint.name.clone());
         }
@@ -163,32 +169,27 @@ impl MujocoSim {
         self.f_F_W.fill([0.0; 3]);
         self.contact.fill(false);
         for (index, contact) in self.data.contact().iter().enumerate() {
-            // MuJoCo gives what geom 2 feels, along the normal from geom 1 to geom 2; which one is the foot depends on the ground.
-            for (geom, sign) in [(contact.geom1, -1.0), (contact.geom2, 1.0)] {
-                let Some(foot) = self.feet.iter().position(|&foot| usize::try_from(geom) == Ok(foot)) else { continue };
-                let f = self.data.contact_force(index);
-                for axis in 0..3 {
-                    self.f_F_W[foot][axis] += sign
-                        * (f[0] * contact.frame[axis]
-                            + f[1] * contact.frame[3 + axis]
-                            + f[2] * contact.frame[6 + axis]);
-                }
+            for (foot, &geom) in self.feet.iter().enumerate() {
+                let geoms = [contact.geom1, contact.geom2];
+                let Some(f_W) = force_on(geom, geoms, &contact.frame, &self.data.contact_force(index)) else {
+                    continue;
+                };
+                self.f_F_W[foot].iter_mut().zip(f_W).for_each(|(sum, part)| *sum += part);
                 self.contact[foot] |= contact.exclude == 0;
             }
         }
     }
 
-    /// The joint loop of the drives.
+    /// The joint loop of the drives; the motor's range limits it to the effort.
     fn torque(&self, joint: usize) -> f64 {
         let RobotCommand { mode, tau, q_des, qd_des, kp, kd, .. } = &self.command;
         let place = &self.joints[joint];
         let (q, qd) = (self.data.qpos()[place.qpos], self.data.qvel()[place.qvel]);
-        let tau = match *mode {
+        match *mode {
             RobotCommand::MODE_TORQUE => tau[joint] + kp[joint] * (q_des[joint] - q) + kd[joint] * (qd_des[joint] - qd),
             RobotCommand::MODE_DAMPING => -kd[joint] * qd,
             _ => 0.0,
-        };
-        tau.clamp(-place.effort, place.effort)
+        }
     }
 
     fn check_finite(&self) -> Result<(), DriverError> {
@@ -235,6 +236,11 @@ impl Simulator for MujocoSim {
         self.data.qpos_mut()[2] = height;
         self.data.forward();
         self.read_contact_forces();
+        // Held until the first step: the accelerometer reads gravity, not the fall of a limp robot.
+        self.data.qacc_mut().fill(0.0);
+        self.data.rne_post_constraint();
+        self.data.sensor_acc();
+        self.data.step1();
         self.check_finite()
     }
 
@@ -361,4 +367,33 @@ fn keep_log_file_away() {
         // SAFETY: this runs before the first use of MuJoCo in this process: every use goes through `MujocoSim::new`, which waits here.
         unsafe { mujoco_rs::prelude::set_log_config(mujoco_rs::prelude::log_config().with_logto_file(false)) }
     });
+}
+
+/// Force in W that a geom feels in a contact, none if it takes no part.
+///
+/// MuJoCo gives in the contact's frame, whose axes are the rows of `frame` and whose first one points from geom 1 to geom 2,
+/// what geom 2 feels; which of them is the foot depends on the kinds of shapes.
+fn force_on(geom: usize, geoms: [i32; 2], frame: &[f64; 9], f: &[f64; 6]) -> Option<[f64; 3]> {
+    let place = geoms.iter().position(|&other| usize::try_from(other) == Ok(geom))?;
+    let sign = [-1.0, 1.0][place];
+    Some(std::array::from_fn(|axis| sign * (f[0] * frame[axis] + f[1] * frame[3 + axis] + f[2] * frame[6 + axis])))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A foot, geom 7, pressed on the ground, geom 0, with 10 N and dragged so that the ground pulls it along +x with 2 N.
+    #[test]
+    fn a_foot_feels_the_ground_push_up_whichever_geom_comes_first() {
+        let (up, down) = ([0.0, 0.0, 1.0], [0.0, 0.0, -1.0]);
+        let frame = |normal: [f64; 3], t1: [f64; 3], t2: [f64; 3]| [normal, t1, t2].concat().try_into().unwrap();
+        let ground_first = frame(up, [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]);
+        let f = [10.0, 2.0, 0.0, 0.0, 0.0, 0.0];
+        assert_eq!(force_on(7, [0, 7], &ground_first, &f), Some([2.0, 0.0, 10.0]));
+        let foot_first = frame(down, [0.0, 1.0, 0.0], [1.0, 0.0, 0.0]);
+        let f = [10.0, 0.0, -2.0, 0.0, 0.0, 0.0];
+        assert_eq!(force_on(7, [7, 0], &foot_first, &f), Some([2.0, 0.0, 10.0]));
+        assert_eq!(force_on(6, [7, 0], &foot_first, &f), None);
+    }
 }

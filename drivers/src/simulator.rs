@@ -15,7 +15,7 @@ pub trait Simulator: Send {
     /// Time that a step takes, ns.
     fn period_ns(&self) -> i64;
 
-    /// Puts the robot at rest at the origin, heading along x, feet on the ground, no command, no push.
+    /// Puts the robot at rest at the origin, heading along x, feet on the ground, no command, no push; the first step lets it go.
     /// Joints that `posture` leaves out are at 0 or the limit next to it.
     ///
     /// # Errors

@@ -2,11 +2,12 @@
 #![allow(non_snake_case, reason = "frames are capital letters")]
 #![allow(clippy::unwrap_used, reason = "a test may panic")]
 
-use controller::model::{GRAVITY, UrdfTree};
+use controller::model::{GRAVITY, Pose, UrdfTree};
 use controller::params::{Params, RobotConfig};
 use drivers::terrain::{TerrainKind, TerrainParams};
 use drivers::{DriverError, MujocoSim, NoiseParams, SimParams, Simulator, Terrain};
 use lcmtypes::{GroundTruth, RobotCommand, RobotState};
+use mujoco_rs::prelude::{MjData, MjModel};
 
 /// `total_mass` of `robots/hyq/SOURCES`, kg.
 const MASS: f64 = 86.774_005;
@@ -18,9 +19,18 @@ fn hyq() -> (UrdfTree, RobotConfig) {
     (tree, Params::from_toml(&read("hyq.toml"), "hyq.toml").unwrap().robot)
 }
 
-fn simulation(kind: TerrainKind, seed: i64, params: SimParams) -> MujocoSim {
+fn simulation_on(ground: &TerrainParams, seed: i64, params: SimParams) -> MujocoSim {
     let (tree, robot) = hyq();
-    MujocoSim::new(&tree, &robot, Terrain::new(&TerrainParams::of_kind(kind), seed), params).unwrap()
+    MujocoSim::new(&tree, &robot, Terrain::new(ground, seed), params).unwrap()
+}
+
+fn simulation(kind: TerrainKind, seed: i64, params: SimParams) -> MujocoSim {
+    simulation_on(&TerrainParams::of_kind(kind), seed, params)
+}
+
+/// A field that MuJoCo reads quickly as text.
+fn small(kind: TerrainKind) -> TerrainParams {
+    TerrainParams { extent_m: Some([6.0, 6.0]), ..TerrainParams::of_kind(kind) }
 }
 
 fn flat() -> MujocoSim {
@@ -98,6 +108,8 @@ fn a_reset_robot_stands_on_the_ground_at_its_nominal_height() {
         assert!(p_WF[2].abs() < 1e-12, "foot at {p_WF:?}");
     }
     let fresh = state(&sim);
+    // held until the first step, in the IMU's axes, which look down
+    assert!(fresh.a_I[0].abs() < 1e-3 && (fresh.a_I[2] + GRAVITY).abs() < 1e-3, "specific force {:?}", fresh.a_I);
     run(&mut sim, 100);
     sim.reset(&robot.posture).unwrap();
     assert_eq!(state(&sim), fresh);
@@ -163,7 +175,7 @@ fn momentum_changes_by_push_weight_and_contact_forces_times_time() {
 
 /// Linear momentum in W from the controller's own model.
 fn momentum(sim: &MujocoSim) -> [f64; 3] {
-    use controller::model::{Base, BaseState, Kinematics, Model, Pose, com_velocity};
+    use controller::model::{Base, BaseState, Kinematics, Model, com_velocity};
     let (tree, _) = hyq();
     let model = Model::new(&tree, Base::Floating).unwrap();
     let truth = truth(sim);
@@ -183,7 +195,7 @@ fn momentum(sim: &MujocoSim) -> [f64; 3] {
 fn imu_at_rest_reads_gravity_upwards_also_when_it_is_mounted_turned() {
     let sim = standing(flat());
     let RobotState { q_WI_wxyz, a_I, w_WI_I, .. } = state(&sim);
-    let R_WI = controller::model::Pose::rotation_of_quaternion(q_WI_wxyz);
+    let R_WI = Pose::rotation_of_quaternion(q_WI_wxyz);
     let a_W = R_WI * nalgebra::Vector3::from(a_I);
     assert!((a_W - nalgebra::Vector3::new(0.0, 0.0, GRAVITY)).norm() < 0.01, "specific force in W {a_W:?}");
     assert!(w_WI_I.iter().all(|w| w.abs() < 1e-3), "turn rate {w_WI_I:?}");
@@ -248,15 +260,61 @@ fn friction_of_the_scenario_holds_and_slips() {
 }
 
 #[test]
-fn height_of_the_terrain_is_where_feet_stand() {
-    for seed in [3, 4] {
-        let sim = standing(simulation(TerrainKind::Rough, seed, SimParams::default()));
-        let terrain = sim.terrain();
-        for p_WF in truth(&sim).p_WF {
-            let height = terrain.height_at(p_WF[0], p_WF[1]);
-            assert!((p_WF[2] - height).abs() < 2e-3, "foot at {p_WF:?}, ground at {height}");
+fn height_of_the_terrain_is_that_of_the_simulator() {
+    for kind in [TerrainKind::Rough, TerrainKind::Steps, TerrainKind::Slope] {
+        let sim = simulation_on(&small(kind), 3, SimParams::default());
+        let model = Box::new(MjModel::from_xml_string(&sim.mjcf()).unwrap());
+        let mut data = MjData::new(model);
+        data.forward();
+        for step in 0..400 {
+            // a spiral over the field, clear of the robot, between the points of the grid
+            let (radius, angle) = (1.2 + 0.004 * f64::from(step), 0.37 * f64::from(step));
+            let [x, y] = [radius * angle.cos(), radius * angle.sin()];
+            let (_, distance) = data.ray(&[x, y, 9.0], &[0.0, 0.0, -1.0], None, true, None, None);
+            let (found, expected) = (sim.terrain().height_at(x, y), 9.0 - distance);
+            assert!((found - expected).abs() < 1e-6, "{kind:?} at {x} {y}: {found}, MuJoCo has {expected}");
         }
     }
+}
+
+#[test]
+fn feet_stand_on_rough_ground_where_the_terrain_says() {
+    let ground = TerrainParams { flat_radius_m: Some(0.1), ..TerrainParams::of_kind(TerrainKind::Rough) };
+    for seed in [3, 4] {
+        let sim = standing(simulation_on(&ground, seed, SimParams::default()));
+        for (p_WF, touches) in truth(&sim).p_WF.into_iter().zip(truth(&sim).contact) {
+            // the lowest point of a sphere of 22 mm is above ground of slope 0.6 by 3.6 mm, in front of a step by more
+            let gap = p_WF[2] - sim.terrain().height_at(p_WF[0], p_WF[1]);
+            assert!(!touches || (-0.002..0.005).contains(&gap), "foot at {p_WF:?} is {gap} m above the ground");
+        }
+    }
+}
+
+#[test]
+fn twists_are_the_rates_of_poses() {
+    let mut sim = flat();
+    sim.add_push(None, [300.0, 200.0, 2500.0], [60.0, -120.0, 90.0]).unwrap();
+    run(&mut sim, 200);
+    let before = truth(&sim);
+    sim.step().unwrap();
+    let middle = truth(&sim);
+    sim.step().unwrap();
+    let after = truth(&sim);
+    let close = |what: &str, rate: [f64; 3], twist: [f64; 3]| {
+        let error = rate.iter().zip(&twist).fold(0.0f64, |most, (a, b)| most.max((a - b).abs()));
+        let size = twist.iter().fold(0.0f64, |most, v| most.max(v.abs()));
+        // the integrator is of first order: a step's acceleration times 1 ms
+        assert!(size > 0.3 && error < 0.03 * size, "{what}: {rate:?} by differences, {twist:?}");
+    };
+    let rate = |a: [f64; 3], b: [f64; 3]| std::array::from_fn(|axis| (b[axis] - a[axis]) / 2e-3);
+    close("v_WB", rate(before.p_WB, after.p_WB), middle.v_WB);
+    for foot in 0..4 {
+        close("v_WF", rate(before.p_WF[foot], after.p_WF[foot]), middle.v_WF[foot]);
+    }
+    let [R_before, R_after] = [before, after].map(|truth| Pose::rotation_of_quaternion(truth.q_WB_wxyz));
+    let turn = R_after * R_before.transpose();
+    let w = [turn[(2, 1)] - turn[(1, 2)], turn[(0, 2)] - turn[(2, 0)], turn[(1, 0)] - turn[(0, 1)]];
+    close("w_WB_W", w.map(|twice| twice / 4e-3), middle.w_WB_W);
 }
 
 #[test]
@@ -294,8 +352,8 @@ fn a_robot_whose_file_names_other_links_is_refused() {
 
 #[test]
 fn the_text_of_the_model_is_the_model() {
-    let sim = simulation(TerrainKind::Rough, 1, SimParams::default());
-    let model = mujoco_rs::prelude::MjModel::from_xml_string(&sim.mjcf()).unwrap();
+    let sim = simulation_on(&small(TerrainKind::Rough), 1, SimParams::default());
+    let model = MjModel::from_xml_string(&sim.mjcf()).unwrap();
     let heights = model.hfield_data();
     let terrain = sim.terrain();
     let field = terrain.field().unwrap();
