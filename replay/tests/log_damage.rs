@@ -7,9 +7,9 @@ use common::Message;
 use replay::log::{Item, LogReader};
 use std::path::Path;
 
-const COUNT: usize = 24;
+const COUNT: usize = 15;
 /// Messages in a chunk of the MCAP sample.
-const CHUNK: usize = 6;
+const CHUNK: usize = 5;
 
 fn sample(name: &str) -> (Vec<u8>, Vec<Message>) {
     let path = common::path(name);
@@ -60,7 +60,7 @@ fn an_event_log_flipped_at_any_byte_loses_at_most_the_event_there() {
     let path = common::path("flipped.lcmlog");
     let ends = ends(&bytes);
     for at in 0..bytes.len() {
-        for mask in [0x01, 0x80, 0xff] {
+        for mask in [0x01, 0x80] {
             let mut bytes = bytes.clone();
             bytes[at] ^= mask;
             let items = read(&path, &bytes);
@@ -118,7 +118,7 @@ fn an_mcap_flipped_at_any_byte_loses_at_most_the_chunk_there() {
     let path = common::path("flipped.mcap");
     let ends = chunk_ends(&bytes);
     for at in 0..bytes.len() {
-        for mask in [0x01, 0x02, 0x04, 0x80, 0xff] {
+        for mask in [0x01, 0x02, 0x04, 0x80] {
             let mut bytes = bytes.clone();
             bytes[at] ^= mask;
             let items = read(&path, &bytes);

@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 
 /// A file name of its own for each test, in the folder that cargo keeps for tests.
 pub fn path(name: &str) -> PathBuf {
-    let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join("replay");
+    let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join("replay").join(env!("CARGO_CRATE_NAME"));
     std::fs::create_dir_all(&folder).unwrap();
     folder.join(name)
 }
