@@ -104,7 +104,7 @@ mod tests {
 
     #[test]
     fn roll_pitch_yaw_round_trip() {
-        for rpy in [[0.1, -0.2, 0.3], [-1.0, 1.2, -3.0], [0.0, 0.0, 3.14]] {
+        for rpy in [[0.1, -0.2, 0.3], [-1.0, 1.2, -3.0], [0.0, 0.0, 3.1]] {
             let R = Rz(rpy[2]) * Ry(rpy[1]) * Rx(rpy[0]);
             for (found, expected) in rpy_of(&R).iter().zip(rpy) {
                 assert!((found - expected).abs() < 1e-12, "{found} {expected}");

@@ -155,25 +155,13 @@ pub struct GaitTiming {
     pub swing_frequency: f64,
     /// Phase of the stride at which each leg lifts off, LF RF LH RH.
     pub lift_off_phase: [f64; 4],
-    /// Factor on the velocity command in the foothold, so that true and commanded speed agree.
-    pub speed_factor: f64,
 }
 
 impl Default for GaitParams {
     fn default() -> Self {
         GaitParams {
-            trot: GaitTiming {
-                duty: 0.55,
-                swing_frequency: 2.0,
-                lift_off_phase: [0.0, 0.5, 0.5, 0.0],
-                speed_factor: 1.0,
-            },
-            crawl: GaitTiming {
-                duty: 0.80,
-                swing_frequency: 2.0,
-                lift_off_phase: [0.0, 0.5, 0.75, 0.25],
-                speed_factor: 1.0,
-            },
+            trot: GaitTiming { duty: 0.55, swing_frequency: 2.0, lift_off_phase: [0.0, 0.5, 0.5, 0.0] },
+            crawl: GaitTiming { duty: 0.80, swing_frequency: 2.0, lift_off_phase: [0.0, 0.5, 0.75, 0.25] },
         }
     }
 }

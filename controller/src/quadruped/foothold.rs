@@ -1,7 +1,9 @@
 //! Foothold planner: where a swinging foot is to land, in the horizontal frame.
 //!
 //! Not a task: the base velocity is not tracked, it results from where the feet land. Source: Raiola et al. 2020, eqs. (19)-(25),
-//! with the lift-off position in (22), where the ellipse starts.
+//! with two departures. The step starts at the lift-off position in (22), where the ellipse does. And (19) moves the foothold by the
+//! command times the swing time; here it is half the stance time, as far as the base goes until mid-stance, so that the foot passes
+//! its virtual foothold then and the robot walks at the speed commanded (with the swing time it is too fast or too slow, by gait).
 
 use crate::math::atan2;
 use nalgebra::Vector3;
@@ -13,8 +15,8 @@ pub struct Query {
     pub v_H: [f64; 2],
     /// Yaw rate command, rad/s.
     pub yaw_rate: f64,
-    /// Swing time, s.
-    pub T_sw: f64,
+    /// Stance time, s.
+    pub T_st: f64,
     /// HAA joint from the base origin, m.
     pub p_hip_H: Vector3<f64>,
     /// Virtual foothold: where the foot stands when the robot does, m.
@@ -34,16 +36,16 @@ pub struct Step {
     pub heading: Option<f64>,
 }
 
-/// The step that brings the foot to its virtual foothold, moved by what the command asks of half a stride.
+/// The step that brings the foot to its virtual foothold, moved by what the command asks of half a stance.
 ///
 /// ```text
-/// ΔL = T_sw ( (vx, vy) + ψ̇ e_z × x_hip )         D = ΔL + (x_f0 - x_lo)
+/// ΔL = T_st/2 ( (vx, vy) + ψ̇ e_z × x_hip )         D = ΔL + (x_f0 - x_lo)
 /// L_s = |D|,  ψ_s = atan2(D.y, D.x)               xy only
 /// ```
 pub fn plan(query: &Query) -> Step {
-    let Query { v_H, yaw_rate, T_sw, p_hip_H, p_virtual_H, p_lift_H, max_length } = query;
-    let dx = T_sw * (v_H[0] - yaw_rate * p_hip_H.y) + p_virtual_H.x - p_lift_H.x;
-    let dy = T_sw * (v_H[1] + yaw_rate * p_hip_H.x) + p_virtual_H.y - p_lift_H.y;
+    let Query { v_H, yaw_rate, T_st, p_hip_H, p_virtual_H, p_lift_H, max_length } = query;
+    let dx = 0.5 * T_st * (v_H[0] - yaw_rate * p_hip_H.y) + p_virtual_H.x - p_lift_H.x;
+    let dy = 0.5 * T_st * (v_H[1] + yaw_rate * p_hip_H.x) + p_virtual_H.y - p_lift_H.y;
     let length = (dx * dx + dy * dy).sqrt();
     Step { length: length.min(*max_length), heading: (length >= 1e-3).then(|| atan2(dy, dx)) }
 }
@@ -55,7 +57,7 @@ mod tests {
     const QUERY: Query = Query {
         v_H: [0.0, 0.0],
         yaw_rate: 0.0,
-        T_sw: 0.5,
+        T_st: 1.0,
         p_hip_H: Vector3::new(0.37, 0.2, 0.0),
         p_virtual_H: Vector3::new(0.37, 0.32, -0.58),
         p_lift_H: Vector3::new(0.37, 0.32, -0.58),

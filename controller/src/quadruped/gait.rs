@@ -25,6 +25,8 @@ use crate::params::{GaitTiming, Params};
 pub struct Timing {
     /// Swing time.
     pub T_sw: f64,
+    /// Stance time.
+    pub T_st: f64,
     /// Stride.
     pub T: f64,
     /// Length of the ramps of the force bounds: half the time in which all four legs stand (at least two ticks).
@@ -40,12 +42,12 @@ impl Timing {
         let T_sw = 1.0 / row.swing_frequency;
         let T = T_sw / (1.0 - row.duty);
         let lift_off = PerLeg(row.lift_off_phase.map(|phase| phase * T));
-        Timing { T_sw, T, T_ramp: (0.5 * all_stance_time(&lift_off, T, T_sw)).max(0.002), lift_off }
+        Timing { T_sw, T_st: T - T_sw, T, T_ramp: (0.5 * all_stance_time(&lift_off, T, T_sw)).max(0.002), lift_off }
     }
 }
 
 /// Row of the gait table.
-pub fn row_of(gait: Gait, params: &Params) -> &GaitTiming {
+fn row_of(gait: Gait, params: &Params) -> &GaitTiming {
     match gait {
         Gait::Trot => &params.gait.trot,
         Gait::Crawl => &params.gait.crawl,

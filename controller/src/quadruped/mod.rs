@@ -274,8 +274,8 @@ fn follow_operator(params: &Params, estimate: &Estimate, state: &mut State, op: 
         v = v.map(|x| x * limits.max_speed / speed);
     }
     let yaw_rate = if walk { op.yaw_rate.clamp(-limits.max_yaw_rate, limits.max_yaw_rate) } else { 0.0 };
-    for k in 0..2 {
-        state.v_H_des[k] = low_pass(state.v_H_des[k], v[k], limits.command_time_constant, dt);
+    for (v_des, v) in state.v_H_des.iter_mut().zip(v) {
+        *v_des = low_pass(*v_des, v, limits.command_time_constant, dt);
     }
     state.yaw_rate_des = low_pass(state.yaw_rate_des, yaw_rate, limits.command_time_constant, dt);
     // The heading reference waits for the robot rather than winding up against a base that cannot turn.

@@ -8,17 +8,17 @@
 //! takes out the motion that the base rotation gives the foot, so that swing and trunk do not disturb each other.
 //!
 //! - Swing: `r_d` on the ellipse from the lift-off, `q_d` starts at the measured position.
-//! - Stance: `r_d` is the virtual foothold, lowered or raised by the height error's integral ζ; `q_d` starts at touchdown, and the CLIK gain
-//!   makes the way to it a first-order blend. This is what moves the base: the stance feet are fixed, so pulling the
-//!   legs to their nominal shape pulls the base over the feet. The source does not say what the stance reference starts from; latched at
-//!   touchdown alone, the base would never follow.
+//! - Stance: `r_d` runs backward under the base at the commanded velocity, through the virtual foothold at mid-stance, lowered or raised by the
+//!   height error's integral ζ; `q_d` starts at touchdown, and the CLIK gain blends it over. This is what moves the base: the stance feet are
+//!   fixed, so legs that sweep backward carry the base forward. The source does not say what the stance reference is; latched at touchdown, the
+//!   base would never follow, and pulled to the virtual foothold it moves in jerks and slower than commanded.
 
 use super::estimation::Estimate;
 use super::foothold::{self, Query};
-use super::gait::{Timing, Transitions, row_of};
+use super::gait::{Timing, Transitions};
 use super::leg::{Leg, LegPhase, PerLeg};
 use super::robot::Robot;
-use super::state::State;
+use super::state::{Mode, State};
 use super::swing::swing_point;
 use crate::math::Rz;
 use crate::model::{BaseState, Kinematics, point_jacobian_linear};
@@ -77,8 +77,10 @@ impl References {
             }
             if state.leg_phase[leg].is_stance() {
                 let p_virtual = virtual_foothold(robot, state, leg);
-                self.p_BF_H[leg] = p_virtual;
-                self.v_BF_H[leg] = Vector3::new(0.0, 0.0, zeta_dot);
+                let v = velocity_at(&p_virtual, state);
+                let T_st = Timing::of(state.gait, params).T_st;
+                self.p_BF_H[leg] = p_virtual + v * (0.5 * T_st - state.t_leg[leg].min(T_st));
+                self.v_BF_H[leg] = Vector3::new(0.0, 0.0, zeta_dot) - v;
                 self.foothold_H[leg] = p_virtual;
             } else {
                 self.swing(robot, params, estimate, state, leg);
@@ -93,11 +95,10 @@ impl References {
         let R_HW = estimate.base.R_WH.transpose();
         let p_virtual_H = virtual_foothold(robot, state, leg);
         if t < timing.T_sw * (1.0 - params.foothold.freeze_fraction) {
-            let factor = row_of(state.gait, params).speed_factor;
             let step = foothold::plan(&Query {
-                v_H: state.v_H_des.map(|v| v * factor),
-                yaw_rate: state.yaw_rate_des * factor,
-                T_sw: timing.T_sw,
+                v_H: state.v_H_des,
+                yaw_rate: state.yaw_rate_des,
+                T_st: timing.T_st,
                 p_hip_H: R_HW * estimate.legs[leg].p_hip_W,
                 p_virtual_H,
                 p_lift_H: state.p_lift_H[leg],
@@ -169,6 +170,15 @@ fn height_integral(robot: &Robot, params: &Params, state: &mut State, dt: f64) -
 /// Where a foot stands when the robot does: fixed in H, at the commanded height.
 fn virtual_foothold(robot: &Robot, state: &State, leg: Leg) -> Vector3<f64> {
     robot.legs[leg].p_nominal_H + Vector3::new(0.0, 0.0, state.zeta - state.height_offset)
+}
+
+/// Commanded velocity of the point of the base above a foot, in H, m/s; zero unless walking.
+fn velocity_at(p_H: &Vector3<f64>, state: &State) -> Vector3<f64> {
+    if state.mode != Mode::Walk {
+        return Vector3::zeros();
+    }
+    let ([vx, vy], turn) = (state.v_H_des, state.yaw_rate_des);
+    Vector3::new(vx - turn * p_H.y, vy + turn * p_H.x, 0.0)
 }
 
 /// `J⁻¹`, or the damped least-squares inverse `Jᵀ (J Jᵀ + 1e-4 I)⁻¹` near a singularity.

@@ -2,7 +2,7 @@
 
 use super::leg::{Leg, PerLeg};
 use crate::LoadError;
-use crate::model::{Base, BaseState, FrameId, JointKind, Kinematics, Model, UrdfTree};
+use crate::model::{Base, BaseState, FrameId, JointKind, Kinematics, Model, UrdfTree, com};
 use crate::params::RobotConfig;
 use nalgebra::{Matrix3, Vector3};
 
@@ -15,7 +15,9 @@ pub struct LegModel {
     pub hip: FrameId,
     /// Places of the three joints in `q`.
     pub joints: [usize; 3],
-    /// Foot contact point from the base origin, in H, in the nominal posture with level trunk: the virtual foothold, m.
+    /// Virtual foothold: foot contact point from the base origin, in H, when the robot stands with level trunk, m. That of the nominal posture,
+    /// the four shifted together until their centre lies under the centre of mass: over the crossing of the support diagonals gravity pulls to
+    /// no side, while the nominal posture of a robot with its mass off the middle would make a trot drift.
     pub p_nominal_H: Vector3<f64>,
 }
 
@@ -98,7 +100,13 @@ impl Robot {
         if let Some(j) = owner.iter().position(Option::is_none) {
             return Err(wrong(format!("joint {} belongs to no leg", model.joints[j].name)));
         }
-        let legs = PerLeg(<[LegModel; 4]>::try_from(legs).expect("one is pushed for each of the four legs"));
+        let mut legs = PerLeg(<[LegModel; 4]>::try_from(legs).expect("one is pushed for each of the four legs"));
+
+        let center_H = legs.0.iter().fold(Vector3::zeros(), |sum, leg| sum + leg.p_nominal_H) / 4.0;
+        let to_com_H = com(&kin) - center_H;
+        for leg in &mut legs.0 {
+            leg.p_nominal_H += Vector3::new(to_com_H.x, to_com_H.y, 0.0);
+        }
 
         let nominal_height = legs.0.iter().fold(0.0, |sum, leg| sum - leg.p_nominal_H.z) / 4.0;
         for (leg, LegModel { p_nominal_H, .. }) in legs.iter() {
