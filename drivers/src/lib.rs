@@ -4,6 +4,7 @@
 //! - [`Terrain`]: the ground, made from a seed.
 //! - [`Simulator`]: what the other side of a controller can do; [`MujocoSim`] does it.
 //! - [`Faults`]: what spoils messages on their way.
+//! - [`lockstep`]: simulator, controller and log in one process.
 //!
 //! No control is computed here but the joint loop that a drive has, and the controller sees nothing but messages. Nothing
 //! reads a clock: time comes from the caller. Start with `tests/physics.rs`: a robot is put down and held.
@@ -12,6 +13,7 @@
 
 mod error;
 pub mod fault;
+pub mod lockstep;
 mod mjcf;
 mod mujoco;
 pub mod operator;

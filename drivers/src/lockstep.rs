@@ -1,0 +1,310 @@
+//! The lockstep run: simulator, controller and log in one process, one control step per physics step, as fast as it goes.
+//!
+//! Everything that a live run sends over the bus goes into the log, stamped with the simulation time, so that two runs of one
+//! scenario and seed give equal logs but for TIMING, which holds the wall clock.
+
+use crate::{DriverError, Faults, Scenario, Simulator};
+use controller::{Controller, Outbox, Probe, Stage};
+use lcmtypes::{
+    ControllerInput, ControllerTick, Event, GroundTruth, Message, OperatorCommand, RobotCommand, RobotState, RunInfo,
+    Timing, channels,
+};
+use replay::log::LogWriter;
+use std::time::{Instant, SystemTime, UNIX_EPOCH};
+
+/// How a lockstep run went.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Outcome {
+    /// Control ticks.
+    pub ticks: i64,
+    /// Simulated time, s.
+    pub sim_seconds: f64,
+    /// Wall time, s.
+    pub wall_seconds: f64,
+    /// When the robot fell, s, if it did.
+    pub fell_at_s: Option<f64>,
+    /// Length of the base's way over the ground, m: horizontal, from one whole second to the next, so that sway does not count.
+    pub distance_m: f64,
+    /// When and why the controller went to its safe state, if it did.
+    pub safe_state: Option<String>,
+}
+
+/// Ticks that a fallen robot is still simulated.
+const TICKS_AFTER_FALL: i64 = 1000;
+
+/// Runs `scenario` and logs every message; `progress` is told the simulated time, s, ten times a simulated second.
+///
+/// The simulator must have been reset. The log is complete but not finished: the caller calls [`LogWriter::finish`].
+///
+/// # Errors
+/// A scenario that names unknown links or joints, a command that the driver refuses, a simulation that blew up, a log that cannot
+/// be written.
+pub fn run(
+    scenario: &Scenario,
+    info: &RunInfo,
+    sim: &mut dyn Simulator,
+    controller: &mut dyn Controller,
+    log: &mut LogWriter,
+    progress: &mut dyn FnMut(f64),
+) -> Result<Outcome, DriverError> {
+    let mut run = Run::new(scenario, sim)?;
+    let period_ns = sim.period_ns();
+    let ticks = scenario.duration_ns() / period_ns;
+    let started = Instant::now();
+    run.put(log, channels::RUN_INFO, 0, info)?;
+    let mut tick = 0;
+    while tick < ticks && run.fell_at.is_none_or(|at| tick < at + TICKS_AFTER_FALL) {
+        let t_ns = tick * period_ns;
+        run.tick(scenario, sim, controller, log, tick, t_ns)?;
+        tick += 1;
+        if tick % 100 == 0 {
+            progress(seconds(tick * period_ns));
+        }
+    }
+    Ok(Outcome {
+        ticks: tick,
+        sim_seconds: seconds(tick * period_ns),
+        wall_seconds: started.elapsed().as_secs_f64(),
+        fell_at_s: run.fell_at.map(|at| seconds(at * period_ns)),
+        distance_m: run.distance_m,
+        safe_state: run.safe_state,
+    })
+}
+
+/// What a run carries from tick to tick.
+struct Run {
+    operator: crate::operator::OperatorScript,
+    faults: Faults,
+    timeline: std::collections::VecDeque<(i64, String)>,
+    input: ControllerInput,
+    measured: RobotState,
+    truth: GroundTruth,
+    command: RobotCommand,
+    outbox: Outbox,
+    bytes: Vec<u8>,
+    clock: StageClock,
+    mode: i8,
+    fell_at: Option<i64>,
+    safe_state: Option<String>,
+    last_p_WB: Option<[f64; 3]>,
+    distance_m: f64,
+}
+
+impl Run {
+    fn new(scenario: &Scenario, sim: &dyn Simulator) -> Result<Self, DriverError> {
+        let mut input = ControllerInput::default();
+        input.op.seq = -1;
+        Ok(Run {
+            operator: scenario.operator.clone(),
+            faults: Faults::new(&scenario.faults, sim.joints())?,
+            timeline: scenario.timeline().into(),
+            input,
+            measured: RobotState::default(),
+            truth: GroundTruth::default(),
+            command: RobotCommand::default(),
+            outbox: Outbox::new(),
+            bytes: Vec::new(),
+            clock: StageClock::default(),
+            mode: ControllerTick::MODE_IDLE,
+            fell_at: None,
+            safe_state: None,
+            last_p_WB: None,
+            distance_m: 0.0,
+        })
+    }
+
+    fn tick(
+        &mut self,
+        scenario: &Scenario,
+        sim: &mut dyn Simulator,
+        controller: &mut dyn Controller,
+        log: &mut LogWriter,
+        tick: i64,
+        t_ns: i64,
+    ) -> Result<(), DriverError> {
+        while let Some((at, text)) = self.timeline.pop_front_if(|(at, _)| *at <= t_ns) {
+            self.event(log, at, tick, Event::LEVEL_INFO, "scenario", text)?;
+        }
+        if let Some(op) = self.operator.operator_at(t_ns) {
+            self.put(log, channels::OPERATOR_COMMAND, t_ns, &op)?;
+            self.input.op = op;
+        }
+        sim.robot_state(t_ns, tick, &mut self.measured);
+        if self.faults.on_state(&mut self.measured) {
+            self.input.state.clone_from(&self.measured);
+            put(&mut self.bytes, log, channels::ROBOT_STATE, t_ns, &self.measured)?;
+        }
+        sim.ground_truth(t_ns, &mut self.truth);
+        put(&mut self.bytes, log, channels::GROUND_TRUTH, t_ns, &self.truth)?;
+        self.measure_distance(tick);
+
+        (self.input.t_ns, self.input.tick) = (t_ns, tick);
+        put(&mut self.bytes, log, channels::CONTROLLER_INPUT, t_ns, &self.input)?;
+        self.clock.start();
+        controller.step_probed(&self.input, &mut self.outbox, &mut self.clock);
+        for (channel, bytes) in self.outbox.iter() {
+            log.write(channel, t_ns, bytes)?;
+        }
+        let timing = self.clock.timing(t_ns, tick);
+        put(&mut self.bytes, log, channels::TIMING, t_ns, &timing)?;
+        self.watch_mode(log, t_ns, tick)?;
+
+        if let Some(bytes) = self.outbox.get(channels::ROBOT_COMMAND) {
+            self.command = RobotCommand::decode(bytes)?;
+            self.faults.on_command(t_ns, &mut self.command);
+            sim.apply(&self.command)?;
+        }
+        sim.clear_pushes();
+        for push in scenario.pushes_at(t_ns) {
+            sim.add_push(push.link.as_deref(), push.f_W, push.tau_W)?;
+        }
+        sim.step()?;
+        if self.fell_at.is_none() && sim.fallen() {
+            self.fell_at = Some(tick);
+            let p = self.truth.p_WB;
+            let text = format!("the robot fell at x {:.2} m, y {:.2} m", p[0], p[1]);
+            self.event(log, t_ns, tick, Event::LEVEL_ERROR, "driver", text)?;
+        }
+        Ok(())
+    }
+
+    /// Says in the log when the controller changes its mode, and why it gave up.
+    fn watch_mode(&mut self, log: &mut LogWriter, t_ns: i64, tick: i64) -> Result<(), DriverError> {
+        let Some(bytes) = self.outbox.get(channels::CONTROLLER_TICK) else { return Ok(()) };
+        let ControllerTick { mode, fault, fault_index, fault_value, .. } = ControllerTick::decode(bytes)?;
+        if mode == self.mode {
+            return Ok(());
+        }
+        self.mode = mode;
+        let name =
+            |table: &[&'static str], i: i64| usize::try_from(i).ok().and_then(|i| table.get(i)).copied().unwrap_or("?");
+        let mut text = format!("controller is in {}", name(&MODES, mode.into()));
+        let mut level = Event::LEVEL_INFO;
+        if mode == ControllerTick::MODE_DAMPING {
+            level = Event::LEVEL_ERROR;
+            text += &format!(": {}, value {fault_value}", name(&FAULTS, fault.into()));
+            if fault_index >= 0 {
+                text += &format!(", index {fault_index}");
+            }
+            self.safe_state = Some(format!("{:.3} s: {text}", seconds(t_ns)));
+        }
+        self.event(log, t_ns, tick, level, "controller", text)
+    }
+
+    fn measure_distance(&mut self, tick: i64) {
+        if tick % 1000 != 0 {
+            return;
+        }
+        let p = self.truth.p_WB;
+        if let Some(last) = self.last_p_WB {
+            self.distance_m += ((p[0] - last[0]).powi(2) + (p[1] - last[1]).powi(2)).sqrt();
+        }
+        self.last_p_WB = Some(p);
+    }
+
+    fn event(
+        &mut self,
+        log: &mut LogWriter,
+        t_ns: i64,
+        tick: i64,
+        level: i8,
+        source: &str,
+        text: String,
+    ) -> Result<(), DriverError> {
+        let event = Event { t_ns, tick, level, source: source.to_owned(), text };
+        self.put(log, channels::EVENT, t_ns, &event)
+    }
+
+    fn put(
+        &mut self,
+        log: &mut LogWriter,
+        channel: &str,
+        t_ns: i64,
+        message: &impl Message,
+    ) -> Result<(), DriverError> {
+        put(&mut self.bytes, log, channel, t_ns, message)
+    }
+}
+
+const MODES: [&str; 4] = ["IDLE", "STANCE", "WALK", "DAMPING"];
+const FAULTS: [&str; 10] = [
+    "no fault",
+    "input of wrong size",
+    "input not finite",
+    "orientation is no unit quaternion",
+    "joint state too old (s)",
+    "clock does not advance (s)",
+    "tilt (rad)",
+    "QP failed too often (ticks)",
+    "operator asked for it",
+    "operator command not finite",
+];
+
+fn put(
+    bytes: &mut Vec<u8>,
+    log: &mut LogWriter,
+    channel: &str,
+    t_ns: i64,
+    message: &impl Message,
+) -> Result<(), DriverError> {
+    bytes.clear();
+    message.encode(bytes)?;
+    log.write(channel, t_ns, bytes)?;
+    Ok(())
+}
+
+/// Reads the clock at the ends of the stages. Allocates nothing.
+struct StageClock {
+    epoch: Instant,
+    start: Instant,
+    last: Instant,
+    wall_ns: i64,
+    stage_ns: [i64; Stage::ALL.len()],
+}
+
+impl Default for StageClock {
+    fn default() -> Self {
+        let now = Instant::now();
+        StageClock { epoch: now, start: now, last: now, wall_ns: 0, stage_ns: [0; Stage::ALL.len()] }
+    }
+}
+
+impl StageClock {
+    fn start(&mut self) {
+        self.wall_ns = SystemTime::now().duration_since(UNIX_EPOCH).map_or(0, nanoseconds);
+        self.stage_ns = [0; Stage::ALL.len()];
+        self.start = Instant::now();
+        self.last = self.start;
+    }
+
+    fn timing(&self, t_ns: i64, tick: i64) -> Timing {
+        let since_epoch = |at: Instant| nanoseconds(at.duration_since(self.epoch));
+        Timing {
+            t_ns,
+            tick,
+            wall_ns: self.wall_ns,
+            wake_ns: since_epoch(self.start),
+            start_ns: since_epoch(self.start),
+            end_ns: since_epoch(self.last),
+            deadline_ns: 0,
+            stage_ns: self.stage_ns,
+        }
+    }
+}
+
+impl Probe for StageClock {
+    fn stage_done(&mut self, stage: Stage) {
+        let now = Instant::now();
+        self.stage_ns[stage as usize] = nanoseconds(now - self.last);
+        self.last = now;
+    }
+}
+
+fn nanoseconds(d: std::time::Duration) -> i64 {
+    i64::try_from(d.as_nanos()).unwrap_or(i64::MAX)
+}
+
+#[expect(clippy::cast_precision_loss, reason = "simulation times are far below 2^53 ns")]
+fn seconds(ns: i64) -> f64 {
+    ns as f64 * 1e-9
+}
