@@ -45,7 +45,7 @@ pub enum EncodeError {
         length: usize,
     },
     /// A value tree does not have the shape of its type.
-    #[error("{type_name}, field {path}: found {found}, expected {expected}")]
+    #[error("{type_name}{}{path}: found {found}, expected {expected}", if path.is_empty() { "" } else { ", field " })]
     Shape {
         /// Type of the message.
         type_name: String,

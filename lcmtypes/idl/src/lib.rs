@@ -26,6 +26,7 @@
 //! It must never read a file, panic on bad input, or allocate more than a small multiple of the bytes it was given.
 
 pub mod ast;
+mod encode;
 mod error;
 mod generate;
 mod hash;

@@ -112,6 +112,22 @@ fn round_trip<M: Message>(name: &str, bytes: &[u8]) -> bool {
     for end in 0..bytes.len() {
         assert!(M::decode(&bytes[..end]).is_err(), "{name} cut at byte {end}");
     }
+    // Reflection and generated code agree on what is a message.
+    let types = types();
+    let ty = types.by_name(name).unwrap();
+    let mut random = common::Random(1);
+    for _ in 0..2000 {
+        let mut damaged = bytes.to_vec();
+        let place = random.below(bytes.len());
+        damaged[place] = random.next().to_le_bytes()[0];
+        let (generated, reflected) = (M::decode(&damaged), ty.decode(&damaged));
+        assert_eq!(generated.is_ok(), reflected.is_ok(), "{name}: {generated:?}, {reflected:?}");
+        if let Ok(message) = generated {
+            again.clear();
+            message.encode(&mut again).unwrap();
+            assert_eq!(again, damaged, "{name}");
+        }
+    }
     true
 }
 
