@@ -1,2 +1,58 @@
-//! polars probe
-#[allow(unused_imports)] use polars as _;
+//! From a log to data frames, metrics, figures and a report.
+//!
+//! ```no_run
+//! let report = analysis::report("run.lcmlog".as_ref(), "report".as_ref(), &mut |_| ())?;
+//! println!("{}", analysis::tables::tracking_text(&report.metrics));
+//! # Ok::<(), analysis::Error>(())
+//! ```
+//!
+//! - [`run`]: a log as a list of ticks, every message of a tick side by side; what is missing is `None`.
+//! - [`metrics`]: figures of merit, the content of `metrics.json`.
+//! - [`figures`]: SVG and PNG, the same bytes for the same log.
+//! - [`tables`]: the tracking table beside the published one, as text and CSV.
+//! - [`report`](report()): all of it in a directory, with one HTML page.
+//! - [`frames`]: any channel of any log as a polars data frame, and Parquet.
+//!
+//! It reads logs and nothing else: no robot, no bus, no controller. Nothing depends on it but the command. It must never change a
+//! number between two runs over the same log, nor hide that a log is damaged or lacks a channel.
+
+// Names of quantities carry frames, such as p_WF: see ARCHITECTURE.md.
+#![allow(non_snake_case)]
+
+pub mod figures;
+pub mod frames;
+pub mod math;
+pub mod metrics;
+pub mod run;
+pub mod stats;
+pub mod tables;
+
+mod error;
+mod html;
+mod report;
+
+pub use error::Error;
+pub use frames::Frames;
+pub use metrics::Metrics;
+pub use report::{Report, ReportOptions, report, report_with};
+pub use run::Run;
+
+/// How far a piece of work has come.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Progress {
+    /// What is being done.
+    pub stage: Stage,
+    /// How much of it is done: bytes while reading, figures while drawing.
+    pub done: u64,
+    /// How much there is to do, in the same unit.
+    pub total: u64,
+}
+
+/// A piece of work that takes a while.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Stage {
+    /// Reading the log.
+    Read,
+    /// Drawing figures.
+    Draw,
+}

@@ -1,0 +1,278 @@
+//! One pair of axes: ranges, ticks, lines and shading.
+
+use super::canvas::{Align, Drawing, RGBAColor, Stroke};
+use super::style::{FRAME, GRID, LABEL_EM, TEXT, TICK_EM};
+
+/// A closed interval of values.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Range {
+    /// Least value.
+    pub min: f64,
+    /// Greatest value.
+    pub max: f64,
+}
+
+impl Range {
+    /// The finite values with a margin of 6 %, at least `least_span` wide; `0 ± least_span / 2` without any.
+    pub fn covering<'a>(values: impl IntoIterator<Item = &'a f64>, least_span: f64) -> Self {
+        let finite = values.into_iter().copied().filter(|v| v.is_finite());
+        let (min, max) = finite.fold((f64::INFINITY, f64::NEG_INFINITY), |(lo, hi), v| (lo.min(v), hi.max(v)));
+        let (middle, span) = if min <= max { (0.5 * (min + max), max - min) } else { (0.0, 0.0) };
+        let half = 0.5 * (span * 1.12).max(least_span);
+        Self { min: middle - half, max: middle + half }
+    }
+
+    fn span(self) -> f64 {
+        self.max - self.min
+    }
+}
+
+/// Where a panel stands in its drawing, units of 1/96 inch.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Frame {
+    /// Left edge.
+    pub left: f64,
+    /// Upper edge.
+    pub top: f64,
+    /// Width.
+    pub width: f64,
+    /// Height.
+    pub height: f64,
+}
+
+/// How the vertical axis maps values to height.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Scale {
+    /// Evenly.
+    Linear,
+    /// By the logarithm; values are positive.
+    Log,
+}
+
+/// A pair of axes in a frame.
+#[derive(Clone, Copy, Debug)]
+pub struct Panel {
+    frame: Frame,
+    x: Range,
+    y: Range,
+    scale: Scale,
+}
+
+/// What is written along the axes.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Labels<'a> {
+    /// Below the panel, with the numbers of the horizontal axis; without it the ticks stay unnumbered.
+    pub x: Option<&'a str>,
+    /// Left of the panel, with the numbers of the vertical axis; without it the ticks stay unnumbered.
+    pub y: Option<&'a str>,
+}
+
+impl Panel {
+    /// Axes with a linear vertical scale.
+    pub fn new(frame: Frame, x: Range, y: Range) -> Self {
+        Self { frame, x, y, scale: Scale::Linear }
+    }
+
+    /// The same axes with a logarithmic vertical scale.
+    pub fn logarithmic(self) -> Self {
+        Self { scale: Scale::Log, ..self }
+    }
+
+    /// Where a point of the data lies in the drawing.
+    pub fn at(&self, x: f64, y: f64) -> (f64, f64) {
+        let Frame { left, top, width, height } = self.frame;
+        let share = match self.scale {
+            Scale::Linear => (y - self.y.min) / self.y.span(),
+            Scale::Log => (y / self.y.min).ln() / (self.y.max / self.y.min).ln(),
+        };
+        (left + (x - self.x.min) / self.x.span() * width, top + (1.0 - share.clamp(0.0, 1.0)) * height)
+    }
+
+    /// Fills the panel's height between two abscissae, cut to the panel.
+    pub fn shade(&self, drawing: &mut Drawing, from: f64, to: f64, color: RGBAColor) {
+        self.strip(drawing, (from, to), (self.frame.top, self.frame.height), color);
+    }
+
+    /// Fills between two abscissae, cut to the panel, at a place `(top, height)` of the drawing.
+    pub fn strip(&self, drawing: &mut Drawing, (from, to): (f64, f64), (top, height): (f64, f64), color: RGBAColor) {
+        let (from, to) = (from.max(self.x.min), to.min(self.x.max));
+        if from < to {
+            let (left, right) = (self.at(from, self.y.max).0, self.at(to, self.y.max).0);
+            drawing.rect((left, top), (right - left, height), color);
+        }
+    }
+
+    /// A line through the samples, broken at NaN and thinned to the extremes of each unit of width, so that a long log looks as it would
+    /// with every sample drawn.
+    pub fn line(&self, drawing: &mut Drawing, xs: &[f64], ys: &[f64], stroke: Stroke) {
+        for points in self.thinned(xs, ys) {
+            drawing.line(points, stroke);
+        }
+    }
+
+    /// As [`Panel::line`], dashed.
+    pub fn dashed(&self, drawing: &mut Drawing, xs: &[f64], ys: &[f64], stroke: Stroke) {
+        for points in self.thinned(xs, ys) {
+            for dash in dashes(&points, 4.0, 2.5) {
+                drawing.line(dash, stroke);
+            }
+        }
+    }
+
+    fn thinned(&self, xs: &[f64], ys: &[f64]) -> Vec<Vec<(f64, f64)>> {
+        let points: Vec<(f64, f64)> =
+            xs.iter().zip(ys).map(|(&x, &y)| if y.is_finite() { self.at(x, y) } else { (x, f64::NAN) }).collect();
+        points.split(|p| p.1.is_nan()).filter(|piece| piece.len() > 1).map(thin).collect()
+    }
+
+    /// Frame, ticks, numbers and labels; call it last, so that the frame lies over the data.
+    pub fn axes(&self, drawing: &mut Drawing, labels: Labels) {
+        let Frame { left, top, width, height } = self.frame;
+        let (right, bottom) = (left + width, top + height);
+        for (value, text) in ticks(self.x, (width / 70.0).clamp(2.0, 9.0) as usize) {
+            let x = self.at(value, self.y.min).0;
+            drawing.line(vec![(x, bottom), (x, bottom + 3.0)], FRAME);
+            if labels.x.is_some() {
+                drawing.text((x, bottom + 13.0), text, TICK_EM, Align::Middle, TEXT);
+            }
+        }
+        let vertical = match self.scale {
+            Scale::Linear => ticks(self.y, (height / 22.0).clamp(2.0, 6.0) as usize),
+            Scale::Log => decades(self.y),
+        };
+        for (value, text) in vertical {
+            let y = self.at(self.x.min, value).1;
+            drawing.line(vec![(left - 3.0, y), (left, y)], FRAME);
+            if labels.y.is_some() {
+                drawing.text((left - 5.0, y + 0.36 * TICK_EM), text, TICK_EM, Align::Right, TEXT);
+            }
+        }
+        drawing.line(vec![(left, top), (left, bottom), (right, bottom)], FRAME);
+        if let Some(label) = labels.x {
+            drawing.text((left + 0.5 * width, bottom + 27.0), label, LABEL_EM, Align::Middle, TEXT);
+        }
+        if let Some(label) = labels.y {
+            drawing.text_upward((left - 42.0, top + 0.5 * height), label, LABEL_EM, TEXT);
+        }
+    }
+
+    /// Pale lines at the numbers of the vertical axis; call it first.
+    pub fn grid(&self, drawing: &mut Drawing) {
+        let values = match self.scale {
+            Scale::Linear => ticks(self.y, (self.frame.height / 22.0).clamp(2.0, 6.0) as usize),
+            Scale::Log => decades(self.y),
+        };
+        for (value, _) in values {
+            drawing.line(vec![self.at(self.x.min, value), self.at(self.x.max, value)], GRID);
+        }
+    }
+}
+
+/// First, extremes and last of each unit of width, in the order in which they came.
+fn thin(points: &[(f64, f64)]) -> Vec<(f64, f64)> {
+    let mut out = Vec::new();
+    for column in points.chunk_by(|a, b| a.0.floor() == b.0.floor()) {
+        let by_height = |a: &usize, b: &usize| column[*a].1.total_cmp(&column[*b].1);
+        let low = (0..column.len()).min_by(by_height).unwrap_or(0);
+        let high = (0..column.len()).max_by(by_height).unwrap_or(0);
+        let mut kept = [0, low.min(high), low.max(high), column.len() - 1];
+        kept.sort_unstable();
+        out.extend(kept.iter().enumerate().filter(|&(i, k)| i == 0 || kept[i - 1] != *k).map(|(_, &k)| column[k]));
+    }
+    out
+}
+
+/// Pieces of a polyline, `on` long with gaps of `off`, by length along it.
+fn dashes(points: &[(f64, f64)], on: f64, off: f64) -> Vec<Vec<(f64, f64)>> {
+    let mut out = Vec::new();
+    let mut dash = vec![points[0]];
+    let (mut drawing, mut left) = (true, on);
+    for pair in points.windows(2) {
+        let (mut from, to) = (pair[0], pair[1]);
+        let mut length = (to.0 - from.0).hypot(to.1 - from.1);
+        while length > left {
+            let share = left / length;
+            from = (from.0 + share * (to.0 - from.0), from.1 + share * (to.1 - from.1));
+            length -= left;
+            if drawing {
+                dash.push(from);
+                out.push(std::mem::take(&mut dash));
+            } else {
+                dash = vec![from];
+            }
+            drawing = !drawing;
+            left = if drawing { on } else { off };
+        }
+        left -= length;
+        if drawing {
+            dash.push(to);
+        }
+    }
+    if dash.len() > 1 {
+        out.push(dash);
+    }
+    out
+}
+
+/// At most about `count` round values in the range (steps of 1, 2 or 5 times a power of ten), with their texts.
+fn ticks(range: Range, count: usize) -> Vec<(f64, String)> {
+    let raw = range.span() / count as f64;
+    let power = 10_f64.powf(raw.log10().floor());
+    let step = power * [1.0, 2.0, 5.0, 10.0].into_iter().find(|m| m * power >= raw * 0.999).unwrap_or(10.0);
+    let decimals = (-step.log10().floor()).clamp(0.0, 9.0) as usize;
+    let (first, last) = ((range.min / step).ceil() as i64, (range.max / step).floor() as i64);
+    (first..=last).map(|k| (k as f64 * step, number(k as f64 * step, decimals))).collect()
+}
+
+/// The numbers 1, 2 and 5 of each power of ten in the range.
+fn decades(range: Range) -> Vec<(f64, String)> {
+    let (first, last) = (range.min.log10().floor() as i32, range.max.log10().ceil() as i32);
+    (first..=last)
+        .flat_map(|power| [1.0, 2.0, 5.0].map(|m| (m * 10_f64.powi(power), usize::try_from(-power).unwrap_or(0))))
+        .filter(|(value, _)| (range.min..=range.max).contains(value))
+        .map(|(value, decimals)| (value, number(value, decimals)))
+        .collect()
+}
+
+/// A number with a true minus sign, and no sign for zero.
+fn number(value: f64, decimals: usize) -> String {
+    let text = format!("{:.decimals$}", value.abs());
+    if value < 0.0 && text.bytes().any(|b| (b'1'..=b'9').contains(&b)) { format!("\u{2212}{text}") } else { text }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn ticks_are_round_and_inside() {
+        let texts = |min, max, n| ticks(Range { min, max }, n).into_iter().map(|t| t.1).collect::<Vec<_>>();
+        assert_eq!(texts(-0.051, 0.103, 4), ["\u{2212}0.05", "0.00", "0.05", "0.10"]);
+        assert_eq!(texts(0.0, 60.0, 6), ["0", "10", "20", "30", "40", "50", "60"]);
+        assert_eq!(decades(Range { min: 90.0, max: 1100.0 }).len(), 4);
+    }
+
+    #[test]
+    fn thinning_keeps_a_spike() {
+        let panel = Panel::new(
+            Frame { left: 0.0, top: 0.0, width: 10.0, height: 100.0 },
+            Range { min: 0.0, max: 1.0 },
+            Range { min: 0.0, max: 1.0 },
+        );
+        let xs: Vec<f64> = (0..10_000).map(|i| f64::from(i) / 10_000.0).collect();
+        let mut ys = vec![0.5; 10_000];
+        ys[5001] = 1.0;
+        let pieces = panel.thinned(&xs, &ys);
+        assert_eq!(pieces.len(), 1);
+        assert!(pieces[0].len() <= 40 && pieces[0].iter().any(|p| p.1 == 0.0), "the spike reaches the top");
+        ys[3000] = f64::NAN;
+        assert_eq!(panel.thinned(&xs, &ys).len(), 2, "a gap in the data is a gap in the line");
+    }
+
+    #[test]
+    fn dashes_cover_their_share() {
+        let pieces = dashes(&[(0.0, 0.0), (13.0, 0.0)], 4.0, 2.5);
+        let lengths: Vec<f64> = pieces.iter().map(|p| p[p.len() - 1].0 - p[0].0).collect();
+        assert_eq!(lengths, [4.0, 4.0]);
+    }
+}

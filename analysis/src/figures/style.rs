@@ -1,0 +1,97 @@
+//! Colours, line widths and type sizes of all figures.
+//!
+//! The colours are those of Okabe and Ito (*Color Universal Design*, 2008), told apart with every common colour blindness;
+//! one quantity has one colour in every figure.
+
+use super::canvas::{Align, Drawing, RGBAColor, Stroke, text_width};
+
+const fn rgb(hex: u32) -> RGBAColor {
+    RGBAColor((hex >> 16) as u8, (hex >> 8) as u8, hex as u8, 1.0)
+}
+
+const fn pale(color: RGBAColor, opacity: f64) -> RGBAColor {
+    RGBAColor(color.0, color.1, color.2, opacity)
+}
+
+/// Words and numbers.
+pub const TEXT: RGBAColor = rgb(0x22_22_22);
+/// What the simulator knows.
+pub const BLUE: RGBAColor = rgb(0x00_72_B2);
+/// What the controller believes.
+pub const VERMILLION: RGBAColor = rgb(0xD5_5E_00);
+/// What it is asked for.
+pub const BLACK: RGBAColor = rgb(0x00_00_00);
+/// One colour a leg: LF RF LH RH.
+pub const LEG_COLORS: [RGBAColor; 4] = [rgb(0x00_9E_73), rgb(0xE6_9F_00), rgb(0xCC_79_A7), rgb(0x56_B4_E9)];
+
+/// Background of a swing.
+pub const SWING: RGBAColor = pale(BLACK, 0.08);
+/// Background of a push.
+pub const PUSH: RGBAColor = pale(LEG_COLORS[2], 0.35);
+/// Background of time spent neither standing nor walking.
+pub const DAMPING: RGBAColor = pale(LEG_COLORS[1], 0.25);
+
+/// Frame and ticks.
+pub const FRAME: Stroke = Stroke { color: rgb(0x44_44_44), width: 0.7 };
+/// Grid lines.
+pub const GRID: Stroke = Stroke { color: rgb(0xE4_E4_E4), width: 0.6 };
+/// Truth.
+pub const TRUE_LINE: Stroke = Stroke { color: BLUE, width: 1.2 };
+/// Estimate.
+pub const ESTIMATED_LINE: Stroke = Stroke { color: VERMILLION, width: 0.8 };
+/// Reference, dashed.
+pub const REFERENCE_LINE: Stroke = Stroke { color: BLACK, width: 0.9 };
+
+/// Font size of numbers along axes.
+pub const TICK_EM: f64 = 9.5;
+/// Font size of labels and legends.
+pub const LABEL_EM: f64 = 10.5;
+
+/// Width of a figure across a page: 180 mm.
+pub const PAGE_WIDTH: f64 = 680.0;
+/// Room for numbers and label of a vertical axis.
+pub const LEFT_MARGIN: f64 = 56.0;
+/// Room at the right edge.
+pub const RIGHT_MARGIN: f64 = 10.0;
+/// Room for the legend.
+pub const TOP_MARGIN: f64 = 24.0;
+/// Room for numbers and label of a horizontal axis.
+pub const BOTTOM_MARGIN: f64 = 34.0;
+
+/// How an entry of a legend is drawn.
+#[derive(Clone, Copy, Debug)]
+pub enum Mark {
+    /// A line.
+    Line(Stroke),
+    /// A dashed line.
+    Dashed(Stroke),
+    /// A filled box.
+    Fill(RGBAColor),
+    /// A disc.
+    Dot(RGBAColor),
+}
+
+/// A row of marks and words from `left`, its baseline at `baseline`, above the data.
+pub fn legend(drawing: &mut Drawing, left: f64, baseline: f64, entries: &[(&str, Mark)]) {
+    let mut x = left;
+    let y = baseline - 0.35 * LABEL_EM;
+    for (text, mark) in entries {
+        let width = match mark {
+            Mark::Dot(_) => 7.0,
+            Mark::Fill(_) => 12.0,
+            _ => 18.0,
+        };
+        match *mark {
+            Mark::Line(stroke) => drawing.line(vec![(x, y), (x + width, y)], stroke),
+            Mark::Dashed(stroke) => {
+                for start in [0.0, 6.5, 13.0] {
+                    drawing.line(vec![(x + start, y), (x + start + 4.0, y)], stroke);
+                }
+            }
+            Mark::Fill(color) => drawing.rect((x, y - 4.0), (width, 8.0), color),
+            Mark::Dot(color) => drawing.dot((x + 3.5, y), 2.6, color),
+        }
+        drawing.text((x + width + 4.0, baseline), *text, LABEL_EM, Align::Left, TEXT);
+        x += width + 4.0 + text_width(text, LABEL_EM) + 16.0;
+    }
+}

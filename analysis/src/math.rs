@@ -1,0 +1,77 @@
+//! The little geometry that metrics need; frames as in ARCHITECTURE.md.
+
+/// A vector of three, in the frame that the name of its variable says.
+pub type Vec3 = [f64; 3];
+
+/// Roll, pitch, yaw of a rotation given by its unit quaternion `w x y z`: `R = Rz(yaw) Ry(pitch) Rx(roll)`, rad.
+pub fn rpy_of_quaternion([w, x, y, z]: [f64; 4]) -> Vec3 {
+    let roll = (2.0 * (w * x + y * z)).atan2(1.0 - 2.0 * (x * x + y * y));
+    let pitch = (2.0 * (w * y - z * x)).clamp(-1.0, 1.0).asin();
+    let yaw = (2.0 * (w * z + x * y)).atan2(1.0 - 2.0 * (y * y + z * z));
+    [roll, pitch, yaw]
+}
+
+/// The same vector, from W axes to H axes: turned back by the heading.
+pub fn from_w_to_h(yaw: f64, [x, y, z]: Vec3) -> Vec3 {
+    let (sin, cos) = yaw.sin_cos();
+    [cos * x + sin * y, -sin * x + cos * y, z]
+}
+
+/// The same angle in (-π, π].
+pub fn wrap(angle: f64) -> f64 {
+    use std::f64::consts::{PI, TAU};
+    let turned = angle.rem_euclid(TAU);
+    if turned > PI { turned - TAU } else { turned }
+}
+
+/// Angles made continuous: a step of more than half a turn is taken as the shorter way round. NaN passes through.
+pub fn unwrap_angles(angles: &mut [f64]) {
+    let mut last = f64::NAN;
+    for angle in angles {
+        if !last.is_nan() && !angle.is_nan() {
+            *angle = last + wrap(*angle - last);
+        }
+        if !angle.is_nan() {
+            last = *angle;
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::f64::consts::{FRAC_PI_2, PI};
+
+    #[test]
+    fn quarter_turns_are_read_from_quaternions() {
+        let h = 0.5_f64.sqrt();
+        for (q, rpy) in [
+            ([1.0, 0.0, 0.0, 0.0], [0.0, 0.0, 0.0]),
+            ([h, h, 0.0, 0.0], [FRAC_PI_2, 0.0, 0.0]),
+            ([h, 0.0, 0.0, h], [0.0, 0.0, FRAC_PI_2]),
+        ] {
+            for (found, expected) in rpy_of_quaternion(q).into_iter().zip(rpy) {
+                assert!((found - expected).abs() < 1e-15, "{q:?}: {found}, expected {expected}");
+            }
+        }
+    }
+
+    #[test]
+    fn a_point_ahead_of_a_robot_that_faces_left_is_to_its_right() {
+        // Heading +y; the point lies in +x of the world, hence to the robot's right: -y of H.
+        let p_H = from_w_to_h(FRAC_PI_2, [1.0, 0.0, 3.0]);
+        assert!((p_H[0]).abs() < 1e-15 && (p_H[1] + 1.0).abs() < 1e-15 && p_H[2] == 3.0, "{p_H:?}");
+    }
+
+    #[test]
+    fn angles_wrap_and_unwrap() {
+        assert_eq!(wrap(PI), PI);
+        assert!((wrap(3.0 * PI - 0.1) - (PI - 0.1)).abs() < 1e-14);
+        assert!((wrap(-PI - 0.1) - (PI - 0.1)).abs() < 1e-14);
+        let mut angles = [3.1, -3.1, f64::NAN, -3.0];
+        unwrap_angles(&mut angles);
+        assert!((angles[1] - (2.0 * PI - 3.1)).abs() < 1e-14);
+        assert!(angles[2].is_nan());
+        assert!((angles[3] - (2.0 * PI - 3.0)).abs() < 1e-14);
+    }
+}

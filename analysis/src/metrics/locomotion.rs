@@ -1,0 +1,171 @@
+//! Where the robot went, how fast, and whether it stayed on its feet.
+
+use lcm_idl::ast::ConstantValue;
+use lcmtypes::{ControllerTick, Message};
+use serde::Serialize;
+
+use super::Reference;
+use crate::math::from_w_to_h;
+use crate::run::{Run, Tick};
+
+/// Roll or pitch beyond which a robot counts as fallen, rad.
+const FALLEN_TILT: f64 = 0.6;
+/// Share of the first height reference below which it counts as fallen.
+const FALLEN_HEIGHT_SHARE: f64 = 0.5;
+/// Height below which it counts as fallen when the log holds no reference, m.
+const FALLEN_HEIGHT: f64 = 0.3;
+
+/// Speeds while the controller walks, and the way covered. Without truth only the commands are known.
+#[derive(Clone, Debug, Serialize)]
+pub struct Locomotion {
+    /// Time in the walking mode, s.
+    pub walking_s: f64,
+    /// Mean commanded velocity in H (forward, leftward), m/s.
+    pub commanded_velocity: Option<[f64; 2]>,
+    /// Mean true velocity in H over the same ticks, m/s.
+    pub true_velocity: Option<[f64; 2]>,
+    /// Mean commanded yaw rate, rad/s.
+    pub commanded_yaw_rate: Option<f64>,
+    /// Mean true yaw rate over the same ticks, rad/s.
+    pub true_yaw_rate: Option<f64>,
+    /// Horizontal distance between the first and the last true position of the base, m.
+    pub distance_m: Option<f64>,
+    /// Horizontal length of its true path, body sway included, m.
+    pub path_m: Option<f64>,
+}
+
+/// Falls, faults and limits reached.
+#[derive(Clone, Debug, Serialize)]
+pub struct Safety {
+    /// The robot fell: roll or pitch beyond 0.6 rad, or the base below half of its first height reference.
+    pub fell: bool,
+    /// When, s since the start of the run.
+    pub fell_at_s: Option<f64>,
+    /// Lowest height of the base above the mean of all four feet (true) or above its stance feet (estimated), m.
+    pub min_height_m: Option<f64>,
+    /// Largest of roll and pitch, rad.
+    pub max_tilt_rad: Option<f64>,
+    /// Faults that the controller entered, in order of time.
+    pub faults: Vec<Fault>,
+    /// Ticks in which at least one torque was limited after the solve.
+    pub clamped_ticks: Option<u64>,
+    /// Limited torques, summed over joints and ticks.
+    pub clamped_torques: Option<u64>,
+}
+
+/// A fault of the controller: it went into damping, or could not follow an input.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Fault {
+    /// When, s since the start of the run.
+    pub t_s: f64,
+    /// Tick.
+    pub tick: i64,
+    /// What, in words.
+    pub fault: String,
+    /// Joint, leg or row, -1 = none.
+    pub index: i32,
+    /// Value that was found.
+    pub value: f64,
+}
+
+impl Locomotion {
+    pub(super) fn of(run: &Run, against: Reference) -> Self {
+        let walking = || run.ticks.iter().filter(|tick| walks(tick));
+        let commanded = |k: usize| mean(walking().filter_map(|t| t.base.as_ref().map(|b| b.v_H_des[k])));
+        let realised =
+            |k: usize| mean(walking().filter_map(|t| t.truth.as_ref().map(|w| from_w_to_h(w.rpy[2], w.v_WB)[k])));
+        let positions: Vec<_> = run.ticks.iter().filter_map(|t| t.truth.as_ref().map(|w| w.p_WB)).collect();
+        let between = |a: &[f64; 3], b: &[f64; 3]| (b[0] - a[0]).hypot(b[1] - a[1]);
+        let known = against == Reference::GroundTruth;
+        Self {
+            walking_s: walking().count() as f64 * run.period_s(),
+            commanded_velocity: commanded(0).zip(commanded(1)).map(|(x, y)| [x, y]),
+            true_velocity: realised(0).zip(realised(1)).map(|(x, y)| [x, y]),
+            commanded_yaw_rate: mean(walking().filter_map(|t| t.base.as_ref().map(|b| b.yaw_rate_des))),
+            true_yaw_rate: mean(walking().filter_map(|t| t.truth.as_ref().map(|w| w.w_WB_W[2]))),
+            distance_m: positions.first().zip(positions.last()).map(|(first, last)| between(first, last)),
+            path_m: known.then(|| positions.windows(2).map(|pair| between(&pair[0], &pair[1])).sum()),
+        }
+    }
+}
+
+impl Safety {
+    pub(super) fn of(run: &Run, against: Reference) -> Self {
+        let reference = run.ticks.iter().find_map(|tick| tick.base.as_ref().map(|b| b.height_des));
+        let floor = reference.filter(|&h| h > 0.0).map_or(FALLEN_HEIGHT, |h| FALLEN_HEIGHT_SHARE * h);
+        let postures: Vec<(f64, f64, f64)> = run
+            .ticks
+            .iter()
+            .filter_map(|tick| posture(tick, against).map(|(tilt, height)| (tick.t_s, tilt, height)))
+            .collect();
+        let fell_at_s = postures.iter().find(|(_, tilt, height)| *tilt > FALLEN_TILT || *height < floor).map(|p| p.0);
+        let clamps: Vec<u64> = run
+            .ticks
+            .iter()
+            .filter_map(|tick| tick.wbc.as_ref().map(|w| u64::try_from(w.n_clamped).unwrap_or(0)))
+            .collect();
+        let logged = !clamps.is_empty();
+        Self {
+            fell: fell_at_s.is_some(),
+            fell_at_s,
+            min_height_m: postures.iter().map(|p| p.2).reduce(f64::min),
+            max_tilt_rad: postures.iter().map(|p| p.1).reduce(f64::max),
+            faults: faults(run),
+            clamped_ticks: logged.then(|| clamps.iter().filter(|&&n| n > 0).count() as u64),
+            clamped_torques: logged.then(|| clamps.iter().sum()),
+        }
+    }
+}
+
+/// Tilt and height of the base. Above all four feet, not only those in stance: a robot on its belly may have none.
+fn posture(tick: &Tick, against: Reference) -> Option<(f64, f64)> {
+    let (rpy, height) = match against {
+        Reference::GroundTruth => {
+            let truth = tick.truth.as_ref()?;
+            (truth.rpy, truth.p_WB[2] - truth.p_WF.iter().map(|p| p[2]).sum::<f64>() / 4.0)
+        }
+        Reference::Estimate => {
+            let base = tick.base.as_ref()?;
+            (base.rpy_est, base.height_est)
+        }
+    };
+    Some((rpy[0].abs().max(rpy[1].abs()), height))
+}
+
+fn walks(tick: &Tick) -> bool {
+    tick.status.as_ref().is_some_and(|s| s.mode == ControllerTick::MODE_WALK)
+}
+
+fn mean(samples: impl Iterator<Item = f64>) -> Option<f64> {
+    let (count, sum) = samples.fold((0_u64, 0.0), |(n, sum), x| (n + 1, sum + x));
+    (count > 0).then(|| sum / count as f64)
+}
+
+/// Every change of the fault code to another fault.
+fn faults(run: &Run) -> Vec<Fault> {
+    let mut last = ControllerTick::FAULT_NONE;
+    let mut faults = Vec::new();
+    for tick in &run.ticks {
+        let Some(status) = &tick.status else { continue };
+        if status.fault != last && status.fault != ControllerTick::FAULT_NONE {
+            faults.push(Fault {
+                t_s: tick.t_s,
+                tick: status.tick,
+                fault: fault_name(status.fault),
+                index: status.fault_index,
+                value: status.fault_value,
+            });
+        }
+        last = status.fault;
+    }
+    faults
+}
+
+/// The constant of that value in `controller_tick_t`, in words: `FAULT_STATE_STALE` is "state stale".
+fn fault_name(code: i32) -> String {
+    let tick = lcmtypes::types().by_name(ControllerTick::TYPE);
+    let constants = tick.iter().flat_map(|ty| &ty.def().constants);
+    let fault = constants.filter(|c| c.value == ConstantValue::Int32(code)).find_map(|c| c.name.strip_prefix("FAULT_"));
+    let name = fault.map(|name| name.to_lowercase().replace('_', " "));
+    name.unwrap_or_else(|| format!("unknown fault {code}"))
+}

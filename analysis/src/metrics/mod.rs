@@ -1,0 +1,132 @@
+//! Figures of merit of a run, from the log alone: the content of `metrics.json`.
+//!
+//! The structure is stable: keys are only added, and a change of meaning raises [`Metrics::schema`]. Units stand in the keys, or in the comment of the
+//! structure they belong to. A quantity that the log cannot give is `null`.
+
+mod contact;
+mod locomotion;
+mod timing;
+mod tracking;
+
+use serde::Serialize;
+
+pub use contact::{ContactMetrics, LegContact, Touchdowns};
+pub use locomotion::{Fault, Locomotion, Safety};
+pub use timing::{Qp, QpStatus, StageTime, TimingMetrics};
+pub(crate) use timing::{qp_us, tick_us};
+pub use tracking::{FootTracking, Tracking};
+
+use crate::run::Run;
+
+/// Everything measured in a run.
+#[derive(Clone, Debug, Serialize)]
+pub struct Metrics {
+    /// Version of this structure: 1.
+    pub schema: u32,
+    /// What ran.
+    pub run: RunSummary,
+    /// What the errors are measured against.
+    pub measured_against: Reference,
+    /// Channels of a full report that the log does not hold.
+    pub missing_channels: Vec<&'static str>,
+    /// Remarks on the log: damage, unreadable messages, further runs.
+    pub notes: Vec<String>,
+    /// Errors of base and swing feet.
+    pub tracking: Tracking,
+    /// Estimated against true contact; `null` without truth or without estimate.
+    pub contact: Option<ContactMetrics>,
+    /// Speeds and distance.
+    pub locomotion: Locomotion,
+    /// Falls, faults, limits reached.
+    pub safety: Safety,
+    /// Durations of ticks; `null` without TIMING.
+    pub timing: Option<TimingMetrics>,
+    /// The quadratic program; `null` without WBC_SOLUTION.
+    pub qp: Option<Qp>,
+}
+
+/// What an error is measured against.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Reference {
+    /// GROUND_TRUTH of the simulator.
+    GroundTruth,
+    /// The controller's own estimates: the log holds no truth, so estimator errors are not seen.
+    Estimate,
+}
+
+/// What ran, as RUN_INFO says; texts are empty when the log does not say.
+#[derive(Clone, Debug, Default, Serialize)]
+pub struct RunSummary {
+    /// Robot.
+    pub robot: String,
+    /// Controller.
+    pub controller: String,
+    /// Scenario.
+    pub scenario: String,
+    /// Seed of terrain and noise.
+    pub seed: i64,
+    /// Git commit of the build.
+    pub revision: String,
+    /// The build's tree had uncommitted changes.
+    pub dirty: bool,
+    /// Compiler.
+    pub toolchain: String,
+    /// Profile and target.
+    pub build: String,
+    /// Host, kernel, CPU.
+    pub host: String,
+    /// How the loop was run.
+    pub realtime: String,
+    /// Ticks in the log.
+    pub ticks: u64,
+    /// Time from first to last tick, s.
+    pub duration_s: f64,
+    /// Median time between ticks, s.
+    pub period_s: f64,
+}
+
+impl Metrics {
+    /// Measures a run.
+    pub fn of(run: &Run) -> Self {
+        let measured_against = if run.has("GROUND_TRUTH") { Reference::GroundTruth } else { Reference::Estimate };
+        Self {
+            schema: 1,
+            run: summary(run),
+            measured_against,
+            missing_channels: run.missing(),
+            notes: run.notes.clone(),
+            tracking: Tracking::of(run, measured_against),
+            contact: ContactMetrics::of(run),
+            locomotion: Locomotion::of(run, measured_against),
+            safety: Safety::of(run, measured_against),
+            timing: TimingMetrics::of(run),
+            qp: Qp::of(run),
+        }
+    }
+
+    /// The structure as indented JSON, ending in a newline.
+    pub fn to_json(&self) -> String {
+        let text = serde_json::to_string_pretty(self).expect("a structure of numbers, texts and lists is always JSON");
+        text + "\n"
+    }
+}
+
+fn summary(run: &Run) -> RunSummary {
+    let info = run.info.clone().unwrap_or_default();
+    RunSummary {
+        robot: info.robot,
+        controller: info.controller,
+        scenario: info.scenario_name,
+        seed: info.seed,
+        revision: info.revision,
+        dirty: info.dirty,
+        toolchain: info.toolchain,
+        build: info.build,
+        host: info.host,
+        realtime: info.realtime,
+        ticks: run.ticks.len() as u64,
+        duration_s: run.duration_s(),
+        period_s: run.period_s(),
+    }
+}

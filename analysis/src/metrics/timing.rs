@@ -1,0 +1,128 @@
+//! How long ticks took, and what the quadratic program did.
+
+use lcmtypes::{Timing, WbcSolution};
+use serde::Serialize;
+
+use crate::run::Run;
+use crate::stats::Distribution;
+
+/// Names of the stages, in the order of `timing_t.stage_ns`.
+const STAGES: [&str; 6] = ["input", "estimation", "gait", "tasks", "QP", "output"];
+/// Index of the quadratic program among them.
+const QP_STAGE: usize = 4;
+
+/// Durations in µs of wall clock.
+#[derive(Clone, Debug, Serialize)]
+pub struct TimingMetrics {
+    /// From the begin of a tick to its command.
+    pub tick_us: Option<Distribution>,
+    /// Stages: input, estimation, gait, tasks, QP, output.
+    pub stages: Vec<StageTime>,
+    /// From the executor's wake-up to the begin of the tick.
+    pub start_latency_us: Option<Distribution>,
+    /// Time between wake-ups less the control period: jitter. `null` in lockstep, which does not wake.
+    pub period_error_us: Option<Distribution>,
+    /// Ticks that had a deadline (none in lockstep).
+    pub with_deadline: u64,
+    /// Of these, ticks that ended after it.
+    pub missed_deadlines: u64,
+    /// Ticks that took longer than the control period, deadline or not.
+    pub longer_than_period: u64,
+}
+
+/// Duration of one stage, µs.
+#[derive(Clone, Debug, Serialize)]
+pub struct StageTime {
+    /// Name of the stage.
+    pub stage: &'static str,
+    /// Its duration.
+    pub us: Option<Distribution>,
+}
+
+/// The quadratic program over the run.
+#[derive(Clone, Debug, Serialize)]
+pub struct Qp {
+    /// Iterations of the solver, in ticks in which it ran.
+    pub iterations: Option<Distribution>,
+    /// Largest number of variables, equality rows and inequality rows.
+    pub size: [i32; 3],
+    /// Ticks by outcome.
+    pub status: QpStatus,
+}
+
+/// Ticks by outcome of the quadratic program.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
+pub struct QpStatus {
+    /// Solved to tolerance.
+    pub solved: u64,
+    /// Solved to the looser tolerance.
+    pub almost_solved: u64,
+    /// The solver gave up.
+    pub failed: u64,
+    /// No point satisfies the constraints.
+    pub infeasible: u64,
+    /// Not asked for in this tick.
+    pub not_run: u64,
+}
+
+/// Duration of a tick, µs.
+pub(crate) fn tick_us(timing: &Timing) -> f64 {
+    (timing.end_ns - timing.start_ns) as f64 * 1e-3
+}
+
+/// Duration of its quadratic program, µs.
+pub(crate) fn qp_us(timing: &Timing) -> f64 {
+    timing.stage_ns[QP_STAGE] as f64 * 1e-3
+}
+
+impl TimingMetrics {
+    pub(super) fn of(run: &Run) -> Option<Self> {
+        let timings: Vec<&Timing> = run.ticks.iter().filter_map(|tick| tick.timing.as_ref()).collect();
+        if timings.is_empty() {
+            return None;
+        }
+        let period_us = run.period_s() * 1e6;
+        let live = timings.iter().any(|t| t.deadline_ns > 0);
+        let steps = timings.windows(2).filter(|pair| pair[1].tick == pair[0].tick + 1);
+        let period_errors = steps.map(|pair| (pair[1].wake_ns - pair[0].wake_ns) as f64 * 1e-3 - period_us);
+        let stage = |k: usize| StageTime {
+            stage: STAGES[k],
+            us: Distribution::of(timings.iter().map(|t| t.stage_ns[k] as f64 * 1e-3)),
+        };
+        Some(Self {
+            tick_us: Distribution::of(timings.iter().map(|t| tick_us(t))),
+            stages: (0..STAGES.len()).map(stage).collect(),
+            start_latency_us: Distribution::of(timings.iter().map(|t| (t.start_ns - t.wake_ns) as f64 * 1e-3)),
+            period_error_us: live.then(|| Distribution::of(period_errors)).flatten(),
+            with_deadline: timings.iter().filter(|t| t.deadline_ns > 0).count() as u64,
+            missed_deadlines: timings.iter().filter(|t| t.deadline_ns > 0 && t.end_ns > t.deadline_ns).count() as u64,
+            longer_than_period: timings.iter().filter(|t| period_us > 0.0 && tick_us(t) > period_us).count() as u64,
+        })
+    }
+}
+
+impl Qp {
+    pub(super) fn of(run: &Run) -> Option<Self> {
+        let records: Vec<&WbcSolution> = run.ticks.iter().filter_map(|tick| tick.wbc.as_ref()).collect();
+        if records.is_empty() {
+            return None;
+        }
+        let mut status = QpStatus::default();
+        for record in &records {
+            *match record.status {
+                WbcSolution::STATUS_SOLVED => &mut status.solved,
+                WbcSolution::STATUS_ALMOST_SOLVED => &mut status.almost_solved,
+                WbcSolution::STATUS_INFEASIBLE => &mut status.infeasible,
+                WbcSolution::STATUS_NOT_RUN => &mut status.not_run,
+                _ => &mut status.failed,
+            } += 1;
+        }
+        let ran = || records.iter().filter(|r| r.status != WbcSolution::STATUS_NOT_RUN);
+        let largest = |size: fn(&WbcSolution) -> i32| records.iter().map(|r| size(r)).max().unwrap_or(0);
+        Some(Self {
+            iterations: Distribution::of(ran().map(|r| f64::from(r.iterations))),
+            size: [largest(|r| r.n_var), largest(|r| r.n_eq), largest(|r| r.n_ineq)],
+            status,
+        })
+    }
+}

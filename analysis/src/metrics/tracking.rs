@@ -1,0 +1,86 @@
+//! Errors of base and swing feet: the quantities of Table 3 of Raiola et al. 2020.
+//!
+//! The source does not say whether its mean is that of the error or of its absolute value; both are reported, and the
+//! rms, which is the same in both readings.
+
+use serde::Serialize;
+
+use super::Reference;
+use crate::math::{Vec3, wrap};
+use crate::run::{LEGS, Run, Tick};
+use crate::stats::ErrorStats;
+
+/// Error = reference − measured, over the ticks in which the controller stands or walks. Angles in rad, lengths in m.
+#[derive(Clone, Debug, Serialize)]
+pub struct Tracking {
+    /// Roll, rad.
+    pub roll: Option<ErrorStats>,
+    /// Pitch, rad.
+    pub pitch: Option<ErrorStats>,
+    /// Yaw, rad, the shorter way round.
+    pub yaw: Option<ErrorStats>,
+    /// Height of the base above the mean contact point of its stance feet, m.
+    pub height: Option<ErrorStats>,
+    /// Feet in the order LF RF LH RH.
+    pub feet: [FootTracking; 4],
+}
+
+/// Error of one foot during its swings (up and down, not reaching), relative to the base, in H, m.
+#[derive(Clone, Debug, Serialize)]
+pub struct FootTracking {
+    /// Name of the leg.
+    pub leg: &'static str,
+    /// Forward.
+    pub x: Option<ErrorStats>,
+    /// Leftward.
+    pub y: Option<ErrorStats>,
+    /// Upward.
+    pub z: Option<ErrorStats>,
+}
+
+impl Tracking {
+    pub(super) fn of(run: &Run, against: Reference) -> Self {
+        let balancing = || run.ticks.iter().filter(|tick| tick.balances());
+        let angle = |k: usize| ErrorStats::of(balancing().filter_map(|tick| rpy_error(tick, against).map(|e| e[k])));
+        let foot = |leg: usize| {
+            let errors: Vec<Vec3> =
+                balancing().filter(|tick| tick.swings(leg)).filter_map(|tick| foot_error(tick, leg, against)).collect();
+            let axis = |k: usize| ErrorStats::of(errors.iter().map(|e| e[k]));
+            FootTracking { leg: LEGS[leg], x: axis(0), y: axis(1), z: axis(2) }
+        };
+        Self {
+            roll: angle(0),
+            pitch: angle(1),
+            yaw: angle(2),
+            height: ErrorStats::of(balancing().filter_map(|tick| height_error(tick, against))),
+            feet: std::array::from_fn(foot),
+        }
+    }
+}
+
+fn rpy_error(tick: &Tick, against: Reference) -> Option<Vec3> {
+    let base = tick.base.as_ref()?;
+    let measured = match against {
+        Reference::GroundTruth => tick.truth.as_ref()?.rpy,
+        Reference::Estimate => base.rpy_est,
+    };
+    Some(std::array::from_fn(|k| wrap(base.rpy_des[k] - measured[k])))
+}
+
+fn height_error(tick: &Tick, against: Reference) -> Option<f64> {
+    let base = tick.base.as_ref()?;
+    let measured = match against {
+        Reference::GroundTruth => tick.true_height()?,
+        Reference::Estimate => base.height_est,
+    };
+    Some(base.height_des - measured)
+}
+
+fn foot_error(tick: &Tick, leg: usize, against: Reference) -> Option<Vec3> {
+    let legs = tick.legs.as_ref()?;
+    let measured = match against {
+        Reference::GroundTruth => tick.truth.as_ref()?.p_BF_H(leg),
+        Reference::Estimate => legs.p_BF_H_est[leg],
+    };
+    Some(std::array::from_fn(|k| legs.p_BF_H_des[leg][k] - measured[k]))
+}

@@ -1,0 +1,259 @@
+//! A synthetic run: a trot whose every error is chosen, written as a log.
+//!
+//! Diagonal pairs (LF RH, then RF LH) swing for 0.25 s in turn, a stride is 0.6 s. The robot stands for 1 s, then walks forward; its heading turns, so that
+//! a frame mistaken for another shows. All errors below are constant, so that means are known and deviations are zero.
+
+#![allow(dead_code, reason = "each test binary uses a part")]
+#![allow(non_snake_case, reason = "names of quantities carry frames")]
+
+use std::path::Path;
+
+use lcmtypes::{
+    BaseTracking, ContactEstimate, ControllerTick, Event, GroundTruth, LegState, Message, RunInfo, Timing, WbcSolution,
+};
+use replay::log::LogWriter;
+
+/// Reference − truth of roll, pitch, yaw, rad.
+pub const RPY_ERROR: [f64; 3] = [0.004, -0.006, 0.002];
+/// Reference − truth of the height, m.
+pub const HEIGHT_ERROR: f64 = 0.007;
+/// Reference − truth of every swing foot in H, m.
+pub const FOOT_ERROR: [f64; 3] = [0.02, -0.01, 0.001];
+/// Estimated − true normal force in contact, N.
+pub const FORCE_ERROR: f64 = 12.0;
+/// Ticks from true contact to the stance that the controller enters, and to its contact flag.
+pub const TOUCHDOWN_DELAY: i64 = 4;
+/// Forward speed, m/s, and heading rate, rad/s, of the walk; the command asks for 0.02 m/s more.
+pub const SPEED: f64 = 0.3;
+pub const YAW_RATE: f64 = 0.2;
+/// First tick of the walk.
+pub const WALK: i64 = 1000;
+
+const STRIDE: i64 = 600;
+const SWING: i64 = 250;
+const HEIGHT: f64 = 0.55;
+const HIPS: [[f64; 2]; 4] = [[0.37, 0.33], [0.37, -0.33], [-0.37, 0.33], [-0.37, -0.33]];
+
+/// What the log holds.
+pub struct Plan {
+    pub ticks: i64,
+    /// Channels left out.
+    pub without: &'static [&'static str],
+    /// Ticks of which no message is written.
+    pub gap: std::ops::Range<i64>,
+}
+
+impl Default for Plan {
+    fn default() -> Self {
+        Self { ticks: 4000, without: &[], gap: 0..0 }
+    }
+}
+
+/// Ticks since lift-off of a leg; `None` in stance. Every swing is complete at a multiple of the stride after the start.
+fn swing_ticks(leg: usize, tick: i64) -> Option<i64> {
+    let offset = if leg == 0 || leg == 3 { 0 } else { STRIDE / 2 };
+    let phase = tick - WALK - offset;
+    (phase >= 0).then(|| phase % STRIDE).filter(|t| *t < SWING)
+}
+
+/// Writes the log; its format is that of the name.
+pub fn write(path: &Path, plan: &Plan) {
+    let mut log = LogWriter::create(path).unwrap();
+    let mut put = |channel: &str, t_ns: i64, message: &dyn Fn(&mut Vec<u8>)| {
+        let mut bytes = Vec::new();
+        message(&mut bytes);
+        if !plan.without.contains(&channel) {
+            log.write(channel, t_ns, &bytes).unwrap();
+        }
+    };
+    let info = RunInfo {
+        controller: "quadruped".into(),
+        robot: "hyq".into(),
+        scenario_name: "synthetic <trot> & more".into(),
+        seed: 7,
+        revision: "0123abc".into(),
+        toolchain: "rustc".into(),
+        realtime: "lockstep".into(),
+        ..RunInfo::default()
+    };
+    put("RUN_INFO", 0, &|out| info.encode(out).unwrap());
+    let mut position = [0.0_f64, 0.0];
+    for tick in 0..plan.ticks {
+        let t_ns = tick * 1_000_000;
+        let walking = tick >= WALK;
+        let yaw = if walking { YAW_RATE * (tick - WALK) as f64 * 1e-3 } else { 0.0 };
+        let speed = if walking { SPEED } else { 0.0 };
+        position = [position[0] + 1e-3 * speed * yaw.cos(), position[1] + 1e-3 * speed * yaw.sin()];
+        if plan.gap.contains(&tick) {
+            continue;
+        }
+        if tick == WALK {
+            let event =
+                Event { t_ns, tick, source: "scenario".into(), text: "walk <forward>".into(), ..Event::default() };
+            put("EVENT", t_ns, &|out| event.encode(out).unwrap());
+        }
+        let now = Moment { tick, t_ns, yaw, speed, position };
+        put("BASE_TRACKING", t_ns, &|out| now.base().encode(out).unwrap());
+        put("LEG_STATE", t_ns, &|out| now.legs().encode(out).unwrap());
+        put("CONTACT_ESTIMATE", t_ns, &|out| now.contact().encode(out).unwrap());
+        put("WBC_SOLUTION", t_ns, &|out| now.wbc().encode(out).unwrap());
+        put("CONTROLLER_TICK", t_ns, &|out| now.status().encode(out).unwrap());
+        put("GROUND_TRUTH", t_ns, &|out| now.truth().encode(out).unwrap());
+        put("TIMING", t_ns, &|out| now.timing().encode(out).unwrap());
+    }
+    log.finish().unwrap();
+}
+
+struct Moment {
+    tick: i64,
+    t_ns: i64,
+    yaw: f64,
+    speed: f64,
+    position: [f64; 2],
+}
+
+impl Moment {
+    fn t_s(&self) -> f64 {
+        self.t_ns as f64 * 1e-9
+    }
+
+    /// Small, smooth tilts that both reference and truth follow.
+    fn rpy(&self) -> [f64; 3] {
+        let t = self.t_s();
+        [0.05 * (1.3 * t).sin(), 0.08 * (0.9 * t).sin(), self.yaw]
+    }
+
+    /// Feet in H. In swing the foot rises 0.1 m; its last `TOUCHDOWN_DELAY` ticks are on the ground already.
+    fn p_BF_H(&self, leg: usize) -> [f64; 3] {
+        let [x, y] = HIPS[leg];
+        let share = swing_ticks(leg, self.tick).map_or(0.0, |t| (t as f64 / (SWING - TOUCHDOWN_DELAY) as f64).min(1.0));
+        [x + 0.05 * share, y, 0.1 * (std::f64::consts::PI * share).sin() - HEIGHT]
+    }
+
+    fn touches(&self, leg: usize) -> bool {
+        swing_ticks(leg, self.tick).is_none_or(|t| t >= SWING - TOUCHDOWN_DELAY)
+    }
+
+    fn force(&self, leg: usize) -> f64 {
+        let feet = (0..4).filter(|&k| self.touches(k)).count() as f64;
+        if self.touches(leg) { 850.0 / feet + 20.0 * (9.0 * self.t_s()).sin() } else { 0.0 }
+    }
+
+    fn base(&self) -> BaseTracking {
+        let rpy = self.rpy();
+        BaseTracking {
+            t_ns: self.t_ns,
+            tick: self.tick,
+            rpy_des: std::array::from_fn(|k| rpy[k] + RPY_ERROR[k]),
+            rpy_est: std::array::from_fn(|k| rpy[k] + 0.5 * RPY_ERROR[k]),
+            height_des: HEIGHT + HEIGHT_ERROR,
+            height_est: HEIGHT + 0.002,
+            v_H_des: [if self.speed > 0.0 { self.speed + 0.02 } else { 0.0 }, 0.0],
+            yaw_rate_des: if self.speed > 0.0 { YAW_RATE } else { 0.0 },
+            ..BaseTracking::default()
+        }
+    }
+
+    fn legs(&self) -> LegState {
+        let state = std::array::from_fn(|leg| match swing_ticks(leg, self.tick) {
+            None => LegState::STATE_STANCE,
+            Some(t) if t < SWING / 2 => LegState::STATE_SWING_UP,
+            Some(_) => LegState::STATE_SWING_DOWN,
+        });
+        let p: [[f64; 3]; 4] = std::array::from_fn(|leg| self.p_BF_H(leg));
+        LegState {
+            t_ns: self.t_ns,
+            tick: self.tick,
+            state,
+            p_BF_H_des: p.map(|p| std::array::from_fn(|k| p[k] + FOOT_ERROR[k])),
+            p_BF_H_est: p.map(|p| std::array::from_fn(|k| p[k] + 0.5 * FOOT_ERROR[k])),
+            ..LegState::default()
+        }
+    }
+
+    fn contact(&self) -> ContactEstimate {
+        let f_normal = std::array::from_fn(|leg| self.force(leg) + if self.touches(leg) { FORCE_ERROR } else { -3.0 });
+        ContactEstimate {
+            t_ns: self.t_ns,
+            tick: self.tick,
+            f_F_W: f_normal.map(|f| [0.0, 0.0, f]),
+            f_normal,
+            contact: std::array::from_fn(|leg| swing_ticks(leg, self.tick).is_none()),
+            height: HEIGHT,
+            n_W: [0.0, 0.0, 1.0],
+        }
+    }
+
+    fn wbc(&self) -> WbcSolution {
+        WbcSolution {
+            t_ns: self.t_ns,
+            tick: self.tick,
+            status: WbcSolution::STATUS_SOLVED,
+            iterations: 10 + (self.tick % 3) as i32,
+            n_var: 30,
+            n_clamped: i32::from(self.tick % 1000 == 500) * 2,
+            ..WbcSolution::default()
+        }
+    }
+
+    fn status(&self) -> ControllerTick {
+        let mode = if self.tick >= WALK { ControllerTick::MODE_WALK } else { ControllerTick::MODE_STANCE };
+        ControllerTick { t_ns: self.t_ns, tick: self.tick, mode, ..ControllerTick::default() }
+    }
+
+    fn truth(&self) -> GroundTruth {
+        let [x, y] = self.position;
+        let (sin, cos) = self.yaw.sin_cos();
+        let p_WF = (0..4)
+            .map(|leg| {
+                let [px, py, pz] = self.p_BF_H(leg);
+                [x + cos * px - sin * py, y + sin * px + cos * py, HEIGHT + pz]
+            })
+            .collect();
+        GroundTruth {
+            t_ns: self.t_ns,
+            p_WB: [x, y, HEIGHT],
+            q_WB_wxyz: quaternion(self.rpy()),
+            v_WB: [self.speed * cos, self.speed * sin, 0.0],
+            w_WB_W: [0.0, 0.0, if self.speed > 0.0 { YAW_RATE } else { 0.0 }],
+            n_feet: 4,
+            p_WF,
+            v_WF: vec![[0.0; 3]; 4],
+            f_F_W: (0..4).map(|leg| [0.0, 0.0, self.force(leg)]).collect(),
+            contact: (0..4).map(|leg| self.touches(leg)).collect(),
+            f_push_W: [0.0, if (3000..3300).contains(&self.tick) { 60.0 } else { 0.0 }, 0.0],
+            tau_push_W: [0.0; 3],
+        }
+    }
+
+    /// Ticks of 200 to 219 µs, one of 1500; the QP takes half.
+    fn timing(&self) -> Timing {
+        let tick_ns = if self.tick == 777 { 1_500_000 } else { 200_000 + 1000 * (self.tick * 7 % 20) };
+        let start_ns = 5_000_000_000 + self.tick * 1_000_000;
+        Timing {
+            t_ns: self.t_ns,
+            tick: self.tick,
+            wake_ns: start_ns - 5_000,
+            start_ns,
+            end_ns: start_ns + tick_ns,
+            stage_ns: [1_000, tick_ns / 8, tick_ns / 16, tick_ns / 4, tick_ns / 2, 2_000],
+            ..Timing::default()
+        }
+    }
+}
+
+/// Unit quaternion `w x y z` of `Rz(yaw) Ry(pitch) Rx(roll)`: the product of three half-angle quaternions.
+fn quaternion([roll, pitch, yaw]: [f64; 3]) -> [f64; 4] {
+    let (sr, cr) = (0.5 * roll).sin_cos();
+    let (sp, cp) = (0.5 * pitch).sin_cos();
+    let (sy, cy) = (0.5 * yaw).sin_cos();
+    [cr * cp * cy + sr * sp * sy, sr * cp * cy - cr * sp * sy, cr * sp * cy + sr * cp * sy, cr * cp * sy - sr * sp * cy]
+}
+
+/// A directory of its own for a test, emptied.
+pub fn scratch(name: &str) -> std::path::PathBuf {
+    let dir = std::path::Path::new(env!("CARGO_TARGET_TMPDIR")).join(name);
+    let _ = std::fs::remove_dir_all(&dir);
+    std::fs::create_dir_all(&dir).unwrap();
+    dir
+}

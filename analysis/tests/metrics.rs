@@ -1,0 +1,160 @@
+//! Figures of merit of a run whose errors are chosen: see `common`.
+
+mod common;
+
+use analysis::metrics::{Metrics, Reference};
+use analysis::stats::ErrorStats;
+use analysis::{Error, Run};
+use common::{
+    FOOT_ERROR, FORCE_ERROR, HEIGHT_ERROR, Plan, RPY_ERROR, SPEED, TOUCHDOWN_DELAY, YAW_RATE, scratch, write,
+};
+
+fn run_of(name: &str, plan: &Plan) -> Run {
+    let path = scratch(name).join("run.lcmlog");
+    write(&path, plan);
+    Run::read(&path, &mut |_| ()).unwrap()
+}
+
+/// A constant error: its mean, no deviation. Differences of angles and rotations of feet round in the last places, hence 1e-12.
+fn assert_constant(stats: Option<ErrorStats>, expected: f64, what: &str) {
+    let e = stats.unwrap_or_else(|| panic!("{what} is missing"));
+    let close = |a: f64, b: f64| (a - b).abs() < 1e-12;
+    assert!(close(e.mean, expected) && e.std < 1e-12, "{what}: {e:?}, expected mean {expected}");
+    assert!(close(e.rms, expected.abs()) && close(e.mean_abs, expected.abs()), "{what}: {e:?}");
+}
+
+#[test]
+fn constant_errors_are_found_in_base_and_feet() {
+    let metrics = Metrics::of(&run_of("constant_errors", &Plan::default()));
+    assert_eq!(metrics.measured_against, Reference::GroundTruth);
+    let tracking = &metrics.tracking;
+    assert_constant(tracking.roll, RPY_ERROR[0], "roll");
+    assert_constant(tracking.pitch, RPY_ERROR[1], "pitch");
+    assert_constant(tracking.yaw, RPY_ERROR[2], "yaw");
+    assert_constant(tracking.height, HEIGHT_ERROR, "height");
+    assert_eq!(tracking.roll.unwrap().count, 4000);
+    for foot in &tracking.feet {
+        assert_constant(foot.x, FOOT_ERROR[0], foot.leg);
+        assert_constant(foot.y, FOOT_ERROR[1], foot.leg);
+        assert_constant(foot.z, FOOT_ERROR[2], foot.leg);
+        // 3 s of walk are 5 strides with one swing of 250 ticks each.
+        assert_eq!(foot.x.unwrap().count, 5 * 250, "{}", foot.leg);
+    }
+}
+
+#[test]
+fn contact_is_compared_tick_by_tick_and_touchdowns_are_timed() {
+    let contact = Metrics::of(&run_of("contact", &Plan::default())).contact.unwrap();
+    for leg in &contact.legs {
+        // The flag comes TOUCHDOWN_DELAY ticks late in each of 5 swings, and is right otherwise.
+        assert_eq!((leg.true_missed, leg.none_found), (5 * TOUCHDOWN_DELAY as u64, 0), "{}", leg.leg);
+        assert_eq!(leg.none_none, 5 * (250 - TOUCHDOWN_DELAY as u64));
+        assert_eq!(leg.true_found, 4000 - 5 * 250);
+        assert_eq!((leg.touchdowns.count, leg.touchdowns.false_count), (5, 0));
+        assert_constant(leg.force_error_contact_n, FORCE_ERROR, leg.leg);
+        assert_constant(leg.force_error_air_n, -3.0, leg.leg);
+    }
+    let delay = contact.touchdowns.delay_ms.unwrap();
+    assert_eq!(delay.count, 20);
+    assert!((delay.mean - TOUCHDOWN_DELAY as f64).abs() < 1e-9 && (delay.max - delay.min).abs() < 1e-9, "{delay:?}");
+}
+
+#[test]
+fn speed_is_measured_along_the_heading_and_the_way_along_the_ground() {
+    let metrics = Metrics::of(&run_of("speed", &Plan::default()));
+    let way = &metrics.locomotion;
+    let close = |a: f64, b: f64, tolerance: f64| assert!((a - b).abs() < tolerance, "{a}, expected {b}");
+    close(way.walking_s, 3.0, 1e-9);
+    close(way.commanded_velocity.unwrap()[0], SPEED + 0.02, 1e-12);
+    close(way.true_velocity.unwrap()[0], SPEED, 1e-12);
+    close(way.true_velocity.unwrap()[1], 0.0, 1e-12);
+    close(way.true_yaw_rate.unwrap(), YAW_RATE, 1e-12);
+    // 3 s at 0.3 m/s along an arc of 0.6 rad: the chord is 2 r sin(0.3) with r = 1.5 m. Steps of 1 ms: 1e-3 m.
+    close(way.path_m.unwrap(), 0.9, 1e-3);
+    close(way.distance_m.unwrap(), 3.0 * 0.3_f64.sin(), 1e-3);
+    assert!(!metrics.safety.fell && metrics.safety.faults.is_empty());
+    // Feet swing 0.1 m high in pairs: at the apex the base is 0.55 m − 0.05 m above the mean of all four.
+    close(metrics.safety.min_height_m.unwrap(), 0.5, 1e-4);
+    assert_eq!((metrics.safety.clamped_ticks, metrics.safety.clamped_torques), (Some(4), Some(8)));
+}
+
+#[test]
+fn ticks_are_timed_and_qp_records_counted() {
+    let metrics = Metrics::of(&run_of("timing", &Plan::default()));
+    let timing = metrics.timing.unwrap();
+    let tick = timing.tick_us.unwrap();
+    assert_eq!((tick.min, tick.max, timing.longer_than_period), (200.0, 1500.0, 1));
+    // The 20 durations are equally frequent: half of them are at most 209 µs, and 99 % at most the largest.
+    assert_eq!((tick.p50, tick.p99), (209.0, 219.0));
+    assert_eq!((timing.with_deadline, timing.missed_deadlines), (0, 0));
+    assert_eq!(timing.period_error_us, None, "lockstep has no jitter");
+    let qp = metrics.qp.unwrap();
+    assert_eq!((qp.status.solved, qp.iterations.unwrap().max, qp.size[0]), (4000, 12.0, 30));
+}
+
+#[test]
+fn without_truth_errors_are_against_estimates_and_say_so() {
+    let plan = Plan { without: &["GROUND_TRUTH"], ..Plan::default() };
+    let metrics = Metrics::of(&run_of("no_truth", &plan));
+    assert_eq!(metrics.measured_against, Reference::Estimate);
+    assert_eq!(metrics.missing_channels, ["GROUND_TRUTH"]);
+    assert_constant(metrics.tracking.roll, 0.5 * RPY_ERROR[0], "roll");
+    assert_constant(metrics.tracking.feet[3].x, 0.5 * FOOT_ERROR[0], "RH x");
+    assert!(metrics.contact.is_none() && metrics.locomotion.true_velocity.is_none());
+    assert!(analysis::tables::text(&metrics).contains("no ground truth"));
+}
+
+#[test]
+fn a_gap_is_a_gap_and_not_a_wrong_number() {
+    let run = run_of("gap", &Plan { gap: 2000..2200, ..Plan::default() });
+    assert_eq!(run.ticks.len(), 3800);
+    let metrics = Metrics::of(&run);
+    assert_constant(metrics.tracking.height, HEIGHT_ERROR, "height");
+    assert_constant(metrics.tracking.feet[0].y, FOOT_ERROR[1], "LF y");
+}
+
+#[test]
+fn truth_of_another_clock_is_taken_within_half_a_period() {
+    // Only truth and tracking, the truth shifted by moving the log's ticks: the nearest one is exact here, and a hole in it is no truth.
+    let run = run_of(
+        "only_truth",
+        &Plan { without: &["LEG_STATE", "CONTACT_ESTIMATE", "WBC_SOLUTION", "TIMING"], ..Plan::default() },
+    );
+    assert!(run.ticks.iter().all(|tick| tick.truth.as_ref().is_some_and(|t| t.t_ns == tick.t_ns)));
+    assert_eq!(run.missing(), ["LEG_STATE", "CONTACT_ESTIMATE", "WBC_SOLUTION", "TIMING"]);
+}
+
+#[test]
+fn a_log_without_a_tick_is_a_clear_error() {
+    let path = scratch("nothing").join("run.mcap");
+    write(&path, &Plan { ticks: 0, ..Plan::default() });
+    match Run::read(&path, &mut |_| ()) {
+        Err(Error::NothingToReport { messages: 1, .. }) => {}
+        other => panic!("expected NothingToReport, found {other:?}"),
+    }
+}
+
+#[test]
+fn metrics_json_keeps_its_keys() {
+    let metrics = Metrics::of(&run_of("json", &Plan { ticks: 2000, ..Plan::default() }));
+    let json: serde_json::Value = serde_json::from_str(&metrics.to_json()).unwrap();
+    for path in [
+        "/schema",
+        "/run/robot",
+        "/run/duration_s",
+        "/measured_against",
+        "/tracking/roll/rms",
+        "/tracking/feet/3/leg",
+        "/tracking/feet/3/x/mean_abs",
+        "/contact/legs/0/accuracy",
+        "/contact/touchdowns/delay_ms/p50",
+        "/locomotion/distance_m",
+        "/safety/fell",
+        "/timing/tick_us/p99",
+        "/timing/missed_deadlines",
+        "/qp/iterations/mean",
+        "/qp/status/solved",
+    ] {
+        assert!(json.pointer(path).is_some_and(|v| !v.is_null()), "{path} is missing from {json:#}");
+    }
+}
