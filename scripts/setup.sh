@@ -14,14 +14,14 @@ lcm_group=239.255.76.67
 say() { printf 'setup: %s\n' "$*"; }
 fail() { printf 'setup: %s\n' "$*" >&2; exit 1; }
 
-# Runs a command as root; fails with the command to type when that is not possible.
+# Runs a command as root, or fails and says what to type.
 as_root() {
     if [ "$(id -u)" = 0 ]; then
         "$@"
     elif command -v sudo >/dev/null; then
         sudo "$@"
     else
-        fail "not root and no sudo; run this as root, then start again: $*"
+        fail "not root and no sudo; have this done as root, then start again: $*"
     fi
 }
 
@@ -43,8 +43,9 @@ install_packages() {
 
     command -v apt-get >/dev/null || fail "no apt-get on this machine; install what Debian calls: ${missing[*]}"
     say "installing ${missing[*]}"
-    as_root apt-get update
-    as_root env DEBIAN_FRONTEND=noninteractive apt-get install --yes --no-install-recommends "${missing[@]}"
+    local install=(env DEBIAN_FRONTEND=noninteractive apt-get install --yes --no-install-recommends "${missing[@]}")
+    # A machine without package lists, or with old ones, cannot find the packages at the first try.
+    as_root "${install[@]}" || { as_root apt-get update && as_root "${install[@]}"; }
 }
 
 liblcm_present() {
