@@ -6,7 +6,7 @@ use super::style::{
     BOTTOM_MARGIN, DAMPING, ESTIMATED_LINE, LEFT_MARGIN, Mark, PAGE_WIDTH, PUSH, REFERENCE_LINE, RIGHT_MARGIN,
     TOP_MARGIN, TRUE_LINE, legend,
 };
-use super::{Figure, Lacking, series, spans, times};
+use super::{Figure, Lacking, series, spans, times, whole};
 use crate::math::unwrap_angles;
 use crate::run::{Run, Tick};
 
@@ -69,7 +69,7 @@ pub(super) fn draw(run: &Run) -> Result<Figure, Lacking> {
     let rows = ROWS.len() as f64;
     let mut drawing = Drawing::new(PAGE_WIDTH, TOP_MARGIN + rows * PANEL_HEIGHT + (rows - 1.0) * GAP + BOTTOM_MARGIN);
     let xs = times(&run.ticks);
-    let time = Range { min: 0.0, max: run.duration_s().max(1e-3) };
+    let time = whole(run);
     let pushes = spans(&run.ticks, |tick| tick.truth.as_ref().is_some_and(|w| w.pushed));
     let damped = spans(&run.ticks, |tick| !tick.balances());
 

@@ -6,8 +6,10 @@
 
 use plotters::coord::Shift;
 use plotters::prelude::*;
+use plotters::style::FontTransform;
 use plotters::style::text_anchor::{HPos, Pos, VPos};
-use plotters::style::{FontStyle, FontTransform, register_font};
+
+use super::text::{FONT_FAMILY, rasterize};
 
 pub use plotters::style::RGBAColor;
 
@@ -18,11 +20,6 @@ const PNG_DENSITY: u32 = 3;
 /// Pixels drawn per pixel of the PNG, in each direction.
 const PNG_OVERSAMPLING: u32 = 2;
 
-/// Families that an SVG asks for; all have the widths of the embedded font.
-const FONT_FAMILY: &str = "Arial, Helvetica, Liberation Sans, sans-serif";
-static FONT: &[u8] = include_bytes!("../../fonts/HoofprintSans-Regular.ttf");
-/// Ascent plus descent of the embedded font, em: its rasteriser takes that as the size.
-const FONT_HEIGHT: f64 = 1.117;
 /// The size that plotters takes, per em that it writes into an SVG.
 const SVG_SIZE_PER_EM: f64 = 1.24;
 
@@ -107,7 +104,7 @@ impl Drawing {
         let mut text = String::new();
         {
             let root = SVGBackend::with_string(&mut text, size).into_drawing_area();
-            self.draw(&root, SVG_GRID, Baseline::Svg)?;
+            self.draw(&root, SVG_GRID, Target::Svg)?;
             root.present().map_err(|e| e.to_string())?;
         }
         // plotters sizes the image in grid steps and cannot say how lines are joined: rewrite its first tag.
@@ -131,7 +128,7 @@ impl Drawing {
         let mut fine = vec![255_u8; 3 * fine_size.0 as usize * fine_size.1 as usize];
         {
             let root = BitMapBackend::with_buffer(&mut fine, fine_size).into_drawing_area();
-            self.draw(&root, f64::from(scale), Baseline::Bitmap)?;
+            self.draw(&root, f64::from(scale), Target::Bitmap)?;
             root.present().map_err(|e| e.to_string())?;
         }
         let mut image = BitMapBackend::new(path, (width, height));
@@ -149,22 +146,19 @@ impl Drawing {
         &self,
         root: &DrawingArea<DB, Shift>,
         scale: f64,
-        baseline: Baseline,
+        target: Target,
     ) -> Result<(), String> {
-        // Registering again with the same bytes changes nothing.
-        register_font(FONT_FAMILY, FontStyle::Normal, FONT)
-            .map_err(|_| "the embedded font is not a font".to_owned())?;
         root.fill(&WHITE).map_err(|e| e.to_string())?;
         for item in &self.items {
-            draw_item(root, item, scale, baseline).map_err(|e| e.to_string())?;
+            draw_item(root, item, scale, target).map_err(|e| e.to_string())?;
         }
         Ok(())
     }
 }
 
-/// How a back-end places the baseline of a text anchored at its top.
+/// What is drawn on.
 #[derive(Clone, Copy, PartialEq)]
-enum Baseline {
+enum Target {
     Svg,
     Bitmap,
 }
@@ -173,7 +167,7 @@ fn draw_item<DB: DrawingBackend>(
     root: &DrawingArea<DB, Shift>,
     item: &Item,
     scale: f64,
-    baseline: Baseline,
+    target: Target,
 ) -> Result<(), DrawingAreaErrorKind<DB::ErrorType>> {
     let grid = |v: f64| (v * scale).round() as i32;
     let at = |(x, y): (f64, f64)| (grid(x), grid(y));
@@ -182,7 +176,7 @@ fn draw_item<DB: DrawingBackend>(
             let points: Vec<_> = points.iter().map(|&p| at(p)).collect();
             let width = grid(stroke.width).max(1) as u32;
             let style = ShapeStyle { color: stroke.color, filled: false, stroke_width: width };
-            if baseline == Baseline::Svg {
+            if target == Target::Svg {
                 return root.draw(&PathElement::new(points, style));
             }
             // plotters fills a wide polyline as one even-odd polygon, with holes where it crosses itself: draw it piece by piece.
@@ -201,14 +195,15 @@ fn draw_item<DB: DrawingBackend>(
         Item::Dot { center, radius, color } => {
             root.draw(&Circle::new(at(*center), grid(*radius).max(1), color.filled()))
         }
-        Item::Text { baseline: at_baseline, text, em, align, upward, color } => {
-            let em = em * scale;
-            let (size, top_to_baseline) = match baseline {
-                Baseline::Svg => (em * SVG_SIZE_PER_EM, 0.76 * em),
-                Baseline::Bitmap => (em * FONT_HEIGHT, em * FONT_HEIGHT / 2.0),
-            };
-            let (x, y) = at(*at_baseline);
-            let rise = top_to_baseline.round() as i32;
+        Item::Text { baseline, text, em, align, upward, color } => {
+            let (x, y) = at(*baseline);
+            if target == Target::Bitmap {
+                return rasterize(text, em * scale, *align, *upward, |(dx, dy), coverage| {
+                    root.draw_pixel((x + dx, y + dy), &color.mix(coverage))
+                });
+            }
+            // plotters hangs a text from its top, which it takes to be 0.76 em above the baseline.
+            let rise = (0.76 * em * scale).round() as i32;
             let (point, transform) =
                 if *upward { ((x - rise, y), FontTransform::Rotate270) } else { ((x, y - rise), FontTransform::None) };
             let h_pos = match align {
@@ -216,22 +211,14 @@ fn draw_item<DB: DrawingBackend>(
                 Align::Middle => HPos::Center,
                 Align::Right => HPos::Right,
             };
-            let style = TextStyle::from((FONT_FAMILY, size).into_font().transform(transform))
-                .color(color)
-                .pos(Pos::new(h_pos, VPos::Top));
-            root.draw(&Text::new(text.as_str(), point, style))
+            let font = (FONT_FAMILY, em * scale * SVG_SIZE_PER_EM).into_font().transform(transform);
+            root.draw(&Text::new(
+                text.as_str(),
+                point,
+                TextStyle::from(font).color(color).pos(Pos::new(h_pos, VPos::Top)),
+            ))
         }
     }
-}
-
-/// Width of a text in the embedded font, in the units of `em`.
-pub fn text_width(text: &str, em: f64) -> f64 {
-    const FINE: f64 = 100.0;
-    if register_font(FONT_FAMILY, FontStyle::Normal, FONT).is_err() {
-        return 0.5 * em * text.chars().count() as f64;
-    }
-    let font = (FONT_FAMILY, FINE * FONT_HEIGHT).into_font();
-    font.box_size(text).map_or(0.0, |(width, _)| f64::from(width) * em / FINE)
 }
 
 /// Mean over blocks of `n × n` pixels of an RGB image.

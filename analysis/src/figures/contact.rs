@@ -48,7 +48,7 @@ pub(super) fn draw(run: &Run, window: Range) -> Result<Figure, Lacking> {
         for span in spans(ticks, |t| t.contact.as_ref().is_some_and(|c| c.contact[leg])) {
             panel.strip(&mut drawing, span, (frame.top - 5.0, 3.0), VERMILLION);
         }
-        let label = format!("{name}  normal force [N]");
+        let label = format!("{name} force [N]");
         panel.axes(&mut drawing, Labels { x: (leg == 3).then_some("time [s]"), y: Some(&label) });
     }
     let mut entries = Vec::new();
@@ -61,7 +61,7 @@ pub(super) fn draw(run: &Run, window: Range) -> Result<Figure, Lacking> {
     if run.has("LEG_STATE") {
         entries.push(("leg commanded to swing", Mark::Fill(SWING)));
     }
-    entries.push(("bars above a panel: contact", Mark::Fill(BLUE)));
+    entries.push(("in contact", Mark::Bars(BLUE, VERMILLION)));
     legend(&mut drawing, LEFT_MARGIN, 14.0, &entries);
     let caption = format!(
         "Force of the ground on each foot along the terrain normal, {}. Bars above each panel: contact flag, in the colours of the lines.",

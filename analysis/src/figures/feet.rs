@@ -16,7 +16,7 @@ const SHOWN: [usize; 2] = [0, 3];
 const AXES: [&str; 3] = ["x [m]", "y [m]", "z [m]"];
 const PANEL_HEIGHT: f64 = 96.0;
 const GAP: f64 = 12.0;
-const COLUMN_GAP: f64 = 52.0;
+const COLUMN_GAP: f64 = 66.0;
 
 pub(super) fn draw(run: &Run, window: Range) -> Result<Figure, Lacking> {
     if !run.has("LEG_STATE") {

@@ -8,6 +8,7 @@
 //! | `canvas`  | a drawing as data, and its rendering through plotters        |
 //! | `panel`   | axes, ticks, lines thinned to the width they are drawn at    |
 //! | `style`   | colours, widths, type sizes, legend                          |
+//! | `text`    | the embedded font: widths and pixels                         |
 //! | the rest  | one figure each                                              |
 
 mod base;
@@ -18,6 +19,7 @@ mod gait;
 mod panel;
 mod path;
 mod style;
+mod text;
 mod timing;
 
 use std::path::Path;
@@ -95,7 +97,7 @@ pub fn all(run: &Run, options: FigureOptions) -> Vec<Result<Figure, Lacking>> {
 
 /// The part of the run that detailed figures show.
 fn detail_window(run: &Run) -> Range {
-    let end = run.duration_s();
+    let end = whole(run).max;
     let metrics = crate::metrics::Metrics::of(run);
     let walking: Vec<f64> =
         run.ticks.iter().filter(|tick| (0..4).any(|leg| tick.swings(leg))).map(|tick| tick.t_s).collect();
@@ -107,6 +109,11 @@ fn detail_window(run: &Run) -> Range {
     };
     let from = (middle - 0.5 * DETAIL_S).clamp(0.0, (end - DETAIL_S).max(0.0));
     Range { min: from, max: (from + DETAIL_S).min(end) }
+}
+
+/// The whole run, its last tick included.
+fn whole(run: &Run) -> Range {
+    Range { min: 0.0, max: (run.duration_s() + run.period_s()).max(1e-3) }
 }
 
 /// Time of the first change of gait during a run.

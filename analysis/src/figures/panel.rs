@@ -129,7 +129,7 @@ impl Panel {
     pub fn axes(&self, drawing: &mut Drawing, labels: Labels) {
         let Frame { left, top, width, height } = self.frame;
         let (right, bottom) = (left + width, top + height);
-        for (value, text) in ticks(self.x, (width / 70.0).clamp(2.0, 9.0) as usize) {
+        for (value, text) in ticks(self.x, (width / 45.0).clamp(2.0, 9.0) as usize) {
             let x = self.at(value, self.y.min).0;
             drawing.line(vec![(x, bottom), (x, bottom + 3.0)], FRAME);
             if labels.x.is_some() {

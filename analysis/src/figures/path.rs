@@ -45,7 +45,7 @@ pub(super) fn draw(run: &Run) -> Result<Figure, Lacking> {
 
     panel.grid(&mut drawing);
     for &(leg, p) in &footholds {
-        drawing.dot(panel.at(p[0], p[1]), 1.7, LEG_COLORS[leg]);
+        drawing.dot(panel.at(p[0], p[1]), 2.1, LEG_COLORS[leg]);
     }
     drawing.line(apart(positions.iter().map(|p| panel.at(p[0], p[1]))), Stroke { width: 1.4, ..TRUE_LINE });
     for (p, name, align, shift) in [(first, "start", Align::Right, -6.0), (last, "end", Align::Left, 6.0)] {

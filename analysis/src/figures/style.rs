@@ -3,7 +3,8 @@
 //! The colours are those of Okabe and Ito (*Color Universal Design*, 2008), told apart with every common colour blindness;
 //! one quantity has one colour in every figure.
 
-use super::canvas::{Align, Drawing, RGBAColor, Stroke, text_width};
+use super::canvas::{Align, Drawing, RGBAColor, Stroke};
+use super::text::text_width;
 
 const fn rgb(hex: u32) -> RGBAColor {
     RGBAColor((hex >> 16) as u8, (hex >> 8) as u8, hex as u8, 1.0)
@@ -69,6 +70,8 @@ pub enum Mark {
     Fill(RGBAColor),
     /// A disc.
     Dot(RGBAColor),
+    /// Two bars, one above the other.
+    Bars(RGBAColor, RGBAColor),
 }
 
 /// A row of marks and words from `left`, its baseline at `baseline`, above the data.
@@ -78,7 +81,7 @@ pub fn legend(drawing: &mut Drawing, left: f64, baseline: f64, entries: &[(&str,
     for (text, mark) in entries {
         let width = match mark {
             Mark::Dot(_) => 7.0,
-            Mark::Fill(_) => 12.0,
+            Mark::Fill(_) | Mark::Bars(..) => 12.0,
             _ => 18.0,
         };
         match *mark {
@@ -89,6 +92,10 @@ pub fn legend(drawing: &mut Drawing, left: f64, baseline: f64, entries: &[(&str,
                 }
             }
             Mark::Fill(color) => drawing.rect((x, y - 4.0), (width, 8.0), color),
+            Mark::Bars(upper, lower) => {
+                drawing.rect((x, y - 3.5), (width, 3.0), upper);
+                drawing.rect((x, y + 0.5), (width, 3.0), lower);
+            }
             Mark::Dot(color) => drawing.dot((x + 3.5, y), 2.6, color),
         }
         drawing.text((x + width + 4.0, baseline), *text, LABEL_EM, Align::Left, TEXT);

@@ -6,7 +6,7 @@ use super::style::{
     BLUE, BOTTOM_MARGIN, LEFT_MARGIN, Mark, PAGE_WIDTH, REFERENCE_LINE, RIGHT_MARGIN, TEXT, TICK_EM, TOP_MARGIN,
     VERMILLION, legend,
 };
-use super::{Figure, Lacking, series, times};
+use super::{Figure, Lacking, series, times, whole};
 use crate::metrics::{qp_us, tick_us};
 use crate::run::Run;
 use crate::stats::Distribution;
@@ -41,7 +41,7 @@ pub(super) fn draw(run: &Run) -> Result<Figure, Lacking> {
     let mut drawing = Drawing::new(PAGE_WIDTH, TOP_MARGIN + HEIGHT + BOTTOM_MARGIN);
     let width = drawing.width() - LEFT_MARGIN - RIGHT_MARGIN - HISTOGRAM_WIDTH - GAP;
     let frame = Frame { left: LEFT_MARGIN, top: TOP_MARGIN, width, height: HEIGHT };
-    let time = Range { min: 0.0, max: run.duration_s().max(1e-3) };
+    let time = whole(run);
     let over_time = Panel::new(frame, time, us).logarithmic();
     let xs = times(&run.ticks);
     over_time.grid(&mut drawing);
