@@ -77,7 +77,8 @@ pub enum Class {
     ReplayInput,
     /// Computed by the controller for the robot or for itself, and compared by a replay.
     Output,
-    /// Computed by the controller for people, and compared by a replay.
+    /// For people: what the controller found on its way, which has a stage and is compared by a replay, and what others sent, which
+    /// has none and reaches the controller inside its input.
     Debug,
     /// Known to a simulator only.
     Truth,

@@ -17,6 +17,9 @@
 //! - [`bus`]: carries encoded messages, over LCM or within a process.
 //! - [`types`]: reflection on every type, for tools that know a channel by name only.
 //!
+//! A new type is a new `NAME_t.lcm`, with the table of its fields above the struct, and a line in [`channels::CHANNELS`] if it has a
+//! channel. A changed meaning is a new name: fingerprints cover names and types of fields, and nothing of what they mean.
+//!
 //! It must never decide anything about a robot: it is the vocabulary, and the wire.
 
 pub mod bus;

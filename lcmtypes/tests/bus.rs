@@ -117,14 +117,30 @@ fn a_full_queue_in_memory_drops_the_newest_and_counts() {
     assert_eq!(texts(&receiver.handle(Duration::ZERO).unwrap()), [("X", "5")]);
 }
 
+/// Each waits for the other without end: if nobody wakes it, this test hangs.
 #[test]
-fn a_waiting_handle_in_memory_is_woken_from_another_thread() {
-    let mut receiver = MemoryBus::new();
-    let mut sender = receiver.connect();
-    receiver.subscribe("X").unwrap();
-    let thread = std::thread::spawn(move || sender.publish("X", b"1"));
-    assert_eq!(texts(&receiver.handle(PATIENCE).unwrap()), [("X", "1")]);
-    thread.join().unwrap().unwrap();
+fn handles_in_memory_wake_each_other_between_threads() {
+    fn answer(bus: &mut dyn Bus, first: bool) {
+        let (mine, theirs) = if first { ("PING", "PONG") } else { ("PONG", "PING") };
+        for round in 0..500u32 {
+            if first {
+                bus.publish(mine, &round.to_be_bytes()).unwrap();
+            }
+            let received = bus.handle(Duration::MAX).unwrap();
+            assert_eq!((received.len(), received[0].channel.as_str()), (1, theirs));
+            assert_eq!(received[0].data, round.to_be_bytes());
+            if !first {
+                bus.publish(mine, &round.to_be_bytes()).unwrap();
+            }
+        }
+    }
+    let mut a = MemoryBus::new();
+    let mut b = a.connect();
+    a.subscribe("PONG").unwrap();
+    b.subscribe("PING").unwrap();
+    let thread = std::thread::spawn(move || answer(&mut b, false));
+    answer(&mut a, true);
+    thread.join().unwrap();
 }
 
 #[test]

@@ -239,6 +239,19 @@ impl<'a> Type<'a> {
         self.linked().fingerprint
     }
 
+    /// Name of the text that declares it.
+    pub fn file(&self) -> &'a str {
+        &self.linked().file
+    }
+
+    /// The struct that a field's elements are; `None` for primitives, enums and an index past the last field.
+    pub fn element(&self, field: usize) -> Option<Type<'a>> {
+        match *self.linked().elements.get(field)? {
+            Element::Struct(index) => Some(Type { set: self.set, index }),
+            Element::Primitive(_) | Element::Enum(_) => None,
+        }
+    }
+
     /// Hash of the struct's own fields, as `lcm-gen -d` prints it.
     pub fn base_hash(&self) -> u64 {
         self.linked().base

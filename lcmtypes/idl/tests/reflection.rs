@@ -47,6 +47,14 @@ fn a_message_is_found_by_its_fingerprint_and_shown_as_one_line() {
 }
 
 #[test]
+fn a_type_knows_its_text_and_the_types_of_its_fields() {
+    let types = types();
+    let outer = types.by_name("p.outer_t").unwrap();
+    let names: Vec<Option<&str>> = (0..5).map(|field| outer.element(field).map(|ty| ty.name())).collect();
+    assert_eq!((outer.file(), names), ("p.lcm", vec![None, Some("p.inner_t"), None, None, None]));
+}
+
+#[test]
 fn leaves_come_in_wire_order_with_their_paths() {
     let types = types();
     let (_, bytes) = outer(&types);
