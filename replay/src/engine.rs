@@ -7,7 +7,8 @@
 //! - What *differs* is kept apart from what is *absent*: a channel that is not in the log is counted, not judged.
 //! - After a gap in the inputs the state is unknown; the replay goes on from the next recorded state.
 //! - At each recorded state the comparison starts afresh, so a log gives the same report whether it is replayed in one go or in
-//!   stretches by several threads. With other parameters ([`Options::set`]) the state is carried through instead.
+//!   stretches by several threads. With other parameters ([`Options::set`]) or a log to write ([`Options::out`]) the state is carried
+//!   through instead.
 //!
 //! Nothing here knows a controller: it is built by [`controller::load`] from the RUN_INFO of the log.
 
@@ -22,7 +23,7 @@ pub use report::ReplayReport;
 use crate::Error;
 use crate::log::{LogReader, LogWriter};
 use controller::{Controller, LoadError, RestoreError};
-use lcmtypes::{Message, RunInfo, channels};
+use lcmtypes::{Message, RunInfo, TextFile, channels};
 use report::Tally;
 use runner::Runner;
 use std::path::{Path, PathBuf};
@@ -95,7 +96,8 @@ impl<'a> Replay<'a> {
     pub fn run(&self, options: &Options, progress: &mut dyn FnMut(f64)) -> Result<ReplayReport, Error> {
         let begin = Instant::now();
         let info = self.with_overrides(&options.set)?;
-        let own_state = !options.set.is_empty();
+        // A log that is written must be one run from its beginning to its end.
+        let own_state = !options.set.is_empty() || options.out.is_some();
         let mut out = match &options.out {
             Some(path) => Some(Out::create(path, &info)?),
             None => None,
@@ -103,7 +105,7 @@ impl<'a> Replay<'a> {
         let mut stretch = Stretch::find(&self.path, options)?;
         let mut ticks = Ticks::open(&self.path, out.is_some())?;
         let mut feed = Feed { ticks: &mut ticks, stretch: &mut stretch, progress, bytes: file_length(&self.path)? };
-        let alone = own_state || out.is_some() || options.jobs < 2;
+        let alone = own_state || options.jobs < 2;
         let tally = if alone {
             let mut runner = Runner::new(self.controller(&info)?, own_state);
             self.run_alone(&mut feed, &mut runner, out.as_mut())?;
@@ -312,8 +314,12 @@ struct Out {
 
 impl Out {
     fn create(path: &Path, info: &RunInfo) -> Result<Self, Error> {
+        // The outputs are of today's types, and so are the texts that explain them.
+        let text_file = |(name, text): &(&str, &str)| TextFile { name: (*name).into(), text: (*text).into() };
+        let lcm_types: Vec<_> = lcmtypes::SOURCES.iter().map(text_file).collect();
+        let info = RunInfo { num_lcm_types: lcm_types.len() as i32, lcm_types, ..info.clone() };
         let mut bytes = Vec::new();
-        encode(path, info, &mut bytes)?;
+        encode(path, &info, &mut bytes)?;
         Ok(Out { log: LogWriter::create(path)?, info: bytes, bytes: Vec::new() })
     }
 

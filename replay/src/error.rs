@@ -168,4 +168,22 @@ pub enum Error {
         /// Reason.
         source: Box<controller::RestoreError>,
     },
+    /// A manifest of golden logs that cannot be used.
+    #[error("{path}: {why}", path = path.display())]
+    Manifest {
+        /// File.
+        path: PathBuf,
+        /// Reason.
+        why: String,
+    },
+    /// A golden log that the manifest does not know.
+    #[error("{path}: no golden log \"{name}\", known: {known}", path = path.display())]
+    UnknownGolden {
+        /// Manifest.
+        path: PathBuf,
+        /// Name asked for.
+        name: String,
+        /// Names in the manifest.
+        known: String,
+    },
 }

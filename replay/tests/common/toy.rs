@@ -6,7 +6,7 @@ use controller::{Controller, LoadError, Outbox, Probe, RestoreError};
 use lcmtypes::channels::Stage;
 use lcmtypes::{
     ContactEstimate, ControllerInput, ControllerTick, Message, QuadrupedState, RobotCommand, RobotState, RunInfo,
-    Timing, WbcSolution, channels,
+    TextFile, Timing, WbcSolution, channels,
 };
 use replay::log::LogWriter;
 use std::path::Path;
@@ -160,7 +160,11 @@ pub fn encoded(message: &impl Message) -> Vec<u8> {
 
 /// The events of a run of the toy: RUN_INFO, then in each tick the measurement, the input, the outputs and the timing.
 pub fn events(ticks: i64) -> Vec<super::Message> {
-    let info = RunInfo { controller: "toy".into(), params: PARAMS.into(), ..Default::default() };
+    let lcm_types: Vec<_> =
+        lcmtypes::SOURCES.iter().map(|(n, t)| TextFile { name: n.to_string(), text: t.to_string() }).collect();
+    let num_lcm_types = lcm_types.len() as i32;
+    let info =
+        RunInfo { controller: "toy".into(), params: PARAMS.into(), num_lcm_types, lcm_types, ..Default::default() };
     let mut toy = toy(&info).unwrap();
     let mut events = vec![(channels::RUN_INFO.to_owned(), 0, encoded(&info))];
     let (mut random, mut out) = (super::Random(5), Outbox::new());

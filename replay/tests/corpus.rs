@@ -1,0 +1,121 @@
+//! Golden logs: checked, found changed, accepted.
+#![allow(clippy::unwrap_used, reason = "a test may")]
+
+mod common;
+
+use common::toy::{self, Toy};
+use lcmtypes::channels::{self, Stage};
+use replay::Error;
+use replay::corpus::{self, Corpus};
+use replay::log::LogSummary;
+use std::path::{Path, PathBuf};
+
+/// A folder with two golden logs of the toy.
+fn folder(name: &str) -> PathBuf {
+    let dir = common::path(name);
+    let _ = std::fs::remove_dir_all(&dir);
+    std::fs::create_dir(&dir).unwrap();
+    let run = common::path(&format!("{name}.mcap"));
+    toy::write(&run, &toy::events(500));
+    let mut corpus = open(&dir, |toy| toy);
+    corpus.add(&run, "trot", "a first run", &[]).unwrap();
+    corpus.add(&run, "crawl", "the same with forces", &[channels::CONTACT_ESTIMATE]).unwrap();
+    dir
+}
+
+fn open<'a>(dir: &Path, change: impl Fn(Toy) -> Toy + 'a) -> Corpus<'a> {
+    Corpus::open_with(dir, move |info| Ok(Box::new(change(toy::toy(info)?)))).unwrap()
+}
+
+fn mutant(toy: Toy) -> Toy {
+    Toy { mutant: Some((Stage::Estimation, 123)), ..toy }
+}
+
+#[test]
+fn a_golden_log_keeps_what_a_replay_needs() {
+    let dir = folder("keeps");
+    let names = |file: &str| -> Vec<_> {
+        LogSummary::read(dir.join(file)).unwrap().channels.into_iter().map(|channel| channel.name).collect()
+    };
+    assert_eq!(names("trot.mcap"), ["CONTROLLER_INPUT", "CONTROLLER_SNAPSHOT", "CONTROLLER_TICK", "RUN_INFO"]);
+    assert!(names("crawl.mcap").contains(&"CONTACT_ESTIMATE".to_owned()));
+    let readme = std::fs::read_to_string(dir.join("README.md")).unwrap();
+    assert!(readme.contains("| trot |") && readme.contains("| a first run |"), "{readme}");
+}
+
+#[test]
+fn an_unchanged_controller_passes_and_a_changed_one_does_not() {
+    let dir = folder("check");
+    let results = open(&dir, |toy| toy).check(2);
+    assert_eq!(
+        results.iter().map(|r| (&*r.name, r.identical, r.ticks)).collect::<Vec<_>>(),
+        [("crawl", true, 500), ("trot", true, 500),]
+    );
+    let places: Vec<_> = open(&dir, mutant)
+        .check(1)
+        .into_iter()
+        .map(|result| {
+            assert!(!result.identical);
+            let first = result.first_divergence.unwrap();
+            (first.tick, first.stage, first.channel, first.field)
+        })
+        .collect();
+    let at = |channel: &str, field: &str| (123, "estimation", channel.to_owned(), field.to_owned());
+    assert_eq!(places, [at("CONTACT_ESTIMATE", "f_F_W"), at("CONTROLLER_TICK", "digest_estimation")]);
+}
+
+#[test]
+fn a_change_that_is_meant_is_accepted() {
+    let dir = folder("accept");
+    let before = std::fs::read(dir.join("trot.mcap")).unwrap();
+    let mut corpus = open(&dir, mutant);
+    let accepted = corpus.accept("trot", "a better estimator").unwrap();
+    assert_eq!(accepted.before.first_divergence.unwrap().tick, 123);
+    assert_eq!(accepted.bytes_before, before.len() as u64);
+    let identical = |corpus: Corpus| corpus.check(1).into_iter().map(|result| result.identical).collect::<Vec<_>>();
+    assert_eq!(identical(open(&dir, mutant)), [false, true]);
+    assert_eq!(identical(open(&dir, |toy| toy)), [true, false]);
+    assert!(std::fs::read_to_string(dir.join("corpus.toml")).unwrap().contains("a better estimator"));
+    // Nothing but the logs, the manifest and the page is left.
+    assert_eq!(std::fs::read_dir(&dir).unwrap().count(), 4);
+    // Accepted back, the file has the bytes that it had.
+    open(&dir, |toy| toy).accept("trot", "not better after all").unwrap();
+    assert!(std::fs::read(dir.join("trot.mcap")).unwrap() == before);
+}
+
+/// A type of an output has changed since: nothing can be compared, but the inputs still stand for themselves.
+#[test]
+fn a_log_of_another_version_can_be_recorded_anew() {
+    let dir = folder("version");
+    let mut events = toy::events(500);
+    events.iter_mut().filter(|(c, ..)| c == channels::CONTROLLER_TICK).for_each(|(.., data)| data[7] ^= 1);
+    toy::write(&dir.join("trot.mcap"), &events);
+    let mut corpus = open(&dir, |toy| toy);
+    let accepted = corpus.accept("trot", "a field more").unwrap();
+    assert!(accepted.before.error.unwrap().contains("another type version"));
+    assert!(corpus.check(1).iter().all(|result| result.identical));
+}
+
+#[test]
+fn a_golden_log_with_a_hole_does_not_pass() {
+    let dir = folder("hole");
+    let path = dir.join("trot.mcap");
+    let bytes = std::fs::read(&path).unwrap();
+    std::fs::write(&path, &bytes[..bytes.len() - 40]).unwrap();
+    std::fs::remove_file(dir.join("crawl.mcap")).unwrap();
+    let [crawl, trot] = &open(&dir, |toy| toy).check(1)[..] else { panic!("two logs") };
+    assert!(!trot.identical && trot.error.is_some(), "{trot:?}");
+    assert!(crawl.error.as_ref().unwrap().contains("crawl.mcap"), "{crawl:?}");
+}
+
+#[test]
+fn what_the_manifest_does_not_know_is_refused() {
+    let dir = folder("names");
+    let error = open(&dir, |toy| toy).accept("gallop", "").unwrap_err();
+    assert!(matches!(error, Error::UnknownGolden { .. }) && error.to_string().contains("crawl, trot"), "{error}");
+    let error = open(&dir, |toy| toy).add(&dir.join("trot.mcap"), "trot", "", &[]).unwrap_err();
+    assert!(matches!(error, Error::Manifest { .. }), "{error}");
+    std::fs::write(dir.join("corpus.toml"), "[[log]]\nname = 3").unwrap();
+    assert!(matches!(corpus::check(&dir, 1), Err(Error::Manifest { .. })));
+    assert!(matches!(corpus::check(dir.join("nowhere"), 1), Err(Error::Io { .. })));
+}
