@@ -104,7 +104,8 @@ impl Wbc {
         self.bounds(params, state);
     }
 
-    /// Solves it; `vd`, `f_F_W` and `tau` are to be used only if the status says so.
+    /// Solves it. Without a solution of finite numbers the status says so, and `x`, `vd`, `f_F_W` and `tau` are zero: what an iteration broke
+    /// off with is no result, and the bits of a NaN are not the same on every machine.
     ///
     /// ```text
     /// tau = ( M vd + h - Jᵀ F ) at the joints
@@ -112,6 +113,16 @@ impl Wbc {
     /// Source: Raiola et al. 2020, eq. (3).
     pub fn solve(&mut self, estimate: &Estimate, state: &State) {
         self.info = self.solver.solve(&self.qp, &mut self.x);
+        if self.solved() && !self.x.iter().all(|x| x.is_finite()) {
+            self.info.status = QpStatus::Failed;
+        }
+        if !self.solved() {
+            self.x.fill(0.0);
+            self.vd.fill(0.0);
+            self.f_F_W = PerLeg::default();
+            self.tau.fill(0.0);
+            return;
+        }
         let nv = self.vd.len();
         self.vd.copy_from(&self.x.rows(0, nv));
         for leg in Leg::ALL {
@@ -130,6 +141,11 @@ impl Wbc {
             }
             self.tau[j] = tau;
         }
+    }
+
+    /// Whether the last [`Wbc::solve`] has found a solution.
+    pub fn solved(&self) -> bool {
+        matches!(self.info.status, QpStatus::Solved | QpStatus::AlmostSolved)
     }
 
     /// Norms of what the three tasks leave: contact (m/s²), trunk (rad/s²), posture (rad/s²).

@@ -111,8 +111,8 @@ impl Messages {
         m.n_ineq = count(wbc.qp.d.len() + bounds);
         m.n_active = count(wbc.info.n_active);
         m.n_clamped = n_clamped;
-        m.residual = wbc.residuals(estimate, state);
-        m.base_residual = wbc.base_residual();
+        (m.residual, m.base_residual) =
+            if wbc.solved() { (wbc.residuals(estimate, state), wbc.base_residual()) } else { ([0.0; 3], 0.0) };
         m.vd.copy_from_slice(wbc.vd.as_slice());
         m.f_F_W = wbc.f_F_W.0.map(Into::into);
     }
@@ -126,6 +126,7 @@ impl Messages {
         let m = &mut self.wbc;
         (m.t_ns, m.tick, m.status) = (t_ns, tick, WbcSolution::STATUS_NOT_RUN);
         (m.iterations, m.n_active, m.n_clamped) = (0, 0, 0);
+        (m.n_var, m.n_eq, m.n_ineq) = (0, 0, 0);
         (m.residual, m.base_residual, m.f_F_W) = ([0.0; 3], 0.0, [[0.0; 3]; 4]);
         m.vd.fill(0.0);
     }
