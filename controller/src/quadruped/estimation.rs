@@ -146,7 +146,7 @@ impl Estimate {
             }
             let loaded = self.n_W.dot(&state.f_F_W[leg]) > params.contact.threshold;
             let count = &mut state.contact_count[leg];
-            *count = if loaded { (*count + 1).min(params.contact.debounce) } else { 0 };
+            *count = if loaded { count.saturating_add(1).min(params.contact.debounce) } else { 0 };
             state.contact[leg] = *count >= params.contact.debounce;
         }
     }

@@ -22,7 +22,6 @@ pub mod wire;
 use crate::digest::Digest;
 use crate::math::{Rx, Ry, Rz, low_pass, ramp, wrap_angle};
 use crate::params::Params;
-use crate::qp::QpStatus;
 use crate::{Controller, LoadError, Outbox, Probe, RestoreError, Stage};
 use estimation::Estimate;
 use gait::{Transitions, Wish};
@@ -241,6 +240,7 @@ impl Controller for Quadruped {
 
     fn poison_workspace(&mut self) {
         self.scratch = Scratch::new(&self.robot, &self.params);
+        self.messages = Messages::new(&self.robot);
     }
 }
 
@@ -255,7 +255,8 @@ fn start(robot: &Robot, state: &mut State, input: &ControllerInput) {
 
 /// Ramps and filters the operator's numbers into the state; says what is wished of the gait.
 ///
-/// A command that is not a number counts as the wish to stand, and the tick's fault code says so.
+/// A command that is not a number counts as the wish to stand, and the tick's fault code says so. A mode without meaning counts as the
+/// wish to stand too, a gait without meaning as the present one: they come from a newer operator, not from a broken one.
 fn follow_operator(params: &Params, estimate: &Estimate, state: &mut State, op: &OperatorCommand, dt: f64) -> Wish {
     let usable = safety::operator_is_finite(op);
     state.fault = if usable {
@@ -271,7 +272,9 @@ fn follow_operator(params: &Params, estimate: &Estimate, state: &mut State, op: 
     let mut v = if walk { op.v_H } else { [0.0; 2] };
     let speed = (v[0] * v[0] + v[1] * v[1]).sqrt();
     if speed > limits.max_speed {
-        v = v.map(|x| x * limits.max_speed / speed);
+        // In this order a speed too large to be squared gives 0, not NaN.
+        let part = limits.max_speed / speed;
+        v = v.map(|x| x * part);
     }
     let yaw_rate = if walk { op.yaw_rate.clamp(-limits.max_yaw_rate, limits.max_yaw_rate) } else { 0.0 };
     for (v_des, v) in state.v_H_des.iter_mut().zip(v) {
@@ -292,8 +295,9 @@ fn follow_operator(params: &Params, estimate: &Estimate, state: &mut State, op: 
     state.height_offset = ramp(state.height_offset, wished, trunk.max_height_rate * dt);
 
     let gait = match op.gait {
+        OperatorCommand::GAIT_TROT => Gait::Trot,
         OperatorCommand::GAIT_CRAWL => Gait::Crawl,
-        _ => Gait::Trot,
+        _ => state.gait,
     };
     Wish { walk, gait }
 }
@@ -309,10 +313,8 @@ fn trunk_reference(state: &State) -> TrunkReference {
 
 /// Takes over the torques of a good solution, limited to the joints' effort; repeats the last ones when there is none.
 fn take_torques(params: &Params, robot: &Robot, wbc: &Wbc, state: &mut State) -> i32 {
-    let good = matches!(wbc.info.status, QpStatus::Solved | QpStatus::AlmostSolved)
-        && wbc.tau.iter().all(|tau| tau.is_finite());
-    if !good {
-        state.qp_failures = (state.qp_failures + 1).min(params.safety.max_qp_failures + 1);
+    if !wbc.solved() {
+        state.qp_failures = state.qp_failures.min(params.safety.max_qp_failures).saturating_add(1);
         return 0;
     }
     state.qp_failures = 0;
