@@ -6,8 +6,12 @@ use super::state::{Fault, State};
 use crate::params::Params;
 use lcmtypes::{ControllerInput, ControllerTick, OperatorCommand, RobotState};
 
-/// What is wrong with an input, if anything: sizes, numbers that are not finite, an orientation that is none, old data, a clock that
-/// does not advance.
+/// Largest number that a joint sensor or gyro may give, in its own unit: far above any real one, and far below where squares overflow. What is
+/// above counts as not finite.
+const MAX_MAGNITUDE: f64 = 1e6;
+
+/// What is wrong with an input, if anything: sizes, numbers that are not finite, an orientation that is none, data that are old or
+/// from the future, a clock that does not advance. The accelerometer is not looked at: nothing is computed from it.
 pub fn check_input(robot: &Robot, params: &Params, state: &State, input: &ControllerInput) -> Option<Fault> {
     let RobotState { t_ns, q, qd, tau, q_WI_wxyz, w_WI_I, .. } = &input.state;
     let nj = robot.nj();
@@ -18,11 +22,11 @@ pub fn check_input(robot: &Robot, params: &Params, state: &State, input: &Contro
         }
     }
     for values in [q, qd, tau] {
-        if let Some(j) = values.iter().position(|x| !x.is_finite()) {
+        if let Some(j) = values.iter().position(|x| !is_plausible(*x)) {
             return fault(ControllerTick::FAULT_INPUT_NOT_FINITE, Some(j), values[j]);
         }
     }
-    if let Some(x) = w_WI_I.iter().find(|x| !x.is_finite()) {
+    if let Some(x) = w_WI_I.iter().find(|x| !is_plausible(**x)) {
         return fault(ControllerTick::FAULT_INPUT_NOT_FINITE, None, *x);
     }
     if !is_unit_quaternion(q_WI_wxyz) {
@@ -35,7 +39,15 @@ pub fn check_input(robot: &Robot, params: &Params, state: &State, input: &Contro
     if age > params.safety.max_state_age {
         return fault(ControllerTick::FAULT_STATE_STALE, None, age);
     }
+    // A measurement from the future would never grow old.
+    if age < -params.safety.max_state_age {
+        return fault(ControllerTick::FAULT_CLOCK, None, age);
+    }
     None
+}
+
+fn is_plausible(x: f64) -> bool {
+    x.abs() <= MAX_MAGNITUDE
 }
 
 /// The base leans further than any command may ask: the robot is falling.
