@@ -407,14 +407,57 @@ impl Params {
             ("safety.damping", self.safety.damping),
         ];
         for (key, found) in positive {
-            if !(found > 0.0 && found.is_finite()) {
-                return Err(ParamsError::OutOfRange { key, found, expected: "a positive number" });
-            }
+            within(key, &[found], "a positive number", |x| x > 0.0 && x.is_finite())?;
         }
-        for (key, found) in [("gait.trot.duty", self.gait.trot.duty), ("gait.crawl.duty", self.gait.crawl.duty)] {
-            if !(0.5..1.0).contains(&found) {
-                return Err(ParamsError::OutOfRange { key, found, expected: "at least 0.5 and below 1" });
-            }
+        let RobotConfig { sensors, posture, .. } = &self.robot;
+        let Params { gait, foothold, swing, contact, trunk, posture: p, wbc, safety, .. } = self;
+        let not_negative: [(_, &[f64]); 21] = [
+            ("robot.sensors.position", &[sensors.position]),
+            ("robot.sensors.velocity", &[sensors.velocity]),
+            ("robot.sensors.torque", &[sensors.torque]),
+            ("robot.sensors.orientation", &[sensors.orientation]),
+            ("robot.sensors.gyro", &[sensors.gyro]),
+            ("robot.sensors.acceleration", &[sensors.acceleration]),
+            ("foothold.max_speed", &[foothold.max_speed]),
+            ("foothold.max_yaw_rate", &[foothold.max_yaw_rate]),
+            ("contact.min_jacobian_det", &[contact.min_jacobian_det]),
+            ("trunk.kp", &trunk.kp),
+            ("trunk.kd", &trunk.kd),
+            ("trunk.height_gain", &[trunk.height_gain]),
+            ("trunk.max_height_correction", &[trunk.max_height_correction]),
+            ("trunk.max_orientation_rate", &[trunk.max_orientation_rate]),
+            ("trunk.max_orientation", &[trunk.max_orientation]),
+            ("trunk.max_height_rate", &[trunk.max_height_rate]),
+            ("trunk.max_height_offset", &[trunk.max_height_offset]),
+            ("posture.swing_kp", &p.swing_kp),
+            ("posture.swing_kd", &p.swing_kd),
+            ("posture.stance_kp", &p.stance_kp),
+            ("posture.stance_kd", &p.stance_kd),
+        ];
+        for (key, found) in not_negative {
+            within(key, found, "a number that is not negative", |x| x >= 0.0 && x.is_finite())?;
+        }
+        for &q in posture.values() {
+            within("robot.posture", &[q], "a finite angle", f64::is_finite)?;
+        }
+        for (key, found) in [("gait.trot.duty", gait.trot.duty), ("gait.crawl.duty", gait.crawl.duty)] {
+            within(key, &[found], "at least 0.5 and below 1", |x| (0.5..1.0).contains(&x))?;
+        }
+        for (key, found) in [
+            ("gait.trot.lift_off_phase", &gait.trot.lift_off_phase),
+            ("gait.crawl.lift_off_phase", &gait.crawl.lift_off_phase),
+        ] {
+            within(key, found, "at least 0 and below 1", |x| (0.0..1.0).contains(&x))?;
+        }
+        within("foothold.freeze_fraction", &[foothold.freeze_fraction], "0 to 1", |x| (0.0..=1.0).contains(&x))?;
+        within("swing.reach_time", &[swing.reach_time], "0 to 0.5", |x| (0.0..=0.5).contains(&x))?;
+        for (key, found, least) in [
+            ("contact.debounce", f64::from(contact.debounce), 1.0),
+            ("wbc.max_iterations", f64::from(wbc.max_iterations), 1.0),
+            ("safety.max_qp_failures", f64::from(safety.max_qp_failures), 0.0),
+        ] {
+            let expected = if least > 0.0 { "at least 1" } else { "at least 0" };
+            within(key, &[found], expected, |x| x >= least)?;
         }
         if self.wbc.f_z_min >= self.wbc.f_z_max {
             return Err(ParamsError::OutOfRange {
@@ -424,6 +467,19 @@ impl Params {
             });
         }
         Ok(())
+    }
+}
+
+/// An error that names the first of `found` that does not fit.
+fn within(
+    key: &'static str,
+    found: &[f64],
+    expected: &'static str,
+    fits: impl Fn(f64) -> bool,
+) -> Result<(), ParamsError> {
+    match found.iter().find(|x| !fits(**x)) {
+        Some(&found) => Err(ParamsError::OutOfRange { key, found, expected }),
+        None => Ok(()),
     }
 }
 
@@ -540,6 +596,23 @@ mod tests {
         );
         assert!(text("trunk.kp", "[1.0, 2.0]").contains("expected a value like `[1000.0, 1000.0, 1000.0]`"));
         assert_eq!(text("gait.trot.duty", "1.5"), "parameter gait.trot.duty is 1.5, expected at least 0.5 and below 1");
+        // Each of these would reach a `clamp`, a count or the QP as nonsense.
+        for (key, value) in [
+            ("foothold.max_yaw_rate", "-1"),
+            ("trunk.max_orientation", "nan"),
+            ("trunk.kp", "[1, inf, 1]"),
+            ("posture.stance_kd", "[1, 1, -1]"),
+            ("gait.crawl.lift_off_phase", "[0, 0.5, 1, 0.25]"),
+            ("swing.reach_time", "0.6"),
+            ("contact.debounce", "0"),
+            ("wbc.max_iterations", "0"),
+            ("safety.max_qp_failures", "-1"),
+            ("robot.posture.j1", "nan"),
+        ] {
+            let text = text(key, value);
+            let named = key.strip_suffix(".j1").unwrap_or(key);
+            assert!(text.starts_with(&format!("parameter {named} is ")), "{text}");
+        }
         let unknown = Params::from_toml(&format!("{ROBOT}\n[wbc]\nmu = 0.5"), "box.toml").unwrap_err().to_string();
         assert!(unknown.contains("box.toml") && unknown.contains("unknown field `mu`"), "{unknown}");
     }
