@@ -106,7 +106,7 @@ pub fn add(dir: impl AsRef<Path>, log: &Path, name: &str, why: &str, more: &[&st
 /// Copies of a log what a golden log keeps: [`CHANNELS`] and `more`. Gives back the number of events.
 ///
 /// # Errors
-/// Those of [`LogReader`] and [`LogWriter`].
+/// [`Error::SameFile`], or those of [`LogReader`] and [`LogWriter`].
 pub fn trim_to_golden(log: &Path, out: &Path, more: &[&str]) -> Result<u64, Error> {
     copy(log, out, |channel| CHANNELS.contains(&channel) || more.contains(&channel))
 }
@@ -241,6 +241,7 @@ impl<'a> Corpus<'a> {
 
 /// Copies the events of some channels.
 fn copy(log: &Path, out: &Path, mut keep: impl FnMut(&str) -> bool) -> Result<u64, Error> {
+    Error::unless_apart(log, out)?;
     let events = LogReader::open(log)?.events();
     let mut out = LogWriter::create(out)?;
     for event in events {

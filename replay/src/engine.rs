@@ -92,14 +92,17 @@ impl<'a> Replay<'a> {
     /// - [`Error::Load`]: the controller cannot be built, or a parameter of [`Options::set`] does not exist.
     /// - [`Error::OtherTypeVersion`]: a type has changed since the log was written.
     /// - [`Error::NoInput`], [`Error::SeveralRuns`], [`Error::Decode`], [`Error::Restore`]: the log is not that of one run.
-    /// - [`Error::Io`] and what [`LogWriter`] says of [`Options::out`].
+    /// - [`Error::Io`], [`Error::SameFile`] and what [`LogWriter`] says of [`Options::out`].
     pub fn run(&self, options: &Options, progress: &mut dyn FnMut(f64)) -> Result<ReplayReport, Error> {
         let begin = Instant::now();
         let info = self.with_overrides(&options.set)?;
         // A log that is written must be one run from its beginning to its end.
         let own_state = !options.set.is_empty() || options.out.is_some();
         let mut out = match &options.out {
-            Some(path) => Some(Out::create(path, &info)?),
+            Some(path) => {
+                Error::unless_apart(&self.path, path)?;
+                Some(Out::create(path, &info)?)
+            }
             None => None,
         };
         let mut stretch = Stretch::find(&self.path, options)?;

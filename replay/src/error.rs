@@ -1,6 +1,6 @@
 //! The one error type of this crate.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 /// What can go wrong with a log or its replay. Damage inside a log is not an error: see [`crate::log::Item`].
 #[derive(Debug, thiserror::Error)]
@@ -186,4 +186,20 @@ pub enum Error {
         /// Names in the manifest.
         known: String,
     },
+    /// A log that would be written over itself while it is read.
+    #[error("{path}: a log cannot be read and written at the same time", path = path.display())]
+    SameFile {
+        /// File.
+        path: PathBuf,
+    },
+}
+
+impl Error {
+    /// [`Error::SameFile`] if `out` is there and is the file `log`.
+    pub(crate) fn unless_apart(log: &Path, out: &Path) -> Result<(), Self> {
+        match (log.canonicalize(), out.canonicalize()) {
+            (Ok(log), Ok(out)) if log == out => Err(Error::SameFile { path: out }),
+            _ => Ok(()),
+        }
+    }
 }

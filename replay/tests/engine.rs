@@ -170,7 +170,7 @@ fn a_part_of_a_log_is_replayed_from_the_snapshot_before_it() {
     let path = log("part.mcap", |_| {});
     let part = |from_s, to_s| {
         let report = replay(&path, &Options { from_s, to_s, ..Options::default() });
-        assert!(report.identical);
+        assert!(report.identical && report.skipped_ticks == 0, "{report:?}");
         (report.ticks, report.first_t_ns.unwrap() / PERIOD_NS, report.last_t_ns.unwrap() / PERIOD_NS)
     };
     assert_eq!(part(Some(0.55), Some(0.6)), (101, 500, 600));
@@ -275,6 +275,18 @@ fn the_log_of_a_replay_is_the_replayed_log() {
     replay(&log("out_c.mcap", |_| {}), &Options { out: Some(out.clone()), set, ..Options::default() });
     assert!(replay(&out, &Options::default()).identical);
     assert!(Replay::open(&out).unwrap().info().params.contains("2.5"));
+}
+
+#[test]
+fn a_log_is_not_written_over_itself() {
+    let path = log("itself.mcap", |_| {});
+    let bytes = std::fs::read(&path).unwrap();
+    let options = Options { out: Some(path.clone()), ..Options::default() };
+    let error = Replay::open_with(&path, toy::load).unwrap().run(&options, &mut |_| {});
+    assert!(matches!(error, Err(Error::SameFile { .. })), "{error:?}");
+    let error = replay::corpus::trim_to_golden(&path, &path, &[]);
+    assert!(matches!(error, Err(Error::SameFile { .. })), "{error:?}");
+    assert!(std::fs::read(&path).unwrap() == bytes);
 }
 
 #[test]
