@@ -4,7 +4,7 @@ use std::fmt::Write as _;
 
 use lcmtypes::Event;
 
-use crate::figures::{Figure, Lacking};
+use crate::figures::{FONT, Figure, Lacking};
 use crate::metrics::Metrics;
 use crate::run::Run;
 use crate::{Error, tables};
@@ -20,7 +20,7 @@ h1{font-size:1.5rem;margin:0 0 .2rem}h2{font-size:1.1rem;margin:2.2rem 0 .6rem}
 p,figcaption{margin:.4rem 0}.soft,figcaption{color:var(--soft);font-size:.88rem}
 table{border-collapse:collapse;font-size:.88rem;font-variant-numeric:tabular-nums}
 th,td{padding:.16rem .7rem .16rem 0;text-align:left;vertical-align:top;border-bottom:1px solid var(--line)}
-th{font-weight:600}td.n,th.n{text-align:right}td.gap,th.gap{padding-left:1.2rem}
+th{font-weight:600}.wide td,.wide th{white-space:nowrap}td.n,th.n{text-align:right}td.gap,th.gap{padding-left:1.2rem}
 .wide{overflow-x:auto}.bad{color:var(--bad)}.good{color:var(--good)}
 figure{margin:1rem 0 1.6rem}figure svg{display:block;width:100%;height:auto;background:#fff;border-radius:4px}
 a{color:inherit}";
@@ -31,15 +31,16 @@ pub(crate) fn page(run: &Run, metrics: &Metrics, figures: &[Figure], lacking: &[
         run.path.file_name().map_or_else(|| run.path.display().to_string(), |n| n.to_string_lossy().into_owned());
     let mut page = format!(
         "<!doctype html>\n<html lang=\"en\"><head><meta charset=\"utf-8\">\n\
-         <meta name=\"viewport\" content=\"width=device-width,initial-scale=1\">\n<title>{0}</title>\n<style>{STYLE}</style></head><body>\n\
+         <meta name=\"viewport\" content=\"width=device-width,initial-scale=1\">\n<title>{0}</title>\n<style>{STYLE}\n@font-face{{font-family:\"Hoofprint Sans\";src:url(data:font/ttf;base64,{1})}}</style></head><body>\n\
          <h1>{0}</h1>\n<p class=\"soft\">Report of a run, made from its log alone.</p>\n",
-        escape(&name)
+        escape(&name),
+        base64(FONT)
     );
     remarks(&mut page, metrics, lacking);
     page.push_str("<h2>Run</h2>\n<table>");
     for (key, value) in tables::summary_rows(metrics) {
         let class = if key == "fault" || (key == "fell" && metrics.safety.fell) { " class=\"bad\"" } else { "" };
-        let _ = write!(page, "<tr><th>{key}</th><td{class}>{}</td></tr>\n", escape(&value));
+        let _ = writeln!(page, "<tr><th>{key}</th><td{class}>{}</td></tr>", escape(&value));
     }
     for (key, value) in [
         ("toolchain", &metrics.run.toolchain),
@@ -48,7 +49,7 @@ pub(crate) fn page(run: &Run, metrics: &Metrics, figures: &[Figure], lacking: &[
         ("real time", &metrics.run.realtime),
     ] {
         if !value.is_empty() {
-            let _ = write!(page, "<tr><th>{key}</th><td>{}</td></tr>\n", escape(value));
+            let _ = writeln!(page, "<tr><th>{key}</th><td>{}</td></tr>", escape(value));
         }
     }
     page.push_str("</table>\n");
@@ -57,9 +58,9 @@ pub(crate) fn page(run: &Run, metrics: &Metrics, figures: &[Figure], lacking: &[
     timing(&mut page, metrics);
     page.push_str("<h2>Figures</h2>\n");
     for figure in figures {
-        let _ = write!(
+        let _ = writeln!(
             page,
-            "<figure>{}<figcaption><b>{}.</b> {} <a href=\"{name}.svg\">SVG</a>, <a href=\"{name}.png\">PNG</a></figcaption></figure>\n",
+            "<figure>{}<figcaption><b>{}.</b> {} <a href=\"{name}.svg\">SVG</a>, <a href=\"{name}.png\">PNG</a></figcaption></figure>",
             figure.svg()?,
             figure.title,
             escape(&figure.caption),
@@ -78,21 +79,21 @@ pub(crate) fn page(run: &Run, metrics: &Metrics, figures: &[Figure], lacking: &[
 /// What a reader must know before trusting a number.
 fn remarks(page: &mut String, metrics: &Metrics, lacking: &[Lacking]) {
     for note in &metrics.notes {
-        let _ = write!(page, "<p class=\"bad\">{}</p>\n", escape(note));
+        let _ = writeln!(page, "<p class=\"bad\">{}</p>", escape(note));
     }
     if !metrics.missing_channels.is_empty() {
-        let _ = write!(page, "<p>Not in the log: {}.</p>\n", metrics.missing_channels.join(", "));
+        let _ = writeln!(page, "<p>Not in the log: {}.</p>", metrics.missing_channels.join(", "));
     }
     for lack in lacking {
-        let _ = write!(page, "<p>No figure “{}”: it needs {}.</p>\n", lack.title, lack.needs);
+        let _ = writeln!(page, "<p>No figure “{}”: it needs {}.</p>", lack.title, lack.needs);
     }
 }
 
 fn tracking(page: &mut String, metrics: &Metrics) {
-    let _ = write!(
+    let _ = writeln!(
         page,
         "<h2>Tracking</h2>\n<p class=\"soft\">{}, while the controller stands or walks; feet during swing, relative to the base, in the \
-         horizontal frame. Published: Raiola et al. 2020, Table 3, HyQ in simulation; ratio is measured over published rms.</p>\n",
+         horizontal frame. Published: Raiola et al. 2020, Table 3, HyQ in simulation; ratio is measured over published rms.</p>",
         escape(tables::tracking_heading(metrics))
     );
     page.push_str(
@@ -103,7 +104,7 @@ fn tracking(page: &mut String, metrics: &Metrics) {
     for row in tables::tracking_rows(metrics) {
         let number =
             |value: Option<f64>| value.map_or("–".to_owned(), |v| format!("{v:.4}").replace('-', "\u{2212}"));
-        let blank = |value: Option<f64>| value.map_or(String::new(), |v| format!("{v:.4}"));
+        let blank = |value: Option<f64>| value.map_or(String::new(), tables::fixed);
         let (m, p) = (row.measured, row.published);
         let _ = write!(page, "<tr><td>{} [{}]</td>", row.name, row.unit);
         for value in
@@ -122,7 +123,7 @@ fn tracking(page: &mut String, metrics: &Metrics) {
             Some(ratio) => (if ratio <= 1.0 { " good" } else { " bad" }, format!("{ratio:.2}")),
             None => ("", String::new()),
         };
-        let _ = write!(page, "<td class=\"n{class}\">{ratio}</td></tr>\n");
+        let _ = writeln!(page, "<td class=\"n{class}\">{ratio}</td></tr>");
     }
     page.push_str("</table></div>\n");
 }
@@ -187,11 +188,11 @@ fn events(page: &mut String, run: &Run) {
         let class = if event.level == Event::LEVEL_INFO { "" } else { " class=\"bad\"" };
         let t_s = (event.t_ns - t0_ns) as f64 * 1e-9;
         let (source, text) = (escape(&event.source), escape(&event.text));
-        let _ = write!(page, "<tr><td class=\"n\">{t_s:.3}</td><td>{source}</td><td{class}>{text}</td></tr>\n");
+        let _ = writeln!(page, "<tr><td class=\"n\">{t_s:.3}</td><td>{source}</td><td{class}>{text}</td></tr>");
     }
     page.push_str("</table></div>\n");
     if run.events.len() > EVENTS_SHOWN {
-        let _ = write!(page, "<p class=\"soft\">and {} more in the log.</p>\n", run.events.len() - EVENTS_SHOWN);
+        let _ = writeln!(page, "<p class=\"soft\">and {} more in the log.</p>", run.events.len() - EVENTS_SHOWN);
     }
 }
 
@@ -200,11 +201,37 @@ fn channels(page: &mut String, run: &Run) {
         "<h2>Channels</h2>\n<div class=\"wide\"><table><tr><th>channel</th><th class=\"n\">messages</th></tr>\n",
     );
     for (channel, count) in &run.channels {
-        let _ = write!(page, "<tr><td>{}</td><td class=\"n\">{count}</td></tr>\n", escape(channel));
+        let _ = writeln!(page, "<tr><td>{}</td><td class=\"n\">{count}</td></tr>", escape(channel));
     }
     page.push_str("</table></div>\n");
 }
 
+/// RFC 4648 with padding.
+fn base64(bytes: &[u8]) -> String {
+    const DIGITS: &[u8; 64] = b"ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
+    let mut text = String::with_capacity(bytes.len().div_ceil(3) * 4);
+    for group in bytes.chunks(3) {
+        let bits = (0..3).fold(0, |bits, k| bits << 8 | u32::from(group.get(k).copied().unwrap_or(0)));
+        for k in 0..4 {
+            let digit = DIGITS[(bits >> (18 - 6 * k)) as usize & 63];
+            text.push(if k <= group.len() { char::from(digit) } else { '=' });
+        }
+    }
+    text
+}
+
 fn escape(text: &str) -> String {
     text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;").replace('"', "&quot;")
+}
+
+#[cfg(test)]
+mod tests {
+    #[test]
+    fn base64_as_in_rfc_4648() {
+        for (plain, coded) in
+            [("", ""), ("f", "Zg=="), ("fo", "Zm8="), ("foo", "Zm9v"), ("foob", "Zm9vYg=="), ("foobar", "Zm9vYmFy")]
+        {
+            assert_eq!(super::base64(plain.as_bytes()), coded);
+        }
+    }
 }

@@ -183,13 +183,11 @@ impl Run {
         };
         let mut messages = Messages::default();
         let mut unreadable: BTreeMap<String, (u64, String)> = BTreeMap::new();
-        let mut number = 0_u64;
-        while let Some(event) = events.next() {
+        for (number, event) in events.by_ref().enumerate() {
             let event = event.map_err(log_error)?;
             if number.is_multiple_of(4096) {
                 progress(Progress { stage: Stage::Read, done: event.offset, total });
             }
-            number += 1;
             match run.take(&event.channel, &event.data, &mut messages) {
                 Ok(Taken::Yes) => *run.channels.entry(event.channel.to_string()).or_default() += 1,
                 Ok(Taken::AnotherRun) => {

@@ -112,6 +112,12 @@ pub fn tracking_text(metrics: &Metrics) -> String {
     text
 }
 
+/// Four decimals; what rounds to zero has no sign.
+pub(crate) fn fixed(value: f64) -> String {
+    let text = format!("{value:.4}");
+    if text == "-0.0000" { "0.0000".to_owned() } else { text }
+}
+
 /// The tracking table as CSV with a header; absent values are empty.
 pub fn tracking_csv(metrics: &Metrics) -> String {
     let mut text =

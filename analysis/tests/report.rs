@@ -37,9 +37,10 @@ fn the_page_needs_no_other_file_and_escapes_what_it_quotes() {
     let page = std::fs::read_to_string(report(&log, &dir, &mut |_| ()).unwrap().html).unwrap();
     assert!(page.contains("synthetic &lt;trot&gt; &amp; more") && page.contains("walk &lt;forward&gt;"));
     assert!(!page.contains("<trot>"));
-    for outside in ["<img", "<script", "<link", "url(", "src="] {
+    for outside in ["<img", "<script", "<link", "src=", "@import"] {
         assert!(!page.contains(outside), "{outside}");
     }
+    assert_eq!(page.matches("url(").count(), page.matches("url(data:").count());
     assert_eq!(page.matches("<figure>").count(), 6);
 }
 

@@ -30,6 +30,7 @@ use crate::Error;
 use crate::run::{Run, Tick};
 use canvas::Drawing;
 use panel::Range;
+pub(crate) use text::FONT;
 
 /// Length of the window of detailed figures, s.
 const DETAIL_S: f64 = 5.0;

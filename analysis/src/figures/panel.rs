@@ -119,6 +119,22 @@ impl Panel {
         }
     }
 
+    /// Median and maximum of the samples in each stretch of `width` units, as two series of points. NaN is left out.
+    pub fn median_and_max(&self, xs: &[f64], ys: &[f64], width: f64) -> [Vec<(f64, f64)>; 2] {
+        let finite: Vec<(f64, f64)> = xs.iter().copied().zip(ys.iter().copied()).filter(|p| p.1.is_finite()).collect();
+        let stretch = |p: &(f64, f64)| ((self.at(p.0, self.y.max).0 - self.frame.left) / width).floor();
+        let mut out = [Vec::new(), Vec::new()];
+        for samples in finite.chunk_by(|a, b| stretch(a) == stretch(b)) {
+            let x = self.frame.left + (stretch(&samples[0]) + 0.5) * width;
+            let mut sorted: Vec<f64> = samples.iter().map(|p| p.1).collect();
+            sorted.sort_by(f64::total_cmp);
+            for (points, y) in out.iter_mut().zip([sorted[sorted.len() / 2], sorted[sorted.len() - 1]]) {
+                points.push((x.min(self.frame.left + self.frame.width), self.at(self.x.min, y).1));
+            }
+        }
+        out
+    }
+
     fn thinned(&self, xs: &[f64], ys: &[f64]) -> Vec<Vec<(f64, f64)>> {
         let points: Vec<(f64, f64)> =
             xs.iter().zip(ys).map(|(&x, &y)| if y.is_finite() { self.at(x, y) } else { (x, f64::NAN) }).collect();

@@ -47,7 +47,7 @@ pub(super) fn draw(run: &Run) -> Result<Figure, Lacking> {
     for &(leg, p) in &footholds {
         drawing.dot(panel.at(p[0], p[1]), 2.1, LEG_COLORS[leg]);
     }
-    drawing.line(apart(positions.iter().map(|p| panel.at(p[0], p[1]))), Stroke { width: 1.4, ..TRUE_LINE });
+    drawing.line(apart(positions.iter().map(|p| panel.at(p[0], p[1]))), Stroke { width: 1.3, ..TRUE_LINE });
     for (p, name, align, shift) in [(first, "start", Align::Right, -6.0), (last, "end", Align::Left, 6.0)] {
         let (x, y) = panel.at(p[0], p[1]);
         drawing.dot((x, y), 3.2, BLUE);

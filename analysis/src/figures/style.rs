@@ -10,7 +10,8 @@ const fn rgb(hex: u32) -> RGBAColor {
     RGBAColor((hex >> 16) as u8, (hex >> 8) as u8, hex as u8, 1.0)
 }
 
-const fn pale(color: RGBAColor, opacity: f64) -> RGBAColor {
+/// The same colour, see-through.
+pub const fn pale(color: RGBAColor, opacity: f64) -> RGBAColor {
     RGBAColor(color.0, color.1, color.2, opacity)
 }
 
@@ -36,10 +37,10 @@ pub const DAMPING: RGBAColor = pale(LEG_COLORS[1], 0.25);
 pub const FRAME: Stroke = Stroke { color: rgb(0x44_44_44), width: 0.7 };
 /// Grid lines.
 pub const GRID: Stroke = Stroke { color: rgb(0xE4_E4_E4), width: 0.6 };
-/// Truth.
-pub const TRUE_LINE: Stroke = Stroke { color: BLUE, width: 1.2 };
+/// Truth: wide enough to be seen under an estimate that agrees with it.
+pub const TRUE_LINE: Stroke = Stroke { color: BLUE, width: 1.8 };
 /// Estimate.
-pub const ESTIMATED_LINE: Stroke = Stroke { color: VERMILLION, width: 0.8 };
+pub const ESTIMATED_LINE: Stroke = Stroke { color: VERMILLION, width: 0.7 };
 /// Reference, dashed.
 pub const REFERENCE_LINE: Stroke = Stroke { color: BLACK, width: 0.9 };
 

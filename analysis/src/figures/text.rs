@@ -7,10 +7,11 @@ use ab_glyph::{Font, FontRef, Glyph, PxScale, ScaleFont, point};
 
 use super::canvas::Align;
 
-/// Families that an SVG asks for; all have the widths of the embedded font.
-pub const FONT_FAMILY: &str = "Arial, Helvetica, Liberation Sans, sans-serif";
+/// Families that an SVG asks for: the embedded font, which a report carries, and others of its widths.
+pub const FONT_FAMILY: &str = "Hoofprint Sans, Arial, Helvetica, Liberation Sans, sans-serif";
 
-static FONT: &[u8] = include_bytes!("../../fonts/HoofprintSans-Regular.ttf");
+/// The embedded font, a TrueType file.
+pub static FONT: &[u8] = include_bytes!("../../fonts/HoofprintSans-Regular.ttf");
 
 /// Width of a text whose font size is `em`, in the same unit.
 pub fn text_width(text: &str, em: f64) -> f64 {

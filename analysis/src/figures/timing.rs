@@ -4,7 +4,7 @@ use super::canvas::{Align, Drawing, Stroke};
 use super::panel::{Frame, Labels, Panel, Range};
 use super::style::{
     BLUE, BOTTOM_MARGIN, LEFT_MARGIN, Mark, PAGE_WIDTH, REFERENCE_LINE, RIGHT_MARGIN, TEXT, TICK_EM, TOP_MARGIN,
-    VERMILLION, legend,
+    VERMILLION, legend, pale,
 };
 use super::{Figure, Lacking, series, times, whole};
 use crate::metrics::{qp_us, tick_us};
@@ -17,9 +17,12 @@ const HEIGHT: f64 = 230.0;
 const HISTOGRAM_WIDTH: f64 = 150.0;
 const GAP: f64 = 18.0;
 const BINS: usize = 80;
+/// Width over which samples are summed up by median and maximum.
+const STRETCH: f64 = 2.0;
 
-const TICK_LINE: Stroke = Stroke { color: BLUE, width: 0.7 };
-const QP_LINE: Stroke = Stroke { color: VERMILLION, width: 0.7 };
+const TICK_LINE: Stroke = Stroke { color: BLUE, width: 1.1 };
+const PALE_LINE: Stroke = Stroke { color: pale(BLUE, 0.35), width: 1.1 };
+const QP_LINE: Stroke = Stroke { color: VERMILLION, width: 1.1 };
 
 pub(super) fn draw(run: &Run) -> Result<Figure, Lacking> {
     if !run.has("TIMING") {
@@ -45,8 +48,14 @@ pub(super) fn draw(run: &Run) -> Result<Figure, Lacking> {
     let over_time = Panel::new(frame, time, us).logarithmic();
     let xs = times(&run.ticks);
     over_time.grid(&mut drawing);
-    over_time.line(&mut drawing, &xs, &ticks, TICK_LINE);
-    over_time.line(&mut drawing, &xs, &qps, QP_LINE);
+    let series =
+        [(&ticks, TICK_LINE), (&qps, QP_LINE)].map(|(us, stroke)| (over_time.median_and_max(&xs, us, STRETCH), stroke));
+    for ([_, largest], stroke) in &series {
+        drawing.line(largest.clone(), Stroke { color: pale(stroke.color, 0.35), width: 0.6 });
+    }
+    for ([median, _], stroke) in series {
+        drawing.line(median, stroke);
+    }
     over_time.dashed(&mut drawing, &[time.min, time.max], &[deadline_us; 2], REFERENCE_LINE);
     over_time.axes(&mut drawing, Labels { x: Some("time [s]"), y: Some("duration [µs]") });
 
@@ -56,7 +65,7 @@ pub(super) fn draw(run: &Run) -> Result<Figure, Lacking> {
     let histograms = Panel::new(frame, Range { min: 0.0, max: 1.08 * most }, us).logarithmic();
     histograms.grid(&mut drawing);
     for (share, stroke) in shares.iter().zip([TICK_LINE, QP_LINE]) {
-        drawing.line(outline(&histograms, share, us), Stroke { width: 1.1, ..stroke });
+        drawing.line(outline(&histograms, share, us), stroke);
     }
     histograms.dashed(&mut drawing, &[0.0, 1.08 * most], &[deadline_us; 2], REFERENCE_LINE);
     histograms.axes(&mut drawing, Labels { x: Some("share of ticks [%]"), y: None });
@@ -68,12 +77,15 @@ pub(super) fn draw(run: &Run) -> Result<Figure, Lacking> {
         }
     }
     let deadline = format!("control period, {deadline_us:.0} µs");
-    let entries =
-        [("tick", Mark::Line(TICK_LINE)), ("QP", Mark::Line(QP_LINE)), (&*deadline, Mark::Dashed(REFERENCE_LINE))];
+    let entries = [
+        ("tick", Mark::Line(TICK_LINE)),
+        ("QP", Mark::Line(QP_LINE)),
+        ("pale: largest", Mark::Line(PALE_LINE)),
+        (&*deadline, Mark::Dashed(REFERENCE_LINE)),
+    ];
     legend(&mut drawing, LEFT_MARGIN, 14.0, &entries);
-    let caption =
-        "Wall-clock time of each tick and of its quadratic program, logarithmic, over the run and as a histogram."
-            .to_owned();
+    let caption = "Wall-clock time of each tick and of its quadratic program, on a logarithmic axis: median and largest over short stretches of \
+                   the run, and histogram.".to_owned();
     Ok(Figure { name: NAME, title: TITLE, caption, drawing })
 }
 
@@ -96,10 +108,7 @@ fn outline(panel: &Panel, shares: &[f64], range: Range) -> Vec<(f64, f64)> {
         return Vec::new();
     };
     let mut points = vec![panel.at(0.0, edge(first))];
-    for k in first..=last {
-        points.push(panel.at(shares[k], edge(k)));
-        points.push(panel.at(shares[k], edge(k + 1)));
-    }
+    points.extend((first..=last).flat_map(|k| [panel.at(shares[k], edge(k)), panel.at(shares[k], edge(k + 1))]));
     points.push(panel.at(0.0, edge(last + 1)));
     points
 }
