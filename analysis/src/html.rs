@@ -15,12 +15,12 @@ const EVENTS_SHOWN: usize = 200;
 const STYLE: &str = "\
 :root{color-scheme:light dark;--ink:#222;--soft:#666;--line:#ddd;--paper:#fff;--card:#fff;--bad:#b3400a;--good:#00734f}
 @media(prefers-color-scheme:dark){:root{--ink:#e4e4e4;--soft:#a0a0a0;--line:#3a3a3a;--paper:#181818;--bad:#f0915a;--good:#4ec9a0}}
-body{margin:0 auto;max-width:46rem;padding:2rem 1rem 4rem;background:var(--paper);color:var(--ink);font:16px/1.5 system-ui,Arial,sans-serif}
+body{margin:0 auto;max-width:54rem;padding:2rem 1rem 4rem;background:var(--paper);color:var(--ink);font:16px/1.5 system-ui,Arial,sans-serif}
 h1{font-size:1.5rem;margin:0 0 .2rem}h2{font-size:1.1rem;margin:2.2rem 0 .6rem}
 p,figcaption{margin:.4rem 0}.soft,figcaption{color:var(--soft);font-size:.88rem}
 table{border-collapse:collapse;font-size:.88rem;font-variant-numeric:tabular-nums}
 th,td{padding:.16rem .7rem .16rem 0;text-align:left;vertical-align:top;border-bottom:1px solid var(--line)}
-th{font-weight:600}.wide td,.wide th{white-space:nowrap}td.n,th.n{text-align:right}td.gap,th.gap{padding-left:1.2rem}
+th{font-weight:600;white-space:nowrap}.wide td{white-space:nowrap}td.n,th.n{text-align:right}td.gap,th.gap{padding-left:1.2rem}
 .wide{overflow-x:auto}.bad{color:var(--bad)}.good{color:var(--good)}
 figure{margin:1rem 0 1.6rem}figure svg{display:block;width:100%;height:auto;background:#fff;border-radius:4px}
 a{color:inherit}";
@@ -186,7 +186,7 @@ fn events(page: &mut String, run: &Run) {
     let t0_ns = run.ticks.first().map_or(0, |tick| tick.t_ns);
     for event in run.events.iter().take(EVENTS_SHOWN) {
         let class = if event.level == Event::LEVEL_INFO { "" } else { " class=\"bad\"" };
-        let t_s = (event.t_ns - t0_ns) as f64 * 1e-9;
+        let t_s = (event.t_ns - t0_ns) as f64 / 1e9;
         let (source, text) = (escape(&event.source), escape(&event.text));
         let _ = writeln!(page, "<tr><td class=\"n\">{t_s:.3}</td><td>{source}</td><td{class}>{text}</td></tr>");
     }

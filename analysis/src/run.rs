@@ -271,7 +271,7 @@ impl Run {
 
     /// Median time between ticks, s; 0 for a single tick.
     pub fn period_s(&self) -> f64 {
-        period_ns(&self.ticks.iter().map(|tick| tick.t_ns).collect::<Vec<_>>()) as f64 * 1e-9
+        period_ns(&self.ticks.iter().map(|tick| tick.t_ns).collect::<Vec<_>>()) as f64 / 1e9
     }
 
     /// At least one message of the channel was read.
@@ -307,7 +307,7 @@ fn join(mut messages: Messages) -> Vec<Tick> {
     let Some(&t0_ns) = times.first() else { return Vec::new() };
     let tolerance_ns = period_ns(&times) / 2;
     let mut ticks: Vec<Tick> =
-        times.iter().map(|&t_ns| Tick { t_ns, t_s: (t_ns - t0_ns) as f64 * 1e-9, ..Tick::default() }).collect();
+        times.iter().map(|&t_ns| Tick { t_ns, t_s: (t_ns - t0_ns) as f64 / 1e9, ..Tick::default() }).collect();
 
     let tick_at = |t_ns: i64| times.binary_search(&t_ns).expect("the grid holds the time of every message");
     for m in messages.base {

@@ -32,7 +32,7 @@ fn joined_rows_meet_in_time_and_gaps_are_null() {
     let log = scratch("joined").join("run.lcmlog");
     write(&log, &Plan { ticks: 30, ..Plan::default() });
     let short = scratch("joined_gap").join("run.lcmlog");
-    write(&short, &Plan { ticks: 30, gap: 10..12, without: &["LEG_STATE"] });
+    write(&short, &Plan { ticks: 30, gap: 10..12, ..Plan::default() });
     let frames = Frames::read(&log, |_| true, &mut |_| ()).unwrap();
     let joined = frames.joined(&["CONTROLLER_TICK", "GROUND_TRUTH", "EVENT"]);
     assert!(matches!(joined, Err(Error::NoSuchChannel { .. })), "this log has no event yet");

@@ -1,5 +1,7 @@
 //! Figures of merit of a run whose errors are chosen: see `common`.
 
+#![allow(clippy::unwrap_used, reason = "a test stops at the first surprise")]
+
 mod common;
 
 use analysis::metrics::{Metrics, Reference};
@@ -115,13 +117,24 @@ fn a_gap_is_a_gap_and_not_a_wrong_number() {
 
 #[test]
 fn truth_of_another_clock_is_taken_within_half_a_period() {
-    // Only truth and tracking, the truth shifted by moving the log's ticks: the nearest one is exact here, and a hole in it is no truth.
-    let run = run_of(
-        "only_truth",
-        &Plan { without: &["LEG_STATE", "CONTACT_ESTIMATE", "WBC_SOLUTION", "TIMING"], ..Plan::default() },
-    );
-    assert!(run.ticks.iter().all(|tick| tick.truth.as_ref().is_some_and(|t| t.t_ns == tick.t_ns)));
-    assert_eq!(run.missing(), ["LEG_STATE", "CONTACT_ESTIMATE", "WBC_SOLUTION", "TIMING"]);
+    let run = run_of("late_truth", &Plan { truth_late_ns: 300_000, truth_gap: 1500..1510, ..Plan::default() });
+    for tick in &run.ticks {
+        let found = tick.truth.as_ref().map(|truth| truth.t_ns - tick.t_ns);
+        let expected = if (1500..1510).contains(&(tick.t_ns / 1_000_000)) { None } else { Some(300_000) };
+        assert_eq!(found, expected, "at {} s", tick.t_s);
+    }
+    let later = run_of("later_truth", &Plan { truth_late_ns: 700_000, ..Plan::default() });
+    assert!(later.ticks[0].truth.is_none(), "0.7 ms away is not this tick");
+    assert_eq!(later.ticks[1].truth.as_ref().unwrap().t_ns, 700_000, "but near the next");
+}
+
+#[test]
+fn a_fall_and_its_fault_are_dated() {
+    let safety = Metrics::of(&run_of("fall", &Plan { fall: 2500, ..Plan::default() })).safety;
+    assert_eq!((safety.fell, safety.fell_at_s), (true, Some(2.5)));
+    assert!((safety.max_tilt_rad.unwrap() - 0.7).abs() < 1e-12);
+    let [fault] = safety.faults.as_slice() else { panic!("expected one fault, found {:?}", safety.faults) };
+    assert_eq!((fault.fault.as_str(), fault.tick, fault.t_s, fault.value), ("tilt", 2510, 2.51, 0.7));
 }
 
 #[test]

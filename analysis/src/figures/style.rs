@@ -38,9 +38,9 @@ pub const FRAME: Stroke = Stroke { color: rgb(0x44_44_44), width: 0.7 };
 /// Grid lines.
 pub const GRID: Stroke = Stroke { color: rgb(0xE4_E4_E4), width: 0.6 };
 /// Truth: wide enough to be seen under an estimate that agrees with it.
-pub const TRUE_LINE: Stroke = Stroke { color: BLUE, width: 1.8 };
+pub const TRUE_LINE: Stroke = Stroke { color: BLUE, width: 2.0 };
 /// Estimate.
-pub const ESTIMATED_LINE: Stroke = Stroke { color: VERMILLION, width: 0.7 };
+pub const ESTIMATED_LINE: Stroke = Stroke { color: VERMILLION, width: 0.9 };
 /// Reference, dashed.
 pub const REFERENCE_LINE: Stroke = Stroke { color: BLACK, width: 0.9 };
 

@@ -3,6 +3,7 @@
 //! Diagonal pairs (LF RH, then RF LH) swing for 0.25 s in turn, a stride is 0.6 s. The robot stands for 1 s, then walks forward; its heading turns, so that
 //! a frame mistaken for another shows. All errors below are constant, so that means are known and deviations are zero.
 
+#![allow(clippy::unwrap_used, reason = "a test stops at the first surprise")]
 #![allow(dead_code, reason = "each test binary uses a part")]
 #![allow(non_snake_case, reason = "names of quantities carry frames")]
 
@@ -41,11 +42,17 @@ pub struct Plan {
     pub without: &'static [&'static str],
     /// Ticks of which no message is written.
     pub gap: std::ops::Range<i64>,
+    /// Ticks of which no truth is written.
+    pub truth_gap: std::ops::Range<i64>,
+    /// How much later than its tick the truth is stamped, ns.
+    pub truth_late_ns: i64,
+    /// Tick from which the robot lies on its side; the controller's fault follows 10 ticks later.
+    pub fall: i64,
 }
 
 impl Default for Plan {
     fn default() -> Self {
-        Self { ticks: 4000, without: &[], gap: 0..0 }
+        Self { ticks: 4000, without: &[], gap: 0..0, truth_gap: 0..0, truth_late_ns: 0, fall: i64::MAX }
     }
 }
 
@@ -53,7 +60,7 @@ impl Default for Plan {
 fn swing_ticks(leg: usize, tick: i64) -> Option<i64> {
     let offset = if leg == 0 || leg == 3 { 0 } else { STRIDE / 2 };
     let phase = tick - WALK - offset;
-    (phase >= 0).then(|| phase % STRIDE).filter(|t| *t < SWING)
+    Some(phase).filter(|phase| *phase >= 0).map(|phase| phase % STRIDE).filter(|t| *t < SWING)
 }
 
 /// Writes the log; its format is that of the name.
@@ -92,13 +99,16 @@ pub fn write(path: &Path, plan: &Plan) {
                 Event { t_ns, tick, source: "scenario".into(), text: "walk <forward>".into(), ..Event::default() };
             put("EVENT", t_ns, &|out| event.encode(out).unwrap());
         }
-        let now = Moment { tick, t_ns, yaw, speed, position };
+        let now = Moment { tick, t_ns, yaw, speed, position, fall: plan.fall };
         put("BASE_TRACKING", t_ns, &|out| now.base().encode(out).unwrap());
         put("LEG_STATE", t_ns, &|out| now.legs().encode(out).unwrap());
         put("CONTACT_ESTIMATE", t_ns, &|out| now.contact().encode(out).unwrap());
         put("WBC_SOLUTION", t_ns, &|out| now.wbc().encode(out).unwrap());
         put("CONTROLLER_TICK", t_ns, &|out| now.status().encode(out).unwrap());
-        put("GROUND_TRUTH", t_ns, &|out| now.truth().encode(out).unwrap());
+        if !plan.truth_gap.contains(&tick) {
+            let truth = GroundTruth { t_ns: t_ns + plan.truth_late_ns, ..now.truth() };
+            put("GROUND_TRUTH", t_ns, &|out| truth.encode(out).unwrap());
+        }
         put("TIMING", t_ns, &|out| now.timing().encode(out).unwrap());
     }
     log.finish().unwrap();
@@ -110,6 +120,7 @@ struct Moment {
     yaw: f64,
     speed: f64,
     position: [f64; 2],
+    fall: i64,
 }
 
 impl Moment {
@@ -198,7 +209,14 @@ impl Moment {
 
     fn status(&self) -> ControllerTick {
         let mode = if self.tick >= WALK { ControllerTick::MODE_WALK } else { ControllerTick::MODE_STANCE };
-        ControllerTick { t_ns: self.t_ns, tick: self.tick, mode, ..ControllerTick::default() }
+        let tilted = ControllerTick {
+            fault: ControllerTick::FAULT_TILT,
+            fault_index: -1,
+            fault_value: 0.7,
+            ..ControllerTick::default()
+        };
+        let status = if self.tick >= self.fall.saturating_add(10) { tilted } else { ControllerTick::default() };
+        ControllerTick { t_ns: self.t_ns, tick: self.tick, mode, ..status }
     }
 
     fn truth(&self) -> GroundTruth {
@@ -213,7 +231,7 @@ impl Moment {
         GroundTruth {
             t_ns: self.t_ns,
             p_WB: [x, y, HEIGHT],
-            q_WB_wxyz: quaternion(self.rpy()),
+            q_WB_wxyz: quaternion(if self.tick < self.fall { self.rpy() } else { [0.7, 0.0, self.yaw] }),
             v_WB: [self.speed * cos, self.speed * sin, 0.0],
             w_WB_W: [0.0, 0.0, if self.speed > 0.0 { YAW_RATE } else { 0.0 }],
             n_feet: 4,
