@@ -394,6 +394,9 @@ fn digest_tasks(wbc: &Wbc) -> i64 {
     for vector in [&wbc.qp.g, &wbc.qp.b, &wbc.qp.d, &wbc.qp.lower, &wbc.qp.upper] {
         d.dvec(vector);
     }
+    d.vec3(&wbc.e_o_W);
+    d.vec3(&wbc.wd_trunk);
+    d.dvec(&wbc.qdd_posture);
     d.finish()
 }
 
