@@ -1,0 +1,264 @@
+//! Same parameters, state and inputs: same bytes. Each check has a mutant that it must see.
+#![allow(non_snake_case, clippy::unwrap_used, missing_docs)]
+
+mod common;
+
+use common::{Messages, Run, hyq, hyq_with, messages, run_with_puppet};
+use controller::quadruped::leg::LegPhase;
+use controller::{Controller, Outbox};
+use lcmtypes::{ControllerInput, ControllerTick, LegState, Message, OperatorCommand, QuadrupedState, channels};
+use std::collections::BTreeSet;
+
+/// Enough for snapshots at ticks 0, 1000 and 2000.
+const TICKS: usize = 2100;
+const SEED: u64 = 7;
+
+fn recorded() -> Run {
+    run_with_puppet(&mut hyq(), SEED, TICKS)
+}
+
+fn replay(controller: &mut dyn Controller, inputs: &[ControllerInput]) -> Vec<Messages> {
+    let mut out = Outbox::new();
+    let step = |input| {
+        controller.step(input, &mut out);
+        messages(&out)
+    };
+    inputs.iter().map(step).collect()
+}
+
+fn message<'a>(tick: &'a Messages, channel: &str) -> &'a [u8] {
+    &tick.iter().find(|(c, _)| *c == channel).unwrap_or_else(|| panic!("no {channel}")).1
+}
+
+/// Tick, channel and field of the first difference.
+fn first_difference(a: &[Messages], b: &[Messages]) -> Option<(usize, String)> {
+    assert_eq!(a.len(), b.len());
+    for (tick, (a, b)) in a.iter().zip(b).enumerate() {
+        for (left, right) in a.iter().zip(b) {
+            assert_eq!(left.0, right.0, "channels of tick {tick}");
+            if left.1 != right.1 {
+                let of_type = lcmtypes::types().of_message(&left.1).unwrap();
+                let found = of_type.first_difference(&left.1, &right.1).unwrap().unwrap();
+                return Some((tick, format!("{} {}: {} != {}", left.0, found.path, found.left, found.right)));
+            }
+        }
+        assert_eq!(a.len(), b.len(), "messages of tick {tick}");
+    }
+    None
+}
+
+#[test]
+fn two_controllers_agree_and_the_inputs_visit_every_state_of_a_leg() {
+    let run = recorded();
+    assert_eq!(first_difference(&run.outputs, &replay(&mut hyq(), &run.inputs)), None);
+
+    let (mut phases, mut modes, mut gaits) = (BTreeSet::new(), BTreeSet::new(), BTreeSet::new());
+    for tick in &run.outputs {
+        let legs = LegState::decode(message(tick, channels::LEG_STATE)).unwrap();
+        phases.extend(legs.state);
+        gaits.insert(legs.gait);
+        modes.insert(ControllerTick::decode(message(tick, channels::CONTROLLER_TICK)).unwrap().mode);
+    }
+    assert_eq!(phases.len(), LegPhase::ALL.len());
+    assert_eq!(modes.into_iter().collect::<Vec<_>>(), [ControllerTick::MODE_STANCE, ControllerTick::MODE_WALK]);
+    assert_eq!(gaits.len(), 2);
+}
+
+#[test]
+fn poisoned_scratch_changes_nothing() {
+    let run = recorded();
+    let (mut controller, mut out) = (hyq(), Outbox::new());
+    let mut outputs = Vec::new();
+    for input in &run.inputs {
+        controller.poison_workspace();
+        controller.step(input, &mut out);
+        outputs.push(messages(&out));
+    }
+    assert_eq!(first_difference(&run.outputs, &outputs), None);
+}
+
+#[test]
+fn a_run_restarted_from_any_of_its_snapshots_is_the_same_run() {
+    let run = recorded();
+    let mut restarts = 0;
+    // One that has done something else before, and is now in the safe state.
+    let mut used = run_to(hyq(), &run.inputs[..300]);
+    used.step(&damped(&run.inputs[300]), &mut Outbox::new());
+    for (tick, outputs) in run.outputs.iter().enumerate() {
+        let Some((_, snapshot)) = outputs.iter().find(|(c, _)| *c == channels::CONTROLLER_SNAPSHOT) else { continue };
+        restarts += 1;
+        let mut written = Vec::new();
+        for controller in [&mut hyq(), &mut used] {
+            controller.restore(snapshot).unwrap();
+            written.clear();
+            controller.snapshot(&mut written);
+            assert_eq!(written, *snapshot, "a snapshot that was read is written again as it was");
+            let tail = replay(controller, &run.inputs[tick + 1..]);
+            assert_eq!(first_difference(&run.outputs[tick + 1..], &tail), None, "restart after tick {tick}");
+        }
+    }
+    assert_eq!(restarts, 3);
+}
+
+#[test]
+fn a_restart_in_the_safe_state_is_the_same_run() {
+    let run = recorded();
+    let mut controller = run_to(hyq(), &run.inputs[..300]);
+    controller.step(&damped(&run.inputs[300]), &mut Outbox::new());
+    let mut snapshot = Vec::new();
+    controller.snapshot(&mut snapshot);
+    let mut fresh = hyq();
+    fresh.restore(&snapshot).unwrap();
+    let tail = &run.inputs[301..320];
+    assert_eq!(first_difference(&replay(&mut controller, tail), &replay(&mut fresh, tail)), None);
+}
+
+#[test]
+fn mutant_one_low_bit_of_one_joint_angle() {
+    const AT: usize = 650;
+    let run = recorded();
+    let mut inputs = run.inputs.clone();
+    let q = &mut inputs[AT].state.q[4];
+    *q = f64::from_bits(q.to_bits() ^ 1);
+    let outputs = replay(&mut hyq(), &inputs);
+    assert_eq!(first_difference(&run.outputs, &outputs).unwrap().0, AT);
+    let tick = |outputs: &[Messages]| ControllerTick::decode(message(&outputs[AT], channels::CONTROLLER_TICK)).unwrap();
+    let (a, b) = (tick(&run.outputs), tick(&outputs));
+    assert_ne!(a.digest_input, b.digest_input);
+    assert_ne!(a.digest_estimation, b.digest_estimation);
+}
+
+#[test]
+fn mutant_one_parameter() {
+    let run = recorded();
+    let outputs = replay(&mut hyq_with(&[("trunk.kp", "[1000.0, 1000.0000000000001, 1000.0]")]), &run.inputs);
+    let (at, _) = first_difference(&run.outputs, &outputs).unwrap();
+    let tick = |outputs: &[Messages]| ControllerTick::decode(message(&outputs[at], channels::CONTROLLER_TICK)).unwrap();
+    let (a, b) = (tick(&run.outputs), tick(&outputs));
+    assert_eq!((a.digest_estimation, a.digest_gait), (b.digest_estimation, b.digest_gait));
+    assert_ne!(a.digest_tasks, b.digest_tasks, "the trunk gain stands in the tasks");
+}
+
+/// A state to go on from, and what comes in then.
+struct Situation {
+    overrides: &'static [(&'static str, &'static str)],
+    snapshot: Vec<u8>,
+    inputs: Vec<ControllerInput>,
+}
+
+impl Situation {
+    /// What the controller says from here on, but for snapshots: those would show any field.
+    fn outputs(&self, snapshot: &[u8]) -> Option<Vec<Messages>> {
+        let mut controller = hyq_with(self.overrides);
+        controller.restore(snapshot).ok()?;
+        let mut outputs = replay(&mut controller, &self.inputs);
+        for tick in &mut outputs {
+            tick.retain(|(channel, _)| *channel != channels::CONTROLLER_SNAPSHOT);
+        }
+        Some(outputs)
+    }
+}
+
+/// Fields that nothing may depend on, with the reason.
+fn is_exempt(path: &str) -> bool {
+    // The tick takes its number from the input.
+    path == "tick"
+        // The length of the arrays: another one is refused.
+        || path == "nj"
+        // Follows from force and contact_count before anything reads it; kept in the state for who looks at it.
+        || path.starts_with("contact[")
+}
+
+#[test]
+fn mutant_every_field_of_the_state() {
+    let situations = situations();
+    let expected: Vec<_> = situations.iter().map(|s| s.outputs(&s.snapshot).unwrap()).collect();
+    let state_type = lcmtypes::types().by_name(QuadrupedState::TYPE).unwrap();
+    let leaves: Vec<String> =
+        state_type.leaves(&situations[0].snapshot).unwrap().into_iter().map(|(path, _)| path).collect();
+    assert!(leaves.len() > 80, "{} leaves", leaves.len());
+
+    let matters = |path: &str| {
+        situations.iter().zip(&expected).any(|(situation, expected)| {
+            let state = state_type.decode(&situation.snapshot).unwrap();
+            otherwise(state.get(path).unwrap()).into_iter().any(|value| {
+                let mut mutant = state.clone();
+                mutant.set(path, value).unwrap();
+                let Ok(mutant) = state_type.encode(&mutant) else { return false };
+                situation.outputs(&mutant).is_some_and(|outputs| first_difference(expected, &outputs).is_some())
+            })
+        })
+    };
+    for path in &leaves {
+        assert_eq!(matters(path), !is_exempt(path), "whether {path} makes a difference");
+    }
+}
+
+/// Standing, trotting, crawling, searching for the ground; with legs that count as stretched, with no foot down, without a QP solution, in
+/// the safe state.
+fn situations() -> Vec<Situation> {
+    const HORIZON: usize = 25;
+    let run = recorded();
+    let mut situations = Vec::new();
+    let (mut controller, mut out) = (hyq(), Outbox::new());
+    for (tick, input) in run.inputs[..TICKS - HORIZON].iter().enumerate() {
+        controller.step(input, &mut out);
+        if tick % 110 == 60 {
+            let mut snapshot = Vec::new();
+            controller.snapshot(&mut snapshot);
+            let inputs = run.inputs[tick + 1..][..HORIZON].to_vec();
+            situations.push(Situation { overrides: &[], snapshot, inputs });
+        }
+    }
+    let (snapshot, inputs) = (situations[2].snapshot.clone(), situations[2].inputs.clone());
+
+    let overrides = &[("contact.min_jacobian_det", "1.0")];
+    situations.push(Situation { overrides, snapshot: snapshot.clone(), inputs: inputs.clone() });
+
+    let mut in_the_air = QuadrupedState::decode(&snapshot).unwrap();
+    in_the_air.leg_state = [LegState::STATE_SWING_UP; 4];
+    in_the_air.t_leg = [0.0; 4];
+    let mut bytes = Vec::new();
+    in_the_air.encode(&mut bytes).unwrap();
+    situations.push(Situation { overrides: &[], snapshot: bytes, inputs: inputs.clone() });
+
+    let overrides = &[("wbc.max_iterations", "1")];
+    situations.push(Situation { overrides, snapshot: snapshot.clone(), inputs: inputs.clone() });
+
+    let mut damping = hyq();
+    damping.restore(&snapshot).unwrap();
+    damping.step(&damped(&inputs[0]), &mut out);
+    let mut snapshot = Vec::new();
+    damping.snapshot(&mut snapshot);
+    situations.push(Situation { overrides: &[], snapshot, inputs: inputs[1..].to_vec() });
+    // The rare ones first: they are looked at for few fields, but then for all.
+    situations.reverse();
+    situations
+}
+
+/// Other values of the same kind.
+fn otherwise(value: &lcm_idl::Value) -> Vec<lcm_idl::Value> {
+    use lcm_idl::Value;
+    match *value {
+        Value::Boolean(x) => vec![(!x).into()],
+        Value::Int8(x) => (0..5).filter(|y| *y != x).map(Into::into).collect(),
+        Value::Int32(x) => vec![0.into(), (x + 1).into(), (x - 1).into()],
+        Value::Int64(x) => vec![(x - 2_500_000).into()],
+        Value::Double(x) if x.is_finite() => vec![(x + 0.01 * (1.0 + x.abs())).into()],
+        Value::Double(_) => vec![0.01.into()],
+        _ => panic!("{} in a state", value.kind()),
+    }
+}
+
+fn run_to(
+    mut controller: controller::quadruped::Quadruped,
+    inputs: &[ControllerInput],
+) -> controller::quadruped::Quadruped {
+    replay(&mut controller, inputs);
+    controller
+}
+
+fn damped(input: &ControllerInput) -> ControllerInput {
+    let op = OperatorCommand { mode: OperatorCommand::MODE_DAMPING, ..input.op.clone() };
+    ControllerInput { op, ..input.clone() }
+}
