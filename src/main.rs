@@ -1,2 +1,103 @@
-//! The command `hoof`.
-fn main() {}
+//! The command `hoof`: one thin file a subcommand, everything else in the crates below.
+//!
+//! Exit codes: 0 good, 1 the check failed, 2 usage or input error, 3 done, with data loss.
+#![allow(non_snake_case, reason = "names carry frames, as in p_WF = p_WB + R_WB * p_BF: see ARCHITECTURE.md")]
+
+mod corpus;
+mod demo;
+mod log;
+mod progress;
+mod replay_log;
+mod report;
+mod robot;
+mod run_info;
+mod sim;
+
+use clap::{Parser, Subcommand};
+use std::process::ExitCode;
+
+/// Log-centric whole-body control for legged robots: every run is a log, every log replays bit for bit.
+#[derive(Parser)]
+#[command(name = "hoof", version, arg_required_else_help = true)]
+struct Cli {
+    #[command(subcommand)]
+    command: Command,
+}
+
+#[derive(Subcommand)]
+enum Command {
+    /// The main job in one go: HyQ trots over rough terrain, the run is logged, replayed bit for bit, and reported
+    Demo(demo::Args),
+    /// Run a robot in simulation, in lockstep with its controller, and log every message
+    Sim(sim::Args),
+    /// Feed a log's inputs to its controller again and compare every bit of every output
+    Replay(replay_log::Args),
+    /// Figures, tables, metrics.json and report.html of a log
+    Report(report::Args),
+    /// Look at logs
+    #[command(subcommand)]
+    Log(log::Command),
+    /// The regression corpus: golden logs that must replay bit for bit
+    #[command(subcommand)]
+    Corpus(corpus::Command),
+    /// Look at robots
+    #[command(subcommand)]
+    Robot(robot::Command),
+}
+
+/// How a command ended, when it could do its work.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Outcome {
+    /// All good.
+    Good,
+    /// The check failed: not identical, fell, out of limits.
+    Failed,
+    /// Done, but part of the input was damaged or missing.
+    DataLoss,
+}
+
+impl Outcome {
+    fn failed_if(failed: bool) -> Self {
+        if failed { Outcome::Failed } else { Outcome::Good }
+    }
+}
+
+fn main() -> ExitCode {
+    // A closed pipe (`hoof log cat run.mcap | head`) ends the program quietly, as it does for every Unix tool.
+    let result = match Cli::parse().command {
+        Command::Demo(args) => demo::run(&args),
+        Command::Sim(args) => sim::run(&args),
+        Command::Replay(args) => replay_log::run(&args),
+        Command::Report(args) => report::run(&args),
+        Command::Log(command) => log::run(&command),
+        Command::Corpus(command) => corpus::run(&command),
+        Command::Robot(command) => robot::run(&command),
+    };
+    match result {
+        Ok(Outcome::Good) => ExitCode::SUCCESS,
+        Ok(Outcome::Failed) => ExitCode::from(1),
+        Ok(Outcome::DataLoss) => ExitCode::from(3),
+        Err(error) if is_closed_pipe(&error) => ExitCode::SUCCESS,
+        Err(error) => {
+            eprintln!("error: {error:#}");
+            ExitCode::from(2)
+        }
+    }
+}
+
+fn is_closed_pipe(error: &anyhow::Error) -> bool {
+    let closed = |error: &std::io::Error| error.kind() == std::io::ErrorKind::BrokenPipe;
+    error.downcast_ref().is_some_and(closed)
+}
+
+/// Writes lines to standard output; a closed pipe comes back as an error instead of a panic.
+fn say(text: impl std::fmt::Display) -> anyhow::Result<()> {
+    use std::io::Write;
+    writeln!(std::io::stdout().lock(), "{text}")?;
+    Ok(())
+}
+
+/// Prints a value as JSON.
+fn say_json(value: &impl serde::Serialize) -> anyhow::Result<()> {
+    say(serde_json::to_string_pretty(value)?)
+}

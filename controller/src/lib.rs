@@ -17,29 +17,8 @@ pub mod quadruped;
 
 use lcmtypes::{ControllerInput, RunInfo};
 
+pub use lcmtypes::channels::Stage;
 pub use outbox::Outbox;
-
-/// Part of a tick, in the order of execution.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Stage {
-    /// The input is checked and taken over.
-    Input,
-    /// Base, kinematics, dynamics, contact forces, height.
-    Estimation,
-    /// Gait clock, leg states, footholds, swing and joint references.
-    Gait,
-    /// Cost, constraints and bounds of the quadratic program.
-    Tasks,
-    /// Its solution.
-    Qp,
-    /// Torques, limits, the command.
-    Output,
-}
-
-impl Stage {
-    /// All stages, in the order of execution.
-    pub const ALL: [Stage; 6] = [Stage::Input, Stage::Estimation, Stage::Gait, Stage::Tasks, Stage::Qp, Stage::Output];
-}
 
 /// Told when a stage of a tick is done. An executor's probe reads its clock then; the controller learns nothing from it.
 pub trait Probe {

@@ -6,8 +6,7 @@
 use crate::{DriverError, Faults, Scenario, Simulator};
 use controller::{Controller, Outbox, Probe, Stage};
 use lcmtypes::{
-    ControllerInput, ControllerTick, Event, GroundTruth, Message, OperatorCommand, RobotCommand, RobotState, RunInfo,
-    Timing, channels,
+    ControllerInput, ControllerTick, Event, GroundTruth, Message, RobotCommand, RobotState, RunInfo, Timing, channels,
 };
 use replay::log::LogWriter;
 use std::time::{Instant, SystemTime, UNIX_EPOCH};
@@ -29,6 +28,8 @@ pub struct Outcome {
     pub safe_state: Option<String>,
 }
 
+/// Ticks between two places of the base whose distances add up.
+const TICKS_BETWEEN_PLACES: i64 = 1000;
 /// Ticks that a fallen robot is still simulated.
 const TICKS_AFTER_FALL: i64 = 1000;
 
@@ -61,6 +62,7 @@ pub fn run(
             progress(seconds(tick * period_ns));
         }
     }
+    run.measure_distance();
     Ok(Outcome {
         ticks: tick,
         sim_seconds: seconds(tick * period_ns),
@@ -136,7 +138,9 @@ impl Run {
         }
         sim.ground_truth(t_ns, &mut self.truth);
         put(&mut self.bytes, log, channels::GROUND_TRUTH, t_ns, &self.truth)?;
-        self.measure_distance(tick);
+        if tick % TICKS_BETWEEN_PLACES == 0 {
+            self.measure_distance();
+        }
 
         (self.input.t_ns, self.input.tick) = (t_ns, tick);
         put(&mut self.bytes, log, channels::CONTROLLER_INPUT, t_ns, &self.input)?;
@@ -191,10 +195,7 @@ impl Run {
         self.event(log, t_ns, tick, level, "controller", text)
     }
 
-    fn measure_distance(&mut self, tick: i64) {
-        if tick % 1000 != 0 {
-            return;
-        }
+    fn measure_distance(&mut self) {
         let p = self.truth.p_WB;
         if let Some(last) = self.last_p_WB {
             self.distance_m += ((p[0] - last[0]).powi(2) + (p[1] - last[1]).powi(2)).sqrt();

@@ -1,0 +1,53 @@
+//! `hoof demo`: simulate, log, replay bit for bit, report.
+
+use crate::sim::{Job, simulate};
+use crate::{Outcome, replay_log, report, say, say_json};
+use analysis::tables;
+use anyhow::bail;
+use replay::engine::Options;
+use std::path::{Path, PathBuf};
+
+#[derive(clap::Args)]
+#[command(after_help = "Example: hoof demo --out out/demo")]
+pub struct Args {
+    /// Directory for log and report; made if need be
+    #[arg(long, value_name = "DIR", default_value = "out/demo")]
+    out: PathBuf,
+    /// Print JSON
+    #[arg(long)]
+    json: bool,
+}
+
+const SCENARIO: &str = "scenarios/rough_trot.toml";
+
+pub fn run(args: &Args) -> anyhow::Result<Outcome> {
+    let roots = [Path::new(""), Path::new(env!("CARGO_MANIFEST_DIR"))];
+    let Some(scenario) = roots.iter().map(|root| root.join(SCENARIO)).find(|path| path.is_file()) else {
+        bail!("{SCENARIO} is neither below the working directory nor in the source tree");
+    };
+    let (log, report_dir) = (args.out.join("hyq_rough_trot.mcap"), args.out.join("report"));
+    let job = Job { robot: "hyq", scenario: &scenario, log: &log, seconds: None, seed: None, set: &[] };
+    let say_unless_json = |text: String| if args.json { Ok(()) } else { say(text) };
+
+    let summary = simulate(&job)?;
+    say_unless_json(format!("{}\n", summary.text()))?;
+    let replayed = replay_log::replay(&log, &Options { jobs: threads(), ..Options::default() })?;
+    say_unless_json(format!("{}\n", replay_log::text(&replayed)))?;
+    let written = report::write(&log, &report_dir)?;
+    say_unless_json(tables::tracking_text(&written.metrics))?;
+    say_unless_json(format!("log:    {}\nreport: {}", log.display(), written.html.display()))?;
+    if args.json {
+        say_json(&serde_json::json!({
+            "log": log,
+            "report": written.html,
+            "identical": replayed.identical,
+            "ticks": replayed.ticks,
+            "fell": summary.fell,
+        }))?;
+    }
+    Ok(Outcome::failed_if(summary.fell || !replayed.identical))
+}
+
+fn threads() -> usize {
+    std::thread::available_parallelism().map_or(1, usize::from)
+}

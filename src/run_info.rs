@@ -1,0 +1,56 @@
+//! RUN_INFO: what a log needs to explain itself and to rebuild its controller.
+
+use lcmtypes::{RunInfo, TextFile};
+
+/// What differs from run to run.
+pub struct Run<'a> {
+    /// Name of the robot.
+    pub robot: &'a str,
+    /// Text of its URDF.
+    pub urdf: &'a str,
+    /// Every parameter, as TOML.
+    pub params: &'a str,
+    /// Name and text of the scenario.
+    pub scenario: (&'a str, &'a str),
+    /// Seed of terrain and noise.
+    pub seed: i64,
+}
+
+/// The description of a lockstep run by this build on this machine.
+pub fn lockstep(run: &Run) -> RunInfo {
+    let lcm_types: Vec<TextFile> = lcmtypes::SOURCES
+        .iter()
+        .map(|(name, text)| TextFile { name: (*name).to_owned(), text: (*text).to_owned() })
+        .collect();
+    RunInfo {
+        t_ns: 0,
+        controller: controller::quadruped::NAME.to_owned(),
+        robot: run.robot.to_owned(),
+        urdf: run.urdf.to_owned(),
+        params: run.params.to_owned(),
+        scenario_name: run.scenario.0.to_owned(),
+        scenario: run.scenario.1.to_owned(),
+        seed: run.seed,
+        revision: env!("HOOF_REVISION").to_owned(),
+        dirty: env!("HOOF_DIRTY") == "true",
+        toolchain: env!("HOOF_TOOLCHAIN").to_owned(),
+        build: env!("HOOF_BUILD").to_owned(),
+        host: host(),
+        realtime: "lockstep".to_owned(),
+        num_lcm_types: i32::try_from(lcm_types.len()).expect("there are a few dozen types"),
+        lcm_types,
+    }
+}
+
+/// Host name, kernel, CPU.
+fn host() -> String {
+    let file = |path: &str| std::fs::read_to_string(path).unwrap_or_default().trim().to_owned();
+    let cpuinfo = file("/proc/cpuinfo");
+    let cpu = cpuinfo.lines().find(|line| line.starts_with("model name")).and_then(|line| line.split(": ").nth(1));
+    format!(
+        "{}, Linux {}, {}",
+        file("/proc/sys/kernel/hostname"),
+        file("/proc/sys/kernel/osrelease"),
+        cpu.unwrap_or("unknown CPU")
+    )
+}

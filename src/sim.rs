@@ -1,0 +1,175 @@
+//! `hoof sim`: a lockstep run.
+
+use crate::progress::Progress;
+use crate::robot::{RobotFiles, read, with_overrides};
+use crate::run_info::{self, Run};
+use crate::{Outcome, say, say_json};
+use controller::params::Params;
+use drivers::{MujocoSim, Scenario, SimParams, Terrain, lockstep};
+use replay::log::LogWriter;
+use serde::Serialize;
+use std::path::{Path, PathBuf};
+
+#[derive(clap::Args)]
+#[command(
+    after_help = "Example: hoof sim --robot hyq --scenario scenarios/rough_trot.toml --seed 3 --log run.mcap\n         \
+    hoof sim --robot hyq --scenario scenarios/flat_trot.toml --log run.lcmlog --set gait.trot.swing_frequency=3.5"
+)]
+pub struct Args {
+    /// Name of a robot in robots/, or its TOML file
+    #[arg(long)]
+    robot: String,
+    /// Scenario: terrain, operator commands, pushes, faults (TOML)
+    #[arg(long)]
+    scenario: PathBuf,
+    /// Log to write: LCM event log (.lcmlog) or MCAP (.mcap)
+    #[arg(long)]
+    log: PathBuf,
+    /// Stack of tasks
+    #[arg(long, value_enum, default_value_t = Stack::S1)]
+    stack: Stack,
+    /// Length of the run, s, instead of the scenario's
+    #[arg(long)]
+    seconds: Option<f64>,
+    /// Seed of terrain and noise, instead of the scenario's
+    #[arg(long)]
+    seed: Option<i64>,
+    /// Set a parameter of the controller (`hoof robot info ROBOT --params` lists them); may be repeated
+    #[arg(long, value_name = "KEY=VALUE")]
+    set: Vec<String>,
+    /// Print JSON
+    #[arg(long)]
+    json: bool,
+}
+
+/// Stacks of tasks there are.
+#[derive(Clone, Copy, Debug, clap::ValueEnum)]
+pub enum Stack {
+    /// Weighted: contact, trunk and posture in one quadratic program
+    S1,
+}
+
+/// What to simulate.
+pub struct Job<'a> {
+    /// Robot, as on the command line.
+    pub robot: &'a str,
+    /// File of the scenario.
+    pub scenario: &'a Path,
+    /// Log to write.
+    pub log: &'a Path,
+    /// Length of the run, s, instead of the scenario's.
+    pub seconds: Option<f64>,
+    /// Seed, instead of the scenario's.
+    pub seed: Option<i64>,
+    /// Parameters to change.
+    pub set: &'a [String],
+}
+
+/// How it went; the JSON of `hoof sim --json`.
+#[derive(Serialize)]
+pub struct Summary {
+    log: PathBuf,
+    robot: String,
+    scenario: String,
+    seed: i64,
+    ticks: i64,
+    sim_seconds: f64,
+    wall_seconds: f64,
+    real_time_factor: f64,
+    /// The robot fell.
+    pub fell: bool,
+    fell_at_s: Option<f64>,
+    distance_m: f64,
+    safe_state: Option<String>,
+}
+
+impl Summary {
+    /// One sentence for a person.
+    pub fn text(&self) -> String {
+        let Summary { robot, scenario, ticks, sim_seconds, wall_seconds, real_time_factor, distance_m, log, .. } = self;
+        let how = match (&self.fell_at_s, &self.safe_state) {
+            (Some(t), _) => format!("fell after {t:.3} s"),
+            (None, Some(why)) => format!("did not fall, but went to its safe state at {why}"),
+            (None, None) => "did not fall".to_owned(),
+        };
+        format!(
+            "{robot} on {scenario}, seed {}: {how}, {distance_m:.2} m in {sim_seconds:.1} s\n{ticks} ticks in {wall_seconds:.1} s of wall time \
+             ({real_time_factor:.1} times real time), log {}",
+            self.seed,
+            log.display()
+        )
+    }
+}
+
+pub fn run(args: &Args) -> anyhow::Result<Outcome> {
+    let Stack::S1 = args.stack;
+    let job = Job {
+        robot: &args.robot,
+        scenario: &args.scenario,
+        log: &args.log,
+        seconds: args.seconds,
+        seed: args.seed,
+        set: &args.set,
+    };
+    let summary = simulate(&job)?;
+    if args.json {
+        say_json(&summary)?
+    } else {
+        say(summary.text())?
+    }
+    Ok(Outcome::failed_if(summary.fell || summary.safe_state.is_some()))
+}
+
+/// Simulates and logs.
+pub fn simulate(job: &Job) -> anyhow::Result<Summary> {
+    let (files, params_text) = RobotFiles::find_with_params(job.robot)?;
+    let params_text = with_overrides(&params_text, job.set)?;
+    let params = Params::from_toml(&params_text, job.robot)?;
+    let scenario_text = read(job.scenario)?;
+    let mut scenario = Scenario::parse(&scenario_text, &job.scenario.display().to_string())?;
+    if let Some(seconds) = job.seconds {
+        anyhow::ensure!(
+            seconds > 0.0 && seconds < 36_000.0,
+            "--seconds {seconds}: expected more than 0 and less than 36000"
+        );
+        scenario.duration_s = seconds;
+    }
+    scenario.seed = job.seed.unwrap_or(scenario.seed);
+    let seed = scenario.seed;
+
+    let robot = params.robot.name.as_str();
+    let info = run_info::lockstep(&Run {
+        robot,
+        urdf: &files.urdf,
+        params: &params_text,
+        scenario: (&scenario.name, &scenario_text),
+        seed,
+    });
+    let terrain = Terrain::new(&scenario.terrain, seed);
+    let mut sim = MujocoSim::new(&files.tree()?, &params.robot, terrain, SimParams::of(&scenario))?;
+    let mut controller = controller::load(&info)?;
+    if let Some(folder) = job.log.parent() {
+        std::fs::create_dir_all(folder)?;
+    }
+    let mut log = LogWriter::create(job.log)?;
+    let bar = Progress::new(format!("{robot} on {}", scenario.name));
+    let outcome = lockstep::run(&scenario, &info, &mut sim, controller.as_mut(), &mut log, &mut |t_s| {
+        bar.set(t_s / scenario.duration_s);
+    })?;
+    log.finish()?;
+    drop(bar);
+    Ok(Summary {
+        log: job.log.to_owned(),
+        robot: robot.to_owned(),
+        scenario: scenario.name.clone(),
+        seed,
+        ticks: outcome.ticks,
+        sim_seconds: outcome.sim_seconds,
+        wall_seconds: outcome.wall_seconds,
+        real_time_factor: outcome.sim_seconds / outcome.wall_seconds,
+        fell: outcome.fell_at_s.is_some(),
+        fell_at_s: outcome.fell_at_s,
+        distance_m: outcome.distance_m,
+        safe_state: outcome.safe_state,
+    })
+}
