@@ -54,7 +54,8 @@ for t_ns, base in messages["BASE_TRACKING"].items():
     if truth is None or legs is None:
         continue
     for leg in range(4):
-        agreement[leg, truth.contact[leg], messages["CONTACT_ESTIMATE"][t_ns].contact[leg]] += 1
+        # int: numpy takes a bool for a mask
+        agreement[leg, int(truth.contact[leg]), int(messages["CONTACT_ESTIMATE"][t_ns].contact[leg])] += 1
     if messages["CONTROLLER_TICK"][t_ns].mode not in (STANDS, WALKS):
         continue
     r = rotation(*truth.q_WB_wxyz)
