@@ -138,6 +138,19 @@ fn a_fall_and_its_fault_are_dated() {
 }
 
 #[test]
+fn of_two_runs_in_one_log_the_first_is_measured() {
+    let dir = scratch("two_runs");
+    let [first, second, both] = ["first", "second", "both"].map(|name| dir.join(format!("{name}.lcmlog")));
+    write(&first, &Plan { ticks: 300, ..Plan::default() });
+    write(&second, &Plan { ticks: 500, seed: 8, ..Plan::default() });
+    let joined = [std::fs::read(&first).unwrap(), std::fs::read(&second).unwrap()].concat();
+    std::fs::write(&both, joined).unwrap();
+    let run = Run::read(&both, &mut |_| ()).unwrap();
+    assert_eq!((run.ticks.len(), run.info.as_ref().unwrap().seed), (300, 7));
+    assert!(run.notes[0].starts_with("another run begins at byte"), "{:?}", run.notes);
+}
+
+#[test]
 fn a_log_without_a_tick_is_a_clear_error() {
     let path = scratch("nothing").join("run.mcap");
     write(&path, &Plan { ticks: 0, ..Plan::default() });

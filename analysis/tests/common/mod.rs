@@ -48,11 +48,13 @@ pub struct Plan {
     pub truth_late_ns: i64,
     /// Tick from which the robot lies on its side; the controller's fault follows 10 ticks later.
     pub fall: i64,
+    /// Seed that RUN_INFO names.
+    pub seed: i64,
 }
 
 impl Default for Plan {
     fn default() -> Self {
-        Self { ticks: 4000, without: &[], gap: 0..0, truth_gap: 0..0, truth_late_ns: 0, fall: i64::MAX }
+        Self { ticks: 4000, without: &[], gap: 0..0, truth_gap: 0..0, truth_late_ns: 0, fall: i64::MAX, seed: 7 }
     }
 }
 
@@ -77,7 +79,7 @@ pub fn write(path: &Path, plan: &Plan) {
         controller: "quadruped".into(),
         robot: "hyq".into(),
         scenario_name: "synthetic <trot> & more".into(),
-        seed: 7,
+        seed: plan.seed,
         revision: "0123abc".into(),
         toolchain: "rustc".into(),
         realtime: "lockstep".into(),
