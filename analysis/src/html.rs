@@ -102,8 +102,7 @@ fn tracking(page: &mut String, metrics: &Metrics) {
          <th class=\"n\">rms</th><th class=\"n\">ratio</th></tr>\n",
     );
     for row in tables::tracking_rows(metrics) {
-        let number =
-            |value: Option<f64>| value.map_or("–".to_owned(), |v| format!("{v:.4}").replace('-', "\u{2212}"));
+        let number = |value: Option<f64>| value.map_or("–".to_owned(), |v| tables::fixed(v).replace('-', "\u{2212}"));
         let blank = |value: Option<f64>| value.map_or(String::new(), tables::fixed);
         let (m, p) = (row.measured, row.published);
         let _ = write!(page, "<tr><td>{} [{}]</td>", row.name, row.unit);

@@ -96,8 +96,9 @@ pub fn tracking_text(metrics: &Metrics) -> String {
         let _ = write!(text, "{:<14}", format!("{} [{}]", row.name, row.unit));
         match row.measured {
             Some(e) => {
-                let _ =
-                    write!(text, "{:>9.4}{:>9.4}{:>9.4}{:>9.4}{:>9.4}", e.mean, e.std, e.rms, e.mean_abs, e.max_abs);
+                for value in [e.mean, e.std, e.rms, e.mean_abs, e.max_abs] {
+                    let _ = write!(text, "{:>9}", fixed(value));
+                }
             }
             None => text.push_str(&format!("{:>9}", "-").repeat(5)),
         }
@@ -239,4 +240,12 @@ pub fn text(metrics: &Metrics) -> String {
         let _ = writeln!(text, "{:<16}{}", "not in the log", metrics.missing_channels.join(", "));
     }
     format!("{text}\n{}\n{}", tracking_text(metrics), timing_text(metrics))
+}
+
+#[cfg(test)]
+mod tests {
+    #[test]
+    fn zero_has_no_sign() {
+        assert_eq!([-0.00004, -0.00006, 0.1].map(super::fixed), ["0.0000", "-0.0001", "0.1000"]);
+    }
 }

@@ -1,6 +1,6 @@
 //! Two feet relative to the base: swing reference against truth.
 
-use super::canvas::{Align, Drawing};
+use super::canvas::{Align, Drawing, Stroke};
 use super::panel::{Frame, Labels, Panel, Range};
 use super::style::{
     BOTTOM_MARGIN, ESTIMATED_LINE, LABEL_EM, LEFT_MARGIN, Mark, PAGE_WIDTH, REFERENCE_LINE, RIGHT_MARGIN, SWING, TEXT,
@@ -25,6 +25,8 @@ pub(super) fn draw(run: &Run, window: Range) -> Result<Figure, Lacking> {
     let ticks = within(run, window);
     let xs = times(ticks);
     let known = run.has("GROUND_TRUTH");
+    // Here the reference lies over it, and nothing else.
+    let measured_line = Stroke { width: 1.3, ..if known { TRUE_LINE } else { ESTIMATED_LINE } };
     let mut drawing = Drawing::new(PAGE_WIDTH, TOP_MARGIN + 14.0 + 3.0 * PANEL_HEIGHT + 2.0 * GAP + BOTTOM_MARGIN);
     let width = 0.5 * (drawing.width() - LEFT_MARGIN - RIGHT_MARGIN - COLUMN_GAP);
     for (column, leg) in SHOWN.into_iter().enumerate() {
@@ -52,13 +54,13 @@ pub(super) fn draw(run: &Run, window: Range) -> Result<Figure, Lacking> {
                 panel.shade(&mut drawing, from, to, SWING);
             }
             panel.grid(&mut drawing);
-            panel.line(&mut drawing, &xs, &measured, if known { TRUE_LINE } else { ESTIMATED_LINE });
+            panel.line(&mut drawing, &xs, &measured, measured_line);
             panel.dashed(&mut drawing, &xs, &reference, REFERENCE_LINE);
             panel.axes(&mut drawing, Labels { x: (k == 2).then_some("time [s]"), y: Some(label) });
         }
     }
     let measured =
-        if known { ("truth", Mark::Line(TRUE_LINE)) } else { ("estimate (encoders)", Mark::Line(ESTIMATED_LINE)) };
+        if known { ("truth", Mark::Line(measured_line)) } else { ("estimate (encoders)", Mark::Line(measured_line)) };
     let entries = [("swing reference", Mark::Dashed(REFERENCE_LINE)), measured, ("swing", Mark::Fill(SWING))];
     legend(&mut drawing, LEFT_MARGIN, 14.0, &entries);
     let caption = format!(
