@@ -78,6 +78,12 @@ pub enum RestoreError {
         /// Joints of the model.
         expected: usize,
     },
+    /// A number that is none, where the control would compute with it.
+    #[error("snapshot field {field} is not finite")]
+    NotFinite {
+        /// Field of the message.
+        field: &'static str,
+    },
     /// A value outside its meaning, such as an unknown leg state.
     #[error("snapshot field {field} is {found}, which means nothing")]
     Value {

@@ -185,10 +185,35 @@ impl State {
     /// The state that [`State::write`] took apart.
     ///
     /// # Errors
-    /// A state of a robot with another number of joints than `nj`; numbers that name no mode, gait or leg phase.
+    /// A state of a robot with another number of joints than `nj`; numbers that are not finite; numbers that name no mode, gait or leg phase.
     pub fn read(m: &QuadrupedState, nj: usize) -> Result<Self, RestoreError> {
         if m.q_des.len() != nj {
             return Err(RestoreError::Joints { found: m.q_des.len(), expected: nj });
+        }
+        let numbers: [(_, &[f64]); 14] = [
+            ("gait_clock", &[m.gait_clock]),
+            ("f_F_W", m.f_F_W.as_flattened()),
+            ("p_lift_H", m.p_lift_H.as_flattened()),
+            ("step_length", &m.step_length),
+            ("step_heading", &m.step_heading),
+            ("q_des", &m.q_des),
+            ("tau_last", &m.tau_last),
+            ("yaw_des", &[m.yaw_des]),
+            ("rp_des", &m.rp_des),
+            ("height", &[m.height]),
+            ("height_offset", &[m.height_offset]),
+            ("zeta", &[m.zeta]),
+            ("v_H_des", &m.v_H_des),
+            ("yaw_rate_des", &[m.yaw_rate_des]),
+        ];
+        for (field, values) in numbers {
+            if values.iter().any(|x| !x.is_finite()) {
+                return Err(RestoreError::NotFinite { field });
+            }
+        }
+        // A leg that has stood since ever has an infinite time; the value of a fault is what was found.
+        if m.t_leg.iter().any(|t| !t.is_finite() && *t != f64::INFINITY) {
+            return Err(RestoreError::NotFinite { field: "t_leg" });
         }
         let mut leg_phase = PerLeg::default();
         for leg in Leg::ALL {
