@@ -260,3 +260,35 @@ pub fn run_with_puppet(controller: &mut dyn Controller, seed: u64, ticks: usize)
     }
     run
 }
+
+/// Ticks before something goes wrong: it trots by then.
+pub const GOOD: i64 = 160;
+
+/// A controller that has walked, and the input that it expects next.
+pub fn walking() -> (Quadruped, Puppet, Outbox) {
+    let (mut controller, mut puppet, mut out) = (hyq(), Puppet::new(5), Outbox::new());
+    for _ in 0..GOOD {
+        controller.step(&puppet.input, &mut out);
+        puppet.react(&out);
+    }
+    assert_eq!(tick_of(&out).mode, ControllerTick::MODE_WALK);
+    (controller, puppet, out)
+}
+
+pub fn finite(command: &RobotCommand) -> bool {
+    [&command.tau, &command.q_des, &command.qd_des, &command.kp, &command.kd]
+        .into_iter()
+        .flatten()
+        .all(|x| x.is_finite())
+}
+
+/// The command of the safe state.
+#[track_caller]
+pub fn assert_damps(command: &RobotCommand) {
+    assert_eq!(command.mode, RobotCommand::MODE_DAMPING);
+    assert!(finite(command));
+    assert_eq!(command.tau, vec![0.0; 12]);
+    assert_eq!(command.qd_des, vec![0.0; 12]);
+    assert_eq!(command.kp, vec![0.0; 12]);
+    assert_eq!(command.kd, vec![8.0; 12], "safety.damping");
+}

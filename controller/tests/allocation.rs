@@ -1,0 +1,128 @@
+//! A tick allocates nothing of its own, whatever it does.
+//!
+//! Clarabel 0.11 makes [`PER_SOLVE`] allocations in each solve, for the names of its timers; that number is pinned here, so that a new
+//! version or a second solve shows.
+#![allow(non_snake_case, clippy::unwrap_used, missing_docs)]
+#![allow(
+    unsafe_code,
+    reason = "counting allocations means being the allocator; it passes everything on to the system's"
+)]
+
+mod common;
+
+use common::{Puppet, hyq, hyq_with, tick_of, wbc_of};
+use controller::quadruped::Quadruped;
+use controller::{Controller, Outbox};
+use lcmtypes::{ControllerTick, OperatorCommand, WbcSolution, channels};
+use std::alloc::{GlobalAlloc, Layout, System};
+use std::cell::Cell;
+
+/// Allocations of one solve by Clarabel.
+const PER_SOLVE: u64 = 1;
+/// Ticks before counting starts.
+const WARM_UP: i64 = 50;
+
+struct Counting;
+
+thread_local! {
+    static COUNT: Cell<u64> = const { Cell::new(0) };
+}
+
+fn count() {
+    COUNT.with(|c| c.set(c.get() + 1));
+}
+
+// SAFETY: every call goes to the system's allocator with the same arguments. The counter is a plain cell of the thread, made without
+// allocation and never dropped, so counting does not come back here.
+unsafe impl GlobalAlloc for Counting {
+    unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
+        count();
+        // SAFETY: the caller's promises are the ones asked for.
+        unsafe { System.alloc(layout) }
+    }
+
+    unsafe fn dealloc(&self, ptr: *mut u8, layout: Layout) {
+        // SAFETY: the caller's promises are the ones asked for.
+        unsafe { System.dealloc(ptr, layout) }
+    }
+
+    unsafe fn realloc(&self, ptr: *mut u8, layout: Layout, new_size: usize) -> *mut u8 {
+        count();
+        // SAFETY: the caller's promises are the ones asked for.
+        unsafe { System.realloc(ptr, layout, new_size) }
+    }
+}
+
+#[global_allocator]
+static ALLOCATOR: Counting = Counting;
+
+fn allocations(f: impl FnOnce()) -> u64 {
+    let before = COUNT.with(Cell::get);
+    f();
+    COUNT.with(Cell::get) - before
+}
+
+/// Allocations of each tick, with what the tick was.
+fn counted(
+    mut controller: Quadruped,
+    ticks: i64,
+    edit: impl Fn(&mut Puppet),
+) -> Vec<(ControllerTick, WbcSolution, u64)> {
+    let (mut puppet, mut out) = (Puppet::new(3), Outbox::new());
+    let mut counted = Vec::new();
+    for tick in 0..ticks {
+        edit(&mut puppet);
+        let n = allocations(|| controller.step(&puppet.input, &mut out));
+        assert_eq!(out.get(channels::CONTROLLER_SNAPSHOT).is_some(), tick % 1000 == 0);
+        counted.push((tick_of(&out), wbc_of(&out), n));
+        puppet.react(&out);
+    }
+    counted.split_off(usize::try_from(WARM_UP).unwrap())
+}
+
+#[test]
+fn the_counter_counts() {
+    assert_eq!(allocations(|| drop(std::hint::black_box(Box::new(1)))), 1);
+    assert_eq!(allocations(|| drop(std::hint::black_box(vec![1u8; 100]))), 1);
+    assert_eq!(allocations(|| ()), 0);
+}
+
+#[test]
+fn standing_and_walking_allocate_what_the_solver_does() {
+    // Past tick 1000, whose outbox holds the snapshot too.
+    let ticks = counted(hyq(), 1100, |_| ());
+    for mode in [ControllerTick::MODE_STANCE, ControllerTick::MODE_WALK] {
+        assert!(ticks.iter().any(|(tick, ..)| tick.mode == mode));
+    }
+    for (tick, wbc, n) in ticks {
+        assert_eq!(wbc.status, WbcSolution::STATUS_SOLVED);
+        assert_eq!(n, PER_SOLVE, "allocations in tick {}, mode {}", tick.tick, tick.mode);
+    }
+}
+
+#[test]
+fn the_safe_state_allocates_nothing() {
+    let ticks = counted(hyq(), 1100, |puppet| {
+        if puppet.input.tick >= WARM_UP {
+            puppet.input.op = OperatorCommand { mode: OperatorCommand::MODE_DAMPING, ..Default::default() };
+        }
+    });
+    for (tick, _, n) in ticks {
+        assert_eq!((tick.mode, n), (ControllerTick::MODE_DAMPING, 0), "tick {}", tick.tick);
+    }
+}
+
+#[test]
+fn a_bad_input_and_a_failed_solve_allocate_no_more() {
+    let bad = counted(hyq(), 60, |puppet| {
+        if puppet.input.tick == 55 {
+            puppet.input.state.q[3] = f64::NAN;
+        }
+    });
+    assert_eq!(bad.iter().map(|(.., n)| *n).collect::<Vec<_>>(), [1, 1, 1, 1, 1, 0, 0, 0, 0, 0]);
+
+    let starved = counted(hyq_with(&[("wbc.max_iterations", "1"), ("safety.max_qp_failures", "1000")]), 60, |_| ());
+    for (tick, wbc, n) in starved {
+        assert_eq!((wbc.status, n), (WbcSolution::STATUS_FAILED, PER_SOLVE), "tick {}", tick.tick);
+    }
+}
