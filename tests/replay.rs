@@ -1,0 +1,239 @@
+//! Every run replays bit for bit, and whatever is not the same is found where it is.
+#![allow(clippy::unwrap_used, missing_docs)]
+
+mod common;
+
+use common::{Ran, events, folder, hoof, messages, rewrite_one};
+use lcmtypes::channels::{CONTROLLER_INPUT, CONTROLLER_TICK, LEG_STATE, ROBOT_COMMAND, RUN_INFO, TIMING};
+use lcmtypes::{ControllerInput, ControllerTick, LegState, RobotCommand};
+use serde_json::{Value, json};
+use std::path::{Path, PathBuf};
+
+/// Two seconds of trot over stones: 2000 ticks, snapshots of the controller at 0 and 1000.
+fn run(log: &Path, more: &str) -> Ran {
+    hoof(&format!("sim --robot hyq --scenario scenarios/short_rough.toml --json --log {} {more}", log.display()))
+}
+
+fn replay(log: &Path, more: &str) -> Ran {
+    hoof(&format!("replay {} --json {more}", log.display()))
+}
+
+/// What a replay reports but for the time it took.
+fn without_time(mut report: Value) -> Value {
+    for key in ["wall_seconds", "real_time_factor"] {
+        assert!(report.as_object_mut().unwrap().remove(key).is_some(), "{key}");
+    }
+    report
+}
+
+#[track_caller]
+fn assert_identical(report: &Value, ticks: u64) {
+    assert_eq!(report["identical"], true, "{report:#}");
+    assert_eq!(report["first_divergence"], Value::Null, "{report:#}");
+    assert_eq!(report["ticks"], ticks, "{report:#}");
+    for key in ["messages_different", "messages_not_recorded", "unverifiable_ticks", "missing_input_ticks"] {
+        assert_eq!(report[key], 0, "{key}: {report:#}");
+    }
+}
+
+/// Exit code 1, and the first difference where it is said to be.
+#[track_caller]
+fn divergence(ran: Ran, expected: &Value) -> Value {
+    let report = ran.exits(1).json();
+    assert_eq!(report["identical"], false);
+    let found = &report["first_divergence"];
+    for (key, value) in expected.as_object().unwrap() {
+        assert_eq!(&found[key], value, "{key}: {found:#}");
+    }
+    report
+}
+
+#[test]
+fn a_log_of_either_format_replays_bit_for_bit_in_any_number_of_threads_and_from_the_middle() {
+    let folder = folder("either_format");
+    for log in [folder.join("run.mcap"), folder.join("run.lcmlog")] {
+        assert_eq!(run(&log, "").exits(0).json()["ticks"], 2000);
+        let one = without_time(replay(&log, "--jobs 1").exits(0).json());
+        assert_identical(&one, 2000);
+        // Six messages a tick, and a state a second.
+        assert_eq!((&one["messages_compared"], &one["snapshots_compared"]), (&json!(12_002), &json!(2)));
+        assert_eq!(without_time(replay(&log, "--jobs 2").exits(0).json()), one);
+
+        // Starts with the state behind tick 1000, ends with tick 1500.
+        for jobs in ["", "--jobs 2"] {
+            let middle = replay(&log, &format!("--from 1.2 --to 1.5 {jobs}")).exits(0).json();
+            assert_identical(&middle, 500);
+            assert_eq!((&middle["first_t_ns"], &middle["last_t_ns"]), (&json!(1_001_000_000), &json!(1_500_000_000)));
+        }
+    }
+}
+
+#[test]
+fn two_runs_of_one_scenario_and_seed_differ_in_timing_only() {
+    let folder = folder("two_runs");
+    let logs: Vec<PathBuf> = ["a.mcap", "b.mcap", "c.lcmlog", "other_seed.mcap"].map(|name| folder.join(name)).into();
+    for (log, more) in logs.iter().zip(["--seed 5", "--seed 5", "--seed 5", "--seed 6"]) {
+        run(log, more).exits(0);
+    }
+    let comparable = |log: &PathBuf| -> Vec<(String, i64, Vec<u8>)> {
+        let data = |event: &replay::log::Event| if *event.channel == *TIMING { Vec::new() } else { event.data.clone() };
+        events(log).iter().map(|event| (event.channel.to_string(), event.t_ns, data(event))).collect()
+    };
+    let first = comparable(&logs[0]);
+    assert_eq!(first.iter().filter(|(channel, ..)| channel == RUN_INFO).count(), 1);
+    assert_eq!(first.iter().filter(|(channel, ..)| channel == TIMING).count(), 2000);
+    for log in &logs[1..3] {
+        let again = comparable(log);
+        let differs = first.iter().zip(&again).position(|(a, b)| a != b);
+        assert_eq!(differs.map(|i| (i, &first[i].0, &again[i].0)), None, "{}", log.display());
+        assert_eq!(first.len(), again.len(), "{}", log.display());
+    }
+    let other = comparable(&logs[3]);
+    for channel in [RUN_INFO, CONTROLLER_INPUT] {
+        let of = |log: &[(String, i64, Vec<u8>)]| log.iter().filter(|e| e.0 == channel).cloned().collect::<Vec<_>>();
+        assert!(of(&first) != of(&other), "another seed leaves {channel} as it was");
+    }
+}
+
+#[test]
+fn one_flipped_bit_of_one_input_is_found_at_its_tick() {
+    let folder = folder("flipped_input");
+    let (log, flipped) = (folder.join("run.mcap"), folder.join("flipped.mcap"));
+    run(&log, "").exits(0);
+    for tick in [0, 1, 777, 1000, 1001, 1999] {
+        rewrite_one(&log, &flipped, CONTROLLER_INPUT, tick, |input: &mut ControllerInput| {
+            input.state.q[4] = f64::from_bits(input.state.q[4].to_bits() ^ 1);
+        });
+        let expected = json!({
+            "tick": tick, "t_ns": tick * 1_000_000, "stage": "input", "channel": CONTROLLER_TICK, "field": "digest_input",
+        });
+        for jobs in ["", "--jobs 2"] {
+            divergence(replay(&flipped, jobs), &expected);
+        }
+    }
+}
+
+#[test]
+fn one_flipped_bit_of_one_output_is_found_by_channel_field_and_tick() {
+    let folder = folder("flipped_output");
+    let (log, flipped) = (folder.join("run.lcmlog"), folder.join("flipped.lcmlog"));
+    run(&log, "").exits(0);
+
+    let flip = |x: &mut f64| *x = f64::from_bits(x.to_bits() ^ 1);
+    rewrite_one(&log, &flipped, ROBOT_COMMAND, 1234, |command: &mut RobotCommand| flip(&mut command.tau[7]));
+    let expected = json!({ "tick": 1234, "stage": "output", "channel": ROBOT_COMMAND, "field": "tau", "index": 7, "ulp": 1 });
+    let report = divergence(replay(&flipped, ""), &expected);
+    // The inputs are whole, so everything else is as it was.
+    assert_eq!((&report["ticks"], &report["messages_different"]), (&json!(2000), &json!(1)));
+
+    rewrite_one(&log, &flipped, LEG_STATE, 900, |legs: &mut LegState| flip(&mut legs.p_BF_H_des[2][1]));
+    let expected = json!({
+        "tick": 900, "stage": "gait", "channel": LEG_STATE, "field": "p_BF_H_des", "index": [2, 1], "ulp": 1,
+    });
+    divergence(replay(&flipped, ""), &expected);
+}
+
+#[test]
+fn a_changed_parameter_is_found_at_the_first_tick_in_which_it_matters() {
+    let folder = folder("changed_parameter");
+    let log = folder.join("run.mcap");
+    run(&log, "").exits(0);
+    let legs: Vec<LegState> = messages(&log, LEG_STATE);
+    let inputs: Vec<ControllerInput> = messages(&log, CONTROLLER_INPUT);
+
+    // The step height is first used when a foot first lifts off.
+    let swings = |legs: &&LegState| legs.state.iter().any(|state| *state != LegState::STATE_STANCE);
+    let lift_off = legs.iter().find(swings).unwrap().tick;
+    assert!(lift_off > 0);
+    let expected = json!({ "tick": lift_off, "stage": "gait" });
+    divergence(replay(&log, "--set swing.height=0.11"), &expected);
+
+    // In stance the reference is where the robot stood in the first tick: the stiffness multiplies nothing until an encoder has moved.
+    let moved = inputs.iter().position(|input| input.state.q != inputs[0].state.q).unwrap();
+    assert!(moved > 0);
+    let expected = json!({ "tick": moved, "stage": "tasks" });
+    divergence(replay(&log, "--set posture.stance_kp=[501,501,501]"), &expected);
+
+    // Friction stands in the constraints of every tick.
+    divergence(replay(&log, "--set wbc.friction=0.7"), &json!({ "tick": 0, "stage": "tasks" }));
+
+    // A limit that the run never came near changes nothing, and neither does the value that was there before.
+    for set in ["trunk.max_height_offset=0.11", "wbc.friction=0.8"] {
+        assert_identical(&replay(&log, &format!("--set {set}")).exits(0).json(), 2000);
+    }
+}
+
+/// Two seconds of trot on flat ground with something happening in it. Gives the summary of the run, and its ticks.
+fn run_with(folder: &Path, name: &str, happening: &str) -> (Ran, Vec<ControllerTick>) {
+    let (scenario, log) = (folder.join(format!("{name}.toml")), folder.join(format!("{name}.mcap")));
+    let text = std::fs::read_to_string("scenarios/short_flat.toml").unwrap();
+    std::fs::write(&scenario, format!("{text}\n{happening}\n")).unwrap();
+    let ran = hoof(&format!("sim --robot hyq --scenario {} --json --log {}", scenario.display(), log.display()));
+    let ticks: Vec<ControllerTick> = messages(&log, CONTROLLER_TICK);
+    for jobs in ["--jobs 1", "--jobs 2"] {
+        assert_identical(&replay(&log, jobs).exits(0).json(), ticks.len() as u64);
+    }
+    (ran, ticks)
+}
+
+/// Walks until `tick`, damps from then on and says why.
+#[track_caller]
+fn assert_damps_from((ran, ticks): (Ran, Vec<ControllerTick>), tick: usize, fault: i32, fault_index: i32) -> f64 {
+    assert!(ran.exits(1).json()["safe_state"].is_string());
+    assert_eq!(ticks[tick - 1].mode, ControllerTick::MODE_WALK);
+    for late in &ticks[tick..] {
+        assert_eq!(
+            (late.mode, late.fault, late.fault_index),
+            (ControllerTick::MODE_DAMPING, fault, fault_index),
+            "tick {}",
+            late.tick
+        );
+    }
+    ticks[tick].fault_value
+}
+
+#[test]
+fn pushes_replay_bit_for_bit() {
+    let folder = folder("pushes");
+    let pushes = "[[push]]\nt_s = 0.5\nduration_s = 0.2\nforce_W = [0.0, 80.0, 0.0]\n\
+                  [[push]]\nt_s = 1.0\nduration_s = 0.1\ntorque_W = [0.0, 0.0, 40.0]\n";
+    let (ran, ticks) = run_with(&folder, "pushed", pushes);
+    let summary = ran.exits(0).json();
+    assert_eq!((&summary["fell"], &summary["safe_state"]), (&json!(false), &Value::Null));
+    assert_eq!(ticks.len(), 2000);
+    let (_, undisturbed) = run_with(&folder, "undisturbed", "");
+    let first_difference = ticks.iter().zip(&undisturbed).position(|(a, b)| a.digest_input != b.digest_input);
+    // A push acts on the step that follows its tick.
+    assert_eq!(first_difference, Some(501));
+}
+
+#[test]
+fn a_sensor_that_reads_nan_leads_to_damping_in_the_same_tick() {
+    let folder = folder("nan_sensor");
+    let fault = "[[fault]]\nkind = \"nan_sensor\"\njoint = \"rf_hfe_joint\"\nt_s = 0.9\nduration_s = 0.01";
+    let ran = run_with(&folder, "nan", fault);
+    let value = assert_damps_from(ran, 900, ControllerTick::FAULT_INPUT_NOT_FINITE, 4);
+    assert!(value.is_nan());
+    let commands: Vec<RobotCommand> = messages(&folder.join("nan.mcap"), ROBOT_COMMAND);
+    assert_eq!(commands[899].mode, RobotCommand::MODE_TORQUE);
+    for command in &commands[900..] {
+        assert_eq!(command.mode, RobotCommand::MODE_DAMPING);
+        assert!(command.tau.iter().chain(&command.kp).all(|x| *x == 0.0));
+        assert!(command.kd.iter().all(|x| *x > 0.0));
+    }
+}
+
+#[test]
+fn states_that_stay_away_lead_to_damping_once_the_last_one_is_too_old() {
+    let folder = folder("drop_state");
+    let drop = |milliseconds: i32| {
+        let fault = format!("[[fault]]\nkind = \"drop_state\"\nt_s = 0.9\nduration_s = {}", f64::from(milliseconds) * 1e-3);
+        run_with(&folder, &format!("{milliseconds}_ms"), &fault)
+    };
+    // The last state is that of tick 899; one of 10 ms is still good, so tick 910 is the first to find it too old.
+    let age = assert_damps_from(drop(100), 910, ControllerTick::FAULT_STATE_STALE, -1);
+    assert!((age - 0.011).abs() < 1e-12, "{age}");
+    let (ran, ticks) = drop(10);
+    assert_eq!(ran.exits(0).json()["safe_state"], Value::Null);
+    assert!(ticks[900..].iter().all(|tick| tick.mode == ControllerTick::MODE_WALK));
+}
