@@ -237,3 +237,35 @@ fn states_that_stay_away_lead_to_damping_once_the_last_one_is_too_old() {
     assert_eq!(ran.exits(0).json()["safe_state"], Value::Null);
     assert!(ticks[900..].iter().all(|tick| tick.mode == ControllerTick::MODE_WALK));
 }
+
+#[test]
+fn a_stuck_encoder_is_walked_over_and_replays_bit_for_bit() {
+    let folder = folder("stuck_encoder");
+    let fault = "[[fault]]\nkind = \"stuck_encoder\"\njoint = \"lf_kfe_joint\"\nt_s = 0.9\nduration_s = 0.05";
+    let (ran, ticks) = run_with(&folder, "stuck", fault);
+    assert_eq!(ran.exits(0).json()["fell"], false);
+    assert!(ticks[900..].iter().all(|tick| tick.mode == ControllerTick::MODE_WALK));
+    let inputs: Vec<ControllerInput> = messages(&folder.join("stuck.mcap"), CONTROLLER_INPUT);
+    let held = inputs[900].state.q[2];
+    assert!(inputs[900..950].iter().all(|input| input.state.q[2] == held && input.state.qd[2] == 0.0));
+    assert!(inputs[949].state.q[1] != inputs[900].state.q[1] && inputs[950].state.q[2] != held);
+}
+
+#[test]
+fn a_knee_without_torque_ends_in_damping_and_replays_bit_for_bit() {
+    let folder = folder("torque_loss");
+    let fault = |factor: f64| {
+        format!("[[fault]]\nkind = \"torque_loss\"\njoint = \"lf_kfe_joint\"\nfactor = {factor:?}\nt_s = 0.9\nduration_s = 9.0")
+    };
+    let (ran, ticks) = run_with(&folder, "none_left", &fault(0.0));
+    assert!(ran.exits(1).json()["safe_state"].is_string());
+    let last = ticks.last().unwrap();
+    assert_eq!(last.mode, ControllerTick::MODE_DAMPING);
+    // The leg gives way: which of the two is noticed first depends on how.
+    assert!([ControllerTick::FAULT_QP, ControllerTick::FAULT_TILT].contains(&last.fault), "fault {}", last.fault);
+    let gave_up = ticks.iter().position(|tick| tick.mode == ControllerTick::MODE_DAMPING).unwrap();
+    assert!(gave_up > 900 && ticks[gave_up..].iter().all(|tick| tick.mode == ControllerTick::MODE_DAMPING));
+
+    let (ran, _) = run_with(&folder, "most_left", &fault(0.8));
+    assert_eq!(ran.exits(0).json()["fell"], false);
+}

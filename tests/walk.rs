@@ -1,0 +1,80 @@
+//! The robot walks: over stones whatever the seed, and on flat ground as well as published.
+#![allow(clippy::unwrap_used, missing_docs)]
+
+mod common;
+
+use common::{folder, hoof};
+use serde_json::Value;
+
+const SEEDS: std::ops::Range<i64> = 1..11;
+
+/// Way that rough_trot asks for, m: from one second to the next, as the summary counts it.
+///
+/// 6 s of 0.3, 3 s of (0.2, 0.1), 3 s of 0.25, 3 s of (0.2, -0.1), 1 s of 0.3 m/s: 1.8 + 0.671 + 0.75 + 0.671 + 0.3.
+const COMMANDED_M: f64 = 4.192;
+
+#[test]
+fn twenty_seconds_of_omnidirectional_trot_over_stones_of_2_to_4_cm_without_a_fall_for_every_seed() {
+    let folder = folder("rough");
+    let run = |seed: i64| -> Value {
+        let log = folder.join(format!("{seed}.mcap"));
+        let scenario = "--robot hyq --scenario scenarios/rough_trot.toml --seconds 20";
+        let ran = hoof(&format!("sim {scenario} --seed {seed} --log {} --json", log.display()));
+        if seed == SEEDS.start {
+            let report = hoof(&format!("replay {} --jobs 2 --json", log.display())).exits(0).json();
+            assert_eq!((&report["identical"], &report["ticks"]), (&Value::Bool(true), &20_000.into()));
+        }
+        std::fs::remove_file(log).unwrap();
+        ran.json()
+    };
+    // Two at a time: more would not be faster, and each run is a process of its own.
+    let (odd, even): (Vec<i64>, Vec<i64>) = SEEDS.partition(|seed| seed % 2 == 1);
+    let runs: Vec<Value> = std::thread::scope(|scope| {
+        let other = scope.spawn(|| even.into_iter().map(run).collect::<Vec<_>>());
+        let mut runs: Vec<Value> = odd.into_iter().map(run).collect();
+        runs.extend(other.join().unwrap());
+        runs
+    });
+    assert_eq!(runs.len(), 10);
+    let fell: Vec<&Value> = runs.iter().filter(|run| run["fell"] != false || !run["safe_state"].is_null()).collect();
+    assert!(fell.is_empty(), "{fell:#?}");
+    for run in &runs {
+        assert_eq!((&run["ticks"], &run["sim_seconds"]), (&20_000.into(), &20.0.into()));
+        let distance = run["distance_m"].as_f64().unwrap();
+        assert!((0.75..1.25).contains(&(distance / COMMANDED_M)), "seed {}: {distance} m", run["seed"]);
+    }
+    let ways: std::collections::BTreeSet<String> = runs.iter().map(|run| run["distance_m"].to_string()).collect();
+    assert_eq!(ways.len(), 10, "two seeds gave the same way");
+}
+
+/// Mean and standard deviation of the error. Source: Raiola et al. 2020, Table 3; base, then the two feet that it prints.
+const PUBLISHED: [(&str, f64, f64); 10] = [
+    ("/roll", 0.0050, 0.0145),
+    ("/pitch", 0.0072, 0.0187),
+    ("/yaw", 0.0017, 0.0043),
+    ("/height", 0.0071, 0.0145),
+    ("/feet/3/x", 0.0303, 0.0186),
+    ("/feet/3/y", 0.0203, 0.0128),
+    ("/feet/3/z", 0.0016, 0.0027),
+    ("/feet/0/x", 0.0235, 0.0152),
+    ("/feet/0/y", 0.0202, 0.0201),
+    ("/feet/0/z", 0.0006, 0.0022),
+];
+
+#[test]
+fn on_flat_ground_every_tracking_error_is_within_the_published_one() {
+    let folder = folder("flat");
+    let log = folder.join("flat.mcap");
+    let run = hoof(&format!("sim --robot hyq --scenario scenarios/flat_trot.toml --log {} --json", log.display()));
+    assert_eq!(run.exits(0).json()["fell"], false);
+    let out = folder.join("report");
+    let report = hoof(&format!("report {} --out {} --json", log.display(), out.display())).exits(0).json();
+    for (row, mean, std) in PUBLISHED {
+        let rms = report["metrics"]["tracking"].pointer(row).unwrap()["rms"].as_f64().unwrap();
+        let published = f64::hypot(mean, std);
+        assert!(rms > 0.0 && rms <= published, "{row}: rms {rms}, published {published}");
+    }
+    let written: Value = serde_json::from_slice(&std::fs::read(out.join("metrics.json")).unwrap()).unwrap();
+    assert_eq!(written, report["metrics"]);
+    assert!(std::fs::read_to_string(out.join("report.html")).unwrap().contains("<svg"));
+}
