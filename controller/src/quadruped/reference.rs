@@ -126,7 +126,8 @@ impl References {
         let turn_W = Vector3::z() * base.yaw_rate;
         for leg in Leg::ALL {
             let of_robot = &robot.legs[leg];
-            let r_W = self.kin.p_WF(&robot.model, of_robot.foot) + p_FC_W;
+            let p_WF = self.kin.p_WF(&robot.model, of_robot.foot);
+            let r_W = p_WF + p_FC_W;
             point_jacobian_linear(&robot.model, &self.kin, of_robot.foot, &Vector3::zeros(), self.J.as_view_mut());
             let mut J_leg = Matrix3::zeros();
             for (k, joint) in of_robot.joints.into_iter().enumerate() {
@@ -141,7 +142,8 @@ impl References {
             } else {
                 params.swing.clik_gain
             };
-            let rd_W = rd_des_W - base.w_WB_W.cross(&r_W) + (r_des_W - r_W) * gain;
+            // The contact point stays below the centre of the foot while the base turns: only the centre goes round with it.
+            let rd_W = rd_des_W - base.w_WB_W.cross(&p_WF) + (r_des_W - r_W) * gain;
             let qd = damped_inverse(&J_leg) * rd_W;
             for (k, joint) in of_robot.joints.into_iter().enumerate() {
                 let limits = &robot.model.joints[joint];
