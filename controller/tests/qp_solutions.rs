@@ -1,0 +1,124 @@
+//! Clarabel against exact solutions of the whole-body controller's programs: stored values of `scripts/qp_fixtures.py`.
+//!
+//! The programs are not stored: they are built anew from seeded states, and a digest says whether they are still the ones that were
+//! solved. `QP_DUMP=FILE` writes them out for the script.
+#![allow(non_snake_case, clippy::unwrap_used, missing_docs)]
+
+mod common;
+
+use common::{Rng, URDF, params_with, set_base, standing};
+use controller::digest::Digest;
+use controller::math::{Rx, Ry, Rz};
+use controller::params::Params;
+use controller::qp::{Qp, QpStatus};
+use controller::quadruped::estimation::Estimate;
+use controller::quadruped::leg::{Leg, LegPhase};
+use controller::quadruped::reference::References;
+use controller::quadruped::robot::Robot;
+use controller::quadruped::state::{Mode, State};
+use controller::quadruped::wbc::{TrunkReference, Wbc};
+use nalgebra::DVector;
+use serde_json::{Value, json};
+
+const PROGRAMS: usize = 20;
+/// Tolerance of the solver, and how far its solution may be off: part of the norm of the exact one, whose entries are accelerations in SI
+/// units and forces in 100 N. The first is what the controller runs with. The second shows that the rest is
+/// the solver's stopping early, and no other program.
+const TOLERANCES: [(&str, f64); 2] = [("1e-8", 2e-5), ("1e-11", 1e-7)];
+
+/// A program and what Clarabel makes of it.
+struct Solved {
+    qp: Qp,
+    x: DVector<f64>,
+    n_active: usize,
+}
+
+/// Programs as a walking robot meets them, and some as a stumbling one does: references far from the posture, quick turns.
+fn programs(tolerance: &str) -> Vec<Solved> {
+    let params = Params::from_toml(&params_with(&[("wbc.tolerance", tolerance)]), "hyq.toml").unwrap();
+    let robot = Robot::new(URDF, &params.robot).unwrap();
+    let (mut estimate, mut wbc) = (Estimate::new(&robot), Wbc::new(&robot, &params));
+    let mut references = References::new(&robot);
+    let mut rng = Rng(20);
+    let stances: [&[Leg]; 4] = [&Leg::ALL, &[Leg::LF, Leg::RH], &[Leg::RF, Leg::LH, Leg::RH], &[Leg::RF, Leg::LH]];
+    let mut solved = Vec::new();
+    for k in 0..PROGRAMS {
+        // From a calm robot to a wild one.
+        let size = k as f64 / PROGRAMS as f64;
+        let mut input = standing(&robot);
+        let tilt = rng.vec3(0.3 * size);
+        let R_WB = Rz(3.0 * rng.symmetric()) * Ry(tilt.y) * Rx(tilt.x);
+        set_base(&robot, &mut input, &R_WB, &rng.vec3(2.0 * size));
+        let mut state = State::new(robot.nj());
+        state.mode = Mode::Walk;
+        for j in 0..robot.nj() {
+            input.state.q[j] += 0.2 * size * rng.symmetric();
+            input.state.qd[j] = 2.0 * size * rng.symmetric();
+            state.q_des[j] = input.state.q[j] + 0.3 * size * rng.symmetric();
+            references.qd_des[j] = size * rng.symmetric();
+        }
+        for leg in Leg::ALL {
+            state.leg_phase[leg] = if stances[k % 4].contains(&leg) { LegPhase::Stance } else { LegPhase::SwingDown };
+        }
+        let trunk = TrunkReference { R_WB: R_WB * Rx(0.1 * size * rng.symmetric()), w_WB_W: rng.vec3(size) };
+        estimate.update(&robot, &input.state);
+        wbc.build(&robot, &params, &input.state, &estimate, &trunk, &references, &state);
+        wbc.solve(&estimate, &state);
+        assert_eq!(wbc.info.status, QpStatus::Solved, "program {k}");
+        solved.push(Solved { qp: wbc.qp.clone(), x: wbc.x.clone(), n_active: wbc.info.n_active });
+    }
+    solved
+}
+
+fn digest(qp: &Qp) -> i64 {
+    let mut d = Digest::default();
+    for m in [&qp.H, &qp.A, &qp.C] {
+        d.dmat(m);
+    }
+    for v in [&qp.g, &qp.b, &qp.d, &qp.lower, &qp.upper] {
+        d.dvec(v);
+    }
+    d.finish()
+}
+
+/// Matrices by column, infinite bounds as null, floats in the shortest text that reads back to the same bits.
+fn as_json(Solved { qp, x, .. }: &Solved) -> Value {
+    json!({
+        "digest": digest(qp),
+        "H": qp.H.as_slice(), "g": qp.g.as_slice(), "A": qp.A.as_slice(), "b": qp.b.as_slice(),
+        "C": qp.C.as_slice(), "d": qp.d.as_slice(), "lower": qp.lower.as_slice(), "upper": qp.upper.as_slice(),
+        "clarabel": x.as_slice(),
+    })
+}
+
+/// Digest, number of active inequalities and minimizer of each stored solution.
+fn exact_solutions() -> Vec<(i64, usize, DVector<f64>)> {
+    let stored: Vec<Value> = serde_json::from_str(include_str!("data/qp_solutions.json")).unwrap();
+    let solution = |s: &Value| {
+        let x: Vec<f64> = s["x"].as_array().unwrap().iter().map(|x| x.as_f64().unwrap()).collect();
+        (s["digest"].as_i64().unwrap(), s["active"].as_u64().unwrap().try_into().unwrap(), DVector::from(x))
+    };
+    stored.iter().map(solution).collect()
+}
+
+#[test]
+fn clarabel_finds_the_exact_solution() {
+    if let Ok(path) = std::env::var("QP_DUMP") {
+        let programs: Vec<_> = programs("1e-8").iter().map(as_json).collect();
+        std::fs::write(path, serde_json::to_string(&programs).unwrap()).unwrap();
+        return;
+    }
+    let exact = exact_solutions();
+    assert_eq!(exact.len(), PROGRAMS);
+    assert!(exact.iter().filter(|(_, active, _)| *active > 0).count() >= 10, "programs in which an inequality matters");
+    for (tolerance, allowed) in TOLERANCES {
+        for (k, (Solved { qp, x, n_active }, (expected, active, exact))) in
+            programs(tolerance).iter().zip(&exact).enumerate()
+        {
+            assert_eq!(digest(qp), *expected, "program {k} is another one: run scripts/qp_fixtures.py");
+            let off = (x - exact).norm() / exact.norm();
+            assert!(off < allowed, "program {k} at tolerance {tolerance}: off by {off:e} of the norm");
+            assert!(n_active <= active, "program {k}: {n_active} rows counted as active, {active} are");
+        }
+    }
+}
