@@ -15,7 +15,7 @@ const EVENTS_SHOWN: usize = 200;
 const STYLE: &str = "\
 :root{color-scheme:light dark;--ink:#222;--soft:#666;--line:#ddd;--paper:#fff;--card:#fff;--bad:#b3400a;--good:#00734f}
 @media(prefers-color-scheme:dark){:root{--ink:#e4e4e4;--soft:#a0a0a0;--line:#3a3a3a;--paper:#181818;--bad:#f0915a;--good:#4ec9a0}}
-body{margin:0 auto;max-width:54rem;padding:2rem 1rem 4rem;background:var(--paper);color:var(--ink);font:16px/1.5 system-ui,Arial,sans-serif}
+body{margin:0 auto;max-width:64rem;padding:2rem 1rem 4rem;background:var(--paper);color:var(--ink);font:16px/1.5 system-ui,Arial,sans-serif}
 h1{font-size:1.5rem;margin:0 0 .2rem}h2{font-size:1.1rem;margin:2.2rem 0 .6rem}
 p,figcaption{margin:.4rem 0}.soft,figcaption{color:var(--soft);font-size:.88rem}
 table{border-collapse:collapse;font-size:.88rem;font-variant-numeric:tabular-nums}
