@@ -1,0 +1,102 @@
+//! The golden logs: today's controller repeats them, a changed one is named, an accepted one says why.
+#![allow(clippy::unwrap_used, missing_docs)]
+
+mod common;
+
+use common::{folder, hoof, rewrite_one};
+use lcmtypes::channels::{CONTROLLER_INPUT, CONTROLLER_TICK};
+use lcmtypes::{ControllerInput, ControllerTick};
+use serde_json::{Value, json};
+use std::path::{Path, PathBuf};
+
+#[test]
+fn every_golden_log_is_repeated_bit_for_bit() {
+    let logs = hoof("corpus check --json").exits(0).json()["logs"].as_array().unwrap().clone();
+    assert!(logs.len() >= 2, "{logs:#?}");
+    for log in &logs {
+        assert_eq!((&log["identical"], &log["error"]), (&json!(true), &Value::Null), "{log:#}");
+        assert!(log["ticks"].as_u64().unwrap() >= 1000, "{log:#}");
+    }
+}
+
+/// A corpus of one log, made of a fresh run, so that nothing here depends on what is in logs/golden.
+fn corpus(test: &str) -> (PathBuf, PathBuf) {
+    let folder = folder(test);
+    let (run, corpus) = (folder.join("run.mcap"), folder.join("corpus"));
+    std::fs::create_dir(&corpus).unwrap();
+    hoof(&format!("sim --robot hyq --scenario scenarios/short_flat.toml --log {}", run.display())).exits(0);
+    hoof(&format!("corpus add {} --name trot --why first --dir {}", run.display(), corpus.display())).exits(0);
+    let log = corpus.join("trot.mcap");
+    (corpus, log)
+}
+
+fn check(corpus: &Path, code: i32) -> Value {
+    let mut logs = hoof(&format!("corpus check --json --dir {}", corpus.display())).exits(code).json();
+    assert_eq!(logs["logs"].as_array().unwrap().len(), 1);
+    logs["logs"][0].take()
+}
+
+/// Puts an altered copy of a log in its place.
+fn alter(log: &Path, change: impl Fn(&Path, &Path)) {
+    let altered = log.with_extension("altered.mcap");
+    change(log, &altered);
+    std::fs::rename(altered, log).unwrap();
+}
+
+#[test]
+fn a_changed_log_fails_by_tick_and_stage_until_it_is_accepted_with_a_reason() {
+    let (corpus, log) = corpus("changed_output");
+    assert_eq!(check(&corpus, 0)["ticks"], 2000);
+    // As if today's controller computed another task in tick 1500.
+    alter(&log, |log, altered| {
+        rewrite_one(log, altered, CONTROLLER_TICK, 1500, |tick: &mut ControllerTick| tick.digest_tasks ^= 1);
+    });
+    let found = check(&corpus, 1);
+    assert_eq!(found["identical"], false);
+    let divergence = &found["first_divergence"];
+    assert_eq!((&divergence["tick"], &divergence["stage"]), (&json!(1500), &json!("tasks")), "{divergence:#}");
+    let text = hoof(&format!("corpus check --dir {}", corpus.display())).exits(1).stdout;
+    assert!(text.contains("trot: differs from tick 1500 (t = 1.500 s) on, first in stage tasks"), "{text}");
+
+    let accept = format!("corpus accept trot --why better_tasks --json --dir {}", corpus.display());
+    assert_eq!(hoof(&accept).exits(0).json()["before"], found);
+    assert_eq!(check(&corpus, 0)["ticks"], 2000);
+    for file in ["corpus.toml", "README.md"] {
+        let text = std::fs::read_to_string(corpus.join(file)).unwrap();
+        assert!(text.contains("better_tasks") && !text.contains("first"), "{file}: {text}");
+    }
+    let mut files: Vec<_> = std::fs::read_dir(&corpus).unwrap().map(|entry| entry.unwrap().file_name()).collect();
+    files.sort();
+    assert_eq!(files, ["README.md", "corpus.toml", "trot.mcap"]);
+}
+
+#[test]
+fn a_changed_input_fails_at_its_tick() {
+    let (corpus, log) = corpus("changed_input");
+    alter(&log, |log, altered| {
+        rewrite_one(log, altered, CONTROLLER_INPUT, 42, |input: &mut ControllerInput| {
+            input.state.tau[0] = f64::from_bits(input.state.tau[0].to_bits() ^ 1);
+        });
+    });
+    let divergence = check(&corpus, 1)["first_divergence"].take();
+    assert_eq!((&divergence["tick"], &divergence["stage"]), (&json!(42), &json!("input")));
+}
+
+#[test]
+fn a_log_that_is_cut_or_gone_fails() {
+    let (corpus, log) = corpus("cut");
+    let whole = std::fs::read(&log).unwrap();
+    std::fs::write(&log, &whole[..whole.len() / 2]).unwrap();
+    let found = check(&corpus, 1);
+    assert_eq!((&found["identical"], &found["error"]), (&json!(false), &json!("the log is damaged, cut, or lacks inputs")));
+    std::fs::remove_file(&log).unwrap();
+    let error = check(&corpus, 1)["error"].take();
+    assert!(error.as_str().unwrap().contains("trot.mcap: No such file"), "{error}");
+}
+
+#[test]
+fn what_the_corpus_does_not_know_is_named() {
+    let (corpus, _) = corpus("unknown");
+    let ran = hoof(&format!("corpus accept gallop --why x --dir {}", corpus.display())).exits(2);
+    assert!(ran.stderr.contains("corpus.toml: no golden log \"gallop\", known: trot"), "{}", ran.stderr);
+}

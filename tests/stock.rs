@@ -1,0 +1,175 @@
+//! The LCM tools that everybody has read our logs: Debian's lcm-gen, liblcm and lcm-logplayer, which scripts/setup.sh installs.
+#![allow(clippy::unwrap_used, missing_docs)]
+
+mod common;
+
+use common::{events, folder, hoof};
+use lcmtypes::bus::{Bus, LcmBus, Received};
+use lcmtypes::{Message, channels::*, *};
+use replay::log::Event as LogEvent;
+use std::collections::BTreeSet;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Stdio};
+use std::time::Duration;
+
+/// A run as an event log, and what is in it.
+fn run(folder: &Path, seconds: f64) -> (PathBuf, Vec<LogEvent>) {
+    let log = folder.join("run.lcmlog");
+    let scenario = "--robot hyq --scenario scenarios/short_rough.toml";
+    hoof(&format!("sim {scenario} --seconds {seconds} --log {}", log.display())).exits(0);
+    let events = events(&log);
+    (log, events)
+}
+
+/// Runs a tool; what it prints.
+fn tool(command: &mut Command) -> String {
+    let output = command.output().unwrap_or_else(|error| panic!("{command:?}: {error}; scripts/setup.sh installs it"));
+    assert!(output.status.success(), "{command:?}: {}", String::from_utf8_lossy(&output.stderr));
+    String::from_utf8(output.stdout).unwrap()
+}
+
+/// The reader in C over stock liblcm, with the code that stock lcm-gen makes of every `.lcm` file.
+fn stock_reader(folder: &Path) -> PathBuf {
+    let types = Path::new(env!("CARGO_MANIFEST_DIR")).join("lcmtypes");
+    let mut sources = vec![Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/stock/read_log.c")];
+    for (name, _) in SOURCES {
+        tool(Command::new("lcm-gen").arg("--c").arg("--c-cpath").arg(folder).arg("--c-hpath").arg(folder).arg(types.join(name)));
+        sources.push(folder.join(format!("hoofprint_{}", name.replace(".lcm", ".c"))));
+    }
+    let reader = folder.join("read_log");
+    tool(Command::new("cc").arg("-o").arg(&reader).arg("-I").arg(folder).args(sources).arg("-llcm"));
+    reader
+}
+
+/// What the reader prints of an event, by our own decoders.
+fn line(number: usize, event: &LogEvent) -> String {
+    let mut line = format!("{number} {} {} same", event.t_ns / 1000, event.channel);
+    macro_rules! show {
+        ($type:ty, |$m:ident| $($field:expr),*) => {{
+            let $m = <$type>::decode(&event.data).unwrap();
+            $(line.push(' '); line += &Shown::shown(&$field);)*
+        }};
+    }
+    match &*event.channel {
+        RUN_INFO => show!(RunInfo, |m| m.urdf.len(), m.seed, m.num_lcm_types, m.lcm_types.last().unwrap().name),
+        ROBOT_STATE => show!(RobotState, |m| m.seq, m.q, m.tau[11], m.a_I[2]),
+        OPERATOR_COMMAND => show!(OperatorCommand, |m| m.seq, m.mode, m.v_H[0], m.height_offset),
+        CONTROLLER_INPUT => show!(ControllerInput, |m| m.tick, m.state.seq, m.state.q[5], m.op.v_H[0], m.op.seq),
+        CONTROLLER_TICK => show!(ControllerTick, |m| m.tick, m.mode, m.fault_value, m.digest_output),
+        CONTACT_ESTIMATE => show!(ContactEstimate, |m| m.tick, m.f_F_W[2][1], m.contact[3], m.n_W[2]),
+        BASE_TRACKING => show!(BaseTracking, |m| m.tick, m.rpy_est[2], m.height_est, m.v_H_des[1]),
+        LEG_STATE => show!(LegState, |m| m.gait, m.state[1], m.p_BF_H_des[3][2], m.v_BF_H_des[3][2]),
+        WBC_SOLUTION => show!(WbcSolution, |m| m.n_active, m.base_residual, m.vd[17], m.f_F_W[1][2]),
+        ROBOT_COMMAND => show!(RobotCommand, |m| m.mode, m.tau[7], m.kd[11]),
+        CONTROLLER_SNAPSHOT => {
+            show!(QuadrupedState, |m| m.started, m.contact_count[1], m.q_des[11], m.yaw_rate_des)
+        }
+        GROUND_TRUTH => show!(GroundTruth, |m| m.n_feet, m.p_WF[3][2], m.f_F_W[1][0], m.contact[2], m.tau_push_W[2]),
+        TIMING => show!(Timing, |m| m.wall_ns, m.stage_ns[5]),
+        EVENT => show!(Event, |m| m.level, m.source, m.text),
+        other => panic!("the reader does not know {other}"),
+    }
+    line
+}
+
+/// Fields as the reader prints them.
+trait Shown {
+    fn shown(&self) -> String;
+}
+
+macro_rules! shown_as_is {
+    ($($type:ty),*) => { $(impl Shown for $type { fn shown(&self) -> String { self.to_string() } })* };
+}
+shown_as_is!(i8, i32, i64, usize, String);
+
+impl Shown for bool {
+    fn shown(&self) -> String {
+        u8::from(*self).to_string()
+    }
+}
+
+impl Shown for f64 {
+    fn shown(&self) -> String {
+        format!("{:016x}", self.to_bits())
+    }
+}
+
+impl Shown for Vec<f64> {
+    fn shown(&self) -> String {
+        self.iter().map(Shown::shown).collect::<Vec<_>>().join(" ")
+    }
+}
+
+#[test]
+fn stock_lcm_gen_and_liblcm_read_every_message_as_we_do() {
+    let folder = folder("reads");
+    let (log, events) = run(&folder, 2.0);
+    let reader = stock_reader(&folder);
+    let text = tool(Command::new(reader).arg(&log));
+    let (fingerprints, lines) = text.split_once("events\n").unwrap();
+
+    let ours: BTreeSet<String> =
+        lcmtypes::types().types().map(|ty| format!("{} {:016x}", ty.name(), ty.fingerprint())).collect();
+    assert_eq!(fingerprints.lines().map(str::to_owned).collect::<BTreeSet<_>>(), ours);
+    assert_eq!(ours.len(), SOURCES.len());
+    for channel in CHANNELS {
+        assert!(ours.contains(&format!("{} {:016x}", channel.type_name, channel.fingerprint)), "{}", channel.name);
+    }
+
+    let mut found = lines.lines();
+    for (number, event) in events.iter().enumerate() {
+        assert_eq!(found.next(), Some(&*line(number, event)));
+    }
+    assert_eq!(found.next(), None);
+    let seen: BTreeSet<&str> = events.iter().map(|event| &*event.channel).collect();
+    assert_eq!(seen, CHANNELS.iter().map(|channel| channel.name).collect(), "a channel is in no event");
+}
+
+/// UDP may lose a message where a machine is busy: what has to come is all of it in one of a few attempts, and in each of them
+/// nothing that is not in the log, in its order.
+#[test]
+fn stock_lcm_logplayer_plays_our_log() {
+    const ATTEMPTS: usize = 5;
+    let folder = folder("plays");
+    let (log, events) = run(&folder, 0.25);
+    let mut lost = Vec::new();
+    for attempt in 0..ATTEMPTS {
+        let received = play(&log, attempt);
+        let mut recorded = events.iter();
+        for message in &received {
+            let is_it = |event: &&LogEvent| *event.channel == *message.channel && event.data == message.data;
+            assert!(recorded.any(|event| is_it(&event)), "not in the log, or not there: {}", message.channel);
+        }
+        lost.push(events.len() - received.len());
+        if lost.ends_with(&[0]) {
+            return;
+        }
+    }
+    panic!("of {} messages were lost in {ATTEMPTS} attempts: {lost:?}", events.len());
+}
+
+/// What arrives while the stock player plays a log at a quarter of its speed: 3000 messages a second.
+fn play(log: &Path, attempt: usize) -> Vec<Received> {
+    // Ports of its own for each process and attempt, so that nobody else's messages come.
+    let port = 20_000 + std::process::id() as usize % 8_000 * 5 + attempt;
+    let url = format!("udpm://239.255.76.67:{port}?ttl=0");
+    let mut bus = LcmBus::open(&format!("{url}&recv_buf_size=2000000")).unwrap();
+    bus.subscribe("[A-Z_]*").unwrap();
+    let mut player = Command::new("lcm-logplayer");
+    player.arg("--speed=0.25").arg(format!("--lcm-url={url}")).arg(log).stdout(Stdio::null());
+    let mut player = player.spawn().unwrap_or_else(|error| panic!("lcm-logplayer: {error}; scripts/setup.sh installs it"));
+    let mut received = Vec::new();
+    loop {
+        let ended = player.try_wait().unwrap();
+        let some = bus.handle(Duration::from_millis(200)).unwrap();
+        match ended {
+            Some(status) if some.is_empty() => {
+                assert!(status.success(), "lcm-logplayer: {status}");
+                break;
+            }
+            _ => received.extend(some),
+        }
+    }
+    received.retain(|message| message.channel != "LCM_SELF_TEST");
+    received
+}

@@ -1,0 +1,173 @@
+// Reads an LCM event log with stock liblcm and the decoders of stock lcm-gen, for tests/stock.rs to compare with ours.
+//
+//     read_log LOG
+//
+// One line a type with its fingerprint; then one line an event: number, time (us), channel, whether the generated encoder gives the
+// same bytes again ("same" or "other"), and some fields of the message. A double is printed as its 64 bits.
+
+#include <inttypes.h>
+#include <stdio.h>
+#include <string.h>
+
+#include <lcm/lcm.h>
+
+#include "hoofprint_base_tracking_t.h"
+#include "hoofprint_contact_estimate_t.h"
+#include "hoofprint_controller_input_t.h"
+#include "hoofprint_controller_tick_t.h"
+#include "hoofprint_event_t.h"
+#include "hoofprint_ground_truth_t.h"
+#include "hoofprint_leg_state_t.h"
+#include "hoofprint_operator_command_t.h"
+#include "hoofprint_quadruped_state_t.h"
+#include "hoofprint_robot_command_t.h"
+#include "hoofprint_robot_state_t.h"
+#include "hoofprint_run_info_t.h"
+#include "hoofprint_text_file_t.h"
+#include "hoofprint_timing_t.h"
+#include "hoofprint_wbc_solution_t.h"
+
+static void integer(int64_t v) { printf(" %" PRId64, v); }
+
+static void real(double v) {
+    uint64_t bits;
+    memcpy(&bits, &v, sizeof bits);
+    printf(" %016" PRIx64, bits);
+}
+
+static void base_tracking(const hoofprint_base_tracking_t *m) {
+    integer(m->tick), real(m->rpy_est[2]), real(m->height_est), real(m->v_H_des[1]);
+}
+
+static void contact_estimate(const hoofprint_contact_estimate_t *m) {
+    integer(m->tick), real(m->f_F_W[2][1]), integer(m->contact[3]), real(m->n_W[2]);
+}
+
+static void controller_input(const hoofprint_controller_input_t *m) {
+    integer(m->tick), integer(m->state.seq), real(m->state.q[5]), real(m->op.v_H[0]), integer(m->op.seq);
+}
+
+static void controller_tick(const hoofprint_controller_tick_t *m) {
+    integer(m->tick), integer(m->mode), real(m->fault_value), integer(m->digest_output);
+}
+
+static void event(const hoofprint_event_t *m) {
+    integer(m->level), printf(" %s %s", m->source, m->text);
+}
+
+static void ground_truth(const hoofprint_ground_truth_t *m) {
+    integer(m->n_feet), real(m->p_WF[3][2]), real(m->f_F_W[1][0]), integer(m->contact[2]), real(m->tau_push_W[2]);
+}
+
+static void leg_state(const hoofprint_leg_state_t *m) {
+    integer(m->gait), integer(m->state[1]), real(m->p_BF_H_des[3][2]), real(m->v_BF_H_des[3][2]);
+}
+
+static void operator_command(const hoofprint_operator_command_t *m) {
+    integer(m->seq), integer(m->mode), real(m->v_H[0]), real(m->height_offset);
+}
+
+static void quadruped_state(const hoofprint_quadruped_state_t *m) {
+    integer(m->started), integer(m->contact_count[1]), real(m->q_des[m->nj - 1]), real(m->yaw_rate_des);
+}
+
+static void robot_command(const hoofprint_robot_command_t *m) {
+    integer(m->mode), real(m->tau[7]), real(m->kd[m->nj - 1]);
+}
+
+static void robot_state(const hoofprint_robot_state_t *m) {
+    integer(m->seq);
+    for (int j = 0; j < m->nj; j++) real(m->q[j]);
+    real(m->tau[m->nj - 1]), real(m->a_I[2]);
+}
+
+static void run_info(const hoofprint_run_info_t *m) {
+    integer((int64_t)strlen(m->urdf)), integer(m->seed), integer(m->num_lcm_types);
+    printf(" %s", m->lcm_types[m->num_lcm_types - 1].name);
+}
+
+static void timing(const hoofprint_timing_t *m) {
+    integer(m->wall_ns), integer(m->stage_ns[5]);
+}
+
+static void wbc_solution(const hoofprint_wbc_solution_t *m) {
+    integer(m->n_active), real(m->base_residual), real(m->vd[m->nv - 1]), real(m->f_F_W[1][2]);
+}
+
+static uint8_t again[1 << 20];
+
+static const char *compare(int size, const lcm_eventlog_event_t *e) {
+    return size == e->datalen && memcmp(again, e->data, (size_t)size) == 0 ? "same" : "other";
+}
+
+// Decodes an event of `name`, encodes it again, and prints what the function `type` prints of it.
+#define CHANNEL(name, type)                                                                                       \
+    if (strcmp(e->channel, name) == 0) {                                                                          \
+        hoofprint_##type##_t message;                                                                             \
+        int found = hoofprint_##type##_t_decode(e->data, 0, e->datalen, &message);                                \
+        if (found != e->datalen) {                                                                                \
+            fprintf(stderr, "event %" PRId64 ", %s: %d of %d bytes decoded\n", e->eventnum, name, found, e->datalen); \
+            return 0;                                                                                             \
+        }                                                                                                         \
+        int size = hoofprint_##type##_t_encode(again, 0, sizeof again, &message);                                 \
+        printf("%" PRId64 " %" PRId64 " %s %s", e->eventnum, e->timestamp, name, compare(size, e));               \
+        type(&message);                                                                                           \
+        printf("\n");                                                                                             \
+        hoofprint_##type##_t_decode_cleanup(&message);                                                            \
+        return 1;                                                                                                 \
+    }
+
+static int print(const lcm_eventlog_event_t *e) {
+    CHANNEL("RUN_INFO", run_info)
+    CHANNEL("ROBOT_STATE", robot_state)
+    CHANNEL("OPERATOR_COMMAND", operator_command)
+    CHANNEL("CONTROLLER_INPUT", controller_input)
+    CHANNEL("CONTROLLER_TICK", controller_tick)
+    CHANNEL("CONTACT_ESTIMATE", contact_estimate)
+    CHANNEL("BASE_TRACKING", base_tracking)
+    CHANNEL("LEG_STATE", leg_state)
+    CHANNEL("WBC_SOLUTION", wbc_solution)
+    CHANNEL("ROBOT_COMMAND", robot_command)
+    CHANNEL("CONTROLLER_SNAPSHOT", quadruped_state)
+    CHANNEL("GROUND_TRUTH", ground_truth)
+    CHANNEL("TIMING", timing)
+    CHANNEL("EVENT", event)
+    fprintf(stderr, "event %" PRId64 ": unknown channel %s\n", e->eventnum, e->channel);
+    return 0;
+}
+
+#define FINGERPRINT(type) printf("hoofprint." #type "_t %016" PRIx64 "\n", (uint64_t)__hoofprint_##type##_t_get_hash());
+
+int main(int argc, char **argv) {
+    if (argc != 2) {
+        fprintf(stderr, "usage: read_log LOG\n");
+        return 2;
+    }
+    FINGERPRINT(base_tracking)
+    FINGERPRINT(contact_estimate)
+    FINGERPRINT(controller_input)
+    FINGERPRINT(controller_tick)
+    FINGERPRINT(event)
+    FINGERPRINT(ground_truth)
+    FINGERPRINT(leg_state)
+    FINGERPRINT(operator_command)
+    FINGERPRINT(quadruped_state)
+    FINGERPRINT(robot_command)
+    FINGERPRINT(robot_state)
+    FINGERPRINT(run_info)
+    FINGERPRINT(text_file)
+    FINGERPRINT(timing)
+    FINGERPRINT(wbc_solution)
+    printf("events\n");
+
+    lcm_eventlog_t *log = lcm_eventlog_create(argv[1], "r");
+    if (log == NULL) {
+        perror(argv[1]);
+        return 1;
+    }
+    for (lcm_eventlog_event_t *e; (e = lcm_eventlog_read_next_event(log)) != NULL; lcm_eventlog_free_event(e)) {
+        if (!print(e)) return 1;
+    }
+    lcm_eventlog_destroy(log);
+    return 0;
+}
