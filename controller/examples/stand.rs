@@ -1,0 +1,95 @@
+//! HyQ stands for a second: the first thing to run.
+//!
+//! ```text
+//! cargo run --release -p controller --example stand
+//! ```
+//! There is no simulator here. The sensors read what they would on a robot that stands level with its weight on all feet and whose
+//! joints follow their references; the controller answers with the torques that keep it there. Try `cargo run ... --example stand -- 0.01`:
+//! the base leans by 0.01 rad to the right, and the forces shift to push it upright.
+#![allow(non_snake_case, reason = "names carry frames: see ARCHITECTURE.md")]
+
+use controller::math::Rx;
+use controller::model::{GRAVITY, Pose};
+use controller::quadruped::Quadruped;
+use controller::quadruped::estimation::Estimate;
+use controller::quadruped::leg::Leg;
+use controller::quadruped::robot::Robot;
+use controller::{Controller, Outbox};
+use lcmtypes::{ContactEstimate, ControllerInput, ControllerTick, Message, RobotCommand, WbcSolution, channels};
+use nalgebra::Vector3;
+
+const URDF: &str = include_str!("../../robots/hyq/hyq.urdf");
+const PARAMS: &str = include_str!("../../robots/hyq/hyq.toml");
+
+fn main() -> Result<(), Box<dyn std::error::Error>> {
+    let roll: f64 = std::env::args().nth(1).map_or(Ok(0.0), |text| text.parse())?;
+    let mut controller = Quadruped::new(URDF, PARAMS)?;
+    let mut input = standing(controller.robot(), roll);
+    let mut out = Outbox::new();
+    let mut command = RobotCommand::default();
+    for tick in 0..1000 {
+        (input.t_ns, input.tick) = (tick * 1_000_000, tick);
+        (input.state.t_ns, input.state.seq) = (input.t_ns, tick);
+        controller.step(&input, &mut out);
+        command = RobotCommand::decode(out.get(channels::ROBOT_COMMAND).ok_or("no command")?)?;
+        input.state.q.clone_from(&command.q_des);
+        input.state.qd.clone_from(&command.qd_des);
+        carry_weight(controller.robot(), &mut input);
+    }
+
+    let tick = ControllerTick::decode(out.get(channels::CONTROLLER_TICK).ok_or("no tick")?)?;
+    if tick.mode != ControllerTick::MODE_STANCE {
+        return Err(format!("the controller gave up: fault {}, value {}", tick.fault, tick.fault_value).into());
+    }
+    let wbc = WbcSolution::decode(out.get(channels::WBC_SOLUTION).ok_or("no solution")?)?;
+    let contact = ContactEstimate::decode(out.get(channels::CONTACT_ESTIMATE).ok_or("no contact estimate")?)?;
+    print_tables(controller.robot(), &command, &wbc, &contact);
+    Ok(())
+}
+
+/// What the sensors read in the nominal posture, base rolled by `roll` rad.
+fn standing(robot: &Robot, roll: f64) -> ControllerInput {
+    let mut input = ControllerInput::default();
+    input.op.seq = -1;
+    let state = &mut input.state;
+    state.nj = 12;
+    state.q.clone_from(&robot.q_nominal);
+    state.qd = vec![0.0; robot.nj()];
+    state.tau = vec![0.0; robot.nj()];
+    // The IMU has axes of its own.
+    let R_WI = Rx(roll) * robot.R_IB.transpose();
+    state.q_WI_wxyz = Pose { p: Vector3::zeros(), R: R_WI }.quaternion_wxyz();
+    state.a_I = (R_WI.transpose() * Vector3::z() * GRAVITY).into();
+    carry_weight(robot, &mut input);
+    input
+}
+
+/// Joint torques as the sensors read them with a quarter of the weight on each foot: `tau = h - Jᵀ F`.
+fn carry_weight(robot: &Robot, input: &mut ControllerInput) {
+    let mut estimate = Estimate::new(robot);
+    estimate.update(robot, &input.state);
+    let f_F_W = Vector3::z() * (0.25 * robot.mass() * GRAVITY);
+    for leg in Leg::ALL {
+        for joint in robot.legs[leg].joints {
+            input.state.tau[joint] = estimate.h[6 + joint] - estimate.legs[leg].J.column(6 + joint).dot(&f_F_W);
+        }
+    }
+}
+
+fn print_tables(robot: &Robot, command: &RobotCommand, wbc: &WbcSolution, contact: &ContactEstimate) {
+    println!("HyQ, {:.1} kg, after one second. Forces of the ground on the feet, N, z up:\n", robot.mass());
+    println!("  foot  measured z  touches    wanted x         y         z");
+    for (i, leg) in Leg::ALL.into_iter().enumerate() {
+        let ([x, y, z], touches) = (wbc.f_F_W[i], if contact.contact[i] { "yes" } else { "no" });
+        println!("  {:<4}  {:>10.1}  {touches:<7}  {x:>10.1} {y:>9.1} {z:>9.1}", leg.name(), contact.f_F_W[i][2]);
+    }
+    let sum: f64 = wbc.f_F_W.iter().map(|f| f[2]).sum();
+    println!("  sum of z {sum:.1} N, weight {:.1} N\n", robot.mass() * GRAVITY);
+
+    println!("Torques, N m:\n\n  leg        HAA       HFE       KFE");
+    for leg in Leg::ALL {
+        let [haa, hfe, kfe] = robot.legs[leg].joints.map(|joint| command.tau[joint]);
+        println!("  {:<4} {haa:>9.2} {hfe:>9.2} {kfe:>9.2}", leg.name());
+    }
+    println!("\nThe quadratic program: {} variables, {} iterations.", wbc.n_var, wbc.iterations);
+}
