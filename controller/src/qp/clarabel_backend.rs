@@ -64,7 +64,8 @@ impl ClarabelSolver {
         ClarabelSolver { solver, P, q, A, b, bounds, n_eq, n_in }
     }
 
-    fn load(&mut self, qp: &Qp) {
+    /// Takes the numbers over; false, and nothing reaches the solver, if one of them is none: Clarabel would not recover from it.
+    fn load(&mut self, qp: &Qp) -> bool {
         fill(&mut self.P, |i, j| qp.H[(i, j)]);
         let (n_eq, n_in) = (self.n_eq, self.n_in);
         let bounds = &self.bounds;
@@ -89,6 +90,9 @@ impl ClarabelSolver {
                 Bound::Upper(k) => qp.upper[k],
             };
         }
+        if [&self.P.nzval, &self.q, &self.A.nzval, &self.b].into_iter().flatten().any(|x| !x.is_finite()) {
+            return false;
+        }
         let solver = &mut self.solver;
         let updated = solver
             .update_P(&self.P.nzval)
@@ -96,12 +100,16 @@ impl ClarabelSolver {
             .and_then(|()| solver.update_q(&self.q))
             .and_then(|()| solver.update_b(&self.b));
         updated.expect("the pattern is that of construction, and presolve is off");
+        true
     }
 }
 
 impl QpSolver for ClarabelSolver {
     fn solve(&mut self, qp: &Qp, x: &mut DVector<f64>) -> QpInfo {
-        self.load(qp);
+        if !self.load(qp) {
+            x.fill(0.0);
+            return QpInfo { status: QpStatus::Failed, iterations: 0, n_active: 0 };
+        }
         self.solver.solve();
         let solution = &self.solver.solution;
         x.as_mut_slice().copy_from_slice(&solution.x);
@@ -202,13 +210,20 @@ mod tests {
     #[test]
     fn what_was_solved_before_leaves_no_trace() {
         let (first, second) = (program([3.0, 1.0, -1.0]), program([0.3, 0.7, 9.0]));
+        let (mut infeasible, mut broken, mut huge) = (first.clone(), first.clone(), first.clone());
+        infeasible.upper.fill(0.5);
+        broken.H[(1, 1)] = f64::NAN;
+        (huge.H[(1, 1)], huge.g[0], huge.C[(0, 0)]) = (1e300, 1e300, 1e300);
         let (mut fresh, mut used) = (DVector::zeros(3), DVector::zeros(3));
         ClarabelSolver::new(&first, 50, 1e-8).solve(&second, &mut fresh);
-        let mut solver = ClarabelSolver::new(&first, 50, 1e-8);
-        solver.solve(&first, &mut used);
-        solver.solve(&second, &mut used);
-        for i in 0..3 {
-            assert_eq!(fresh[i].to_bits(), used[i].to_bits());
+        for before in [&first, &infeasible, &broken, &huge] {
+            let mut solver = ClarabelSolver::new(&first, 50, 1e-8);
+            solver.solve(before, &mut used);
+            let info = solver.solve(&second, &mut used);
+            assert_eq!(info.status, QpStatus::Solved);
+            for i in 0..3 {
+                assert_eq!(fresh[i].to_bits(), used[i].to_bits());
+            }
         }
     }
 }
