@@ -1,11 +1,12 @@
 //! `hoof demo`: simulate, log, replay bit for bit, report.
 
+use crate::progress::Progress;
+use crate::robot::shipped;
 use crate::sim::{Job, simulate};
 use crate::{Outcome, replay_log, report, say, say_json};
 use analysis::tables;
-use anyhow::bail;
 use replay::engine::Options;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 #[derive(clap::Args)]
 #[command(after_help = "Example: hoof demo --out out/demo")]
@@ -21,15 +22,14 @@ pub struct Args {
 const SCENARIO: &str = "scenarios/rough_trot.toml";
 
 pub fn run(args: &Args) -> anyhow::Result<Outcome> {
-    let roots = [Path::new(""), Path::new(env!("CARGO_MANIFEST_DIR"))];
-    let Some(scenario) = roots.iter().map(|root| root.join(SCENARIO)).find(|path| path.is_file()) else {
-        bail!("{SCENARIO} is neither below the working directory nor in the source tree");
-    };
+    let scenario = shipped(SCENARIO)?;
     let (log, report_dir) = (args.out.join("hyq_rough_trot.mcap"), args.out.join("report"));
     let job = Job { robot: "hyq", scenario: &scenario, log: &log, seconds: None, seed: None, set: &[] };
     let say_unless_json = |text: String| if args.json { Ok(()) } else { say(text) };
 
-    let summary = simulate(&job)?;
+    let bar = Progress::new("HyQ trots over stones");
+    let summary = simulate(&job, &mut |part| bar.set(part))?;
+    drop(bar);
     say_unless_json(format!("{}\n", summary.text()))?;
     let replayed = replay_log::replay(&log, &Options { jobs: threads(), ..Options::default() })?;
     say_unless_json(format!("{}\n", replay_log::text(&replayed)))?;

@@ -5,6 +5,7 @@
 
 mod corpus;
 mod demo;
+mod experiment;
 mod log;
 mod progress;
 mod replay_log;
@@ -34,6 +35,9 @@ enum Command {
     Replay(replay_log::Args),
     /// Figures, tables, metrics.json and report.html of a log
     Report(report::Args),
+    /// Reproduce an experiment of the source documents: measured beside published
+    #[command(subcommand)]
+    Experiment(experiment::Command),
     /// Look at logs
     #[command(subcommand)]
     Log(log::Command),
@@ -69,6 +73,7 @@ fn main() -> ExitCode {
         Command::Sim(args) => sim::run(&args),
         Command::Replay(args) => replay_log::run(&args),
         Command::Report(args) => report::run(&args),
+        Command::Experiment(command) => experiment::run(&command),
         Command::Log(command) => log::run(&command),
         Command::Corpus(command) => corpus::run(&command),
         Command::Robot(command) => robot::run(&command),

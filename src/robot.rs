@@ -106,6 +106,13 @@ fn by_name(name: &str) -> anyhow::Result<PathBuf> {
     )
 }
 
+/// Finds a file of the project below the working directory or the source tree.
+pub fn shipped(name: &str) -> anyhow::Result<PathBuf> {
+    let roots = [Path::new(""), Path::new(env!("CARGO_MANIFEST_DIR"))];
+    let found = roots.iter().map(|root| root.join(name)).find(|path| path.is_file());
+    found.with_context(|| format!("{name} is neither below the working directory nor in the source tree"))
+}
+
 /// Sets parameters by `KEY=VALUE` in a complete TOML text.
 pub fn with_overrides(params: &str, set: &[String]) -> anyhow::Result<String> {
     Ok(apply_overrides(params, &overrides(set)?)?)

@@ -79,8 +79,10 @@ pub struct Summary {
     /// The robot fell.
     pub fell: bool,
     fell_at_s: Option<f64>,
-    distance_m: f64,
-    safe_state: Option<String>,
+    /// Length of the base's way, m.
+    pub distance_m: f64,
+    /// When and why the controller went to its safe state, if it did.
+    pub safe_state: Option<String>,
 }
 
 impl Summary {
@@ -111,7 +113,9 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
         seed: args.seed,
         set: &args.set,
     };
-    let summary = simulate(&job)?;
+    let bar = Progress::new(format!("{} on {}", args.robot, args.scenario.display()));
+    let summary = simulate(&job, &mut |part| bar.set(part))?;
+    drop(bar);
     if args.json {
         say_json(&summary)?
     } else {
@@ -120,8 +124,8 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
     Ok(Outcome::failed_if(summary.fell || summary.safe_state.is_some()))
 }
 
-/// Simulates and logs.
-pub fn simulate(job: &Job) -> anyhow::Result<Summary> {
+/// Simulates and logs; `progress` is told which part of the run is done, 0 to 1.
+pub fn simulate(job: &Job, progress: &mut dyn FnMut(f64)) -> anyhow::Result<Summary> {
     let (files, params_text) = RobotFiles::find_with_params(job.robot)?;
     let params_text = with_overrides(&params_text, job.set)?;
     let params = Params::from_toml(&params_text, job.robot)?;
@@ -152,12 +156,10 @@ pub fn simulate(job: &Job) -> anyhow::Result<Summary> {
         std::fs::create_dir_all(folder)?;
     }
     let mut log = LogWriter::create(job.log)?;
-    let bar = Progress::new(format!("{robot} on {}", scenario.name));
     let outcome = lockstep::run(&scenario, &info, &mut sim, controller.as_mut(), &mut log, &mut |t_s| {
-        bar.set(t_s / scenario.duration_s);
+        progress(t_s / scenario.duration_s);
     })?;
     log.finish()?;
-    drop(bar);
     Ok(Summary {
         log: job.log.to_owned(),
         robot: robot.to_owned(),
