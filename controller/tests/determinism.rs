@@ -114,6 +114,26 @@ fn a_restart_in_the_safe_state_is_the_same_run() {
 }
 
 #[test]
+fn programs_that_could_not_be_solved_leave_no_trace() {
+    let run = recorded();
+    let mut controller = run_to(hyq(), &run.inputs[..300]);
+    let mut failures = 0;
+    for (input, size) in run.inputs[300..304].iter().zip([1e6, -1e6, 1e5, 1e4]) {
+        let mut wild = input.clone();
+        wild.state.qd.iter_mut().zip([1.0, -1.0].into_iter().cycle()).for_each(|(qd, sign)| *qd = sign * size);
+        controller.step(&wild, &mut Outbox::new());
+        failures = failures.max(controller.state().qp_failures);
+    }
+    assert!(failures > 0, "every program was solved: the inputs are not wild enough");
+    let mut snapshot = Vec::new();
+    controller.snapshot(&mut snapshot);
+    let mut fresh = hyq();
+    fresh.restore(&snapshot).unwrap();
+    let tail = &run.inputs[304..400];
+    assert_eq!(first_difference(&replay(&mut controller, tail), &replay(&mut fresh, tail)), None);
+}
+
+#[test]
 fn mutant_one_low_bit_of_one_joint_angle() {
     const AT: usize = 650;
     let run = recorded();
