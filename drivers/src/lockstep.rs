@@ -49,6 +49,7 @@ pub fn run(
     progress: &mut dyn FnMut(f64),
 ) -> Result<Outcome, DriverError> {
     let mut run = Run::new(scenario, sim)?;
+    check_pushes(scenario, sim)?;
     let period_ns = sim.period_ns();
     let ticks = scenario.duration_ns() / period_ns;
     let started = Instant::now();
@@ -71,6 +72,20 @@ pub fn run(
         distance_m: run.distance_m,
         safe_state: run.safe_state,
     })
+}
+
+/// Tries the links of all pushes, so that an unknown one stops a run before it begins.
+fn check_pushes(scenario: &Scenario, sim: &mut dyn Simulator) -> Result<(), DriverError> {
+    for (number, push) in (1..).zip(&scenario.pushes) {
+        sim.add_push(push.link.as_deref(), [0.0; 3], [0.0; 3]).map_err(|mut error| {
+            if let DriverError::Unknown { wanted_by, .. } = &mut error {
+                *wanted_by = format!("push[{number}].link");
+            }
+            error
+        })?;
+    }
+    sim.clear_pushes();
+    Ok(())
 }
 
 /// What a run carries from tick to tick.
