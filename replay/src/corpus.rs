@@ -176,6 +176,11 @@ impl<'a> Corpus<'a> {
         if self.manifest.log.iter().any(|golden| golden.name == name) {
             return Err(manifest_error(&self.dir.join(MANIFEST), format!("a log named \"{name}\" is there")));
         }
+        // It becomes the name of a file in this folder.
+        if name.is_empty() || !name.chars().all(|c| c.is_ascii_alphanumeric() || c == '_' || c == '-') {
+            let why = format!("name \"{name}\": expected letters, digits, _ and -");
+            return Err(manifest_error(&self.dir.join(MANIFEST), why));
+        }
         let file = format!("{name}.mcap");
         let path = self.dir.join(&file);
         trim_to_golden(log, &path, more)?;
