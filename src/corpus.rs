@@ -60,6 +60,7 @@ pub fn run(command: &Command) -> anyhow::Result<Outcome> {
             let jobs = std::thread::available_parallelism().map_or(1, usize::from);
             let logs = corpus::check(dir, jobs)?;
             drop(bar);
+            anyhow::ensure!(!logs.is_empty(), "{}: no golden log, so nothing was checked", dir.display());
             if *json {
                 say_json(&serde_json::json!({ "logs": logs }))?;
             } else {

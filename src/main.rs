@@ -14,6 +14,7 @@ mod robot;
 mod run_info;
 mod sim;
 
+use anyhow::Context;
 use clap::{Parser, Subcommand};
 use std::process::ExitCode;
 
@@ -84,10 +85,21 @@ fn main() -> ExitCode {
         Ok(Outcome::DataLoss) => ExitCode::from(3),
         Err(error) if is_closed_pipe(&error) => ExitCode::SUCCESS,
         Err(error) => {
-            eprintln!("error: {error:#}");
+            eprintln!("error: {}", in_words(&error));
             ExitCode::from(2)
         }
     }
+}
+
+/// The error and its causes, without those that the message before them ends with already.
+fn in_words(error: &anyhow::Error) -> String {
+    let mut text = error.to_string();
+    for cause in error.chain().skip(1).map(ToString::to_string) {
+        if !text.ends_with(&cause) {
+            text = format!("{text}: {cause}");
+        }
+    }
+    text
 }
 
 fn is_closed_pipe(error: &anyhow::Error) -> bool {
@@ -98,8 +110,7 @@ fn is_closed_pipe(error: &anyhow::Error) -> bool {
 /// Writes lines to standard output; a closed pipe comes back as an error instead of a panic.
 fn say(text: impl std::fmt::Display) -> anyhow::Result<()> {
     use std::io::Write;
-    writeln!(std::io::stdout().lock(), "{text}")?;
-    Ok(())
+    writeln!(std::io::stdout().lock(), "{text}").context("standard output")
 }
 
 /// Prints a value as JSON.

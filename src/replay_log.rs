@@ -23,9 +23,9 @@ pub struct Args {
     /// End behind the last tick at or before this time
     #[arg(long, value_name = "S")]
     to: Option<f64>,
-    /// Threads; the result does not depend on it
-    #[arg(long, value_name = "N", default_value_t = 1)]
-    jobs: usize,
+    /// Threads, 1 to 256; the result does not depend on it
+    #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u16).range(1..=256))]
+    jobs: u16,
     /// Write a log with the replayed outputs in the place of the recorded ones
     #[arg(long, value_name = "LOG2")]
     out: Option<PathBuf>,
@@ -35,11 +35,19 @@ pub struct Args {
 }
 
 pub fn run(args: &Args) -> anyhow::Result<Outcome> {
+    for (name, time) in [("--from", args.from), ("--to", args.to)] {
+        if let Some(t) = time {
+            anyhow::ensure!((0.0..1e9).contains(&t), "{name} {t}: expected a time in s from 0 to 1e9");
+        }
+    }
+    if let (Some(from), Some(to)) = (args.from, args.to) {
+        anyhow::ensure!(from <= to, "--from {from} is after --to {to}");
+    }
     let options = Options {
         set: overrides(&args.set)?,
         from_s: args.from,
         to_s: args.to,
-        jobs: args.jobs,
+        jobs: args.jobs.into(),
         out: args.out.clone(),
     };
     let report = replay(&args.log, &options)?;

@@ -29,7 +29,7 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
         }
         say(format!("\nreport: {}", report.html.display()))?;
     }
-    Ok(Outcome::Good)
+    Ok(if report.metrics.notes.is_empty() { Outcome::Good } else { Outcome::DataLoss })
 }
 
 /// Writes the report with a progress bar.

@@ -5,7 +5,7 @@ use anyhow::{Context, bail};
 use clap::Subcommand;
 use controller::model::UrdfTree;
 use controller::model::eval::{EvalRequest, RobotInfo, eval};
-use controller::params::{Params, apply_overrides};
+use controller::params::{Params, ParamsError, apply_overrides};
 use std::path::{Path, PathBuf};
 
 #[derive(Subcommand)]
@@ -74,7 +74,7 @@ impl RobotFiles {
 
     fn with_params(path: &Path) -> anyhow::Result<Self> {
         let text = read(path)?;
-        let params = Params::from_toml(&text, &path.display().to_string())?;
+        let params = parse_params(&text, path)?;
         let urdf_path = path.with_file_name(&params.robot.urdf);
         Ok(RobotFiles { urdf: read(&urdf_path)?, urdf_path, params: Some(params.to_toml()) })
     }
@@ -128,6 +128,15 @@ pub fn overrides(set: &[String]) -> anyhow::Result<Vec<(String, String)>> {
         .collect()
 }
 
+/// Reads parameters; every error names the file.
+fn parse_params(text: &str, path: &Path) -> anyhow::Result<Params> {
+    let file = path.display().to_string();
+    Params::from_toml(text, &file).map_err(|error| match error {
+        ParamsError::Parse { .. } => error.into(),
+        _ => anyhow::Error::new(error).context(file),
+    })
+}
+
 /// Reads a text file; the error names it.
 pub fn read(path: &Path) -> anyhow::Result<String> {
     std::fs::read_to_string(path).with_context(|| path.display().to_string())
@@ -139,9 +148,9 @@ pub fn run(command: &Command) -> anyhow::Result<Outcome> {
         Command::Eval { robot, state } => {
             let files = RobotFiles::find(robot)?;
             let text = if state.as_os_str() == "-" { std::io::read_to_string(std::io::stdin())? } else { read(state)? };
-            let request: EvalRequest =
-                serde_json::from_str(&text).with_context(|| format!("state {}", state.display()))?;
-            say_json(&eval(&files.tree()?, &request)?)?;
+            let of_file = || if state.as_os_str() == "-" { "standard input".to_owned() } else { state.display().to_string() };
+            let request: EvalRequest = serde_json::from_str(&text).with_context(of_file)?;
+            say_json(&eval(&files.tree()?, &request).with_context(of_file)?)?;
         }
     }
     Ok(Outcome::Good)
@@ -155,7 +164,7 @@ fn info(robot: &str, params: bool, json: bool) -> anyhow::Result<()> {
     let mut info = RobotInfo::new(&files.tree()?)?;
     if let Some(text) = &files.params {
         let params = Params::from_toml(text, robot)?;
-        controller::quadruped::Quadruped::new(&files.urdf, text)?;
+        controller::quadruped::Quadruped::new(&files.urdf, text).with_context(|| robot.to_owned())?;
         info.feet = params.robot.feet.to_vec();
     }
     if json {

@@ -4,8 +4,9 @@ use crate::progress::Progress;
 use crate::robot::{RobotFiles, read, with_overrides};
 use crate::run_info::{self, Run};
 use crate::{Outcome, say, say_json};
+use anyhow::Context;
 use controller::params::Params;
-use drivers::{MujocoSim, Scenario, SimParams, Terrain, lockstep};
+use drivers::{DriverError, MujocoSim, Scenario, SimParams, Terrain, lockstep};
 use replay::log::LogWriter;
 use serde::Serialize;
 use std::path::{Path, PathBuf};
@@ -133,8 +134,8 @@ pub fn simulate(job: &Job, progress: &mut dyn FnMut(f64)) -> anyhow::Result<Summ
     let mut scenario = Scenario::parse(&scenario_text, &job.scenario.display().to_string())?;
     if let Some(seconds) = job.seconds {
         anyhow::ensure!(
-            seconds > 0.0 && seconds < 36_000.0,
-            "--seconds {seconds}: expected more than 0 and less than 36000"
+            (0.001..=36_000.0).contains(&seconds),
+            "--seconds {seconds}: expected at least 0.001 and at most 36000"
         );
         scenario.duration_s = seconds;
     }
@@ -150,14 +151,19 @@ pub fn simulate(job: &Job, progress: &mut dyn FnMut(f64)) -> anyhow::Result<Summ
         seed,
     });
     let terrain = Terrain::new(&scenario.terrain, seed);
-    let mut sim = MujocoSim::new(&files.tree()?, &params.robot, terrain, SimParams::of(&scenario))?;
-    let mut controller = controller::load(&info)?;
+    let tree = files.tree()?;
+    let mut controller = controller::load(&info).with_context(|| job.robot.to_owned())?;
+    let mut sim = MujocoSim::new(&tree, &params.robot, terrain, SimParams::of(&scenario))?;
     if let Some(folder) = job.log.parent() {
-        std::fs::create_dir_all(folder)?;
+        std::fs::create_dir_all(folder).with_context(|| folder.display().to_string())?;
     }
     let mut log = LogWriter::create(job.log)?;
     let outcome = lockstep::run(&scenario, &info, &mut sim, controller.as_mut(), &mut log, &mut |t_s| {
         progress(t_s / scenario.duration_s);
+    });
+    let outcome = outcome.map_err(|error| match error {
+        DriverError::Unknown { .. } => anyhow::Error::new(error).context(job.scenario.display().to_string()),
+        _ => error.into(),
     })?;
     log.finish()?;
     Ok(Summary {
