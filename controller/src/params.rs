@@ -4,6 +4,11 @@
 //! Raiola et al. 2020 (cited "Raiola" below), or one stated here. [`Params::to_toml`] writes every key, so a log never depends
 //! on defaults of a build.
 
+mod check;
+mod overrides;
+
+pub use overrides::apply_overrides;
+
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 
@@ -380,175 +385,6 @@ impl Params {
     pub fn to_toml(&self) -> String {
         toml::to_string(self).expect("plain structs of numbers, strings and tables always serialize")
     }
-
-    fn check(&self) -> Result<(), ParamsError> {
-        let positive = [
-            ("robot.foot_radius", self.robot.foot_radius),
-            ("gait.trot.swing_frequency", self.gait.trot.swing_frequency),
-            ("gait.crawl.swing_frequency", self.gait.crawl.swing_frequency),
-            ("foothold.max_step_length", self.foothold.max_step_length),
-            ("foothold.command_time_constant", self.foothold.command_time_constant),
-            ("swing.height", self.swing.height),
-            ("swing.clik_gain", self.swing.clik_gain),
-            ("contact.threshold", self.contact.threshold),
-            ("posture.blend_time_constant", self.posture.blend_time_constant),
-            ("wbc.weight_contact", self.wbc.weight_contact),
-            ("wbc.weight_trunk", self.wbc.weight_trunk),
-            ("wbc.weight_posture", self.wbc.weight_posture),
-            ("wbc.regularization", self.wbc.regularization),
-            ("wbc.friction", self.wbc.friction),
-            ("wbc.f_xy_max", self.wbc.f_xy_max),
-            ("wbc.f_z_max", self.wbc.f_z_max),
-            ("wbc.f_z_min", self.wbc.f_z_min),
-            ("wbc.qdd_max", self.wbc.qdd_max),
-            ("wbc.tolerance", self.wbc.tolerance),
-            ("safety.max_tilt", self.safety.max_tilt),
-            ("safety.max_state_age", self.safety.max_state_age),
-            ("safety.damping", self.safety.damping),
-        ];
-        for (key, found) in positive {
-            within(key, &[found], "a positive number", |x| x > 0.0 && x.is_finite())?;
-        }
-        let RobotConfig { sensors, posture, .. } = &self.robot;
-        let Params { gait, foothold, swing, contact, trunk, posture: p, wbc, safety, .. } = self;
-        let not_negative: [(_, &[f64]); 21] = [
-            ("robot.sensors.position", &[sensors.position]),
-            ("robot.sensors.velocity", &[sensors.velocity]),
-            ("robot.sensors.torque", &[sensors.torque]),
-            ("robot.sensors.orientation", &[sensors.orientation]),
-            ("robot.sensors.gyro", &[sensors.gyro]),
-            ("robot.sensors.acceleration", &[sensors.acceleration]),
-            ("foothold.max_speed", &[foothold.max_speed]),
-            ("foothold.max_yaw_rate", &[foothold.max_yaw_rate]),
-            ("contact.min_jacobian_det", &[contact.min_jacobian_det]),
-            ("trunk.kp", &trunk.kp),
-            ("trunk.kd", &trunk.kd),
-            ("trunk.height_gain", &[trunk.height_gain]),
-            ("trunk.max_height_correction", &[trunk.max_height_correction]),
-            ("trunk.max_orientation_rate", &[trunk.max_orientation_rate]),
-            ("trunk.max_orientation", &[trunk.max_orientation]),
-            ("trunk.max_height_rate", &[trunk.max_height_rate]),
-            ("trunk.max_height_offset", &[trunk.max_height_offset]),
-            ("posture.swing_kp", &p.swing_kp),
-            ("posture.swing_kd", &p.swing_kd),
-            ("posture.stance_kp", &p.stance_kp),
-            ("posture.stance_kd", &p.stance_kd),
-        ];
-        for (key, found) in not_negative {
-            within(key, found, "a number that is not negative", |x| x >= 0.0 && x.is_finite())?;
-        }
-        for &q in posture.values() {
-            within("robot.posture", &[q], "a finite angle", f64::is_finite)?;
-        }
-        for (key, found) in [("gait.trot.duty", gait.trot.duty), ("gait.crawl.duty", gait.crawl.duty)] {
-            within(key, &[found], "at least 0.5 and below 1", |x| (0.5..1.0).contains(&x))?;
-        }
-        for (key, found) in [
-            ("gait.trot.lift_off_phase", &gait.trot.lift_off_phase),
-            ("gait.crawl.lift_off_phase", &gait.crawl.lift_off_phase),
-        ] {
-            within(key, found, "at least 0 and below 1", |x| (0.0..1.0).contains(&x))?;
-        }
-        within("foothold.freeze_fraction", &[foothold.freeze_fraction], "0 to 1", |x| (0.0..=1.0).contains(&x))?;
-        within("swing.reach_time", &[swing.reach_time], "0 to 0.5", |x| (0.0..=0.5).contains(&x))?;
-        for (key, found, least) in [
-            ("contact.debounce", f64::from(contact.debounce), 1.0),
-            ("wbc.max_iterations", f64::from(wbc.max_iterations), 1.0),
-            ("safety.max_qp_failures", f64::from(safety.max_qp_failures), 0.0),
-        ] {
-            let expected = if least > 0.0 { "at least 1" } else { "at least 0" };
-            within(key, &[found], expected, |x| x >= least)?;
-        }
-        if self.wbc.f_z_min >= self.wbc.f_z_max {
-            return Err(ParamsError::OutOfRange {
-                key: "wbc.f_z_min",
-                found: self.wbc.f_z_min,
-                expected: "less than wbc.f_z_max",
-            });
-        }
-        Ok(())
-    }
-}
-
-/// An error that names the first of `found` that does not fit.
-fn within(
-    key: &'static str,
-    found: &[f64],
-    expected: &'static str,
-    fits: impl Fn(f64) -> bool,
-) -> Result<(), ParamsError> {
-    match found.iter().find(|x| !fits(**x)) {
-        Some(&found) => Err(ParamsError::OutOfRange { key, found, expected }),
-        None => Ok(()),
-    }
-}
-
-/// Sets parameters by dotted key, `("gait.trot.swing_frequency", "3.5")`, in a full or partial TOML text; gives back the full text.
-///
-/// # Errors
-/// As [`Params::from_toml`]; a key that names no parameter; a value of another kind than the present one.
-pub fn apply_overrides(text: &str, overrides: &[(String, String)]) -> Result<String, ParamsError> {
-    let full = Params::from_toml(text, "parameters")?.to_toml();
-    let mut table: toml::Table = full.parse().expect("to_toml writes TOML");
-    for (key, value) in overrides {
-        set(&mut table, key, value)?;
-    }
-    let text = toml::to_string(&table).expect("a table that was read can be written");
-    Ok(Params::from_toml(&text, "parameters with overrides")?.to_toml())
-}
-
-fn set(table: &mut toml::Table, key: &str, value: &str) -> Result<(), ParamsError> {
-    let unknown = |hint: String| ParamsError::UnknownKey { key: key.to_owned(), hint };
-    let mut path: Vec<&str> = key.split('.').collect();
-    let last = path.pop().unwrap_or_default();
-    let mut section = table;
-    for (depth, name) in path.iter().enumerate() {
-        let names = keys_of(section, &path[..depth]);
-        section = match section.get_mut(*name) {
-            Some(toml::Value::Table(inner)) => inner,
-            _ => return Err(unknown(names)),
-        };
-    }
-    let names = keys_of(section, &path);
-    let slot = match section.get_mut(last) {
-        Some(slot) if !slot.is_table() => slot,
-        Some(toml::Value::Table(inner)) => return Err(unknown(keys_of(inner, &[path, vec![last]].concat()))),
-        _ => return Err(unknown(names)),
-    };
-    let bad = || ParamsError::BadValue {
-        key: key.to_owned(),
-        found: value.to_owned(),
-        expected: format!("a value like `{slot}` ({})", slot.type_str()),
-    };
-    let parsed: toml::Value = match format!("v = {value}").parse::<toml::Table>() {
-        Ok(mut one) => one.remove("v").ok_or_else(bad)?,
-        Err(_) if slot.is_str() => toml::Value::String(value.to_owned()),
-        Err(_) => return Err(bad()),
-    };
-    let parsed = like(slot, parsed).ok_or_else(bad)?;
-    *slot = parsed;
-    Ok(())
-}
-
-/// `new` if it is of the same kind as `old`; whole numbers pass as floats.
-fn like(old: &toml::Value, new: toml::Value) -> Option<toml::Value> {
-    use toml::Value::{Array, Float, Integer};
-    match (old, new) {
-        #[expect(clippy::cast_precision_loss, reason = "a person's parameter, far below 2^53")]
-        (Float(_), Integer(i)) => Some(Float(i as f64)),
-        (Array(old), Array(new)) if old.len() == new.len() => {
-            old.iter().zip(new).map(|(o, n)| like(o, n)).collect::<Option<Vec<_>>>().map(Array)
-        }
-        (Array(_), _) => None,
-        (old, new) if old.same_type(&new) => Some(new),
-        _ => None,
-    }
-}
-
-fn keys_of(table: &toml::Table, path: &[&str]) -> String {
-    let place = if path.is_empty() { "at the top".to_owned() } else { format!("in [{}]", path.join(".")) };
-    let names: Vec<&str> = table.keys().map(String::as_str).collect();
-    format!(", {place} there are: {}", names.join(", "))
 }
 
 #[cfg(test)]

@@ -1,0 +1,108 @@
+//! The range of every parameter: what gets past here can reach a `clamp`, a count or the quadratic program.
+
+use super::{Params, ParamsError, RobotConfig};
+
+impl Params {
+    /// # Errors
+    /// The first value out of its range, by its key.
+    pub(super) fn check(&self) -> Result<(), ParamsError> {
+        let positive = [
+            ("robot.foot_radius", self.robot.foot_radius),
+            ("gait.trot.swing_frequency", self.gait.trot.swing_frequency),
+            ("gait.crawl.swing_frequency", self.gait.crawl.swing_frequency),
+            ("foothold.max_step_length", self.foothold.max_step_length),
+            ("foothold.command_time_constant", self.foothold.command_time_constant),
+            ("swing.height", self.swing.height),
+            ("swing.clik_gain", self.swing.clik_gain),
+            ("contact.threshold", self.contact.threshold),
+            ("posture.blend_time_constant", self.posture.blend_time_constant),
+            ("wbc.weight_contact", self.wbc.weight_contact),
+            ("wbc.weight_trunk", self.wbc.weight_trunk),
+            ("wbc.weight_posture", self.wbc.weight_posture),
+            ("wbc.regularization", self.wbc.regularization),
+            ("wbc.friction", self.wbc.friction),
+            ("wbc.f_xy_max", self.wbc.f_xy_max),
+            ("wbc.f_z_max", self.wbc.f_z_max),
+            ("wbc.f_z_min", self.wbc.f_z_min),
+            ("wbc.qdd_max", self.wbc.qdd_max),
+            ("wbc.tolerance", self.wbc.tolerance),
+            ("safety.max_tilt", self.safety.max_tilt),
+            ("safety.max_state_age", self.safety.max_state_age),
+            ("safety.damping", self.safety.damping),
+        ];
+        for (key, found) in positive {
+            within(key, &[found], "a positive number", |x| x > 0.0 && x.is_finite())?;
+        }
+        let RobotConfig { sensors, posture, .. } = &self.robot;
+        let Params { gait, foothold, swing, contact, trunk, posture: p, wbc, safety, .. } = self;
+        let not_negative: [(_, &[f64]); 21] = [
+            ("robot.sensors.position", &[sensors.position]),
+            ("robot.sensors.velocity", &[sensors.velocity]),
+            ("robot.sensors.torque", &[sensors.torque]),
+            ("robot.sensors.orientation", &[sensors.orientation]),
+            ("robot.sensors.gyro", &[sensors.gyro]),
+            ("robot.sensors.acceleration", &[sensors.acceleration]),
+            ("foothold.max_speed", &[foothold.max_speed]),
+            ("foothold.max_yaw_rate", &[foothold.max_yaw_rate]),
+            ("contact.min_jacobian_det", &[contact.min_jacobian_det]),
+            ("trunk.kp", &trunk.kp),
+            ("trunk.kd", &trunk.kd),
+            ("trunk.height_gain", &[trunk.height_gain]),
+            ("trunk.max_height_correction", &[trunk.max_height_correction]),
+            ("trunk.max_orientation_rate", &[trunk.max_orientation_rate]),
+            ("trunk.max_orientation", &[trunk.max_orientation]),
+            ("trunk.max_height_rate", &[trunk.max_height_rate]),
+            ("trunk.max_height_offset", &[trunk.max_height_offset]),
+            ("posture.swing_kp", &p.swing_kp),
+            ("posture.swing_kd", &p.swing_kd),
+            ("posture.stance_kp", &p.stance_kp),
+            ("posture.stance_kd", &p.stance_kd),
+        ];
+        for (key, found) in not_negative {
+            within(key, found, "a number that is not negative", |x| x >= 0.0 && x.is_finite())?;
+        }
+        for &q in posture.values() {
+            within("robot.posture", &[q], "a finite angle", f64::is_finite)?;
+        }
+        for (key, found) in [("gait.trot.duty", gait.trot.duty), ("gait.crawl.duty", gait.crawl.duty)] {
+            within(key, &[found], "at least 0.5 and below 1", |x| (0.5..1.0).contains(&x))?;
+        }
+        for (key, found) in [
+            ("gait.trot.lift_off_phase", &gait.trot.lift_off_phase),
+            ("gait.crawl.lift_off_phase", &gait.crawl.lift_off_phase),
+        ] {
+            within(key, found, "at least 0 and below 1", |x| (0.0..1.0).contains(&x))?;
+        }
+        within("foothold.freeze_fraction", &[foothold.freeze_fraction], "0 to 1", |x| (0.0..=1.0).contains(&x))?;
+        within("swing.reach_time", &[swing.reach_time], "0 to 0.5", |x| (0.0..=0.5).contains(&x))?;
+        for (key, found, least) in [
+            ("contact.debounce", f64::from(contact.debounce), 1.0),
+            ("wbc.max_iterations", f64::from(wbc.max_iterations), 1.0),
+            ("safety.max_qp_failures", f64::from(safety.max_qp_failures), 0.0),
+        ] {
+            let expected = if least > 0.0 { "at least 1" } else { "at least 0" };
+            within(key, &[found], expected, |x| x >= least)?;
+        }
+        if self.wbc.f_z_min >= self.wbc.f_z_max {
+            return Err(ParamsError::OutOfRange {
+                key: "wbc.f_z_min",
+                found: self.wbc.f_z_min,
+                expected: "less than wbc.f_z_max",
+            });
+        }
+        Ok(())
+    }
+}
+
+/// An error that names the first of `found` that does not fit.
+fn within(
+    key: &'static str,
+    found: &[f64],
+    expected: &'static str,
+    fits: impl Fn(f64) -> bool,
+) -> Result<(), ParamsError> {
+    match found.iter().find(|x| !fits(**x)) {
+        Some(&found) => Err(ParamsError::OutOfRange { key, found, expected }),
+        None => Ok(()),
+    }
+}

@@ -1,0 +1,71 @@
+//! Parameters set by key, as on a command line.
+
+use super::{Params, ParamsError};
+
+/// Sets parameters by dotted key, `("gait.trot.swing_frequency", "3.5")`, in a full or partial TOML text; gives back the full text.
+///
+/// # Errors
+/// As [`Params::from_toml`]; a key that names no parameter; a value of another kind than the present one.
+pub fn apply_overrides(text: &str, overrides: &[(String, String)]) -> Result<String, ParamsError> {
+    let full = Params::from_toml(text, "parameters")?.to_toml();
+    let mut table: toml::Table = full.parse().expect("to_toml writes TOML");
+    for (key, value) in overrides {
+        set(&mut table, key, value)?;
+    }
+    let text = toml::to_string(&table).expect("a table that was read can be written");
+    Ok(Params::from_toml(&text, "parameters with overrides")?.to_toml())
+}
+
+fn set(table: &mut toml::Table, key: &str, value: &str) -> Result<(), ParamsError> {
+    let unknown = |hint: String| ParamsError::UnknownKey { key: key.to_owned(), hint };
+    let mut path: Vec<&str> = key.split('.').collect();
+    let last = path.pop().unwrap_or_default();
+    let mut section = table;
+    for (depth, name) in path.iter().enumerate() {
+        let names = keys_of(section, &path[..depth]);
+        section = match section.get_mut(*name) {
+            Some(toml::Value::Table(inner)) => inner,
+            _ => return Err(unknown(names)),
+        };
+    }
+    let names = keys_of(section, &path);
+    let slot = match section.get_mut(last) {
+        Some(slot) if !slot.is_table() => slot,
+        Some(toml::Value::Table(inner)) => return Err(unknown(keys_of(inner, &[path, vec![last]].concat()))),
+        _ => return Err(unknown(names)),
+    };
+    let bad = || ParamsError::BadValue {
+        key: key.to_owned(),
+        found: value.to_owned(),
+        expected: format!("a value like `{slot}` ({})", slot.type_str()),
+    };
+    let parsed: toml::Value = match format!("v = {value}").parse::<toml::Table>() {
+        Ok(mut one) => one.remove("v").ok_or_else(bad)?,
+        Err(_) if slot.is_str() => toml::Value::String(value.to_owned()),
+        Err(_) => return Err(bad()),
+    };
+    let parsed = like(slot, parsed).ok_or_else(bad)?;
+    *slot = parsed;
+    Ok(())
+}
+
+/// `new` if it is of the same kind as `old`; whole numbers pass as floats.
+fn like(old: &toml::Value, new: toml::Value) -> Option<toml::Value> {
+    use toml::Value::{Array, Float, Integer};
+    match (old, new) {
+        #[expect(clippy::cast_precision_loss, reason = "a person's parameter, far below 2^53")]
+        (Float(_), Integer(i)) => Some(Float(i as f64)),
+        (Array(old), Array(new)) if old.len() == new.len() => {
+            old.iter().zip(new).map(|(o, n)| like(o, n)).collect::<Option<Vec<_>>>().map(Array)
+        }
+        (Array(_), _) => None,
+        (old, new) if old.same_type(&new) => Some(new),
+        _ => None,
+    }
+}
+
+fn keys_of(table: &toml::Table, path: &[&str]) -> String {
+    let place = if path.is_empty() { "at the top".to_owned() } else { format!("in [{}]", path.join(".")) };
+    let names: Vec<&str> = table.keys().map(String::as_str).collect();
+    format!(", {place} there are: {}", names.join(", "))
+}
