@@ -4,7 +4,7 @@
 //! quadruped robots*, Frontiers in Robotics and AI, 2020. Cited by equation number where an equation is used; a line that departs from it says so.
 //!
 //! A tick, in the order of [`Quadruped::step_probed`]: [`safety`] checks the input, [`estimation`] finds base, dynamics and
-//! contacts, [`gait`] moves the legs' state machines, [`reference`] plans footholds and joint references, [`wbc`] builds and solves
+//! contacts, [`gait`] moves the legs' state machines, [`mod@reference`] plans footholds and joint references, [`wbc`] builds and solves
 //! the quadratic program, [`wire`] writes the messages.
 
 pub mod estimation;

@@ -6,7 +6,7 @@
 //! ```
 //! Source: Raiola et al. 2020, eqs. (4), (6)-(13), (15). The size is constant: a foot in swing keeps its columns and rows. Its force is
 //! zero; an interior-point solver has no interior between two equal bounds, so the columns of that force are zeroed
-//! everywhere but in its own bounds, released to ±[`RELEASED`]: the regularization then leaves exactly F = 0 to rounding, and it
+//! everywhere but in its own bounds, released to ±`RELEASED`: the regularization then leaves exactly F = 0 to rounding, and it
 //! is read as 0.
 
 use super::estimation::Estimate;
