@@ -209,7 +209,7 @@ fn unknown_modes_stand_and_unknown_gaits_change_nothing() {
             common::get::<LegState>(&out, channels::LEG_STATE).gait
         };
         assert_eq!(after(400, gait), gait);
-        assert_eq!(after(600, unknown), gait);
+        assert_eq!(after(1300, unknown), gait);
     }
 }
 
