@@ -133,17 +133,20 @@ pub fn update(state: &mut State, params: &Params, wish: Wish, dt: f64) -> Transi
     transitions
 }
 
-/// Advances the clock over `dt`, lifting the legs whose phase it passes; stands still while one of them is not ready or a leg is late.
+/// Advances the clock over `dt`, lifting the legs whose phase it passes. It stands still while a leg that is due has not landed; and before legs
+/// unload, until the others have landed and taken up load, so that a late touchdown delays what follows instead of overlapping with it.
 fn advance(state: &mut State, params: &Params, dt: f64, transitions: &mut Transitions) {
     let timing = Timing::of(state.gait, params);
     let (before, after) = (state.gait_clock, state.gait_clock + dt);
     // Passed once and once only: `before` is outside, `after` inside, and the next tick's `before` is this `after`.
     let passes = |at: f64| before < at && at <= after;
     let due = timing.lift_off.0.map(|at| passes(at) || passes(at + timing.T));
+    let unloads = timing.lift_off.0.map(|at| passes(at - timing.T_ramp) || passes(at - timing.T_ramp + timing.T));
+    let others_wait = due.contains(&true) || unloads.contains(&true);
     let waits = |leg: Leg| match state.leg_phase[leg] {
-        LegPhase::Stance => false,
+        LegPhase::Stance => unloads.contains(&true) && !unloads[leg as usize] && state.t_leg[leg] < timing.T_ramp,
         LegPhase::SwingUp | LegPhase::SwingDown => due[leg as usize],
-        LegPhase::Reach | LegPhase::FaultHold => due.contains(&true),
+        LegPhase::Reach | LegPhase::FaultHold => others_wait,
     };
     if Leg::ALL.into_iter().any(waits) {
         return;
@@ -250,7 +253,8 @@ mod tests {
         let legs: Vec<Leg> = lifts.iter().map(|l| l.1).collect();
         assert_eq!(legs[..4], [Leg::LF, Leg::RH, Leg::RF, Leg::LH]);
         let half = lifts[2].0 - lifts[0].0;
-        assert!((half - 600).abs() <= 2, "half a stride is {half} ticks");
+        // Landed 600 ticks after its lift-off, one ramp of 28 to take up load, one for the other pair to unload.
+        assert!((half - 656).abs() <= 2, "half a stride is {half} ticks");
     }
 
     #[test]
