@@ -88,7 +88,10 @@ fn a_log_that_is_cut_or_gone_fails() {
     let whole = std::fs::read(&log).unwrap();
     std::fs::write(&log, &whole[..whole.len() / 2]).unwrap();
     let found = check(&corpus, 1);
-    assert_eq!((&found["identical"], &found["error"]), (&json!(false), &json!("the log is damaged, cut, or lacks inputs")));
+    assert_eq!(
+        (&found["identical"], &found["error"]),
+        (&json!(false), &json!("the log is damaged, cut, or lacks inputs"))
+    );
     std::fs::remove_file(&log).unwrap();
     let error = check(&corpus, 1)["error"].take();
     assert!(error.as_str().unwrap().contains("trot.mcap: No such file"), "{error}");

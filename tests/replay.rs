@@ -121,7 +121,8 @@ fn one_flipped_bit_of_one_output_is_found_by_channel_field_and_tick() {
 
     let flip = |x: &mut f64| *x = f64::from_bits(x.to_bits() ^ 1);
     rewrite_one(&log, &flipped, ROBOT_COMMAND, 1234, |command: &mut RobotCommand| flip(&mut command.tau[7]));
-    let expected = json!({ "tick": 1234, "stage": "output", "channel": ROBOT_COMMAND, "field": "tau", "index": 7, "ulp": 1 });
+    let expected =
+        json!({ "tick": 1234, "stage": "output", "channel": ROBOT_COMMAND, "field": "tau", "index": 7, "ulp": 1 });
     let report = divergence(replay(&flipped, ""), &expected);
     // The inputs are whole, so everything else is as it was.
     assert_eq!((&report["ticks"], &report["messages_different"]), (&json!(2000), &json!(1)));
@@ -227,7 +228,8 @@ fn a_sensor_that_reads_nan_leads_to_damping_in_the_same_tick() {
 fn states_that_stay_away_lead_to_damping_once_the_last_one_is_too_old() {
     let folder = folder("drop_state");
     let drop = |milliseconds: i32| {
-        let fault = format!("[[fault]]\nkind = \"drop_state\"\nt_s = 0.9\nduration_s = {}", f64::from(milliseconds) * 1e-3);
+        let fault =
+            format!("[[fault]]\nkind = \"drop_state\"\nt_s = 0.9\nduration_s = {}", f64::from(milliseconds) * 1e-3);
         run_with(&folder, &format!("{milliseconds}_ms"), &fault)
     };
     // The last state is that of tick 899; one of 10 ms is still good, so tick 910 is the first to find it too old.
@@ -255,7 +257,9 @@ fn a_stuck_encoder_is_walked_over_and_replays_bit_for_bit() {
 fn a_knee_without_torque_ends_in_damping_and_replays_bit_for_bit() {
     let folder = folder("torque_loss");
     let fault = |factor: f64| {
-        format!("[[fault]]\nkind = \"torque_loss\"\njoint = \"lf_kfe_joint\"\nfactor = {factor:?}\nt_s = 0.9\nduration_s = 9.0")
+        format!(
+            "[[fault]]\nkind = \"torque_loss\"\njoint = \"lf_kfe_joint\"\nfactor = {factor:?}\nt_s = 0.9\nduration_s = 9.0"
+        )
     };
     let (ran, ticks) = run_with(&folder, "none_left", &fault(0.0));
     assert!(ran.exits(1).json()["safe_state"].is_string());

@@ -33,7 +33,15 @@ fn stock_reader(folder: &Path) -> PathBuf {
     let types = Path::new(env!("CARGO_MANIFEST_DIR")).join("lcmtypes");
     let mut sources = vec![Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/stock/read_log.c")];
     for (name, _) in SOURCES {
-        tool(Command::new("lcm-gen").arg("--c").arg("--c-cpath").arg(folder).arg("--c-hpath").arg(folder).arg(types.join(name)));
+        tool(
+            Command::new("lcm-gen")
+                .arg("--c")
+                .arg("--c-cpath")
+                .arg(folder)
+                .arg("--c-hpath")
+                .arg(folder)
+                .arg(types.join(name)),
+        );
         sources.push(folder.join(format!("hoofprint_{}", name.replace(".lcm", ".c"))));
     }
     let reader = folder.join("read_log");
@@ -157,7 +165,8 @@ fn play(log: &Path, attempt: usize) -> Vec<Received> {
     bus.subscribe("[A-Z_]*").unwrap();
     let mut player = Command::new("lcm-logplayer");
     player.arg("--speed=0.25").arg(format!("--lcm-url={url}")).arg(log).stdout(Stdio::null());
-    let mut player = player.spawn().unwrap_or_else(|error| panic!("lcm-logplayer: {error}; scripts/setup.sh installs it"));
+    let mut player =
+        player.spawn().unwrap_or_else(|error| panic!("lcm-logplayer: {error}; scripts/setup.sh installs it"));
     let mut received = Vec::new();
     loop {
         let ended = player.try_wait().unwrap();
