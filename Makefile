@@ -19,10 +19,11 @@ build: setup ## build the command, TARGET_DIR/release/hoof
 demo: build ## simulate, log, replay bit for bit and report, in one go
 	$(TARGET_DIR)/release/hoof demo
 
-test: setup ## the gate: format, lints, tests, documentation
+test: setup ## the gate: format, lints, tests, replay by other builds, documentation
 	cargo fmt --all --check
 	cargo clippy --release --locked --workspace --all-targets -- -D warnings
 	cargo test --release --locked --workspace
+	scripts/replay_across_builds.sh
 	RUSTDOCFLAGS="-D warnings" cargo doc --release --locked --workspace --no-deps
 	@# nalgebra's default features bring matrixmultiply, whose kernels give bits that depend on the CPU.
 	@tree=$$(cargo tree --locked --package hoofprint --prefix none); \

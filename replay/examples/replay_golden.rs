@@ -1,0 +1,38 @@
+//! Replays a corpus of golden logs by this build alone, without simulator and analysis: does another optimisation level or another
+//! instruction set give the same bits?
+//!
+//!     cargo run -p replay --example replay_golden -- logs/golden
+//!
+//! `scripts/replay_across_builds.sh` runs it in several builds. Exit codes as those of `hoof corpus check`: 0 all bits are the same,
+//! 1 they are not, 2 there is no corpus.
+
+use replay::corpus;
+use std::process::ExitCode;
+
+fn main() -> ExitCode {
+    let dir = std::env::args().nth(1).unwrap_or_else(|| "logs/golden".to_owned());
+    let jobs = std::thread::available_parallelism().map_or(1, usize::from);
+    let logs = match corpus::check(&dir, jobs) {
+        Ok(logs) if !logs.is_empty() => logs,
+        Ok(_) => {
+            eprintln!("error: {dir}: no golden log");
+            return ExitCode::from(2);
+        }
+        Err(error) => {
+            eprintln!("error: {error}");
+            return ExitCode::from(2);
+        }
+    };
+    for log in &logs {
+        let found = match (&log.first_divergence, &log.error) {
+            (None, None) if log.identical => format!("identical: {} ticks", log.ticks),
+            (None, error) => error.clone().unwrap_or_else(|| "nothing to compare".to_owned()),
+            (Some(d), _) => format!(
+                "differs from tick {} on, first in stage {}: {} {}: recorded {}, replayed {}",
+                d.tick, d.stage, d.channel, d.field, d.recorded, d.replayed
+            ),
+        };
+        println!("{}: {found}", log.name);
+    }
+    ExitCode::from(u8::from(logs.iter().any(|log| !log.identical)))
+}

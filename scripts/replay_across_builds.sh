@@ -1,0 +1,24 @@
+#!/usr/bin/env bash
+# Replays the golden logs with two builds that are not the one that ships: unoptimised, and with every instruction of this CPU.
+# Both must give every bit of the record, which the shipped build gives too: cargo test sees to that.
+# Only what a replay needs is built, in target directories of their own. `make test` calls it.
+#
+#     scripts/replay_across_builds.sh [CORPUS]
+set -euo pipefail
+cd "$(dirname "$0")/.."
+
+golden=${1:-logs/golden}
+target=${CARGO_TARGET_DIR:-target}
+# What the caller has set would make other builds than these two.
+unset RUSTFLAGS CARGO_ENCODED_RUSTFLAGS CARGO_BUILD_RUSTFLAGS
+failed=0
+
+echo "unoptimised (dev profile, opt-level 0)"
+CARGO_PROFILE_DEV_OPT_LEVEL=0 cargo run --quiet --locked --package replay --example replay_golden \
+    --target-dir "$target/replay-dev" -- "$golden" || failed=1
+
+echo "every instruction of this CPU (release profile, -C target-cpu=native)"
+RUSTFLAGS="-C target-cpu=native" cargo run --quiet --locked --release --package replay --example replay_golden \
+    --target-dir "$target/replay-native" -- "$golden" || failed=1
+
+exit "$failed"
