@@ -138,13 +138,13 @@ fn numbers(value: &Value) -> Vec<f64> {
     }
 }
 
-/// Equal to 1e-9 of the largest entry: what two ways of summing a dozen bodies may differ by, with room.
+/// Equal to 1e-12 of the largest entry: a few hundred roundings of sums over a dozen bodies.
 #[track_caller]
 fn near(expected: &Value, found: &Value) {
     let (expected, found) = (numbers(expected), numbers(found));
     assert_eq!(expected.len(), found.len());
     let scale = expected.iter().fold(1.0_f64, |scale, x| scale.max(x.abs()));
     for (i, (expected, found)) in expected.iter().zip(&found).enumerate() {
-        assert!((expected - found).abs() <= 1e-9 * scale, "entry {i}: found {found}, expected {expected}");
+        assert!((expected - found).abs() <= 1e-12 * scale, "entry {i}: found {found}, expected {expected}");
     }
 }
