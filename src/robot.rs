@@ -148,8 +148,7 @@ pub fn run(command: &Command) -> anyhow::Result<Outcome> {
         Command::Eval { robot, state } => {
             let files = RobotFiles::find(robot)?;
             let text = if state.as_os_str() == "-" { std::io::read_to_string(std::io::stdin())? } else { read(state)? };
-            let of_file =
-                || if state.as_os_str() == "-" { "standard input".to_owned() } else { state.display().to_string() };
+            let of_file = || if state.as_os_str() == "-" { "standard input".to_owned() } else { state.display().to_string() };
             let request: EvalRequest = serde_json::from_str(&text).with_context(of_file)?;
             say_json(&eval(&files.tree()?, &request).with_context(of_file)?)?;
         }

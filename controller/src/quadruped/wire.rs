@@ -109,7 +109,7 @@ impl Messages {
         let bounds = last.lower.iter().chain(last.upper.iter()).filter(|b| b.is_finite()).count();
         m.n_ineq = count(last.d.len() + bounds);
         m.n_active = count(wbc.info.n_active);
-        m.level = wbc.stack.levels.iter().rposition(Level::solved).map_or(-1, |level| count(level));
+        m.level = wbc.stack.levels.iter().rposition(Level::solved).map_or(-1, count);
         for (to, level) in m.level_status.iter_mut().zip(&wbc.stack.levels) {
             *to = level.info.map_or(WbcSolution::STATUS_NOT_RUN, |info| status(info.status));
         }
