@@ -26,9 +26,9 @@ pub struct Args {
     /// Log to write: LCM event log (.lcmlog) or MCAP (.mcap)
     #[arg(long)]
     log: PathBuf,
-    /// Stack of tasks
-    #[arg(long, value_enum, default_value_t = Stack::S1)]
-    stack: Stack,
+    /// Stack of tasks, instead of the robot's; `--set stack.formula=...` for any other
+    #[arg(long, value_enum)]
+    stack: Option<Stack>,
     /// Length of the run, s, instead of the scenario's
     #[arg(long)]
     seconds: Option<f64>,
@@ -48,6 +48,17 @@ pub struct Args {
 pub enum Stack {
     /// Weighted: contact, trunk and posture in one quadratic program
     S1,
+    /// Hierarchical: contact before trunk before posture, three quadratic programs
+    S3,
+}
+
+impl Stack {
+    fn formula(self) -> &'static str {
+        match self {
+            Stack::S1 => controller::stack::S1,
+            Stack::S3 => controller::stack::S3,
+        }
+    }
 }
 
 /// What to simulate.
@@ -105,14 +116,15 @@ impl Summary {
 }
 
 pub fn run(args: &Args) -> anyhow::Result<Outcome> {
-    let Stack::S1 = args.stack;
+    let stack = args.stack.map(|stack| format!("stack.formula={}", stack.formula()));
+    let set: Vec<String> = stack.into_iter().chain(args.set.iter().cloned()).collect();
     let job = Job {
         robot: &args.robot,
         scenario: &args.scenario,
         log: &args.log,
         seconds: args.seconds,
         seed: args.seed,
-        set: &args.set,
+        set: &set,
     };
     let bar = Progress::new(format!("{} on {}", args.robot, args.scenario.display()));
     let summary = simulate(&job, &mut |part| bar.set(part))?;

@@ -4,7 +4,7 @@
 //! thread, or allocates in a tick, so the inputs in a log are enough to run it again bit for bit.
 //!
 //! Where to read on: [`Controller`] is the contract with executors and the replay engine, [`quadruped`] the locomotion
-//! controller, [`model`] the rigid-body algorithms under it, [`params`] what can be set.
+//! controller, [`stack`] how its tasks are put together, [`model`] the rigid-body algorithms under it, [`params`] what can be set.
 #![allow(non_snake_case, reason = "names carry frames, as in p_WF = p_WB + R_WB * p_BF: see ARCHITECTURE.md")]
 
 pub mod digest;
@@ -14,6 +14,7 @@ pub mod outbox;
 pub mod params;
 pub mod qp;
 pub mod quadruped;
+pub mod stack;
 
 use lcmtypes::{ControllerInput, RunInfo};
 
@@ -110,6 +111,9 @@ pub enum LoadError {
     /// The parameters are unusable.
     #[error(transparent)]
     Params(#[from] params::ParamsError),
+    /// The stack of tasks is unusable, or does not fit the robot.
+    #[error(transparent)]
+    Stack(#[from] stack::StackError),
     /// Robot and parameters do not fit each other.
     #[error("robot \"{robot}\": {what}")]
     Robot {

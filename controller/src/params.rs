@@ -5,10 +5,12 @@
 //! on defaults of a build.
 
 mod check;
+mod legacy;
 mod overrides;
 
 pub use overrides::apply_overrides;
 
+use crate::stack::StackParams;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 
@@ -42,6 +44,9 @@ pub enum ParamsError {
         /// Kind of the present value.
         expected: String,
     },
+    /// No formula.
+    #[error(transparent)]
+    Stack(#[from] crate::stack::StackError),
     /// A value outside its range.
     #[error("parameter {key} is {found}, expected {expected}")]
     OutOfRange {
@@ -78,7 +83,10 @@ pub struct Params {
     /// Postural task.
     #[serde(default)]
     pub posture: PostureParams,
-    /// Weights, limits and solver of the quadratic program.
+    /// Tasks, their weights and priorities.
+    #[serde(default)]
+    pub stack: StackParams,
+    /// Limits and solver of the quadratic programs.
     #[serde(default)]
     pub wbc: WbcParams,
     /// When to give up, and how.
@@ -282,10 +290,12 @@ pub struct PostureParams {
     pub swing_kd: [f64; 3],
     /// Swing gains are torques: premultiply them by the inverse of the leg's inertia (Raiola, appendix).
     pub swing_inertia: bool,
-    /// Stance stiffness, 1/s².
+    /// Stance stiffness: 1/s², or N m/rad with [`PostureParams::stance_inertia`].
     pub stance_kp: [f64; 3],
-    /// Stance damping, 1/s.
+    /// Stance damping: 1/s, or N m s/rad.
     pub stance_kd: [f64; 3],
+    /// Stance gains are torques, as [`PostureParams::swing_inertia`].
+    pub stance_inertia: bool,
     /// Time constant with which the reference of a landed leg goes from its touchdown value to the nominal posture, s.
     pub blend_time_constant: f64,
 }
@@ -298,21 +308,16 @@ impl Default for PostureParams {
             swing_inertia: true,
             stance_kp: [500.0; 3],
             stance_kd: [20.0; 3],
+            stance_inertia: false,
             blend_time_constant: 0.1,
         }
     }
 }
 
-/// Quadratic program of the weighted stack S1. Source: Raiola, eqs. (10)-(15), Table 2.
+/// Quadratic programs of the stack. Source: Raiola, eqs. (10)-(15), Table 2.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct WbcParams {
-    /// Weight of the contact task.
-    pub weight_contact: f64,
-    /// Weight of the trunk task.
-    pub weight_trunk: f64,
-    /// Weight of the postural task.
-    pub weight_posture: f64,
     /// Regularization λ of accelerations and forces.
     pub regularization: f64,
     /// Friction coefficient μ.
@@ -334,9 +339,6 @@ pub struct WbcParams {
 impl Default for WbcParams {
     fn default() -> Self {
         WbcParams {
-            weight_contact: 1e6,
-            weight_trunk: 1e3,
-            weight_posture: 1.0,
             regularization: 1e-6,
             friction: 0.8,
             f_xy_max: 1000.0,
@@ -375,6 +377,7 @@ impl Params {
     /// # Errors
     /// Not TOML, unknown or missing keys, values of the wrong kind or out of range.
     pub fn from_toml(text: &str, source_name: &str) -> Result<Self, ParamsError> {
+        let text = &legacy::migrate(text);
         let params: Params = toml::from_str(text)
             .map_err(|e| ParamsError::Parse { source_name: source_name.to_owned(), error: e.to_string() })?;
         params.check()?;

@@ -6,8 +6,10 @@
 //! Sizes are constant for a controller: what is switched off keeps its rows and has its numbers released.
 
 mod clarabel_backend;
+mod explain;
 
 pub use clarabel_backend::ClarabelSolver;
+pub use explain::{NamedViolation, RowNames, explain};
 
 use nalgebra::{DMatrix, DVector};
 

@@ -101,6 +101,15 @@ fn standing_and_walking_allocate_what_the_solver_does() {
 }
 
 #[test]
+fn every_level_of_a_hierarchy_allocates_what_its_solver_does() {
+    let s3 = hyq_with(&[("stack.formula", controller::stack::S3)]);
+    for (tick, wbc, n) in counted(s3, 300, |_| ()) {
+        assert_eq!((wbc.status, wbc.n_levels), (WbcSolution::STATUS_SOLVED, 3));
+        assert_eq!(n, 3 * PER_SOLVE, "allocations in tick {}, mode {}", tick.tick, tick.mode);
+    }
+}
+
+#[test]
 fn the_safe_state_allocates_nothing() {
     let ticks = counted(hyq(), 1100, |puppet| {
         if puppet.input.tick >= WARM_UP {

@@ -78,6 +78,20 @@ fn poisoned_scratch_changes_nothing() {
 }
 
 #[test]
+fn poisoned_scratch_changes_nothing_in_a_hierarchy_either() {
+    let s3 = || hyq_with(&[("stack.formula", controller::stack::S3)]);
+    let run = run_with_puppet(&mut s3(), SEED, 300);
+    let (mut controller, mut out) = (s3(), Outbox::new());
+    let mut outputs = Vec::new();
+    for input in &run.inputs {
+        controller.poison_workspace();
+        controller.step(input, &mut out);
+        outputs.push(messages(&out));
+    }
+    assert_eq!(first_difference(&run.outputs, &outputs), None);
+}
+
+#[test]
 fn a_run_restarted_from_any_of_its_snapshots_is_the_same_run() {
     let run = recorded();
     let mut restarts = 0;

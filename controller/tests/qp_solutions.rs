@@ -37,7 +37,7 @@ struct Solved {
 fn programs(tolerance: &str) -> Vec<Solved> {
     let params = Params::from_toml(&params_with(&[("wbc.tolerance", tolerance)]), "hyq.toml").unwrap();
     let robot = Robot::new(URDF, &params.robot).unwrap();
-    let (mut estimate, mut wbc) = (Estimate::new(&robot), Wbc::new(&robot, &params));
+    let (mut estimate, mut wbc) = (Estimate::new(&robot), Wbc::new(&robot, &params).unwrap());
     let mut references = References::new(&robot);
     let mut rng = Rng(20);
     let stances: [&[Leg]; 4] = [&Leg::ALL, &[Leg::LF, Leg::RH], &[Leg::RF, Leg::LH, Leg::RH], &[Leg::RF, Leg::LH]];
@@ -65,7 +65,7 @@ fn programs(tolerance: &str) -> Vec<Solved> {
         wbc.build(&robot, &params, &input.state, &estimate, &trunk, &references, &state);
         wbc.solve(&estimate, &state);
         assert_eq!(wbc.info.status, QpStatus::Solved, "program {k}");
-        solved.push(Solved { qp: wbc.qp.clone(), x: wbc.x.clone(), n_active: wbc.info.n_active });
+        solved.push(Solved { qp: wbc.stack.levels[0].qp.clone(), x: wbc.x.clone(), n_active: wbc.info.n_active });
     }
     solved
 }

@@ -126,7 +126,7 @@ impl Stand {
         references.qd_des.fill(0.0);
         let (input, mut state) = (standing(robot), State::new(robot.nj()));
         state.q_des.clone_from(&robot.q_nominal);
-        let (estimate, wbc) = (Estimate::new(robot), Wbc::new(robot, &params));
+        let (estimate, wbc) = (Estimate::new(robot), Wbc::new(robot, &params).unwrap());
         Stand { params, input, estimate, references, state, wbc }
     }
 

@@ -1,11 +1,13 @@
 //! The range of every parameter: what gets past here can reach a `clamp`, a count or the quadratic program.
 
 use super::{Params, ParamsError, RobotConfig};
+use crate::stack::Formula;
 
 impl Params {
     /// # Errors
     /// The first value out of its range, by its key.
     pub(super) fn check(&self) -> Result<(), ParamsError> {
+        Formula::parse(&self.stack.formula)?;
         let positive = [
             ("robot.foot_radius", self.robot.foot_radius),
             ("gait.trot.swing_frequency", self.gait.trot.swing_frequency),
@@ -16,9 +18,6 @@ impl Params {
             ("swing.clik_gain", self.swing.clik_gain),
             ("contact.threshold", self.contact.threshold),
             ("posture.blend_time_constant", self.posture.blend_time_constant),
-            ("wbc.weight_contact", self.wbc.weight_contact),
-            ("wbc.weight_trunk", self.wbc.weight_trunk),
-            ("wbc.weight_posture", self.wbc.weight_posture),
             ("wbc.regularization", self.wbc.regularization),
             ("wbc.friction", self.wbc.friction),
             ("wbc.f_xy_max", self.wbc.f_xy_max),

@@ -5,7 +5,7 @@
 //!
 //! A tick, in the order of [`Quadruped::step_probed`]: [`safety`] checks the input, [`estimation`] finds base, dynamics and
 //! contacts, [`gait`] moves the legs' state machines, [`mod@reference`] plans footholds and joint references, [`wbc`] builds and solves
-//! the quadratic program, [`wire`] writes the messages.
+//! the quadratic programs of the stack of [`tasks`], [`wire`] writes the messages.
 
 pub mod estimation;
 pub mod foothold;
@@ -16,12 +16,14 @@ pub mod robot;
 pub mod safety;
 pub mod state;
 pub mod swing;
+pub mod tasks;
 pub mod wbc;
 pub mod wire;
 
 use crate::digest::Digest;
 use crate::math::{Rx, Ry, Rz, low_pass, ramp, wrap_angle};
 use crate::params::Params;
+use crate::qp::NamedViolation;
 use crate::{Controller, LoadError, Outbox, Probe, RestoreError, Stage};
 use estimation::Estimate;
 use gait::{Transitions, Wish};
@@ -62,14 +64,14 @@ struct Scratch {
 }
 
 impl Scratch {
-    fn new(robot: &Robot, params: &Params) -> Self {
+    fn new(robot: &Robot, params: &Params) -> Result<Self, LoadError> {
         let nan = f64::NAN;
-        Scratch {
+        Ok(Scratch {
             estimate: Estimate::new(robot),
             references: References::new(robot),
-            wbc: Wbc::new(robot, params),
+            wbc: Wbc::new(robot, params)?,
             trunk: TrunkReference { R_WB: nalgebra::Matrix3::from_element(nan), w_WB_W: Vector3::from_element(nan) },
-        }
+        })
     }
 }
 
@@ -86,8 +88,8 @@ impl Quadruped {
         let params = Params::from_toml(params, "parameters")?;
         let robot = Robot::new(urdf, &params.robot)?;
         let state = State::new(robot.nj());
-        let scratch = Scratch::new(&robot, &params);
-        let messages = Messages::new(&robot);
+        let scratch = Scratch::new(&robot, &params)?;
+        let messages = Messages::new(&robot, &scratch.wbc);
         Ok(Quadruped { params, robot, state, scratch, messages })
     }
 
@@ -99,6 +101,12 @@ impl Quadruped {
     /// The robot.
     pub fn robot(&self) -> &Robot {
         &self.robot
+    }
+
+    /// Which constraints contradicted each other in the last tick that solved, by name, and on which level of the stack, from 0; `None` if it
+    /// found all its solutions. To ask this of a log, replay it to the tick of the failure first. Not for use in a tick.
+    pub fn explain(&self) -> Option<(usize, Vec<NamedViolation>)> {
+        self.scratch.wbc.explain(&self.robot)
     }
 
     /// One tick in operation. Digests and messages of all its stages; gives the fault that ends it, if any.
@@ -239,8 +247,8 @@ impl Controller for Quadruped {
     }
 
     fn poison_workspace(&mut self) {
-        self.scratch = Scratch::new(&self.robot, &self.params);
-        self.messages = Messages::new(&self.robot);
+        self.scratch = Scratch::new(&self.robot, &self.params).expect("the same was built before");
+        self.messages = Messages::new(&self.robot, &self.scratch.wbc);
     }
 }
 
@@ -388,23 +396,29 @@ fn digest_gait(references: &References, state: &State) -> i64 {
 
 fn digest_tasks(wbc: &Wbc) -> i64 {
     let mut d = Digest::default();
-    for matrix in [&wbc.qp.H, &wbc.qp.A, &wbc.qp.C] {
-        d.dmat(matrix);
+    for level in &wbc.stack.levels {
+        for matrix in [&level.qp.H, &level.qp.A, &level.qp.C] {
+            d.dmat(matrix);
+        }
+        for vector in [&level.qp.g, &level.qp.b, &level.qp.d, &level.qp.lower, &level.qp.upper] {
+            d.dvec(vector);
+        }
     }
-    for vector in [&wbc.qp.g, &wbc.qp.b, &wbc.qp.d, &wbc.qp.lower, &wbc.qp.upper] {
-        d.dvec(vector);
-    }
-    d.vec3(&wbc.e_o_W);
-    d.vec3(&wbc.wd_trunk);
-    d.dvec(&wbc.qdd_posture);
+    d.vec3(&wbc.tasks.e_o_W);
+    d.vec3(&wbc.tasks.wd_trunk);
+    d.dvec(&wbc.tasks.qdd_posture);
     d.finish()
 }
 
 fn digest_qp(wbc: &Wbc) -> i64 {
     let mut d = Digest::default();
-    d.word(wbc.info.status as u64);
-    d.word(u64::from(wbc.info.iterations));
-    d.dvec(&wbc.x);
+    for level in &wbc.stack.levels {
+        if let Some(info) = level.info {
+            d.word(info.status as u64);
+            d.word(u64::from(info.iterations));
+        }
+        d.dvec(&level.x);
+    }
     d.dvec(&wbc.tau);
     d.finish()
 }

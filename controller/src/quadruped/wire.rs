@@ -10,6 +10,7 @@ use super::wbc::{TrunkReference, Wbc};
 use crate::math::rpy_of;
 use crate::params::Params;
 use crate::qp::QpStatus;
+use crate::stack::Level;
 use lcmtypes::{BaseTracking, ContactEstimate, ControllerTick, LegState, QuadrupedState, RobotCommand, WbcSolution};
 
 /// The messages of a tick, kept from tick to tick so that their arrays are not allocated anew.
@@ -33,8 +34,8 @@ pub struct Messages {
 
 impl Messages {
     /// Messages with arrays of the robot's sizes.
-    pub fn new(robot: &Robot) -> Self {
-        let (nj, nv) = (robot.nj(), robot.model.nv());
+    pub fn new(robot: &Robot, wbc: &Wbc) -> Self {
+        let (nj, nv, n_levels) = (robot.nj(), robot.model.nv(), wbc.stack.levels.len());
         let mut m = Messages::default();
         for array in
             [&mut m.command.tau, &mut m.command.q_des, &mut m.command.qd_des, &mut m.command.kp, &mut m.command.kd]
@@ -43,6 +44,8 @@ impl Messages {
         }
         m.command.nj = i32::try_from(nj).expect("robots have fewer than 2^31 joints");
         m.wbc.vd.resize(nv, 0.0);
+        m.wbc.level_status.resize(n_levels, WbcSolution::STATUS_NOT_RUN);
+        m.wbc.n_levels = i32::try_from(n_levels).expect("a formula has fewer than 2^31 levels");
         m.wbc.nv = i32::try_from(nv).expect("robots have fewer than 2^31 joints");
         State::new(nj).write(&mut m.snapshot);
         m
@@ -64,7 +67,7 @@ impl Messages {
         m.rpy_est = estimate.base.rpy;
         m.w_WB_W_des = trunk.w_WB_W.into();
         m.w_WB_W_est = estimate.base.w_WB_W.into();
-        m.e_o_W = wbc.e_o_W.into();
+        m.e_o_W = wbc.tasks.e_o_W.into();
         m.height_des = robot.nominal_height + state.height_offset;
         m.height_est = state.height;
         m.v_H_des = state.v_H_des;
@@ -97,22 +100,25 @@ impl Messages {
     pub fn wbc(&mut self, estimate: &Estimate, wbc: &Wbc, state: &State, n_clamped: i32) {
         let m = &mut self.wbc;
         (m.t_ns, m.tick) = (state.t_ns, state.tick);
-        m.status = match wbc.info.status {
-            QpStatus::Solved => WbcSolution::STATUS_SOLVED,
-            QpStatus::AlmostSolved => WbcSolution::STATUS_ALMOST_SOLVED,
-            QpStatus::Failed => WbcSolution::STATUS_FAILED,
-            QpStatus::Infeasible => WbcSolution::STATUS_INFEASIBLE,
-        };
+        m.status = status(wbc.info.status);
         let count = |n: usize| i32::try_from(n).unwrap_or(i32::MAX);
         m.iterations = i32::try_from(wbc.info.iterations).unwrap_or(i32::MAX);
-        m.n_var = count(wbc.qp.n());
-        m.n_eq = count(wbc.qp.b.len());
-        let bounds = wbc.qp.lower.iter().chain(wbc.qp.upper.iter()).filter(|b| b.is_finite()).count();
-        m.n_ineq = count(wbc.qp.d.len() + bounds);
+        let last = &wbc.stack.levels[wbc.stack.levels.len() - 1].qp;
+        m.n_var = count(last.n());
+        m.n_eq = count(last.b.len());
+        let bounds = last.lower.iter().chain(last.upper.iter()).filter(|b| b.is_finite()).count();
+        m.n_ineq = count(last.d.len() + bounds);
         m.n_active = count(wbc.info.n_active);
+        m.level = wbc.stack.levels.iter().rposition(Level::solved).map_or(-1, count);
+        for (to, level) in m.level_status.iter_mut().zip(&wbc.stack.levels) {
+            *to = level.info.map_or(WbcSolution::STATUS_NOT_RUN, |info| status(info.status));
+        }
         m.n_clamped = n_clamped;
-        (m.residual, m.base_residual) =
-            if wbc.solved() { (wbc.residuals(estimate, state), wbc.base_residual()) } else { ([0.0; 3], 0.0) };
+        (m.residual, m.base_residual) = if wbc.solved() {
+            (wbc.tasks.residuals(&wbc.vd, estimate, state), wbc.base_residual())
+        } else {
+            ([0.0; 3], 0.0)
+        };
         m.vd.copy_from_slice(wbc.vd.as_slice());
         m.f_F_W = wbc.f_F_W.0.map(Into::into);
     }
@@ -126,7 +132,8 @@ impl Messages {
         let m = &mut self.wbc;
         (m.t_ns, m.tick, m.status) = (t_ns, tick, WbcSolution::STATUS_NOT_RUN);
         (m.iterations, m.n_active, m.n_clamped) = (0, 0, 0);
-        (m.n_var, m.n_eq, m.n_ineq) = (0, 0, 0);
+        (m.n_var, m.n_eq, m.n_ineq, m.level) = (0, 0, 0, -1);
+        m.level_status.fill(WbcSolution::STATUS_NOT_RUN);
         (m.residual, m.base_residual, m.f_F_W) = ([0.0; 3], 0.0, [[0.0; 3]; 4]);
         m.vd.fill(0.0);
     }
@@ -149,5 +156,14 @@ impl Messages {
         }
         m.kp.fill(0.0);
         m.kd.fill(if m.mode == RobotCommand::MODE_DAMPING { params.safety.damping } else { 0.0 });
+    }
+}
+
+fn status(status: QpStatus) -> i8 {
+    match status {
+        QpStatus::Solved => WbcSolution::STATUS_SOLVED,
+        QpStatus::AlmostSolved => WbcSolution::STATUS_ALMOST_SOLVED,
+        QpStatus::Failed => WbcSolution::STATUS_FAILED,
+        QpStatus::Infeasible => WbcSolution::STATUS_INFEASIBLE,
     }
 }

@@ -1,0 +1,202 @@
+//! The tasks of the quadruped: what fills the rows of its stack in every tick.
+//!
+//! | task    | rows | of                                                                     |
+//! |---------|------|------------------------------------------------------------------------|
+//! | contact | 12   | acceleration of the contact points, x y z of LF RF LH RH, in W         |
+//! | trunk   | 3    | angular acceleration of the base about x y z, in W                     |
+//! | posture | nj   | joint accelerations, in URDF order                                     |
+//! | others  | 6    | those of `[stack.tasks]`: [`crate::stack::CartesianConfig`]            |
+
+use super::estimation::Estimate;
+use super::leg::{Leg, PerLeg};
+use super::reference::References;
+use super::robot::Robot;
+use super::state::State;
+use super::wbc::{TrunkReference, carries};
+use crate::LoadError;
+use crate::math::log;
+use crate::model::{BaseState, Kinematics};
+use crate::params::{Params, PostureParams};
+use crate::stack::{Cartesian, Formula, Rows, StackError, TaskConfig, TaskTerm, Term, is_name};
+use lcmtypes::RobotState;
+use nalgebra::{DVector, Matrix3, Vector3};
+
+const BUILT_IN: [&str; 3] = ["contact", "trunk", "posture"];
+const CONTACT: usize = 0;
+const TRUNK: usize = 1;
+const POSTURE: usize = 2;
+
+/// The tasks, their rows in a tick, and what the built-in ones ask for.
+pub struct Tasks {
+    /// Rows of contact, trunk, posture, then of one's own tasks in the order of their names.
+    pub rows: Vec<Rows>,
+    /// Orientation error, rotation vector in W, rad.
+    pub e_o_W: Vector3<f64>,
+    /// Right side of the postural task, nj, rad/s².
+    pub qdd_posture: DVector<f64>,
+    /// Right side of the trunk task, rad/s².
+    pub wd_trunk: Vector3<f64>,
+    names: Vec<String>,
+    cartesian: Vec<Cartesian>,
+}
+
+impl Tasks {
+    /// # Errors
+    /// Tasks in the parameters with a name that cannot be, links the robot does not have, gains out of range.
+    pub fn new(robot: &Robot, params: &Params) -> Result<Self, LoadError> {
+        let (model, nv, nj) = (&robot.model, robot.model.nv(), robot.nj());
+        let of_foot = |leg: &super::robot::LegModel| {
+            let mut cols: Vec<usize> = (0..6).chain(leg.joints.map(|j| 6 + j)).collect();
+            cols.sort_unstable();
+            (3, cols)
+        };
+        let contact = Rows::new(nv, robot.legs.0.iter().map(of_foot));
+        let mut rows = vec![contact, Rows::selection(nv, 3..6), Rows::selection(nv, 6..nv)];
+        let mut names: Vec<String> = BUILT_IN.map(str::to_owned).to_vec();
+        let mut home = Kinematics::new(model);
+        home.update(model, &BaseState::identity(), &robot.q_nominal, &vec![0.0; nj]);
+        let mut cartesian = Vec::new();
+        for (name, config) in &params.stack.tasks {
+            let wrong = |what| StackError::TaskName { task: name.clone(), what };
+            if BUILT_IN.contains(&name.as_str()) {
+                return Err(wrong("this name is that of a built-in task").into());
+            }
+            if !is_name(name) {
+                return Err(wrong("a formula spells names with letters, digits and _ only, no digit first").into());
+            }
+            let TaskConfig::Cartesian(config) = config;
+            cartesian.push(Cartesian::new(name, config, model, &home)?);
+            rows.push(Cartesian::rows(model));
+            names.push(name.clone());
+        }
+        let nan = Vector3::from_element(f64::NAN);
+        let qdd_posture = DVector::from_element(nj, f64::NAN);
+        Ok(Tasks { rows, e_o_W: nan, qdd_posture, wd_trunk: nan, names, cartesian })
+    }
+
+    /// The levels of a formula, in terms of [`Tasks::rows`].
+    ///
+    /// # Errors
+    /// Tasks that there are not, rows that they do not have.
+    pub fn levels(&self, formula: &Formula) -> Result<Vec<Vec<Term>>, StackError> {
+        let term = |term: &TaskTerm| {
+            let TaskTerm { task, weight, rows, column } = term;
+            let Some(place) = self.names.iter().position(|name| name == task) else {
+                let (task, known) = (task.clone(), self.names.join(", "));
+                return Err(StackError::UnknownTask { column: *column, task, known });
+            };
+            let n = self.rows[place].len();
+            let mut takes = vec![rows.is_none(); n];
+            for &row in rows.iter().flatten() {
+                let outside = || StackError::RowOutside { column: *column, task: task.clone(), row, last: n - 1 };
+                *takes.get_mut(row).ok_or_else(outside)? = true;
+            }
+            Ok(Term { task: place, weight: *weight, takes })
+        };
+        formula.levels.iter().map(|level| level.iter().map(term).collect()).collect()
+    }
+
+    /// Rows of a task, by its name.
+    pub fn len_of(&self, task: &str) -> usize {
+        self.names.iter().zip(&self.rows).find(|(name, _)| *name == task).map_or(0, |(_, rows)| rows.len())
+    }
+
+    /// Fills all rows.
+    pub fn update(
+        &mut self,
+        robot: &Robot,
+        params: &Params,
+        measured: &RobotState,
+        estimate: &Estimate,
+        trunk: &TrunkReference,
+        references: &References,
+        state: &State,
+    ) {
+        self.contact(estimate, state);
+        self.trunk(params, estimate, trunk);
+        self.posture(robot, params, measured, estimate, references, state);
+        for (task, rows) in self.cartesian.iter_mut().zip(&mut self.rows[BUILT_IN.len()..]) {
+            task.fill(&robot.model, &estimate.kin, &estimate.M, state.yaw_des, rows);
+        }
+    }
+
+    /// Norms of what `vd` leaves of the built-in tasks: contact (m/s²), trunk (rad/s²), posture (rad/s²).
+    pub fn residuals(&self, vd: &DVector<f64>, estimate: &Estimate, state: &State) -> [f64; 3] {
+        let nv = vd.len();
+        let mut contact = 0.0;
+        for leg in Leg::ALL {
+            if carries(state, leg) {
+                let of_leg = &estimate.legs[leg];
+                let mut a = of_leg.a_bias_W;
+                for col in 0..nv {
+                    a += of_leg.J.fixed_view::<3, 1>(0, col) * vd[col];
+                }
+                contact += a.dot(&a);
+            }
+        }
+        let trunk = vd.fixed_rows::<3>(3) - self.wd_trunk;
+        let mut posture = 0.0;
+        for j in 0..nv - 6 {
+            let e = vd[6 + j] - self.qdd_posture[j];
+            posture += e * e;
+        }
+        [contact.sqrt(), trunk.dot(&trunk).sqrt(), posture.sqrt()]
+    }
+
+    /// `J vd = -a_bias` for every foot that carries load: no acceleration of the contact point, no feedback. Source: eq. (7).
+    fn contact(&mut self, estimate: &Estimate, state: &State) {
+        let rows = &mut self.rows[CONTACT];
+        for leg in Leg::ALL {
+            rows.switch(leg as usize, carries(state, leg));
+            if carries(state, leg) {
+                let at = 3 * leg as usize;
+                rows.A.rows_mut(at, 3).copy_from(&estimate.legs[leg].J);
+                for k in 0..3 {
+                    rows.b[at + k] = -estimate.legs[leg].a_bias_W[k];
+                }
+            }
+        }
+    }
+
+    /// `wd = K_P e_o + K_D (w_des - w)`, e_o = log(R_des Rᵀ). Source: eq. (8), error and feedback both in W axes.
+    fn trunk(&mut self, params: &Params, estimate: &Estimate, trunk: &TrunkReference) {
+        self.e_o_W = log(&(trunk.R_WB * estimate.base.R_WB.transpose()));
+        let e_w = trunk.w_WB_W - estimate.base.w_WB_W;
+        for k in 0..3 {
+            self.wd_trunk[k] = params.trunk.kp[k] * self.e_o_W[k] + params.trunk.kd[k] * e_w[k];
+            self.rows[TRUNK].b[k] = self.wd_trunk[k];
+        }
+    }
+
+    /// `qdd = K_P (q_des - q) + K_D (qd_des - qd)`, premultiplied by the leg's inverse inertia if asked. Source: eq. (9), appendix A.
+    fn posture(
+        &mut self,
+        robot: &Robot,
+        params: &Params,
+        measured: &RobotState,
+        estimate: &Estimate,
+        references: &References,
+        state: &State,
+    ) {
+        for (leg, stance) in PerLeg(state.leg_phase.0.map(|phase| phase.is_stance())).iter() {
+            let joints = robot.legs[leg].joints;
+            let PostureParams { swing_kp, swing_kd, swing_inertia, stance_kp, stance_kd, stance_inertia, .. } =
+                &params.posture;
+            let (kp, kd, inertia) =
+                if *stance { (stance_kp, stance_kd, stance_inertia) } else { (swing_kp, swing_kd, swing_inertia) };
+            let mut u = Vector3::zeros();
+            for k in 0..3 {
+                let j = joints[k];
+                u[k] = kp[k] * (state.q_des[j] - measured.q[j]) + kd[k] * (references.qd_des[j] - measured.qd[j]);
+            }
+            if *inertia {
+                let M_leg = Matrix3::from_fn(|r, c| estimate.M[(6 + joints[r], 6 + joints[c])]);
+                u = M_leg.try_inverse().map_or(Vector3::zeros(), |inverse| inverse * u);
+            }
+            for k in 0..3 {
+                self.qdd_posture[joints[k]] = u[k];
+                self.rows[POSTURE].b[joints[k]] = u[k];
+            }
+        }
+    }
+}

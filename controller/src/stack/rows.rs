@@ -1,0 +1,117 @@
+//! The rows of a task: memory that is written anew in every tick.
+
+use nalgebra::{DMatrix, DVector};
+use std::ops::Range;
+
+/// What a task says in a tick: `A vd = b`, in rows that come and go in blocks (the contact of a foot, say).
+///
+/// Switched-off blocks keep their place, and their rows are 0.
+#[derive(Clone, Debug)]
+pub struct Rows {
+    /// Left side, rows x nv.
+    pub A: DMatrix<f64>,
+    /// Right side, m/s² or rad/s².
+    pub b: DVector<f64>,
+    blocks: Vec<Block>,
+}
+
+#[derive(Clone, Debug)]
+struct Block {
+    rows: Range<usize>,
+    cols: Vec<usize>,
+    on: bool,
+}
+
+impl Rows {
+    /// Blocks given by their number of rows and the columns in which these may have numbers.
+    pub fn new(nv: usize, blocks: impl IntoIterator<Item = (usize, Vec<usize>)>) -> Self {
+        let mut placed = Vec::new();
+        let mut n = 0;
+        for (rows, cols) in blocks {
+            placed.push(Block { rows: n..n + rows, cols, on: false });
+            n += rows;
+        }
+        Rows { A: DMatrix::zeros(n, nv), b: DVector::zeros(n), blocks: placed }
+    }
+
+    /// Rows that each hold one variable: `vd[col] = b`.
+    pub fn selection(nv: usize, cols: impl IntoIterator<Item = usize>) -> Self {
+        let cols: Vec<usize> = cols.into_iter().collect();
+        let mut rows = Rows::new(nv, cols.iter().map(|&col| (1, vec![col])));
+        for (row, col) in cols.into_iter().enumerate() {
+            rows.A[(row, col)] = 1.0;
+            rows.blocks[row].on = true;
+        }
+        rows
+    }
+
+    /// Number of rows.
+    pub fn len(&self) -> usize {
+        self.b.len()
+    }
+
+    /// Whether it has none.
+    pub fn is_empty(&self) -> bool {
+        self.b.is_empty()
+    }
+
+    /// Switches a block on, to be written next, or off, which zeroes its rows.
+    pub fn switch(&mut self, block: usize, on: bool) {
+        let Block { rows, on: was, .. } = &mut self.blocks[block];
+        *was = on;
+        if !on {
+            self.A.rows_mut(rows.start, rows.len()).fill(0.0);
+            self.b.rows_mut(rows.start, rows.len()).fill(0.0);
+        }
+    }
+
+    /// Adds `weight |A vd - b|²` over the rows that `takes` to the upper triangle of a Hessian and to a gradient, halved.
+    ///
+    /// Products are summed over the rows of a block first, then weighted, then added.
+    pub(super) fn accumulate(&self, weight: f64, takes: &[bool], H: &mut DMatrix<f64>, g: &mut DVector<f64>) {
+        for block in self.blocks.iter().filter(|block| block.on) {
+            let taken = || block.rows.clone().filter(|&row| takes[row]);
+            for &j in &block.cols {
+                for &i in block.cols.iter().filter(|&&i| i <= j) {
+                    H[(i, j)] += weight * taken().fold(0.0, |sum, row| sum + self.A[(row, i)] * self.A[(row, j)]);
+                }
+                g[j] -= weight * taken().fold(0.0, |sum, row| sum + self.A[(row, j)] * self.b[row]);
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_normal_equations_of_the_rows_that_are_taken() {
+        let mut rows = Rows::new(3, [(2, vec![0, 2]), (1, vec![1])]);
+        rows.switch(0, true);
+        rows.A.row_mut(0).copy_from_slice(&[1.0, 0.0, 2.0]);
+        rows.A.row_mut(1).copy_from_slice(&[3.0, 0.0, -1.0]);
+        rows.b.copy_from_slice(&[4.0, 5.0, 6.0]);
+        let normal = |takes: [bool; 3]| {
+            let (mut H, mut g) = (DMatrix::zeros(3, 3), DVector::zeros(3));
+            rows.accumulate(2.0, &takes, &mut H, &mut g);
+            (H, g)
+        };
+        let (H, g) = normal([true; 3]);
+        assert_eq!(H, DMatrix::from_row_slice(3, 3, &[20.0, 0.0, -2.0, 0.0, 0.0, 0.0, 0.0, 0.0, 10.0]));
+        assert_eq!(g, DVector::from_row_slice(&[-38.0, 0.0, -6.0]));
+        let (H, g) = normal([true, false, true]);
+        assert_eq!((H[(0, 0)], H[(0, 2)], H[(2, 2)], g[0], g[2]), (2.0, 4.0, 8.0, -8.0, -16.0));
+    }
+
+    #[test]
+    fn a_block_that_is_off_says_nothing() {
+        let mut rows = Rows::selection(2, [1, 0]);
+        rows.b.fill(3.0);
+        rows.switch(1, false);
+        let (mut H, mut g) = (DMatrix::zeros(2, 2), DVector::zeros(2));
+        rows.accumulate(1.0, &[true; 2], &mut H, &mut g);
+        assert_eq!((H[(0, 0)], H[(1, 1)], g[0], g[1]), (0.0, 1.0, 0.0, -3.0));
+        assert_eq!((rows.b[1], rows.A[(1, 0)]), (0.0, 0.0));
+    }
+}
