@@ -65,6 +65,11 @@ pub struct Row {
 }
 
 impl Row {
+    /// A figure that must be at most the published one.
+    pub fn at_most(name: impl Into<String>, published: f64, measured: f64, unit: &'static str) -> Self {
+        Row { name: name.into(), published: Some(published), measured, unit, pass: Some(measured <= published) }
+    }
+
     /// A figure with a limit of our own, where the source prints none.
     pub fn limited(name: impl Into<String>, measured: f64, unit: &'static str, pass: bool) -> Self {
         Row { name: name.into(), published: None, measured, unit, pass: Some(pass) }

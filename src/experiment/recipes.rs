@@ -6,6 +6,12 @@ use super::{Experiment, Row};
 /// Every experiment that can be run.
 pub const ALL: &[Experiment] = &[
     Experiment {
+        id: "A1",
+        title: "time of a tick under the weighted stack S1 and the hierarchical S3",
+        published: "S1 830 us, S3 1180 us, with qpOASES on an i5 of 3.1 GHz",
+        run: solve_time,
+    },
+    Experiment {
         id: "A3",
         title: "rough terrain of 2 to 4 cm, blind, omnidirectional, 20 s a seed",
         published: "no number: \"ruins and cobble-stones\", step height 0.1 m",
@@ -18,6 +24,23 @@ pub const ALL: &[Experiment] = &[
         run: touchdown,
     },
 ];
+
+/// Mean time to build and solve, both stacks on the same scenario.
+fn solve_time(bench: &Bench) -> anyhow::Result<Vec<Row>> {
+    let mut rows = Vec::new();
+    for (stack, formula, published) in [("S1", controller::stack::S1, 830.0), ("S3", controller::stack::S3, 1180.0)] {
+        let sample = bench.one("flat_trot", &[format!("stack.formula={formula}")])?;
+        let Some(timing) = sample.metrics.timing else { continue };
+        let stages = timing.stages.iter().filter(|stage| ["tasks", "QP"].contains(&stage.stage));
+        let mean_us = stages.filter_map(|stage| stage.us).fold(0.0, |sum, us| sum + us.mean);
+        rows.push(Row::at_most(format!("{stack}: build and solve, mean"), published, mean_us, "us"));
+        if let Some(tick) = timing.tick_us {
+            rows.push(Row::noted(format!("{stack}: whole tick, median"), tick.p50, "us"));
+            rows.push(Row::noted(format!("{stack}: whole tick, p99.9"), tick.p999, "us"));
+        }
+    }
+    Ok(rows)
+}
 
 /// No fall with any seed, and the speed that was asked for.
 fn rough_terrain(bench: &Bench) -> anyhow::Result<Vec<Row>> {
