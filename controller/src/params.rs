@@ -155,13 +155,31 @@ pub struct GaitTiming {
     pub swing_frequency: f64,
     /// Phase of the stride at which each leg lifts off, LF RF LH RH.
     pub lift_off_phase: [f64; 4],
+    /// How far the zero-moment point goes from the centre towards the foot opposite to a swinging one, as a part of half their distance.
+    #[serde(default)]
+    pub sway: f64,
+    /// Least vertical force of the foot opposite to one that swings or unloads, as a part of the weight.
+    #[serde(default)]
+    pub residual_load: f64,
 }
 
 impl Default for GaitParams {
     fn default() -> Self {
         GaitParams {
-            trot: GaitTiming { duty: 0.55, swing_frequency: 2.0, lift_off_phase: [0.0, 0.5, 0.5, 0.0] },
-            crawl: GaitTiming { duty: 0.80, swing_frequency: 2.0, lift_off_phase: [0.0, 0.5, 0.75, 0.25] },
+            trot: GaitTiming {
+                duty: 0.55,
+                swing_frequency: 2.0,
+                lift_off_phase: [0.0, 0.5, 0.5, 0.0],
+                sway: 0.0,
+                residual_load: 0.0,
+            },
+            crawl: GaitTiming {
+                duty: 0.80,
+                swing_frequency: 2.0,
+                lift_off_phase: [0.0, 0.5, 0.75, 0.25],
+                sway: 0.15,
+                residual_load: 0.05,
+            },
         }
     }
 }
@@ -174,6 +192,8 @@ pub struct FootholdParams {
     pub max_step_length: f64,
     /// Time constant of the velocity command's filter, s.
     pub command_time_constant: f64,
+    /// Fastest change of the commanded velocity, m/s².
+    pub max_acceleration: f64,
     /// Largest commanded speed, m/s.
     pub max_speed: f64,
     /// Largest commanded yaw rate, rad/s.
@@ -187,6 +207,7 @@ impl Default for FootholdParams {
         FootholdParams {
             max_step_length: 0.3,
             command_time_constant: 0.1,
+            max_acceleration: 0.5,
             max_speed: 0.6,
             max_yaw_rate: 0.8,
             freeze_fraction: 0.2,
@@ -388,6 +409,7 @@ impl Params {
             ("gait.crawl.swing_frequency", self.gait.crawl.swing_frequency),
             ("foothold.max_step_length", self.foothold.max_step_length),
             ("foothold.command_time_constant", self.foothold.command_time_constant),
+            ("foothold.max_acceleration", self.foothold.max_acceleration),
             ("swing.height", self.swing.height),
             ("swing.clik_gain", self.swing.clik_gain),
             ("contact.threshold", self.contact.threshold),
@@ -448,6 +470,15 @@ impl Params {
             ("gait.crawl.lift_off_phase", &gait.crawl.lift_off_phase),
         ] {
             within(key, found, "at least 0 and below 1", |x| (0.0..1.0).contains(&x))?;
+        }
+        for (key, found) in [("gait.trot.sway", gait.trot.sway), ("gait.crawl.sway", gait.crawl.sway)] {
+            within(key, &[found], "0 to 0.5", |x| (0.0..=0.5).contains(&x))?;
+        }
+        for (key, found) in [
+            ("gait.trot.residual_load", gait.trot.residual_load),
+            ("gait.crawl.residual_load", gait.crawl.residual_load),
+        ] {
+            within(key, &[found], "0 to 0.2", |x| (0.0..=0.2).contains(&x))?;
         }
         within("foothold.freeze_fraction", &[foothold.freeze_fraction], "0 to 1", |x| (0.0..=1.0).contains(&x))?;
         within("swing.reach_time", &[swing.reach_time], "0 to 0.5", |x| (0.0..=0.5).contains(&x))?;

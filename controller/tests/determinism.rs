@@ -194,7 +194,7 @@ fn mutant_every_field_of_the_state() {
     }
 }
 
-/// Standing, trotting, crawling, searching for the ground; with legs that count as stretched, with no foot down, without a QP solution, in
+/// Standing, trotting, crawling, searching for the ground; with legs that count as stretched, with no foot down, coming to stand, without a QP solution, in
 /// the safe state.
 fn situations() -> Vec<Situation> {
     const HORIZON: usize = 25;
@@ -221,6 +221,16 @@ fn situations() -> Vec<Situation> {
     let mut bytes = Vec::new();
     in_the_air.encode(&mut bytes).unwrap();
     situations.push(Situation { overrides: &[], snapshot: bytes, inputs: inputs.clone() });
+
+    let mut about_to_stop = QuadrupedState::decode(&snapshot).unwrap();
+    about_to_stop.leg_state = [LegState::STATE_STANCE; 4];
+    let mut bytes = Vec::new();
+    about_to_stop.encode(&mut bytes).unwrap();
+    let stand = |input: &ControllerInput| {
+        let op = OperatorCommand { mode: OperatorCommand::MODE_STAND, ..input.op.clone() };
+        ControllerInput { op, ..input.clone() }
+    };
+    situations.push(Situation { overrides: &[], snapshot: bytes, inputs: inputs.iter().map(stand).collect() });
 
     let overrides = &[("wbc.max_iterations", "1")];
     situations.push(Situation { overrides, snapshot: snapshot.clone(), inputs: inputs.clone() });

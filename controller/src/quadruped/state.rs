@@ -74,8 +74,13 @@ pub struct State {
     pub contact_count: PerLeg<i32>,
     pub f_F_W: PerLeg<Vector3<f64>>,
     pub p_lift_H: PerLeg<Vector3<f64>>,
+    pub p_stance_H: PerLeg<[f64; 2]>,
     pub step_length: PerLeg<f64>,
     pub step_heading: PerLeg<f64>,
+    pub sway_H: [f64; 2],
+    pub sway_rate_H: [f64; 2],
+    pub sway_rest_H: [f64; 2],
+    pub sway_rest_rate_H: [f64; 2],
     pub q_des: Vec<f64>,
     pub tau_last: Vec<f64>,
     pub yaw_des: f64,
@@ -107,8 +112,13 @@ impl State {
             contact_count: PerLeg::default(),
             f_F_W: PerLeg::default(),
             p_lift_H: PerLeg::default(),
+            p_stance_H: PerLeg::default(),
             step_length: PerLeg::default(),
             step_heading: PerLeg::default(),
+            sway_H: [0.0; 2],
+            sway_rate_H: [0.0; 2],
+            sway_rest_H: [0.0; 2],
+            sway_rest_rate_H: [0.0; 2],
             q_des: vec![0.0; nj],
             tau_last: vec![0.0; nj],
             yaw_des: 0.0,
@@ -139,8 +149,13 @@ impl State {
             contact_count,
             f_F_W,
             p_lift_H,
+            p_stance_H,
             step_length,
             step_heading,
+            sway_H,
+            sway_rate_H,
+            sway_rest_H,
+            sway_rest_rate_H,
             q_des,
             tau_last,
             yaw_des,
@@ -168,8 +183,13 @@ impl State {
         m.contact_count = contact_count.0;
         m.f_F_W = f_F_W.0.map(Into::into);
         m.p_lift_H = p_lift_H.0.map(Into::into);
+        m.p_stance_H = p_stance_H.0;
         m.step_length = step_length.0;
         m.step_heading = step_heading.0;
+        m.sway_H = *sway_H;
+        m.sway_rate_H = *sway_rate_H;
+        m.sway_rest_H = *sway_rest_H;
+        m.sway_rest_rate_H = *sway_rest_rate_H;
         m.nj = i32::try_from(q_des.len()).expect("robots have fewer than 2^31 joints");
         m.q_des.clone_from(q_des);
         m.tau_last.clone_from(tau_last);
@@ -190,12 +210,17 @@ impl State {
         if m.q_des.len() != nj {
             return Err(RestoreError::Joints { found: m.q_des.len(), expected: nj });
         }
-        let numbers: [(_, &[f64]); 14] = [
+        let numbers: [(_, &[f64]); 19] = [
             ("gait_clock", &[m.gait_clock]),
             ("f_F_W", m.f_F_W.as_flattened()),
             ("p_lift_H", m.p_lift_H.as_flattened()),
+            ("p_stance_H", m.p_stance_H.as_flattened()),
             ("step_length", &m.step_length),
             ("step_heading", &m.step_heading),
+            ("sway_H", &m.sway_H),
+            ("sway_rate_H", &m.sway_rate_H),
+            ("sway_rest_H", &m.sway_rest_H),
+            ("sway_rest_rate_H", &m.sway_rest_rate_H),
             ("q_des", &m.q_des),
             ("tau_last", &m.tau_last),
             ("yaw_des", &[m.yaw_des]),
@@ -235,8 +260,13 @@ impl State {
             contact_count: PerLeg(m.contact_count),
             f_F_W: PerLeg(m.f_F_W.map(Into::into)),
             p_lift_H: PerLeg(m.p_lift_H.map(Into::into)),
+            p_stance_H: PerLeg(m.p_stance_H),
             step_length: PerLeg(m.step_length),
             step_heading: PerLeg(m.step_heading),
+            sway_H: m.sway_H,
+            sway_rate_H: m.sway_rate_H,
+            sway_rest_H: m.sway_rest_H,
+            sway_rest_rate_H: m.sway_rest_rate_H,
             q_des: m.q_des.clone(),
             tau_last: m.tau_last.clone(),
             yaw_des: m.yaw_des,
