@@ -161,6 +161,13 @@ pub struct GaitTiming {
     /// Least vertical force of the foot opposite to one that swings or unloads, as a part of the weight.
     #[serde(default)]
     pub residual_load: f64,
+    /// Factor on the commanded velocity where legs are to carry it out, for a gait that goes slower than commanded.
+    #[serde(default = "one")]
+    pub velocity_gain: f64,
+}
+
+fn one() -> f64 {
+    1.0
 }
 
 impl Default for GaitParams {
@@ -172,6 +179,7 @@ impl Default for GaitParams {
                 lift_off_phase: [0.0, 0.5, 0.5, 0.0],
                 sway: 0.0,
                 residual_load: 0.0,
+                velocity_gain: 1.0,
             },
             crawl: GaitTiming {
                 duty: 0.80,
@@ -179,6 +187,7 @@ impl Default for GaitParams {
                 lift_off_phase: [0.0, 0.5, 0.75, 0.25],
                 sway: 0.15,
                 residual_load: 0.05,
+                velocity_gain: 1.0,
             },
         }
     }
@@ -239,6 +248,10 @@ impl Default for SwingParams {
 pub struct ContactParams {
     /// Normal force above which a foot touches, N.
     pub threshold: f64,
+    /// Normal force below which a foot that touches does so no more, N.
+    pub release: f64,
+    /// Take the acceleration of the swing reference into account. The source neglects it, and so a light robot's feet touch air.
+    pub inertia_compensation: bool,
     /// Samples in a row above the threshold before it counts.
     pub debounce: i32,
     /// Smallest |det J_leg| at which a force is computed, m³; below, the last one is kept.
@@ -247,7 +260,13 @@ pub struct ContactParams {
 
 impl Default for ContactParams {
     fn default() -> Self {
-        ContactParams { threshold: 50.0, debounce: 3, min_jacobian_det: 1e-4 }
+        ContactParams {
+            threshold: 50.0,
+            release: 25.0,
+            inertia_compensation: true,
+            debounce: 3,
+            min_jacobian_det: 1e-4,
+        }
     }
 }
 
@@ -407,6 +426,8 @@ impl Params {
             ("robot.foot_radius", self.robot.foot_radius),
             ("gait.trot.swing_frequency", self.gait.trot.swing_frequency),
             ("gait.crawl.swing_frequency", self.gait.crawl.swing_frequency),
+            ("gait.trot.velocity_gain", self.gait.trot.velocity_gain),
+            ("gait.crawl.velocity_gain", self.gait.crawl.velocity_gain),
             ("foothold.max_step_length", self.foothold.max_step_length),
             ("foothold.command_time_constant", self.foothold.command_time_constant),
             ("foothold.max_acceleration", self.foothold.max_acceleration),
@@ -433,7 +454,7 @@ impl Params {
         }
         let RobotConfig { sensors, posture, .. } = &self.robot;
         let Params { gait, foothold, swing, contact, trunk, posture: p, wbc, safety, .. } = self;
-        let not_negative: [(_, &[f64]); 21] = [
+        let not_negative: [(_, &[f64]); 22] = [
             ("robot.sensors.position", &[sensors.position]),
             ("robot.sensors.velocity", &[sensors.velocity]),
             ("robot.sensors.torque", &[sensors.torque]),
@@ -442,6 +463,7 @@ impl Params {
             ("robot.sensors.acceleration", &[sensors.acceleration]),
             ("foothold.max_speed", &[foothold.max_speed]),
             ("foothold.max_yaw_rate", &[foothold.max_yaw_rate]),
+            ("contact.release", &[contact.release]),
             ("contact.min_jacobian_det", &[contact.min_jacobian_det]),
             ("trunk.kp", &trunk.kp),
             ("trunk.kd", &trunk.kd),
@@ -489,6 +511,13 @@ impl Params {
         ] {
             let expected = if least > 0.0 { "at least 1" } else { "at least 0" };
             within(key, &[found], expected, |x| x >= least)?;
+        }
+        if contact.release > contact.threshold {
+            return Err(ParamsError::OutOfRange {
+                key: "contact.release",
+                found: contact.release,
+                expected: "at most contact.threshold",
+            });
         }
         if self.wbc.f_z_min >= self.wbc.f_z_max {
             return Err(ParamsError::OutOfRange {

@@ -222,6 +222,8 @@ impl Controller for Quadruped {
         }
         if matches!(self.state.mode, Mode::Idle | Mode::Damping) {
             self.state.tau_last.fill(0.0);
+            self.state.qd_des.fill(0.0);
+            self.state.qdd_des.fill(0.0);
             self.state.gait_running = false;
             self.messages.nothing_computed(&self.state);
         }
@@ -392,7 +394,8 @@ fn digest_gait(references: &References, state: &State) -> i64 {
         d.vec3(&references.foothold_H[leg]);
     }
     d.f64s(&state.q_des);
-    d.f64s(&references.qd_des);
+    d.f64s(&state.qd_des);
+    d.f64s(&state.qdd_des);
     d.finish()
 }
 

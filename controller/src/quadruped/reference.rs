@@ -92,7 +92,7 @@ impl References {
                     state.p_stance_H[leg] = [p_virtual.x, p_virtual.y];
                 }
                 let [x, y] = state.p_stance_H[leg];
-                let v = if halted { [0.0; 2] } else { velocity_at([x, y], robot, state) };
+                let v = if halted { [0.0; 2] } else { velocity_at([x, y], robot, params, state) };
                 state.p_stance_H[leg] = [x - v[0] * dt, y - v[1] * dt];
                 let [x, y] = state.p_stance_H[leg];
                 self.p_BF_H[leg] = Vector3::new(x - state.sway_H[0], y - state.sway_H[1], p_virtual.z);
@@ -102,7 +102,7 @@ impl References {
                 self.swing(robot, params, estimate, state, leg);
             }
         }
-        self.clik(robot, params, estimate, state, dt);
+        self.clik(robot, params, estimate, changes, state, dt);
     }
 
     fn swing(&mut self, robot: &Robot, params: &Params, estimate: &Estimate, state: &mut State, leg: Leg) {
@@ -116,7 +116,7 @@ impl References {
         p_virtual_H.y -= sway[1];
         if t < timing.T_sw * (1.0 - params.foothold.freeze_fraction) {
             let step = foothold::plan(&Query {
-                v_H: state.v_H_des,
+                v_H: sweep_velocity(robot, params, state),
                 yaw_rate: state.yaw_rate_des,
                 T_st: timing.T_st,
                 p_hip_H: R_HW * estimate.legs[leg].p_hip_W,
@@ -137,7 +137,15 @@ impl References {
         self.foothold_H[leg] = state.p_lift_H[leg] + R_HS * Vector3::new(length, 0.0, 0.0);
     }
 
-    fn clik(&mut self, robot: &Robot, params: &Params, estimate: &Estimate, state: &mut State, dt: f64) {
+    fn clik(
+        &mut self,
+        robot: &Robot,
+        params: &Params,
+        estimate: &Estimate,
+        changes: &Transitions,
+        state: &mut State,
+        dt: f64,
+    ) {
         let base = &estimate.base;
         let at_reference =
             BaseState { p_WB: Vector3::zeros(), R_WB: base.R_WB, v_WB: Vector3::zeros(), w_WB_W: Vector3::zeros() };
@@ -157,7 +165,8 @@ impl References {
             }
             let r_des_W = base.R_WH * self.p_BF_H[leg];
             let rd_des_W = turn_W.cross(&r_des_W) + base.R_WH * self.v_BF_H[leg];
-            let gain = if state.leg_phase[leg].is_stance() {
+            let stance = state.leg_phase[leg].is_stance();
+            let gain = if stance {
                 1.0 / params.posture.blend_time_constant.max(blend_in_stance)
             } else {
                 params.swing.clik_gain
@@ -168,7 +177,12 @@ impl References {
                 let limits = &robot.model.joints[joint];
                 let moved = (state.q_des[joint] + qd[k] * dt).clamp(limits.lower, limits.upper);
                 let free = moved > limits.lower && moved < limits.upper;
-                self.qd_des[joint] = if free { qd[k] } else { 0.0 };
+                let qd_des = if free { qd[k] } else { 0.0 };
+                // At the lift-off the reference jumps, from one of stance to one of swing.
+                let smooth = !stance && !changes.lift_off[leg] && dt > 0.0;
+                state.qdd_des[joint] = if smooth { (qd_des - state.qd_des[joint]) / dt } else { 0.0 };
+                state.qd_des[joint] = qd_des;
+                self.qd_des[joint] = qd_des;
                 state.q_des[joint] = moved;
             }
         }
@@ -209,17 +223,23 @@ fn stance_start(
         return [landed.x + state.sway_H[0], landed.y + state.sway_H[1]];
     }
     let T_st = Timing::of(state.gait, params).T_st;
-    let v = velocity_at([p_virtual.x, p_virtual.y], robot, state);
+    let v = velocity_at([p_virtual.x, p_virtual.y], robot, params, state);
     [p_virtual.x + 0.5 * T_st * v[0], p_virtual.y + 0.5 * T_st * v[1]]
 }
 
 /// Speed, in H, at which a standing foot goes backward under the base for the robot to move as commanded, m/s; zero unless walking.
-fn velocity_at(p_H: [f64; 2], robot: &Robot, state: &State) -> [f64; 2] {
+fn velocity_at(p_H: [f64; 2], robot: &Robot, params: &Params, state: &State) -> [f64; 2] {
     if state.mode != Mode::Walk {
         return [0.0; 2];
     }
-    let ([vx, vy], turn) = (state.v_H_des, state.yaw_rate_des);
-    [robot.sweep[0] * (vx - turn * p_H[1]), robot.sweep[1] * (vy + turn * p_H[0])]
+    let ([vx, vy], turn) = (sweep_velocity(robot, params, state), state.yaw_rate_des);
+    [vx - robot.sweep[0] * turn * p_H[1], vy + robot.sweep[1] * turn * p_H[0]]
+}
+
+/// The part of it that is the same for all feet.
+fn sweep_velocity(robot: &Robot, params: &Params, state: &State) -> [f64; 2] {
+    let gain = gait::row_of(state.gait, params).velocity_gain;
+    [0, 1].map(|k| gain * robot.sweep[k] * state.v_H_des[k])
 }
 
 /// `J⁻¹`, or the damped least-squares inverse `Jᵀ (J Jᵀ + 1e-4 I)⁻¹` near a singularity.

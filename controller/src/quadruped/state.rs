@@ -83,6 +83,8 @@ pub struct State {
     pub sway_rest_rate_H: [f64; 2],
     pub q_des: Vec<f64>,
     pub tau_last: Vec<f64>,
+    pub qd_des: Vec<f64>,
+    pub qdd_des: Vec<f64>,
     pub yaw_des: f64,
     pub rp_des: [f64; 2],
     pub height: f64,
@@ -121,6 +123,8 @@ impl State {
             sway_rest_rate_H: [0.0; 2],
             q_des: vec![0.0; nj],
             tau_last: vec![0.0; nj],
+            qd_des: vec![0.0; nj],
+            qdd_des: vec![0.0; nj],
             yaw_des: 0.0,
             rp_des: [0.0; 2],
             height: 0.0,
@@ -158,6 +162,8 @@ impl State {
             sway_rest_rate_H,
             q_des,
             tau_last,
+            qd_des,
+            qdd_des,
             yaw_des,
             rp_des,
             height,
@@ -193,6 +199,8 @@ impl State {
         m.nj = i32::try_from(q_des.len()).expect("robots have fewer than 2^31 joints");
         m.q_des.clone_from(q_des);
         m.tau_last.clone_from(tau_last);
+        m.qd_des.clone_from(qd_des);
+        m.qdd_des.clone_from(qdd_des);
         m.yaw_des = *yaw_des;
         m.rp_des = *rp_des;
         m.height = *height;
@@ -210,7 +218,7 @@ impl State {
         if m.q_des.len() != nj {
             return Err(RestoreError::Joints { found: m.q_des.len(), expected: nj });
         }
-        let numbers: [(_, &[f64]); 19] = [
+        let numbers: [(_, &[f64]); 21] = [
             ("gait_clock", &[m.gait_clock]),
             ("f_F_W", m.f_F_W.as_flattened()),
             ("p_lift_H", m.p_lift_H.as_flattened()),
@@ -223,6 +231,8 @@ impl State {
             ("sway_rest_rate_H", &m.sway_rest_rate_H),
             ("q_des", &m.q_des),
             ("tau_last", &m.tau_last),
+            ("qd_des", &m.qd_des),
+            ("qdd_des", &m.qdd_des),
             ("yaw_des", &[m.yaw_des]),
             ("rp_des", &m.rp_des),
             ("height", &[m.height]),
@@ -269,6 +279,8 @@ impl State {
             sway_rest_rate_H: m.sway_rest_rate_H,
             q_des: m.q_des.clone(),
             tau_last: m.tau_last.clone(),
+            qd_des: m.qd_des.clone(),
+            qdd_des: m.qdd_des.clone(),
             yaw_des: m.yaw_des,
             rp_des: m.rp_des,
             height: m.height,
