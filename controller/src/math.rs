@@ -12,6 +12,11 @@ pub fn cos(x: f64) -> f64 {
     libm::cos(x)
 }
 
+/// Hyperbolic sine.
+pub fn sinh(x: f64) -> f64 {
+    libm::sinh(x)
+}
+
 /// Angle of the point (x, y), rad, in (-π, π].
 pub fn atan2(y: f64, x: f64) -> f64 {
     libm::atan2(y, x)

@@ -5,7 +5,6 @@
 //! on defaults of a build.
 
 mod check;
-mod legacy;
 mod overrides;
 
 pub use overrides::apply_overrides;
@@ -168,13 +167,40 @@ pub struct GaitTiming {
     pub swing_frequency: f64,
     /// Phase of the stride at which each leg lifts off, LF RF LH RH.
     pub lift_off_phase: [f64; 4],
+    /// How far the zero-moment point goes from the centre towards the foot opposite to a swinging one, as a part of half their distance.
+    #[serde(default)]
+    pub sway: f64,
+    /// Least vertical force of the foot opposite to one that swings or unloads, as a part of the weight.
+    #[serde(default)]
+    pub residual_load: f64,
+    /// Factor on the commanded velocity where legs are to carry it out, for a gait that goes slower than commanded.
+    #[serde(default = "one")]
+    pub velocity_gain: f64,
+}
+
+fn one() -> f64 {
+    1.0
 }
 
 impl Default for GaitParams {
     fn default() -> Self {
         GaitParams {
-            trot: GaitTiming { duty: 0.55, swing_frequency: 2.0, lift_off_phase: [0.0, 0.5, 0.5, 0.0] },
-            crawl: GaitTiming { duty: 0.80, swing_frequency: 2.0, lift_off_phase: [0.0, 0.5, 0.75, 0.25] },
+            trot: GaitTiming {
+                duty: 0.55,
+                swing_frequency: 2.0,
+                lift_off_phase: [0.0, 0.5, 0.5, 0.0],
+                sway: 0.0,
+                residual_load: 0.0,
+                velocity_gain: 1.0,
+            },
+            crawl: GaitTiming {
+                duty: 0.80,
+                swing_frequency: 2.0,
+                lift_off_phase: [0.0, 0.5, 0.75, 0.25],
+                sway: 0.15,
+                residual_load: 0.05,
+                velocity_gain: 1.0,
+            },
         }
     }
 }
@@ -187,6 +213,8 @@ pub struct FootholdParams {
     pub max_step_length: f64,
     /// Time constant of the velocity command's filter, s.
     pub command_time_constant: f64,
+    /// Fastest change of the commanded velocity, m/s².
+    pub max_acceleration: f64,
     /// Largest commanded speed, m/s.
     pub max_speed: f64,
     /// Largest commanded yaw rate, rad/s.
@@ -200,6 +228,7 @@ impl Default for FootholdParams {
         FootholdParams {
             max_step_length: 0.3,
             command_time_constant: 0.1,
+            max_acceleration: 0.5,
             max_speed: 0.6,
             max_yaw_rate: 0.8,
             freeze_fraction: 0.2,
@@ -231,6 +260,10 @@ impl Default for SwingParams {
 pub struct ContactParams {
     /// Normal force above which a foot touches, N.
     pub threshold: f64,
+    /// Normal force below which a foot that touches does so no more, N.
+    pub release: f64,
+    /// Take the acceleration of the swing reference into account. The source neglects it, and so a light robot's feet touch air.
+    pub inertia_compensation: bool,
     /// Samples in a row above the threshold before it counts.
     pub debounce: i32,
     /// Smallest |det J_leg| at which a force is computed, m³; below, the last one is kept.
@@ -239,7 +272,13 @@ pub struct ContactParams {
 
 impl Default for ContactParams {
     fn default() -> Self {
-        ContactParams { threshold: 50.0, debounce: 3, min_jacobian_det: 1e-4 }
+        ContactParams {
+            threshold: 50.0,
+            release: 25.0,
+            inertia_compensation: true,
+            debounce: 3,
+            min_jacobian_det: 1e-4,
+        }
     }
 }
 
@@ -377,7 +416,6 @@ impl Params {
     /// # Errors
     /// Not TOML, unknown or missing keys, values of the wrong kind or out of range.
     pub fn from_toml(text: &str, source_name: &str) -> Result<Self, ParamsError> {
-        let text = &legacy::migrate(text);
         let params: Params = toml::from_str(text)
             .map_err(|e| ParamsError::Parse { source_name: source_name.to_owned(), error: e.to_string() })?;
         params.check()?;

@@ -104,6 +104,8 @@ fn snapshots_of_nonsense_are_refused_or_survived() {
         s.nj = 3;
         s.q_des.truncate(3);
         s.tau_last.truncate(3);
+        s.qd_des.truncate(3);
+        s.qdd_des.truncate(3);
     };
     assert!(matches!(refused(&fewer), RestoreError::Joints { found: 3, expected: 12 }));
     assert!(matches!(hyq().restore(&bytes[..40]).unwrap_err(), RestoreError::Decode(_)));

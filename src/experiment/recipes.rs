@@ -2,6 +2,7 @@
 
 use super::bench::{Bench, Sample};
 use super::{Experiment, Row};
+use analysis::tables::tracking_rows;
 
 /// Every experiment that can be run.
 pub const ALL: &[Experiment] = &[
@@ -10,6 +11,12 @@ pub const ALL: &[Experiment] = &[
         title: "time of a tick under the weighted stack S1 and the hierarchical S3",
         published: "S1 830 us, S3 1180 us, with qpOASES on an i5 of 3.1 GHz",
         run: solve_time,
+    },
+    Experiment {
+        id: "A2",
+        title: "flat ground, crawl, trot after 15 s, while base orientation and height change (Figure 9, Table 3)",
+        published: "Table 3; compared by rms, which is the same however the mean is read",
+        run: base_motion,
     },
     Experiment {
         id: "A3",
@@ -39,6 +46,22 @@ fn solve_time(bench: &Bench) -> anyhow::Result<Vec<Row>> {
             rows.push(Row::noted(format!("{stack}: whole tick, p99.9"), tick.p999, "us"));
         }
     }
+    Ok(rows)
+}
+
+/// Every rms of the paper's Table 3; the report beside the log draws its Figure 9.
+fn base_motion(bench: &Bench) -> anyhow::Result<Vec<Row>> {
+    let sample = bench.one("base_motion", &[])?;
+    let mut rows = Vec::new();
+    for row in tracking_rows(&sample.metrics) {
+        let (Some(measured), Some(published)) = (row.measured, row.published) else { continue };
+        rows.push(Row::at_most(format!("{}, rms", row.name), published.rms(), measured.rms, row.unit));
+        rows.push(Row::noted(format!("{}, mean |e|", row.name), measured.mean_abs, row.unit));
+        rows.push(Row::noted(format!("{}, std", row.name), measured.std, row.unit));
+    }
+    let fell = sample.summary.fell || sample.summary.safe_state.is_some();
+    rows.push(Row::limited("falls", count(usize::from(fell)), "", !fell));
+    rows.extend(speed(&[sample]));
     Ok(rows)
 }
 

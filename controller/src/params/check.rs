@@ -12,8 +12,11 @@ impl Params {
             ("robot.foot_radius", self.robot.foot_radius),
             ("gait.trot.swing_frequency", self.gait.trot.swing_frequency),
             ("gait.crawl.swing_frequency", self.gait.crawl.swing_frequency),
+            ("gait.trot.velocity_gain", self.gait.trot.velocity_gain),
+            ("gait.crawl.velocity_gain", self.gait.crawl.velocity_gain),
             ("foothold.max_step_length", self.foothold.max_step_length),
             ("foothold.command_time_constant", self.foothold.command_time_constant),
+            ("foothold.max_acceleration", self.foothold.max_acceleration),
             ("swing.height", self.swing.height),
             ("swing.clik_gain", self.swing.clik_gain),
             ("contact.threshold", self.contact.threshold),
@@ -34,7 +37,7 @@ impl Params {
         }
         let RobotConfig { sensors, posture, .. } = &self.robot;
         let Params { gait, foothold, swing, contact, trunk, posture: p, wbc, safety, .. } = self;
-        let not_negative: [(_, &[f64]); 21] = [
+        let not_negative: [(_, &[f64]); 22] = [
             ("robot.sensors.position", &[sensors.position]),
             ("robot.sensors.velocity", &[sensors.velocity]),
             ("robot.sensors.torque", &[sensors.torque]),
@@ -43,6 +46,7 @@ impl Params {
             ("robot.sensors.acceleration", &[sensors.acceleration]),
             ("foothold.max_speed", &[foothold.max_speed]),
             ("foothold.max_yaw_rate", &[foothold.max_yaw_rate]),
+            ("contact.release", &[contact.release]),
             ("contact.min_jacobian_det", &[contact.min_jacobian_det]),
             ("trunk.kp", &trunk.kp),
             ("trunk.kd", &trunk.kd),
@@ -72,6 +76,15 @@ impl Params {
         ] {
             within(key, found, "at least 0 and below 1", |x| (0.0..1.0).contains(&x))?;
         }
+        for (key, found) in [("gait.trot.sway", gait.trot.sway), ("gait.crawl.sway", gait.crawl.sway)] {
+            within(key, &[found], "0 to 0.5", |x| (0.0..=0.5).contains(&x))?;
+        }
+        for (key, found) in [
+            ("gait.trot.residual_load", gait.trot.residual_load),
+            ("gait.crawl.residual_load", gait.crawl.residual_load),
+        ] {
+            within(key, &[found], "0 to 0.2", |x| (0.0..=0.2).contains(&x))?;
+        }
         within("foothold.freeze_fraction", &[foothold.freeze_fraction], "0 to 1", |x| (0.0..=1.0).contains(&x))?;
         within("swing.reach_time", &[swing.reach_time], "0 to 0.5", |x| (0.0..=0.5).contains(&x))?;
         for (key, found, least) in [
@@ -81,6 +94,13 @@ impl Params {
         ] {
             let expected = if least > 0.0 { "at least 1" } else { "at least 0" };
             within(key, &[found], expected, |x| x >= least)?;
+        }
+        if contact.release > contact.threshold {
+            return Err(ParamsError::OutOfRange {
+                key: "contact.release",
+                found: contact.release,
+                expected: "at most contact.threshold",
+            });
         }
         if self.wbc.f_z_min >= self.wbc.f_z_max {
             return Err(ParamsError::OutOfRange {

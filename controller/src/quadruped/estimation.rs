@@ -125,30 +125,41 @@ impl Estimate {
         }
     }
 
-    /// Contact forces and flags from the joint torques, accelerations neglected.
+    /// Contact forces and flags from the joint torques.
     ///
     /// ```text
-    /// F_i = -(R_WB J_leg,i)⁻ᵀ (tau_i - h_i)
+    /// F_i = -(R_WB J_leg,i)⁻ᵀ (tau_i - h_i - M_i qdd_des,i)        M_i: 3 x 3 block of M at the leg's joints
     /// ```
-    /// Source: Raiola et al. 2020, eq. (18). Where the leg is stretched (small |det J|) the last force is kept. A foot touches
-    /// when the normal force has been above the threshold for a number of samples in a row.
+    /// Source: Raiola et al. 2020, eq. (18), which neglects the accelerations; with [`ContactParams::inertia_compensation`] those of the
+    /// swing reference count. Those that the last solution asked for would not do: they explain every torque, that of a contact too. Where the
+    /// leg is stretched (small |det J|) the last force is kept. A foot touches when the normal force has been above the threshold for a number of samples in a row, until it is below a lower one.
+    ///
+    /// [`ContactParams::inertia_compensation`]: crate::params::ContactParams::inertia_compensation
     pub fn contact_forces(&self, robot: &Robot, params: &Params, tau: &[f64], state: &mut State) {
         for leg in Leg::ALL {
             let estimate = &self.legs[leg];
+            let compensated = params.contact.inertia_compensation && !state.leg_phase[leg].is_stance();
             if estimate.J_leg.determinant().abs() >= params.contact.min_jacobian_det {
                 let mut torque = Vector3::zeros();
                 for (k, &joint) in robot.legs[leg].joints.iter().enumerate() {
-                    torque[k] = tau[joint] - self.h[6 + joint];
+                    let inertia = if compensated { self.inertia_torque(robot, state, leg, joint) } else { 0.0 };
+                    torque[k] = tau[joint] - self.h[6 + joint] - inertia;
                 }
                 if let Some(inverse) = estimate.J_leg.transpose().try_inverse() {
                     state.f_F_W[leg] = -(inverse * torque);
                 }
             }
-            let loaded = self.n_W.dot(&state.f_F_W[leg]) > params.contact.threshold;
+            let least = if state.contact[leg] { params.contact.release } else { params.contact.threshold };
+            let loaded = self.n_W.dot(&state.f_F_W[leg]) > least;
             let count = &mut state.contact_count[leg];
             *count = if loaded { count.saturating_add(1).min(params.contact.debounce) } else { 0 };
             state.contact[leg] = *count >= params.contact.debounce;
         }
+    }
+
+    /// Torque that the acceleration of the leg's reference takes at one of its joints, N m.
+    fn inertia_torque(&self, robot: &Robot, state: &State, leg: Leg, joint: usize) -> f64 {
+        robot.legs[leg].joints.iter().fold(0.0, |sum, &j| sum + self.M[(6 + joint, 6 + j)] * state.qdd_des[j])
     }
 
     /// Height of the base above the stance feet; without any, the last one is kept.

@@ -11,7 +11,7 @@ use nalgebra::Vector3;
 /// What the planner reads, everything in H.
 #[derive(Clone, Copy, Debug)]
 pub struct Query {
-    /// Velocity command, m/s.
+    /// Velocity at which a standing foot is to go backward, m/s.
     pub v_H: [f64; 2],
     /// Yaw rate command, rad/s.
     pub yaw_rate: f64,

@@ -18,7 +18,11 @@
 
 use super::leg::{Leg, LegPhase, PerLeg};
 use super::state::{Gait, Mode, State};
+use crate::model::GRAVITY;
 use crate::params::{GaitTiming, Params};
+
+/// Time in which the base goes from rest into a gait's sway, s.
+const SWAY_LEAD_IN: f64 = 0.8;
 
 /// Timing of a gait, derived from its parameters. Seconds.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -33,6 +37,8 @@ pub struct Timing {
     pub T_ramp: f64,
     /// Time in the stride at which each leg lifts off.
     pub lift_off: PerLeg<f64>,
+    /// Time between the start of the clock and the first lift-off: legs unload in it, and the base begins to sway.
+    pub lead_in: f64,
 }
 
 impl Timing {
@@ -42,12 +48,14 @@ impl Timing {
         let T_sw = 1.0 / row.swing_frequency;
         let T = T_sw / (1.0 - row.duty);
         let lift_off = PerLeg(row.lift_off_phase.map(|phase| phase * T));
-        Timing { T_sw, T_st: T - T_sw, T, T_ramp: (0.5 * all_stance_time(&lift_off, T, T_sw)).max(0.002), lift_off }
+        let T_ramp = (0.5 * all_stance_time(&lift_off, T, T_sw)).max(0.002);
+        let lead_in = if row.sway > 0.0 { SWAY_LEAD_IN } else { T_ramp };
+        Timing { T_sw, T_st: T - T_sw, T, T_ramp, lift_off, lead_in }
     }
 }
 
 /// Row of the gait table.
-fn row_of(gait: Gait, params: &Params) -> &GaitTiming {
+pub fn row_of(gait: Gait, params: &Params) -> &GaitTiming {
     match gait {
         Gait::Trot => &params.gait.trot,
         Gait::Crawl => &params.gait.crawl,
@@ -69,13 +77,16 @@ fn all_stance_time(lift_off: &PerLeg<f64>, T: f64, T_sw: f64) -> f64 {
 }
 
 /// `x` in `[0, T)`.
-fn cyclic(x: f64, T: f64) -> f64 {
+pub fn cyclic(x: f64, T: f64) -> f64 {
     let r = libm::fmod(x, T);
     if r < 0.0 { r + T } else { r }
 }
 
-/// Time until the clock reaches a leg's lift-off, s, in `(0, T]`; just after a lift-off it is a whole stride.
+/// Time until the clock reaches a leg's lift-off, s, in `(0, T]` from the first lift-off on; just after a lift-off it is a whole stride.
 pub fn time_to_lift_off(state: &State, timing: &Timing, leg: Leg) -> f64 {
+    if state.gait_clock < 0.0 {
+        return timing.lift_off[leg] - state.gait_clock;
+    }
     timing.T - cyclic(state.gait_clock - timing.lift_off[leg], timing.T)
 }
 
@@ -86,6 +97,10 @@ pub struct Transitions {
     pub lift_off: PerLeg<bool>,
     /// Legs that have just landed.
     pub touchdown: PerLeg<bool>,
+    /// The robot has just begun to walk, or to walk in another gait.
+    pub gait_begins: bool,
+    /// It has just come to stand.
+    pub gait_ends: bool,
 }
 
 /// What the operator wants of the gait.
@@ -117,38 +132,39 @@ pub fn update(state: &mut State, params: &Params, wish: Wish, dt: f64) -> Transi
     if all_stand && !wish.walk && state.mode == Mode::Walk {
         state.gait_running = false;
         state.mode = Mode::Stance;
+        transitions.gait_ends = true;
     }
     if all_stand && wish.walk && (!state.gait_running || wish.gait != state.gait) {
+        // A gait that follows another waits until the sway of both is at rest.
+        transitions.gait_begins = true;
+        let after = if state.gait_running { Timing::of(state.gait, params).lead_in } else { 0.0 };
         state.mode = Mode::Walk;
         state.gait = wish.gait;
         state.gait_running = true;
-        // One ramp ahead of the first lift-off, at phase 0, so that the first legs unload before they lift.
-        let timing = Timing::of(state.gait, params);
-        state.gait_clock = timing.T - timing.T_ramp;
+        // The first lift-off is at time 0.
+        state.gait_clock = -Timing::of(state.gait, params).lead_in.max(after);
     }
 
-    if state.gait_running && wish.walk && wish.gait == state.gait {
-        advance(state, params, dt, &mut transitions);
+    if state.gait_running {
+        advance(state, params, wish.walk && wish.gait == state.gait, dt, &mut transitions);
     }
     transitions
 }
 
-/// Advances the clock over `dt`, lifting the legs whose phase it passes. It stands still while a leg that is due has not landed; and before legs
-/// unload, until the others have landed and taken up load, so that a late touchdown delays what follows instead of overlapping with it.
-fn advance(state: &mut State, params: &Params, dt: f64, transitions: &mut Transitions) {
+/// Advances the clock over `dt`, lifting the legs whose phase it passes; stands still while one of them is not ready or a leg is late, and
+/// before any lift-off unless one `may_lift`.
+fn advance(state: &mut State, params: &Params, may_lift: bool, dt: f64, transitions: &mut Transitions) {
     let timing = Timing::of(state.gait, params);
     let (before, after) = (state.gait_clock, state.gait_clock + dt);
     // Passed once and once only: `before` is outside, `after` inside, and the next tick's `before` is this `after`.
     let passes = |at: f64| before < at && at <= after;
     let due = timing.lift_off.0.map(|at| passes(at) || passes(at + timing.T));
-    let unloads = timing.lift_off.0.map(|at| passes(at - timing.T_ramp) || passes(at - timing.T_ramp + timing.T));
-    let others_wait = due.contains(&true) || unloads.contains(&true);
     let waits = |leg: Leg| match state.leg_phase[leg] {
-        LegPhase::Stance => unloads.contains(&true) && !unloads[leg as usize] && state.t_leg[leg] < timing.T_ramp,
+        LegPhase::Stance => false,
         LegPhase::SwingUp | LegPhase::SwingDown => due[leg as usize],
-        LegPhase::Reach | LegPhase::FaultHold => others_wait,
+        LegPhase::Reach | LegPhase::FaultHold => due.contains(&true),
     };
-    if Leg::ALL.into_iter().any(waits) {
+    if Leg::ALL.into_iter().any(waits) || (!may_lift && due.contains(&true)) {
         return;
     }
     for leg in Leg::ALL {
@@ -178,21 +194,34 @@ fn leg_transition(state: &State, params: &Params, timing: &Timing, leg: Leg) -> 
 /// Bounds on the vertical force of a foot, N: stance values, zero in swing, and ramps between them so that no force jumps.
 ///
 /// Source: Raiola et al. 2020, section 6, where the upper bound goes to zero continuously before lift-off. The lower bound keeps to half the
-/// upper one on the way, so that an interior point is left.
-pub fn force_bounds(state: &State, params: &Params, leg: Leg) -> (f64, f64) {
+/// upper one on the way, so that an interior point is left. While a leg unloads or swings, the lower bound of the opposite one rises to the
+/// gait's residual load: the centre of mass is kept from the edge of the support triangle, where the robot would tip.
+///
+/// - `mass`: of the robot, kg.
+pub fn force_bounds(state: &State, params: &Params, mass: f64, leg: Leg) -> (f64, f64) {
     if !state.leg_phase[leg].is_stance() {
         return (0.0, 0.0);
     }
     let timing = Timing::of(state.gait, params);
+    let upper = params.wbc.f_z_max * loaded_part(state, &timing, leg);
+    let residual = (row_of(state.gait, params).residual_load * mass * GRAVITY - params.wbc.f_z_min).max(0.0);
+    let lower = params.wbc.f_z_min + residual * (1.0 - loaded_part(state, &timing, leg.opposite()));
+    (lower.min(0.5 * upper), upper)
+}
+
+/// How much of its full load a foot may carry, 0 to 1.
+fn loaded_part(state: &State, timing: &Timing, leg: Leg) -> f64 {
+    if !state.leg_phase[leg].is_stance() {
+        return 0.0;
+    }
     let mut part = 1.0_f64;
     if state.mode == Mode::Walk {
         part = part.min((state.t_leg[leg] + 1e-3) / timing.T_ramp);
         if state.gait_running {
-            part = part.min(time_to_lift_off(state, &timing, leg) / timing.T_ramp);
+            part = part.min(time_to_lift_off(state, timing, leg) / timing.T_ramp);
         }
     }
-    let upper = params.wbc.f_z_max * part.max(0.0);
-    (params.wbc.f_z_min.min(0.5 * upper), upper)
+    part.max(0.0)
 }
 
 #[cfg(test)]
@@ -241,7 +270,7 @@ mod tests {
         let half = lifts[2].0 - lifts[0].0;
         assert!((half - 556).abs() <= 1, "half a stride is {half} ticks");
 
-        let (_, lifts) = walk(&params(), Gait::Crawl, -0.01, 2600);
+        let (_, lifts) = walk(&params(), Gait::Crawl, -0.01, 3400);
         let legs: Vec<Leg> = lifts.iter().map(|l| l.1).collect();
         assert_eq!(legs, [Leg::LF, Leg::RH, Leg::RF, Leg::LH, Leg::LF]);
     }
@@ -253,8 +282,7 @@ mod tests {
         let legs: Vec<Leg> = lifts.iter().map(|l| l.1).collect();
         assert_eq!(legs[..4], [Leg::LF, Leg::RH, Leg::RF, Leg::LH]);
         let half = lifts[2].0 - lifts[0].0;
-        // Landed 600 ticks after its lift-off, one ramp of 28 to take up load, one for the other pair to unload.
-        assert!((half - 656).abs() <= 2, "half a stride is {half} ticks");
+        assert!((half - 600).abs() <= 2, "half a stride is {half} ticks");
     }
 
     #[test]
@@ -313,7 +341,7 @@ mod tests {
                 state.contact[leg] = state.t_leg[leg] >= 0.49;
             }
             update(&mut state, &params, wish, 1e-3);
-            let (lower, upper) = force_bounds(&state, &params, Leg::LF);
+            let (lower, upper) = force_bounds(&state, &params, 80.0, Leg::LF);
             assert!(lower <= upper && (upper - last).abs() < step, "{last} to {upper}");
             last = upper;
         }

@@ -19,6 +19,11 @@ impl Leg {
     /// All legs, in order.
     pub const ALL: [Leg; 4] = [Leg::LF, Leg::RF, Leg::LH, Leg::RH];
 
+    /// The leg across the body: LF and RH, RF and LH.
+    pub fn opposite(self) -> Leg {
+        Leg::ALL[3 - self as usize]
+    }
+
     /// Name as in figures and errors.
     pub fn name(self) -> &'static str {
         ["LF", "RF", "LH", "RH"][self as usize]

@@ -15,6 +15,7 @@ pub mod reference;
 pub mod robot;
 pub mod safety;
 pub mod state;
+pub mod sway;
 pub mod swing;
 pub mod tasks;
 pub mod wbc;
@@ -129,8 +130,10 @@ impl Quadruped {
         digests.0[Stage::Estimation as usize] = digest_estimation(estimate, state);
         probe.stage_done(Stage::Estimation);
 
+        let rp_before = state.rp_des;
         let op = follow_operator(params, estimate, state, &input.op, dt);
-        *trunk = trunk_reference(state);
+        let rp_rate = [0, 1].map(|k| if dt > 0.0 { (state.rp_des[k] - rp_before[k]) / dt } else { 0.0 });
+        *trunk = trunk_reference(state, rp_rate);
         let changes: Transitions = gait::update(state, params, op, dt);
         references.update(robot, params, estimate, &input.state.q, &changes, state, dt);
         digests.0[Stage::Gait as usize] = digest_gait(references, state);
@@ -227,6 +230,8 @@ impl Controller for Quadruped {
         }
         if matches!(self.state.mode, Mode::Idle | Mode::Damping) {
             self.state.tau_last.fill(0.0);
+            self.state.qd_des.fill(0.0);
+            self.state.qdd_des.fill(0.0);
             self.state.gait_running = false;
             self.messages.nothing_computed(&self.state);
         }
@@ -275,18 +280,20 @@ fn follow_operator(params: &Params, estimate: &Estimate, state: &mut State, op: 
     let none = OperatorCommand::default();
     let op = if usable { op } else { &none };
     let walk = op.mode == OperatorCommand::MODE_WALK;
+    let steps = walk && state.gait_running && state.gait_clock >= 0.0;
 
     let limits = &params.foothold;
-    let mut v = if walk { op.v_H } else { [0.0; 2] };
+    let mut v = if steps { op.v_H } else { [0.0; 2] };
     let speed = (v[0] * v[0] + v[1] * v[1]).sqrt();
     if speed > limits.max_speed {
         // In this order a speed too large to be squared gives 0, not NaN.
         let part = limits.max_speed / speed;
         v = v.map(|x| x * part);
     }
-    let yaw_rate = if walk { op.yaw_rate.clamp(-limits.max_yaw_rate, limits.max_yaw_rate) } else { 0.0 };
+    let yaw_rate = if steps { op.yaw_rate.clamp(-limits.max_yaw_rate, limits.max_yaw_rate) } else { 0.0 };
     for (v_des, v) in state.v_H_des.iter_mut().zip(v) {
-        *v_des = low_pass(*v_des, v, limits.command_time_constant, dt);
+        let filtered = low_pass(*v_des, v, limits.command_time_constant, dt);
+        *v_des = ramp(*v_des, filtered, limits.max_acceleration * dt);
     }
     state.yaw_rate_des = low_pass(state.yaw_rate_des, yaw_rate, limits.command_time_constant, dt);
     // The heading reference waits for the robot rather than winding up against a base that cannot turn.
@@ -310,12 +317,16 @@ fn follow_operator(params: &Params, estimate: &Estimate, state: &mut State, op: 
     Wish { walk, gait }
 }
 
-/// `R_des = Rz(yaw_des) Ry(pitch_des) Rx(roll_des)`, turning at the commanded yaw rate.
-fn trunk_reference(state: &State) -> TrunkReference {
+/// `R_des = Rz(yaw_des) Ry(pitch_des) Rx(roll_des)`, turning at the commanded yaw rate and with the ramps of roll and pitch.
+fn trunk_reference(state: &State, rp_rate: [f64; 2]) -> TrunkReference {
     let [roll, pitch] = state.rp_des;
+    let R_yaw = Rz(state.yaw_des);
+    let R_pitch = R_yaw * Ry(pitch);
     TrunkReference {
-        R_WB: Rz(state.yaw_des) * Ry(pitch) * Rx(roll),
-        w_WB_W: Vector3::new(0.0, 0.0, state.yaw_rate_des),
+        R_WB: R_pitch * Rx(roll),
+        w_WB_W: R_pitch * Vector3::x() * rp_rate[0]
+            + R_yaw * Vector3::y() * rp_rate[1]
+            + Vector3::z() * state.yaw_rate_des,
     }
 }
 
@@ -380,6 +391,7 @@ fn digest_gait(references: &References, state: &State) -> i64 {
     d.f64s(&[state.gait_clock, state.yaw_des, state.height_offset, state.zeta, state.yaw_rate_des]);
     d.f64s(&state.rp_des);
     d.f64s(&state.v_H_des);
+    d.f64s(&state.sway_H);
     d.word(state.gait as u64);
     d.word(state.mode as u64);
     for leg in Leg::ALL {
@@ -390,7 +402,8 @@ fn digest_gait(references: &References, state: &State) -> i64 {
         d.vec3(&references.foothold_H[leg]);
     }
     d.f64s(&state.q_des);
-    d.f64s(&references.qd_des);
+    d.f64s(&state.qd_des);
+    d.f64s(&state.qdd_des);
     d.finish()
 }
 

@@ -9,21 +9,26 @@
 //!
 //! - Swing: `r_d` on the ellipse from the lift-off, `q_d` starts at the measured position.
 //! - Stance: `r_d` runs backward under the base at the commanded velocity, through the virtual foothold at mid-stance, lowered or raised by the
-//!   height error's integral ζ; `q_d` starts at touchdown, and the CLIK gain blends it over. This is what moves the base: the stance feet are
+//!   height error's integral ζ, and against the sway of the gait; `q_d` starts at touchdown, and the CLIK gain blends it over. It is an integral
+//!   from the touchdown on, so that neither a new velocity nor a new gait moves it at once. This is what moves the base: the stance feet are
 //!   fixed, so legs that sweep backward carry the base forward. The source does not say what the stance reference is; latched at touchdown, the
 //!   base would never follow, and pulled to the virtual foothold it moves in jerks and slower than commanded.
 
 use super::estimation::Estimate;
 use super::foothold::{self, Query};
-use super::gait::{Timing, Transitions};
+use super::gait::{self, Timing, Transitions};
 use super::leg::{Leg, LegPhase, PerLeg};
 use super::robot::Robot;
 use super::state::{Mode, State};
+use super::sway;
 use super::swing::swing_point;
 use crate::math::Rz;
 use crate::model::{BaseState, Kinematics, point_jacobian_linear};
 use crate::params::Params;
 use nalgebra::{DMatrix, Matrix3, Vector3};
+
+/// A slow gait blends its stance references over this part of the stance time, where that is longer than the blend's time constant.
+const BLEND_PART: f64 = 0.25;
 
 /// References of a tick. All of it is overwritten by [`References::update`].
 pub struct References {
@@ -68,6 +73,9 @@ impl References {
     ) {
         let R_HW = estimate.base.R_WH.transpose();
         let zeta_dot = height_integral(robot, params, state, dt);
+        sway::update(robot, params, changes, state, dt);
+        let sway_dot = state.sway_rate_H;
+        let halted = state.leg_phase.0.contains(&LegPhase::FaultHold);
         for leg in Leg::ALL {
             if changes.lift_off[leg] {
                 state.p_lift_H[leg] = R_HW * estimate.legs[leg].p_BF_W;
@@ -77,26 +85,38 @@ impl References {
             }
             if state.leg_phase[leg].is_stance() {
                 let p_virtual = virtual_foothold(robot, state, leg);
-                let v = velocity_at(&p_virtual, state);
-                let T_st = Timing::of(state.gait, params).T_st;
-                self.p_BF_H[leg] = p_virtual + v * (0.5 * T_st - state.t_leg[leg].min(T_st));
-                self.v_BF_H[leg] = Vector3::new(0.0, 0.0, zeta_dot) - v;
+                if changes.touchdown[leg] {
+                    let landed = R_HW * estimate.legs[leg].p_BF_W;
+                    state.p_stance_H[leg] = stance_start(robot, params, state, &p_virtual, &landed);
+                } else if state.mode != Mode::Walk {
+                    state.p_stance_H[leg] = [p_virtual.x, p_virtual.y];
+                }
+                let [x, y] = state.p_stance_H[leg];
+                let v = if halted { [0.0; 2] } else { velocity_at([x, y], robot, params, state) };
+                state.p_stance_H[leg] = [x - v[0] * dt, y - v[1] * dt];
+                let [x, y] = state.p_stance_H[leg];
+                self.p_BF_H[leg] = Vector3::new(x - state.sway_H[0], y - state.sway_H[1], p_virtual.z);
+                self.v_BF_H[leg] = Vector3::new(-v[0] - sway_dot[0], -v[1] - sway_dot[1], zeta_dot);
                 self.foothold_H[leg] = p_virtual;
             } else {
                 self.swing(robot, params, estimate, state, leg);
             }
         }
-        self.clik(robot, params, estimate, state, dt);
+        self.clik(robot, params, estimate, changes, state, dt);
     }
 
     fn swing(&mut self, robot: &Robot, params: &Params, estimate: &Estimate, state: &mut State, leg: Leg) {
         let timing = Timing::of(state.gait, params);
         let t = state.t_leg[leg];
         let R_HW = estimate.base.R_WH.transpose();
-        let p_virtual_H = virtual_foothold(robot, state, leg);
+        let mut p_virtual_H = virtual_foothold(robot, state, leg);
+        // Where the base will have swayed to when the foot lands.
+        let sway = sway::at_clock(robot, params, state, timing.lift_off[leg] + timing.T_sw);
+        p_virtual_H.x -= sway[0];
+        p_virtual_H.y -= sway[1];
         if t < timing.T_sw * (1.0 - params.foothold.freeze_fraction) {
             let step = foothold::plan(&Query {
-                v_H: state.v_H_des,
+                v_H: sweep_velocity(robot, params, state),
                 yaw_rate: state.yaw_rate_des,
                 T_st: timing.T_st,
                 p_hip_H: R_HW * estimate.legs[leg].p_hip_W,
@@ -117,12 +137,21 @@ impl References {
         self.foothold_H[leg] = state.p_lift_H[leg] + R_HS * Vector3::new(length, 0.0, 0.0);
     }
 
-    fn clik(&mut self, robot: &Robot, params: &Params, estimate: &Estimate, state: &mut State, dt: f64) {
+    fn clik(
+        &mut self,
+        robot: &Robot,
+        params: &Params,
+        estimate: &Estimate,
+        changes: &Transitions,
+        state: &mut State,
+        dt: f64,
+    ) {
         let base = &estimate.base;
         let at_reference =
             BaseState { p_WB: Vector3::zeros(), R_WB: base.R_WB, v_WB: Vector3::zeros(), w_WB_W: Vector3::zeros() };
         self.kin.update(&robot.model, &at_reference, &state.q_des, &self.zeros);
         let p_FC_W = estimate.n_W * -robot.foot_radius;
+        let blend_in_stance = BLEND_PART * Timing::of(state.gait, params).T_st;
         let turn_W = Vector3::z() * base.yaw_rate;
         for leg in Leg::ALL {
             let of_robot = &robot.legs[leg];
@@ -137,8 +166,9 @@ impl References {
             }
             let r_des_W = base.R_WH * self.p_BF_H[leg];
             let rd_des_W = turn_W.cross(&r_des_W) + base.R_WH * self.v_BF_H[leg];
-            let gain = if state.leg_phase[leg].is_stance() {
-                1.0 / params.posture.blend_time_constant
+            let stance = state.leg_phase[leg].is_stance();
+            let gain = if stance {
+                1.0 / params.posture.blend_time_constant.max(blend_in_stance)
             } else {
                 params.swing.clik_gain
             };
@@ -149,7 +179,12 @@ impl References {
                 let limits = &robot.model.joints[joint];
                 let moved = (state.q_des[joint] + qd[k] * dt).clamp(limits.lower, limits.upper);
                 let free = moved > limits.lower && moved < limits.upper;
-                self.qd_des[joint] = if free { qd[k] } else { 0.0 };
+                let qd_des = if free { qd[k] } else { 0.0 };
+                // At the lift-off the reference jumps, from one of stance to one of swing.
+                let smooth = !stance && !changes.lift_off[leg] && dt > 0.0;
+                state.qdd_des[joint] = if smooth { (qd_des - state.qd_des[joint]) / dt } else { 0.0 };
+                state.qd_des[joint] = qd_des;
+                self.qd_des[joint] = qd_des;
                 state.q_des[joint] = moved;
             }
         }
@@ -174,13 +209,39 @@ fn virtual_foothold(robot: &Robot, state: &State, leg: Leg) -> Vector3<f64> {
     robot.legs[leg].p_nominal_H + Vector3::new(0.0, 0.0, state.zeta - state.height_offset)
 }
 
-/// Commanded velocity of the point of the base above a foot, in H, m/s; zero unless walking.
-fn velocity_at(p_H: &Vector3<f64>, state: &State) -> Vector3<f64> {
-    if state.mode != Mode::Walk {
-        return Vector3::zeros();
+/// Where the reference of a leg that has just landed starts, before sway, m in H, xy.
+///
+/// In a trot it is the planned foothold, whatever the foot has hit: the base is drawn back over its two feet. A base that sways by a plan is
+/// not drawn by a single foot of three, so there the foot is taken where it is (planned, a crawl goes 6 % faster than commanded, since
+/// feet land 4 mm ahead of their reference).
+fn stance_start(
+    robot: &Robot,
+    params: &Params,
+    state: &State,
+    p_virtual: &Vector3<f64>,
+    landed: &Vector3<f64>,
+) -> [f64; 2] {
+    if gait::row_of(state.gait, params).sway > 0.0 {
+        return [landed.x + state.sway_H[0], landed.y + state.sway_H[1]];
     }
-    let ([vx, vy], turn) = (state.v_H_des, state.yaw_rate_des);
-    Vector3::new(vx - turn * p_H.y, vy + turn * p_H.x, 0.0)
+    let T_st = Timing::of(state.gait, params).T_st;
+    let v = velocity_at([p_virtual.x, p_virtual.y], robot, params, state);
+    [p_virtual.x + 0.5 * T_st * v[0], p_virtual.y + 0.5 * T_st * v[1]]
+}
+
+/// Speed, in H, at which a standing foot goes backward under the base for the robot to move as commanded, m/s; zero unless walking.
+fn velocity_at(p_H: [f64; 2], robot: &Robot, params: &Params, state: &State) -> [f64; 2] {
+    if state.mode != Mode::Walk {
+        return [0.0; 2];
+    }
+    let ([vx, vy], turn) = (sweep_velocity(robot, params, state), state.yaw_rate_des);
+    [vx - robot.sweep[0] * turn * p_H[1], vy + robot.sweep[1] * turn * p_H[0]]
+}
+
+/// The part of it that is the same for all feet.
+fn sweep_velocity(robot: &Robot, params: &Params, state: &State) -> [f64; 2] {
+    let gain = gait::row_of(state.gait, params).velocity_gain;
+    [0, 1].map(|k| gain * robot.sweep[k] * state.v_H_des[k])
 }
 
 /// `J⁻¹`, or the damped least-squares inverse `Jᵀ (J Jᵀ + 1e-4 I)⁻¹` near a singularity.

@@ -2,9 +2,9 @@
 
 use super::leg::{Leg, PerLeg};
 use crate::LoadError;
-use crate::model::{Base, BaseState, FrameId, JointKind, Kinematics, Model, UrdfTree, com};
+use crate::model::{Base, BaseState, FrameId, JointKind, Kinematics, Model, UrdfTree, com, point_jacobian_linear};
 use crate::params::RobotConfig;
-use nalgebra::{Matrix3, Vector3};
+use nalgebra::{DMatrix, Matrix3, Vector3};
 
 /// A leg of three joints, from the trunk outward HAA, HFE, KFE, and its foot.
 #[derive(Clone, Copy, Debug)]
@@ -31,6 +31,9 @@ pub struct Robot {
     pub q_nominal: Vec<f64>,
     /// Height of the base above the feet in it, m.
     pub nominal_height: f64,
+    /// Speed at which a standing foot's contact point goes backward under the base, per speed of the base, along x and y: below 1, since a
+    /// round foot rolls forward under its leg.
+    pub sweep: [f64; 2],
     /// Orientation of the base in the axes of the IMU.
     pub R_IB: Matrix3<f64>,
     /// Radius of the foot sphere, m.
@@ -118,12 +121,13 @@ impl Robot {
                 )));
             }
         }
+        let sweep = sweep(&model, &kin, &legs, config.foot_radius);
         let imu = model.frame(&config.imu_link)?;
         if tree_parent_body(&tree, imu.index()) != base.index() {
             return Err(wrong(format!("robot.imu_link {} is not fixed to the base", config.imu_link)));
         }
         let R_IB = kin.R_WF(&model, imu).transpose();
-        Ok(Robot { model, legs, q_nominal, nominal_height, R_IB, foot_radius: config.foot_radius })
+        Ok(Robot { model, legs, q_nominal, nominal_height, sweep, R_IB, foot_radius: config.foot_radius })
     }
 
     /// Number of joints.
@@ -135,6 +139,24 @@ impl Robot {
     pub fn mass(&self) -> f64 {
         self.model.total_mass()
     }
+}
+
+/// The ratio of the velocities of contact point and of base in the nominal posture, mean of the legs.
+///
+/// The base moves as the point of the sphere that touches the ground rests, `v = -J_touch qd`; the contact point stays below the centre, `u = J_center qd`.
+fn sweep(model: &Model, kin: &Kinematics, legs: &PerLeg<LegModel>, foot_radius: f64) -> [f64; 2] {
+    let mut sum = [0.0; 2];
+    let mut J = DMatrix::zeros(3, model.nv());
+    for leg in &legs.0 {
+        let mut of_leg = |p: Vector3<f64>| {
+            point_jacobian_linear(model, kin, leg.foot, &p, J.as_view_mut());
+            Matrix3::from_fn(|row, k| J[(row, 6 + leg.joints[k])])
+        };
+        let (center, touch) = (of_leg(Vector3::zeros()), of_leg(Vector3::z() * -foot_radius));
+        let ratio = touch.try_inverse().map_or(Matrix3::identity(), |inverse| center * inverse);
+        sum = [sum[0] + 0.25 * ratio[(0, 0)], sum[1] + 0.25 * ratio[(1, 1)]];
+    }
+    sum
 }
 
 /// Movable joints from the base out to a link, and the link behind the first of them.

@@ -74,10 +74,17 @@ pub struct State {
     pub contact_count: PerLeg<i32>,
     pub f_F_W: PerLeg<Vector3<f64>>,
     pub p_lift_H: PerLeg<Vector3<f64>>,
+    pub p_stance_H: PerLeg<[f64; 2]>,
     pub step_length: PerLeg<f64>,
     pub step_heading: PerLeg<f64>,
+    pub sway_H: [f64; 2],
+    pub sway_rate_H: [f64; 2],
+    pub sway_rest_H: [f64; 2],
+    pub sway_rest_rate_H: [f64; 2],
     pub q_des: Vec<f64>,
     pub tau_last: Vec<f64>,
+    pub qd_des: Vec<f64>,
+    pub qdd_des: Vec<f64>,
     pub yaw_des: f64,
     pub rp_des: [f64; 2],
     pub height: f64,
@@ -107,10 +114,17 @@ impl State {
             contact_count: PerLeg::default(),
             f_F_W: PerLeg::default(),
             p_lift_H: PerLeg::default(),
+            p_stance_H: PerLeg::default(),
             step_length: PerLeg::default(),
             step_heading: PerLeg::default(),
+            sway_H: [0.0; 2],
+            sway_rate_H: [0.0; 2],
+            sway_rest_H: [0.0; 2],
+            sway_rest_rate_H: [0.0; 2],
             q_des: vec![0.0; nj],
             tau_last: vec![0.0; nj],
+            qd_des: vec![0.0; nj],
+            qdd_des: vec![0.0; nj],
             yaw_des: 0.0,
             rp_des: [0.0; 2],
             height: 0.0,
@@ -139,10 +153,17 @@ impl State {
             contact_count,
             f_F_W,
             p_lift_H,
+            p_stance_H,
             step_length,
             step_heading,
+            sway_H,
+            sway_rate_H,
+            sway_rest_H,
+            sway_rest_rate_H,
             q_des,
             tau_last,
+            qd_des,
+            qdd_des,
             yaw_des,
             rp_des,
             height,
@@ -168,11 +189,18 @@ impl State {
         m.contact_count = contact_count.0;
         m.f_F_W = f_F_W.0.map(Into::into);
         m.p_lift_H = p_lift_H.0.map(Into::into);
+        m.p_stance_H = p_stance_H.0;
         m.step_length = step_length.0;
         m.step_heading = step_heading.0;
+        m.sway_H = *sway_H;
+        m.sway_rate_H = *sway_rate_H;
+        m.sway_rest_H = *sway_rest_H;
+        m.sway_rest_rate_H = *sway_rest_rate_H;
         m.nj = i32::try_from(q_des.len()).expect("robots have fewer than 2^31 joints");
         m.q_des.clone_from(q_des);
         m.tau_last.clone_from(tau_last);
+        m.qd_des.clone_from(qd_des);
+        m.qdd_des.clone_from(qdd_des);
         m.yaw_des = *yaw_des;
         m.rp_des = *rp_des;
         m.height = *height;
@@ -190,14 +218,21 @@ impl State {
         if m.q_des.len() != nj {
             return Err(RestoreError::Joints { found: m.q_des.len(), expected: nj });
         }
-        let numbers: [(_, &[f64]); 14] = [
+        let numbers: [(_, &[f64]); 21] = [
             ("gait_clock", &[m.gait_clock]),
             ("f_F_W", m.f_F_W.as_flattened()),
             ("p_lift_H", m.p_lift_H.as_flattened()),
+            ("p_stance_H", m.p_stance_H.as_flattened()),
             ("step_length", &m.step_length),
             ("step_heading", &m.step_heading),
+            ("sway_H", &m.sway_H),
+            ("sway_rate_H", &m.sway_rate_H),
+            ("sway_rest_H", &m.sway_rest_H),
+            ("sway_rest_rate_H", &m.sway_rest_rate_H),
             ("q_des", &m.q_des),
             ("tau_last", &m.tau_last),
+            ("qd_des", &m.qd_des),
+            ("qdd_des", &m.qdd_des),
             ("yaw_des", &[m.yaw_des]),
             ("rp_des", &m.rp_des),
             ("height", &[m.height]),
@@ -235,10 +270,17 @@ impl State {
             contact_count: PerLeg(m.contact_count),
             f_F_W: PerLeg(m.f_F_W.map(Into::into)),
             p_lift_H: PerLeg(m.p_lift_H.map(Into::into)),
+            p_stance_H: PerLeg(m.p_stance_H),
             step_length: PerLeg(m.step_length),
             step_heading: PerLeg(m.step_heading),
+            sway_H: m.sway_H,
+            sway_rate_H: m.sway_rate_H,
+            sway_rest_H: m.sway_rest_H,
+            sway_rest_rate_H: m.sway_rest_rate_H,
             q_des: m.q_des.clone(),
             tau_last: m.tau_last.clone(),
+            qd_des: m.qd_des.clone(),
+            qdd_des: m.qdd_des.clone(),
             yaw_des: m.yaw_des,
             rp_des: m.rp_des,
             height: m.height,

@@ -241,7 +241,7 @@ impl Wbc {
         let t2 = n.cross(&t1);
         for leg in Leg::ALL {
             let (row, col) = (ROWS_FC * leg as usize, nv + 3 * leg as usize);
-            self.f_z_bounds[leg] = gait::force_bounds(state, params, leg);
+            self.f_z_bounds[leg] = gait::force_bounds(state, params, estimate.M[(0, 0)], leg);
             let carries = wanted && carries(state, leg);
             let rows = [-n, t1 - n * c, -t1 - n * c, t2 - n * c, -t2 - n * c];
             for (i, direction) in rows.iter().enumerate() {

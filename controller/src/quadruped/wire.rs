@@ -1,7 +1,7 @@
 //! Structs to messages: the one place where the quadruped's quantities meet their LCM types.
 
 use super::estimation::Estimate;
-use super::gait::Timing;
+use super::gait::{self, Timing};
 use super::leg::Leg;
 use super::reference::References;
 use super::robot::Robot;
@@ -79,7 +79,8 @@ impl Messages {
         let m = &mut self.legs;
         (m.t_ns, m.tick) = (state.t_ns, state.tick);
         m.gait = state.gait as i8;
-        m.gait_phase = state.gait_clock / Timing::of(state.gait, params).T;
+        let T = Timing::of(state.gait, params).T;
+        m.gait_phase = gait::cyclic(state.gait_clock, T) / T;
         let R_HW = estimate.base.R_WH.transpose();
         for leg in Leg::ALL {
             let i = leg as usize;
