@@ -14,7 +14,7 @@
 //! other, such as the force of a foot in the air, is set by itself.
 
 use super::constraints::Constraints;
-use super::dense::axpy;
+use crate::dense::axpy;
 use super::envelope::Envelope;
 use super::working_set::WorkingSet;
 use super::{Qp, QpInfo, QpRow, QpSolver, QpStatus};
