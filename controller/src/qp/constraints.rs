@@ -1,8 +1,8 @@
 //! The rows and bounds of a program as the active-set solver walks over them: those that say something, over the variables that couple.
 
 use super::active_set::Trouble;
-use crate::dense::dot;
 use super::{Qp, QpRow};
+use crate::dense::dot;
 use std::ops::Range;
 
 /// Constraints `n x ≤ side`, `=` for the first [`Constraints::n_eq`], by number: rows, then lower bounds, then upper bounds by place. Rows are
