@@ -1,10 +1,15 @@
 //! Faults of a scenario: what goes wrong between robot and controller, and nothing else does.
 //!
-//! All of them act on the two messages that a driver exchanges, in one place, so a simulator and a robot fail alike.
+//! All of them act on the two messages that a driver exchanges, in one place, so a simulator and a robot fail alike. A false touch needs to
+//! know besides where the feet are, which only a simulator does.
 
 use crate::DriverError;
+use crate::floor::LegName;
 use crate::scenario::Window;
+use crate::terrain::{BadKey, check_range};
+use controller::quadruped::leg::Leg;
 use lcmtypes::{RobotCommand, RobotState};
+use serde::Deserialize;
 
 /// What goes wrong.
 #[derive(Clone, Debug, PartialEq)]
@@ -28,6 +33,15 @@ pub enum FaultKind {
         /// The part that remains, 0 to 1.
         factor: f64,
     },
+    /// In each flight of a foot, its leg's torque sensors read for a moment as if the ground pushed it up.
+    FalseTouch {
+        /// Whose foot; none = all.
+        leg: Option<Leg>,
+        /// The force that is read, N.
+        force: f64,
+        /// When in the flight, ns after the foot has left the ground.
+        flight: Window,
+    },
 }
 
 impl std::fmt::Display for FaultKind {
@@ -37,6 +51,9 @@ impl std::fmt::Display for FaultKind {
             FaultKind::DropState => write!(f, "drop_state"),
             FaultKind::StuckEncoder { joint } => write!(f, "stuck_encoder of {joint}"),
             FaultKind::TorqueLoss { joint, factor } => write!(f, "torque_loss of {joint} to {factor}"),
+            FaultKind::FalseTouch { leg, force, .. } => {
+                write!(f, "false_touch of {} with {force} N", leg.map_or("all feet", Leg::name))
+            }
         }
     }
 }
@@ -50,10 +67,81 @@ pub struct FaultWindow {
     pub kind: FaultKind,
 }
 
+#[derive(Clone, Copy, Deserialize)]
+#[serde(rename_all = "snake_case")]
+enum FaultName {
+    NanSensor,
+    DropState,
+    StuckEncoder,
+    TorqueLoss,
+    FalseTouch,
+}
+
+/// A `[[fault]]` entry.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(crate) struct FaultEntry {
+    t_s: f64,
+    duration_s: f64,
+    kind: FaultName,
+    joint: Option<String>,
+    factor: Option<f64>,
+    leg: Option<LegName>,
+    #[serde(rename = "force_N")]
+    force: Option<f64>,
+    after_lift_off_s: Option<f64>,
+    length_s: Option<f64>,
+}
+
+impl FaultEntry {
+    pub(crate) fn resolve(self) -> Result<FaultWindow, BadKey> {
+        check_range("t_s", &[self.t_s], 0.0..=36_000.0)?;
+        check_range("duration_s", &[self.duration_s], 0.0..=36_000.0)?;
+        let FaultEntry { t_s, duration_s, kind, joint, factor, leg, force, after_lift_off_s, length_s } = self;
+        let missing = |key, expected: &str| BadKey { key, found: "missing".to_owned(), expected: expected.to_owned() };
+
+        let false_touch = matches!(kind, FaultName::FalseTouch);
+        let keys = [
+            ("joint", joint.is_some(), !false_touch && !matches!(kind, FaultName::DropState)),
+            ("factor", factor.is_some(), matches!(kind, FaultName::TorqueLoss)),
+            ("leg", leg.is_some(), false_touch),
+            ("force_N", force.is_some(), false_touch),
+            ("after_lift_off_s", after_lift_off_s.is_some(), false_touch),
+            ("length_s", length_s.is_some(), false_touch),
+        ];
+        if let Some((key, ..)) = keys.into_iter().find(|(_, given, belongs)| *given && !belongs) {
+            let expected = "no such key with this kind of fault".to_owned();
+            return Err(BadKey { key, found: "given".to_owned(), expected });
+        }
+        let joint = || joint.ok_or_else(|| missing("joint", "the name of a joint"));
+        let kind = match kind {
+            FaultName::NanSensor => FaultKind::NanSensor { joint: joint()? },
+            FaultName::DropState => FaultKind::DropState,
+            FaultName::StuckEncoder => FaultKind::StuckEncoder { joint: joint()? },
+            FaultName::TorqueLoss => {
+                let factor = factor.ok_or_else(|| missing("factor", "the part of the torque that remains"))?;
+                check_range("factor", &[factor], 0.0..=1.0)?;
+                FaultKind::TorqueLoss { joint: joint()?, factor }
+            }
+            FaultName::FalseTouch => {
+                let force = force.ok_or_else(|| missing("force_N", "the force that is read, N"))?;
+                let (after, length) = (after_lift_off_s.unwrap_or(0.05), length_s.unwrap_or(0.01));
+                check_range("force_N", &[force], 0.0..=10_000.0)?;
+                check_range("after_lift_off_s", &[after], 0.0..=10.0)?;
+                check_range("length_s", &[length], 0.0..=10.0)?;
+                FaultKind::FalseTouch { leg: leg.map(Leg::from), force, flight: Window::new(after, length) }
+            }
+        };
+        Ok(FaultWindow { window: Window::new(t_s, duration_s), kind })
+    }
+}
+
 /// The faults of one run on one robot.
 #[derive(Clone, Debug)]
 pub struct Faults {
     faults: Vec<ActiveFault>,
+    /// When each foot last touched the ground, ns.
+    touched_ns: [i64; 4],
 }
 
 #[derive(Clone, Debug)]
@@ -68,6 +156,7 @@ enum Effect {
     DropState,
     StuckEncoder { joint: usize, held: Option<f64> },
     TorqueLoss { joint: usize, factor: f64 },
+    FalseTouch { leg: Option<Leg>, force: f64, flight: Window },
 }
 
 impl Faults {
@@ -92,10 +181,14 @@ impl Faults {
                 FaultKind::TorqueLoss { joint, factor } => {
                     Effect::TorqueLoss { joint: index(number, joint)?, factor: *factor }
                 }
+                FaultKind::FalseTouch { leg, force, flight } => {
+                    Effect::FalseTouch { leg: *leg, force: *force, flight: *flight }
+                }
             };
             Ok(ActiveFault { window: fault.window, effect })
         };
-        Ok(Faults { faults: faults.iter().enumerate().map(bind).collect::<Result<_, DriverError>>()? })
+        let faults = faults.iter().enumerate().map(bind).collect::<Result<_, DriverError>>()?;
+        Ok(Faults { faults, touched_ns: [0; 4] })
     }
 
     /// Spoils a measurement in place. False: the message is lost and must not be sent.
@@ -119,10 +212,30 @@ impl Faults {
                 Effect::NanSensor { .. }
                 | Effect::DropState
                 | Effect::StuckEncoder { .. }
-                | Effect::TorqueLoss { .. } => {}
+                | Effect::TorqueLoss { .. }
+                | Effect::FalseTouch { .. } => {}
             }
         }
         arrives
+    }
+
+    /// The vertical force, N, that the torque sensors of each leg are to read besides the true ones, LF RF LH RH; `contact`: which feet
+    /// truly touch. Call it once a tick: it watches the flights.
+    pub fn false_touches(&mut self, t_ns: i64, contact: &[bool]) -> [f64; 4] {
+        for (touched, _) in self.touched_ns.iter_mut().zip(contact).filter(|(_, touches)| **touches) {
+            *touched = t_ns;
+        }
+        let mut force = [0.0; 4];
+        for fault in self.faults.iter().filter(|fault| fault.window.contains(t_ns)) {
+            let Effect::FalseTouch { leg, force: read, flight } = &fault.effect else { continue };
+            for of in Leg::ALL.into_iter().filter(|of| leg.is_none_or(|leg| leg == *of)) {
+                let flown = t_ns - self.touched_ns[of as usize];
+                if flown > 0 && flight.contains(flown) {
+                    force[of as usize] += read;
+                }
+            }
+        }
+        force
     }
 
     /// Spoils a command at `t_ns` in place, on its way to the drives.
@@ -211,6 +324,23 @@ mod tests {
         let mut command = full.clone();
         faults.on_command(25, &mut command);
         assert_eq!(command, full);
+    }
+
+    #[test]
+    fn a_false_touch_comes_in_every_flight_at_its_time() {
+        let flight = Window { start_ns: 2, end_ns: 4 };
+        let mut faults = faults(FaultKind::FalseTouch { leg: Some(Leg::RF), force: 60.0, flight });
+        let mut read = Vec::new();
+        for t_ns in 8..24 {
+            // RF lifts behind 10 and behind 16, LF flies all the time.
+            let force = faults.false_touches(t_ns, &[false, t_ns <= 10 || t_ns == 16, true, true]);
+            assert_eq!((force[0], force[2], force[3]), (0.0, 0.0, 0.0));
+            if force[1] != 0.0 {
+                read.push((t_ns, force[1]));
+            }
+        }
+        // 18 and 19 are in the second flight and in the window, which ends before 20.
+        assert_eq!(read, [(12, 60.0), (13, 60.0), (18, 60.0), (19, 60.0)]);
     }
 
     #[test]

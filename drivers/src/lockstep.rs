@@ -147,11 +147,12 @@ impl Run {
             self.input.op = op;
         }
         sim.robot_state(t_ns, tick, &mut self.measured);
+        sim.ground_truth(t_ns, &mut self.truth);
+        self.touch_falsely(sim, t_ns);
         if self.faults.on_state(&mut self.measured) {
             self.input.state.clone_from(&self.measured);
             put(&mut self.bytes, log, channels::ROBOT_STATE, t_ns, &self.measured)?;
         }
-        sim.ground_truth(t_ns, &mut self.truth);
         put(&mut self.bytes, log, channels::GROUND_TRUTH, t_ns, &self.truth)?;
         if tick % TICKS_BETWEEN_PLACES == 0 {
             self.measure_distance();
@@ -185,6 +186,15 @@ impl Run {
             self.event(log, t_ns, tick, Event::LEVEL_ERROR, "driver", text)?;
         }
         Ok(())
+    }
+
+    /// Adds to the measured torques what false touches would give.
+    fn touch_falsely(&mut self, sim: &dyn Simulator, t_ns: i64) {
+        let forces = self.faults.false_touches(t_ns, &self.truth.contact);
+        for (foot, force) in forces.into_iter().enumerate().filter(|(_, force)| *force != 0.0) {
+            let torque = sim.torque_of_touch(foot, [0.0, 0.0, force]);
+            self.measured.tau.iter_mut().zip(torque).for_each(|(read, false_part)| *read += false_part);
+        }
     }
 
     /// Says in the log when the controller changes its mode, and why it gave up.
