@@ -1,11 +1,11 @@
 //! Faults of a scenario: what goes wrong between robot and controller, and nothing else does.
 //!
-//! All of them act on the two messages that a driver exchanges, in one place, so a simulator and a robot fail alike. A false touch needs to
-//! know besides where the feet are, which only a simulator does.
+//! All of them act on the two messages that a driver exchanges, in one place, so a simulator and a robot fail alike. A false touch
+//! needs to know besides when legs swing and where feet are.
 
 use crate::DriverError;
 use crate::floor::LegName;
-use crate::scenario::Window;
+use crate::scenario::{Window, to_ns};
 use crate::terrain::{BadKey, check_range};
 use controller::quadruped::leg::Leg;
 use lcmtypes::{RobotCommand, RobotState};
@@ -33,14 +33,14 @@ pub enum FaultKind {
         /// The part that remains, 0 to 1.
         factor: f64,
     },
-    /// In each flight of a foot, its leg's torque sensors read for a moment as if the ground pushed it up.
+    /// In each swing of a leg, its torque sensors read for a moment as if the ground pushed it up.
     FalseTouch {
         /// Whose foot; none = all.
         leg: Option<Leg>,
         /// The force that is read, N.
         force: f64,
-        /// When in the flight, ns after the foot has left the ground.
-        flight: Window,
+        /// When in the swing, ns after the leg was told to lift.
+        swing: Window,
     },
 }
 
@@ -129,7 +129,7 @@ impl FaultEntry {
                 check_range("force_N", &[force], 0.0..=10_000.0)?;
                 check_range("after_lift_off_s", &[after], 0.0..=10.0)?;
                 check_range("length_s", &[length], 0.0..=10.0)?;
-                FaultKind::FalseTouch { leg: leg.map(Leg::from), force, flight: Window::new(after, length) }
+                FaultKind::FalseTouch { leg: leg.map(Leg::from), force, swing: Window::new(after, length) }
             }
         };
         Ok(FaultWindow { window: Window::new(t_s, duration_s), kind })
@@ -140,8 +140,6 @@ impl FaultEntry {
 #[derive(Clone, Debug)]
 pub struct Faults {
     faults: Vec<ActiveFault>,
-    /// When each foot last touched the ground, ns.
-    touched_ns: [i64; 4],
 }
 
 #[derive(Clone, Debug)]
@@ -156,7 +154,7 @@ enum Effect {
     DropState,
     StuckEncoder { joint: usize, held: Option<f64> },
     TorqueLoss { joint: usize, factor: f64 },
-    FalseTouch { leg: Option<Leg>, force: f64, flight: Window },
+    FalseTouch { leg: Option<Leg>, force: f64, swing: Window },
 }
 
 impl Faults {
@@ -181,14 +179,13 @@ impl Faults {
                 FaultKind::TorqueLoss { joint, factor } => {
                     Effect::TorqueLoss { joint: index(number, joint)?, factor: *factor }
                 }
-                FaultKind::FalseTouch { leg, force, flight } => {
-                    Effect::FalseTouch { leg: *leg, force: *force, flight: *flight }
+                FaultKind::FalseTouch { leg, force, swing } => {
+                    Effect::FalseTouch { leg: *leg, force: *force, swing: *swing }
                 }
             };
             Ok(ActiveFault { window: fault.window, effect })
         };
-        let faults = faults.iter().enumerate().map(bind).collect::<Result<_, DriverError>>()?;
-        Ok(Faults { faults, touched_ns: [0; 4] })
+        Ok(Faults { faults: faults.iter().enumerate().map(bind).collect::<Result<_, DriverError>>()? })
     }
 
     /// Spoils a measurement in place. False: the message is lost and must not be sent.
@@ -219,18 +216,20 @@ impl Faults {
         arrives
     }
 
-    /// The vertical force, N, that the torque sensors of each leg are to read besides the true ones, LF RF LH RH; `contact`: which feet
-    /// truly touch. Call it once a tick: it watches the flights.
-    pub fn false_touches(&mut self, t_ns: i64, contact: &[bool]) -> [f64; 4] {
-        for (touched, _) in self.touched_ns.iter_mut().zip(contact).filter(|(_, touches)| **touches) {
-            *touched = t_ns;
-        }
+    /// Whether any fault is a false touch at some time.
+    pub fn touch_falsely(&self) -> bool {
+        self.faults.iter().any(|fault| matches!(fault.effect, Effect::FalseTouch { .. }))
+    }
+
+    /// The vertical force, N, that the torque sensors of each leg are to read besides the true ones; `t_swing`: time since the leg was told to
+    /// lift, s, 0 for a leg that stands. Legs LF RF LH RH.
+    pub fn false_touches(&self, t_ns: i64, t_swing: &[f64; 4]) -> [f64; 4] {
         let mut force = [0.0; 4];
         for fault in self.faults.iter().filter(|fault| fault.window.contains(t_ns)) {
-            let Effect::FalseTouch { leg, force: read, flight } = &fault.effect else { continue };
+            let Effect::FalseTouch { leg, force: read, swing } = &fault.effect else { continue };
             for of in Leg::ALL.into_iter().filter(|of| leg.is_none_or(|leg| leg == *of)) {
-                let flown = t_ns - self.touched_ns[of as usize];
-                if flown > 0 && flight.contains(flown) {
+                let t_swing = t_swing[of as usize];
+                if t_swing > 0.0 && swing.contains(to_ns(t_swing)) {
                     force[of as usize] += read;
                 }
             }
@@ -327,20 +326,14 @@ mod tests {
     }
 
     #[test]
-    fn a_false_touch_comes_in_every_flight_at_its_time() {
-        let flight = Window { start_ns: 2, end_ns: 4 };
-        let mut faults = faults(FaultKind::FalseTouch { leg: Some(Leg::RF), force: 60.0, flight });
-        let mut read = Vec::new();
-        for t_ns in 8..24 {
-            // RF lifts behind 10 and behind 16, LF flies all the time.
-            let force = faults.false_touches(t_ns, &[false, t_ns <= 10 || t_ns == 16, true, true]);
-            assert_eq!((force[0], force[2], force[3]), (0.0, 0.0, 0.0));
-            if force[1] != 0.0 {
-                read.push((t_ns, force[1]));
-            }
-        }
-        // 18 and 19 are in the second flight and in the window, which ends before 20.
-        assert_eq!(read, [(12, 60.0), (13, 60.0), (18, 60.0), (19, 60.0)]);
+    fn a_false_touch_comes_in_every_swing_at_its_time() {
+        let swing = Window { start_ns: 2_000_000, end_ns: 4_000_000 };
+        let faults = faults(FaultKind::FalseTouch { leg: Some(Leg::RF), force: 60.0, swing });
+        assert!(faults.touch_falsely());
+        let read = |t_ns, t_swing| faults.false_touches(t_ns, &[t_swing, t_swing, 0.0, t_swing]);
+        assert_eq!([0.0, 0.001, 0.002, 0.003, 0.004].map(|t| read(12, t)[1]), [0.0, 0.0, 60.0, 60.0, 0.0]);
+        assert_eq!(read(12, 0.002), [0.0, 60.0, 0.0, 0.0], "no other leg");
+        assert_eq!([9, 20].map(|t_ns| read(t_ns, 0.002)), [[0.0; 4]; 2], "not outside its window");
     }
 
     #[test]

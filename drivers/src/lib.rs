@@ -30,6 +30,7 @@ pub use error::DriverError;
 pub use fault::Faults;
 pub use floor::FloorMove;
 pub use mujoco::{MujocoSim, SimParams};
+pub use rng::Rng;
 pub use scenario::Scenario;
 pub use sensors::NoiseParams;
 pub use simulator::Simulator;

@@ -33,7 +33,7 @@ pub struct SimParams {
     pub drives: DriveParams,
     /// Floors that move.
     pub floors: Vec<FloorMove>,
-    /// Base height over the ground below which the robot has fallen, m.
+    /// Base height over the ground below which the robot has fallen, as a part of the height at which it was put down.
     pub min_height: f64,
     /// Roll or pitch beyond which the robot has fallen, rad.
     pub max_tilt: f64,
@@ -62,7 +62,7 @@ impl Default for SimParams {
             noise: NoiseParams::default(),
             drives: DriveParams::default(),
             floors: Vec::new(),
-            min_height: 0.3,
+            min_height: 0.5,
             max_tilt: 0.6,
         }
     }
@@ -86,6 +86,8 @@ pub struct MujocoSim {
     /// Of each link, the body that carries it.
     body_of_link: Vec<(String, usize)>,
     base: usize,
+    /// Height of the base over the ground when the robot was put down, m.
+    first_height: f64,
     /// Places of orientation, gyro, accelerometer in the sensor data.
     imu: [usize; 3],
     command: RobotCommand,
@@ -174,6 +176,7 @@ impl MujocoSim {
             foot_radius: robot.foot_radius,
             body_of_link,
             base,
+            first_height: 0.0,
             imu,
             f_F_W: vec![[0.0; 3]; feet.len()],
             contact: vec![false; feet.len()],
@@ -286,6 +289,7 @@ impl Simulator for MujocoSim {
         };
         let height = self.feet.iter().map(lift).fold(f64::NEG_INFINITY, f64::max);
         self.data.qpos_mut()[2] = height;
+        self.first_height = height - self.terrain.height_at(0.0, 0.0);
         self.data.forward();
         self.read_contact_forces();
         // Held until the first step: the accelerometer reads gravity, not the fall of a limp robot.
@@ -419,7 +423,9 @@ impl Simulator for MujocoSim {
         let pitch = libm::asin(-R[(2, 0)].clamp(-1.0, 1.0));
         let roll = libm::atan2(R[(2, 1)], R[(2, 2)]);
         let height = p.z - self.terrain.height_at(p.x, p.y);
-        height < self.params.min_height || roll.abs() > self.params.max_tilt || pitch.abs() > self.params.max_tilt
+        height < self.params.min_height * self.first_height
+            || roll.abs() > self.params.max_tilt
+            || pitch.abs() > self.params.max_tilt
     }
 }
 
