@@ -1,6 +1,6 @@
 //! Floors that are not where they were: under one foot, the ground drops or rises while the foot is in the air.
 //!
-//! A foot that the scenario names stands on a plane of its own, which no other foot and no other part of the robot touches. The plane moves at
+//! A foot that the scenario names stands on a plane of its own, which its leg alone touches, and which is all that its leg touches. The plane moves at
 //! once, but only where nobody can feel it move: while the foot is above its old and its new place.
 
 use crate::terrain::{BadKey, TerrainKind, check_range};

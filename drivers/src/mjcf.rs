@@ -77,6 +77,12 @@ pub(crate) fn with_elevation(text: &str, terrain: &Terrain) -> String {
     text.replacen(END_OF_FIELD, &format!(" elevation=\"\n{}\"{END_OF_FIELD}", rows.join("\n")), 1)
 }
 
+/// Whether a link is `foot` or carries it.
+pub(crate) fn carries(tree: &UrdfTree, link: usize, foot: &str) -> bool {
+    tree.links[link].name == foot
+        || tree.joints.iter().filter(|joint| joint.parent == link).any(|joint| carries(tree, joint.child, foot))
+}
+
 /// Name of the body of a foot's own floor; feet LF RF LH RH.
 pub(crate) fn floor_name(foot: usize) -> String {
     format!("floor under {}", Leg::ALL[foot].name())
@@ -295,11 +301,11 @@ impl Writer<'_> {
     fn link(&mut self, index: usize, indent: usize) {
         let link = &self.tree.links[index];
         let X_BL = &self.bodies.X_BL[index];
+        let floor = self.floor_of(index).map_or(String::new(), |foot| format!(" contype=\"{}\"", floor_bit(foot)));
         if link.name == self.robot.imu_link {
             self.line(indent, format_args!("<site name=\"{IMU}\" {} size=\"0.01\" group=\"4\"/>", place(X_BL)));
         }
-        if let Some(foot) = self.robot.feet.iter().position(|foot| *foot == link.name) {
-            let floor = if self.own_floor[foot] { format!(" contype=\"{}\"", floor_bit(foot)) } else { String::new() };
+        if self.robot.feet.contains(&link.name) {
             let radius = self.robot.foot_radius;
             let name = escape(&link.name);
             self.line(
@@ -320,11 +326,17 @@ impl Writer<'_> {
         };
         let hidden = if seen.is_empty() { "" } else { " group=\"3\"" };
         for geom in felt {
-            self.line(indent, format_args!("<geom {geom}{hidden}/>"));
+            self.line(indent, format_args!("<geom {geom}{hidden}{floor}/>"));
         }
         for geom in seen {
             self.line(indent, format_args!("<geom class=\"visual\" {geom}/>"));
         }
+    }
+
+    /// Foot whose own floor a link touches instead of the ground: that of its leg.
+    fn floor_of(&self, link: usize) -> Option<usize> {
+        let of_leg = |&foot: &usize| self.own_floor[foot] && carries(self.tree, link, &self.robot.feet[foot]);
+        (0..4).filter(|_| self.bodies.of_link[link] != 0).find(of_leg)
     }
 
     fn tail(&mut self) {

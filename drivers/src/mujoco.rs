@@ -138,7 +138,7 @@ impl MujocoSim {
             joints.push(JointPlace {
                 qpos: address(model.jnt_qposadr())?,
                 qvel: address(model.jnt_dofadr())?,
-                foot: robot.feet.iter().position(|foot| carries(tree, joint.child, foot)),
+                foot: robot.feet.iter().position(|foot| mjcf::carries(tree, joint.child, foot)),
                 lower: joint.limits.lower,
                 upper: joint.limits.upper,
             });
@@ -427,12 +427,6 @@ impl Simulator for MujocoSim {
             || roll.abs() > self.params.max_tilt
             || pitch.abs() > self.params.max_tilt
     }
-}
-
-/// Whether a link is `foot` or carries it.
-fn carries(tree: &UrdfTree, link: usize, foot: &str) -> bool {
-    tree.links[link].name == foot
-        || tree.joints.iter().filter(|joint| joint.parent == link).any(|joint| carries(tree, joint.child, foot))
 }
 
 /// MuJoCo writes its warnings to a file in the working directory unless told otherwise; what they warn of is checked here.
