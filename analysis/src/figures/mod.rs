@@ -14,7 +14,9 @@
 mod base;
 mod canvas;
 mod contact;
+mod curve;
 mod feet;
+mod figure9;
 mod gait;
 mod panel;
 mod path;
@@ -29,6 +31,8 @@ use lcmtypes::LegState;
 use crate::Error;
 use crate::run::{Run, Tick};
 use canvas::Drawing;
+pub use curve::Curves;
+pub use figure9::figure9;
 use panel::Range;
 pub(crate) use text::FONT;
 
