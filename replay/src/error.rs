@@ -219,6 +219,22 @@ pub enum Error {
         /// Names in the manifest.
         known: String,
     },
+    /// A program that was asked for help refused it.
+    #[error("{command}: {said}")]
+    Command {
+        /// What was run.
+        command: String,
+        /// What it said.
+        said: String,
+    },
+    /// Revisions among which there is nothing to find.
+    #[error("{path}: {why}", path = path.display())]
+    Bisect {
+        /// Log.
+        path: PathBuf,
+        /// Reason.
+        why: String,
+    },
     /// A log that would be written over itself while it is read.
     #[error("{path}: a log cannot be read and written at the same time", path = path.display())]
     SameFile {

@@ -7,6 +7,7 @@ use super::{Divergence, Options, Replay};
 use crate::Error;
 use crate::log::Event;
 use controller::Dump;
+use controller::dump::Quantity;
 use lcmtypes::ControllerInput;
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -40,6 +41,11 @@ pub struct Moment {
 }
 
 impl Moment {
+    /// The input as a tree of quantities.
+    pub fn input_quantities(&self) -> Option<Quantity> {
+        super::inputs::of_message(&self.input)
+    }
+
     /// The message on a channel as replayed.
     pub fn replayed(&self, channel: &str) -> Option<&[u8]> {
         self.replayed.iter().find(|(c, _)| *c == channel).map(|(_, bytes)| &**bytes)
