@@ -7,6 +7,7 @@
 //! contacts, [`gait`] moves the legs' state machines, [`mod@reference`] plans footholds and joint references, [`wbc`] builds and solves
 //! the quadratic programs of the stack of [`tasks`], [`wire`] writes the messages.
 
+mod dump;
 pub mod estimation;
 pub mod foothold;
 pub mod gait;
@@ -270,6 +271,10 @@ impl Controller for Quadruped {
     fn poison_workspace(&mut self) {
         self.scratch = Scratch::new(&self.robot, &self.params).expect("the same was built before");
         self.messages = Messages::new(&self.robot, &self.scratch.wbc);
+    }
+
+    fn dump(&self) -> crate::Dump {
+        self.quantities()
     }
 }
 
