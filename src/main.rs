@@ -33,7 +33,7 @@ enum Command {
     /// Run a robot in simulation, in lockstep with its controller, and log every message
     Sim(sim::Args),
     /// Feed a log's inputs to its controller again and compare every bit of every output
-    Replay(replay_log::Args),
+    Replay(Box<replay_log::Args>),
     /// Figures, tables, metrics.json and report.html of a log
     Report(report::Args),
     /// Reproduce an experiment of the source documents: measured beside published

@@ -23,6 +23,7 @@ mod path;
 mod style;
 mod text;
 mod timing;
+mod what_if;
 
 use std::path::Path;
 
@@ -35,6 +36,7 @@ pub use curve::Curves;
 pub use figure9::figure9;
 use panel::Range;
 pub(crate) use text::FONT;
+pub use what_if::what_if;
 
 /// Length of the window of detailed figures, s.
 const DETAIL_S: f64 = 5.0;
@@ -80,6 +82,17 @@ impl Figure {
         let svg = dir.join(format!("{}.svg", self.name));
         std::fs::write(&svg, self.svg()?).map_err(|source| Error::Write { path: svg, source })?;
         self.drawing.write_png(&dir.join(format!("{}.png", self.name))).map_err(|reason| self.error(reason))
+    }
+
+    /// Writes one file, SVG or PNG by the name's ending.
+    pub fn write_file(&self, path: &Path) -> Result<(), Error> {
+        match path.extension().and_then(|e| e.to_str()) {
+            Some("png") => self.drawing.write_png(path).map_err(|reason| self.error(reason)),
+            Some("svg") => {
+                std::fs::write(path, self.svg()?).map_err(|source| Error::Write { path: path.to_owned(), source })
+            }
+            _ => Err(self.error(format!("{}: the name of a figure ends with .svg or .png", path.display()))),
+        }
     }
 
     fn error(&self, reason: String) -> Error {

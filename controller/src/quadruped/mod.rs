@@ -7,6 +7,7 @@
 //! contacts, [`gait`] moves the legs' state machines, [`mod@reference`] plans footholds and joint references, [`wbc`] builds and solves
 //! the quadratic programs of the stack of [`tasks`], [`wire`] writes the messages.
 
+mod dump;
 pub mod estimation;
 pub mod foothold;
 pub mod gait;
@@ -104,6 +105,11 @@ impl Quadruped {
     /// The robot.
     pub fn robot(&self) -> &Robot {
         &self.robot
+    }
+
+    /// The whole-body controller after the last tick that solved: its programs, solutions, torques.
+    pub fn wbc(&self) -> &Wbc {
+        &self.scratch.wbc
     }
 
     /// Which constraints contradicted each other in the last tick that solved, by name, and on which level of the stack, from 0; `None` if it
@@ -241,7 +247,10 @@ impl Controller for Quadruped {
             self.state.qd_des.fill(0.0);
             self.state.qdd_des.fill(0.0);
             self.state.gait_running = false;
-            self.messages.nothing_computed(&self.state);
+            // The tick in which one failure was too many has computed everything else, and its solution says what failed.
+            if found.is_none_or(|fault| fault.code != ControllerTick::FAULT_QP) {
+                self.messages.nothing_computed(&self.state);
+            }
         }
         self.publish(&digests, out);
         probe.stage_done(Stage::Output);
@@ -262,6 +271,10 @@ impl Controller for Quadruped {
     fn poison_workspace(&mut self) {
         self.scratch = Scratch::new(&self.robot, &self.params).expect("the same was built before");
         self.messages = Messages::new(&self.robot, &self.scratch.wbc);
+    }
+
+    fn dump(&self) -> crate::Dump {
+        self.quantities()
     }
 }
 

@@ -1,0 +1,115 @@
+//! Torques of what-if replays over those of the record, grey where the recorded inputs no longer stand for the changed controller.
+
+use super::Figure;
+use super::canvas::{Align, Drawing, RGBAColor, Stroke};
+use super::panel::{Frame, Labels, Panel, Range};
+use super::style::{
+    BLACK, BLUE, BOTTOM_MARGIN, LEFT_MARGIN, LEG_COLORS, Mark, PAGE_WIDTH, RIGHT_MARGIN, TEXT, TICK_EM, TOP_MARGIN,
+    TRUE_LINE, VERMILLION, legend, pale,
+};
+use replay::engine::{Sample, WhatIf};
+
+const PANEL_HEIGHT: f64 = 150.0;
+const GAP: f64 = 14.0;
+/// Longest stretch that is drawn; a longer log is shown around the first departure.
+const SHOWN_S: f64 = 4.0;
+/// Part of that which lies before the departure.
+const BEFORE: f64 = 0.75;
+const COLORS: [RGBAColor; 6] = [VERMILLION, BLUE, LEG_COLORS[0], LEG_COLORS[1], LEG_COLORS[2], LEG_COLORS[3]];
+const GREY: RGBAColor = pale(BLACK, 0.22);
+/// Background of what no longer counts for any of the curves.
+const GONE: RGBAColor = pale(BLACK, 0.06);
+
+/// Draws replays of one log, each with its name: above the torque of the joint that departs first (or most), recorded and replayed, below the
+/// largest difference of any joint with the bound.
+pub fn what_if(replays: &[(String, &WhatIf)]) -> Figure {
+    let samples = replays.iter().map(|(_, what_if)| &what_if.samples).find(|samples| !samples.is_empty());
+    let t0_ns = samples.and_then(|samples| samples.first()).map_or(0, |sample| sample.t_ns);
+    let since = |t_ns: i64| (t_ns - t0_ns) as f64 * 1e-9;
+    let first = replays.iter().filter_map(|(_, what_if)| what_if.departure).min_by_key(|departure| departure.t_ns);
+    let last = replays.iter().map(|(_, what_if)| what_if.departure.map(|d| d.t_ns)).max().flatten();
+    let all_gone = replays.iter().all(|(_, what_if)| what_if.departure.is_some());
+    let joint = first.map_or_else(|| largest(replays), |departure| departure.joint);
+
+    let end = samples.and_then(|samples| samples.last()).map_or(0.0, |sample| since(sample.t_ns));
+    let middle = first.map_or(0.0, |departure| since(departure.t_ns));
+    let from = (middle - BEFORE * SHOWN_S).clamp(0.0, (end - SHOWN_S).max(0.0));
+    let time = Range { min: from, max: (from + SHOWN_S).min(end).max(from + 1e-3) };
+
+    let rows = [0.0, 1.0].map(|row| Frame {
+        left: LEFT_MARGIN,
+        top: TOP_MARGIN + row * (PANEL_HEIGHT + GAP),
+        width: PAGE_WIDTH - LEFT_MARGIN - RIGHT_MARGIN,
+        height: PANEL_HEIGHT,
+    });
+    let mut drawing = Drawing::new(PAGE_WIDTH, TOP_MARGIN + 2.0 * PANEL_HEIGHT + GAP + BOTTOM_MARGIN);
+    let torque = |of: &[f32]| of.get(joint).map_or(f64::NAN, |tau| f64::from(*tau));
+    let difference = |sample: &Sample| {
+        sample.replayed.iter().zip(&sample.recorded).map(|(a, b)| f64::from((a - b).abs())).fold(f64::NAN, f64::max)
+    };
+    let curve = |what_if: &WhatIf, value: &dyn Fn(&Sample) -> f64| -> (Vec<f64>, Vec<f64>) {
+        let shown = what_if.samples.iter().filter(|sample| (time.min..=time.max).contains(&since(sample.t_ns)));
+        shown.map(|sample| (since(sample.t_ns), value(sample))).unzip()
+    };
+    let recorded = samples.zip(replays.first()).map(|(_, (_, what_if))| curve(what_if, &|s| torque(&s.recorded)));
+    let values: [&dyn Fn(&Sample) -> f64; 2] = [&|sample| torque(&sample.replayed), &difference];
+    for (row, (frame, value)) in rows.into_iter().zip(values).enumerate() {
+        let curves: Vec<(Vec<f64>, Vec<f64>)> = replays.iter().map(|(_, what_if)| curve(what_if, value)).collect();
+        let bound = replays.first().map_or(0.0, |(_, what_if)| what_if.bound);
+        let mut seen: Vec<f64> = curves.iter().flat_map(|(_, ys)| ys.iter().copied()).collect();
+        match (row, &recorded) {
+            (0, Some((_, ys))) => seen.extend(ys),
+            (0, None) => {}
+            // Far beyond the bound nothing is left to be read.
+            _ => seen = seen.into_iter().map(|y| y.min(4.0 * bound)).chain([0.0, bound]).collect(),
+        }
+        let panel = Panel::new(frame, time, Range::covering(&seen, 1.0));
+        if let (Some(last), true) = (last, all_gone) {
+            panel.shade(&mut drawing, since(last), time.max, GONE);
+        }
+        panel.grid(&mut drawing);
+        if let (0, Some((xs, ys))) = (row, &recorded) {
+            panel.line(&mut drawing, xs, ys, Stroke { color: BLACK, ..TRUE_LINE });
+        }
+        for (k, ((_, what_if), (xs, ys))) in replays.iter().zip(&curves).enumerate() {
+            let gone = what_if.departure.map_or(f64::INFINITY, |departure| since(departure.t_ns));
+            let split = xs.partition_point(|x| *x <= gone);
+            panel.line(&mut drawing, &xs[split..], &ys[split..], Stroke { color: GREY, width: 0.9 });
+            let color = COLORS[k % COLORS.len()];
+            panel.line(&mut drawing, &xs[..split], &ys[..split], Stroke { color, width: 1.0 });
+        }
+        if row == 1 {
+            panel.dashed(&mut drawing, &[time.min, time.max], &[bound; 2], Stroke { color: BLACK, width: 0.8 });
+            let (x, y) = panel.at(time.max, bound);
+            drawing.text((x - 4.0, y - 4.0), "bound", TICK_EM, Align::Right, TEXT);
+        }
+        let y = ["torque [N m]", "largest difference [N m]"][row];
+        panel.axes(&mut drawing, Labels { x: (row == 1).then_some("time [s]"), y: Some(y) });
+    }
+    let mut entries = vec![("recorded", Mark::Line(Stroke { color: BLACK, ..TRUE_LINE }))];
+    for (k, (name, _)) in replays.iter().enumerate() {
+        entries.push((name, Mark::Line(Stroke { color: COLORS[k % COLORS.len()], width: 1.0 })));
+    }
+    if first.is_some() {
+        entries.push(("left the record", Mark::Line(Stroke { color: GREY, width: 0.9 })));
+    }
+    legend(&mut drawing, LEFT_MARGIN, 14.0, &entries);
+    let caption = format!(
+        "Torque of joint {joint} (URDF order), recorded and as other parameters would have had it on the same inputs. Grey: a joint's torque has \
+         left the recorded one by more than the bound, so the recorded inputs answer another robot."
+    );
+    Figure { name: "what_if", title: "What if", caption, drawing }
+}
+
+/// The joint whose torques differ most.
+fn largest(replays: &[(String, &WhatIf)]) -> usize {
+    let mut most = (0.0, 0);
+    for sample in replays.iter().flat_map(|(_, what_if)| &what_if.samples) {
+        for (joint, (a, b)) in sample.replayed.iter().zip(&sample.recorded).enumerate() {
+            if (a - b).abs() > most.0 {
+                most = ((a - b).abs(), joint);
+            }
+        }
+    }
+    most.1
+}
