@@ -17,6 +17,7 @@ mod report;
 mod runner;
 mod ticks;
 
+pub(crate) use compare::show;
 pub use compare::{Divergence, Index};
 pub use report::ReplayReport;
 
