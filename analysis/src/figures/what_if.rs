@@ -16,7 +16,7 @@ const SHOWN_S: f64 = 4.0;
 /// Part of that which lies before the departure.
 const BEFORE: f64 = 0.75;
 const COLORS: [RGBAColor; 6] = [VERMILLION, BLUE, LEG_COLORS[0], LEG_COLORS[1], LEG_COLORS[2], LEG_COLORS[3]];
-const GREY: RGBAColor = pale(BLACK, 0.22);
+const GREY: RGBAColor = RGBAColor(0xB8, 0xB8, 0xB8, 1.0);
 /// Background of what no longer counts for any of the curves.
 const GONE: RGBAColor = pale(BLACK, 0.06);
 
