@@ -13,7 +13,7 @@ const SHOWN_S: f64 = 4.0;
 /// Part of that which lies before the departure.
 const BEFORE: f64 = 0.75;
 const COLORS: [RGBAColor; 6] = [VERMILLION, BLUE, LEG_COLORS[0], LEG_COLORS[1], LEG_COLORS[2], LEG_COLORS[3]];
-const GREY_LINE: Stroke = Stroke { color: pale(BLACK, 0.22), width: 0.9 };
+const GREY_LINE: Stroke = Stroke { color: RGBAColor(0xB8, 0xB8, 0xB8, 1.0), width: 0.9 };
 const BOUND: Stroke = Stroke { color: BLACK, width: 0.8 };
 const RECORDED: Stroke = Stroke { color: BLACK, ..TRUE_LINE };
 /// Background of what no longer counts for any of the curves.
