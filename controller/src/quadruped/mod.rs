@@ -104,6 +104,11 @@ impl Quadruped {
         &self.robot
     }
 
+    /// The whole-body controller after the last tick that solved: its programs, solutions, torques.
+    pub fn wbc(&self) -> &Wbc {
+        &self.scratch.wbc
+    }
+
     /// Which constraints contradicted each other in the last tick that solved, by name, and on which level of the stack, from 0; `None` if it
     /// found all its solutions. To ask this of a log, replay it to the tick of the failure first. Not for use in a tick.
     pub fn explain(&self) -> Option<(usize, Vec<NamedViolation>)> {
