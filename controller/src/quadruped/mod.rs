@@ -238,7 +238,10 @@ impl Controller for Quadruped {
             self.state.qd_des.fill(0.0);
             self.state.qdd_des.fill(0.0);
             self.state.gait_running = false;
-            self.messages.nothing_computed(&self.state);
+            // The tick in which one failure was too many has computed everything else, and its solution says what failed.
+            if found.is_none_or(|fault| fault.code != ControllerTick::FAULT_QP) {
+                self.messages.nothing_computed(&self.state);
+            }
         }
         self.publish(&digests, out);
         probe.stage_done(Stage::Output);
