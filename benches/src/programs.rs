@@ -3,12 +3,12 @@
 use crate::export::read_programs;
 use crate::sample::{Line, Samples, most_allocations};
 use anyhow::{Result, ensure};
-use controller::qp::{ClarabelSolver, Qp, QpSolver, QpStatus};
+use controller::qp::{Backend, Qp, QpSolver, QpStatus};
 use nalgebra::{DMatrix, DVector};
 use std::path::Path;
 
 /// Our back-ends by the names of their lines, that of the robot first.
-pub const NAMES: [&str; 1] = ["Clarabel"];
+pub const NAMES: [&str; 2] = ["active set", "Clarabel"];
 /// Iterations that a back-end may take.
 const MAX_ITERATIONS: u32 = 100;
 /// Tolerance of Clarabel, that of the controller by default.
@@ -19,8 +19,11 @@ pub fn time(path: &Path, passes: usize) -> Result<()> {
     let programs = read_programs(path)?;
     ensure!(!programs.is_empty(), "{}: no program in it", path.display());
     let pattern = pattern(&programs);
-    let mut clarabel = ClarabelSolver::new(&pattern, MAX_ITERATIONS, TOLERANCE);
-    time_solver(NAMES[0], &mut clarabel, &programs, passes).print()
+    for (name, backend) in NAMES.into_iter().zip([Backend::ActiveSet, Backend::Clarabel]) {
+        let mut solver = backend.build(&pattern, MAX_ITERATIONS, TOLERANCE);
+        time_solver(name, solver.as_mut(), &programs, passes).print()?;
+    }
+    Ok(())
 }
 
 fn time_solver(name: &str, solver: &mut dyn QpSolver, programs: &[(Qp, DVector<f64>)], passes: usize) -> Line {
