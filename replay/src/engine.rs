@@ -25,6 +25,7 @@ mod stretch;
 mod ticks;
 mod what_if;
 
+pub(crate) use compare::show;
 pub use compare::{Divergence, Index};
 pub use cursor::{Cursor, Moment};
 pub use inputs::{brief, lines, of_bytes};

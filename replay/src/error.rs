@@ -94,6 +94,38 @@ pub enum Error {
         /// Reason.
         source: Box<lcm_idl::Error>,
     },
+    /// A folder that was to hold `.lcm` files.
+    #[error("{path}: no .lcm file in this folder nor in the folders in it", path = path.display())]
+    NoTypes {
+        /// Folder.
+        path: PathBuf,
+    },
+    /// What was to be a regular expression.
+    #[error("{pattern:?} is no regular expression for channels: {why}")]
+    Pattern {
+        /// As given.
+        pattern: String,
+        /// Reason.
+        why: String,
+    },
+    /// A moment behind the end of a log.
+    #[error("{path}: nothing at {moment_s} s: the log ends {duration_s:.3} s after its first event", path = path.display())]
+    NothingThere {
+        /// File.
+        path: PathBuf,
+        /// Time asked for, s since the first event.
+        moment_s: f64,
+        /// Time of the last event, s since the first one.
+        duration_s: f64,
+    },
+    /// No state to start a replay from.
+    #[error("{path}: no CONTROLLER_SNAPSHOT up to {before_s:.3} s, so nothing could be replayed from there", path = path.display())]
+    NoSnapshot {
+        /// File.
+        path: PathBuf,
+        /// Until when one was looked for, s since the first event.
+        before_s: f64,
+    },
     /// A log without RUN_INFO: nobody knows which controller ran.
     #[error("{path}: no RUN_INFO among its {events} events, so the controller and its parameters are unknown", path = path.display())]
     NoRunInfo {

@@ -174,7 +174,8 @@ fn split_path(path: &str) -> (String, Option<Index>) {
     (field.to_owned(), index)
 }
 
-fn show(value: &Value) -> String {
+/// A value as reports show it: a float also as hexadecimal float.
+pub(crate) fn show(value: &Value) -> String {
     match value {
         Value::Double(v) => format!("{} ({v:?})", hex_float(*v)),
         Value::Float(v) => format!("{} ({v:?})", hex_float(f64::from(*v))),
