@@ -9,9 +9,9 @@
 //! another one begins *inside* it, since then its own length is wrong; otherwise the bytes between the two are what is damaged.
 
 use super::source::Source;
+use super::writer::Output;
 use super::{Cut, Damaged, Event, Item, MAX_CHANNEL, MAX_MESSAGE, Names};
 use crate::Error;
-use std::fs::File;
 use std::io::{BufWriter, Write};
 
 /// First bytes of every event.
@@ -24,13 +24,13 @@ const MAX_CHANNEL_READ: usize = 999;
 
 /// Writes events.
 pub(super) struct EventLogWriter {
-    out: BufWriter<File>,
+    out: BufWriter<Output>,
     number: i64,
 }
 
 impl EventLogWriter {
-    pub fn new(file: File) -> Self {
-        EventLogWriter { out: BufWriter::with_capacity(1 << 18, file), number: 0 }
+    pub fn new(out: Output) -> Self {
+        EventLogWriter { out: BufWriter::with_capacity(1 << 18, out), number: 0 }
     }
 
     /// `t_ns` is rounded down to whole microseconds; the caller has checked name, time and length.

@@ -8,17 +8,17 @@
 //!   process that dies loses no more than the chunk that it was filling.
 
 use super::schema::Schema;
+use super::writer::Output;
 use mcap::records::MessageHeader;
 use mcap::write::NoSeek;
 use mcap::{Compression, McapResult, WriteOptions, Writer};
 use std::collections::BTreeMap;
-use std::fs::File;
 use std::io::BufWriter;
 
 const CHUNK_BYTES: u64 = 1 << 18;
 
 pub(super) struct McapWriter {
-    out: Writer<NoSeek<BufWriter<File>>>,
+    out: Writer<NoSeek<BufWriter<Output>>>,
     /// A channel whose type changes within a log becomes two MCAP channels of one topic.
     channels: BTreeMap<String, Vec<ChannelOfType>>,
 }
@@ -30,7 +30,7 @@ struct ChannelOfType {
 }
 
 impl McapWriter {
-    pub fn new(file: File) -> McapResult<Self> {
+    pub fn new(out: Output) -> McapResult<Self> {
         // Without seeking, a chunk goes out in one piece when it is full, never as a half-written one.
         let out = WriteOptions::new()
             .profile("")
@@ -39,7 +39,7 @@ impl McapWriter {
             .compression_threads(0)
             .chunk_size(Some(CHUNK_BYTES))
             .disable_seeking(true)
-            .create(NoSeek::new(BufWriter::new(file)))?;
+            .create(NoSeek::new(BufWriter::new(out)))?;
         Ok(McapWriter { out, channels: BTreeMap::new() })
     }
 

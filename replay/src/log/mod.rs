@@ -25,7 +25,8 @@ mod writer;
 
 pub use reader::{Events, LogReader};
 pub use summary::{ChannelSummary, LogSummary};
-pub use writer::LogWriter;
+pub(crate) use writer::check_event;
+pub use writer::{LogWriter, Output};
 
 use std::sync::Arc;
 
