@@ -12,6 +12,7 @@
 //! - [`tables`]: the tracking table beside the published one, as text and CSV.
 //! - [`report`](report()): all of it in a directory, with one HTML page.
 //! - [`frames`]: any channel of any log as a polars data frame, and Parquet.
+//! - [`export`]: a log as CSV, Parquet or a MATLAB file.
 //!
 //! It reads logs and nothing else: no robot, no bus, no controller. Nothing depends on it but the command. It must never change a
 //! number between two runs over the same log, nor hide that a log is damaged or lacks a channel.
@@ -19,6 +20,7 @@
 // Names of quantities carry frames, such as p_WF: see ARCHITECTURE.md.
 #![allow(non_snake_case)]
 
+pub mod export;
 pub mod figures;
 pub mod frames;
 pub mod math;
