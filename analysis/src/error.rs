@@ -42,6 +42,15 @@ pub enum Error {
         #[source]
         source: polars::error::PolarsError,
     },
+    /// The types that a log carries are no LCM types.
+    #[error("log {}: the .lcm texts in its RUN_INFO", path.display())]
+    Types {
+        /// The log.
+        path: PathBuf,
+        /// What the parser said.
+        #[source]
+        source: lcm_idl::Error,
+    },
     /// A matrix that a MATLAB file of Level 5 cannot hold.
     #[error("channel {channel} does not fit into {}: a MATLAB file of Level 5 holds 4 GiB a variable; filter the log, or use Parquet", path.display())]
     TooLarge {
@@ -57,6 +66,26 @@ pub enum Error {
         figure: String,
         /// What the plotting back-end said.
         reason: String,
+    },
+    /// A report of no log was asked for.
+    #[error("no log to report; expected at least one")]
+    NoLog,
+    /// A file could not be read.
+    #[error("cannot read {}", path.display())]
+    ReadFile {
+        /// The file.
+        path: PathBuf,
+        /// What the system said.
+        #[source]
+        source: std::io::Error,
+    },
+    /// A file of plots or limits has a mistake.
+    #[error("{file}: {problem}")]
+    Choices {
+        /// The file, or what was read instead of one.
+        file: String,
+        /// Which key, what was found and what was expected.
+        problem: String,
     },
     /// A file of the report could not be written.
     #[error("cannot write {}", path.display())]

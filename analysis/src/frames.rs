@@ -10,7 +10,8 @@ use std::fmt::Write as _;
 use std::fs::File;
 use std::path::{Path, PathBuf};
 
-use lcm_idl::{Leaf, Type};
+use lcm_idl::{Leaf, Type, TypeSet};
+use lcmtypes::{Message, RunInfo};
 use polars::prelude::{
     Column, DataFrame, IdxCa, IntoColumn, NamedFrom, NewChunkedArray, ParquetWriter, PolarsError, Series,
 };
@@ -149,6 +150,13 @@ pub fn write_parquet(frame: &mut DataFrame, path: &Path, name: &str) -> Result<(
     let file = File::create(path).map_err(|source| Error::Write { path: path.to_owned(), source })?;
     let written = ParquetWriter::new(file).finish(frame);
     written.map(drop).map_err(|source| Error::Frame { channel: name.to_owned(), source })
+}
+
+/// The types that a log carries in its RUN_INFO; `None` if that does not decode.
+pub(crate) fn types_of_run(path: &Path, run_info: &[u8]) -> Result<Option<TypeSet>, Error> {
+    let Ok(info) = RunInfo::decode(run_info) else { return Ok(None) };
+    let texts = info.lcm_types.iter().map(|file| (file.name.as_str(), file.text.as_str()));
+    TypeSet::parse(texts).map(Some).map_err(|source| Error::Types { path: path.to_owned(), source })
 }
 
 /// Units of the fields of a type: its comment holds a Markdown table with the columns `field` and `unit`.
