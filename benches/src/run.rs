@@ -27,6 +27,9 @@ pub struct Args {
     /// Processor that single-threaded processes are bound to.
     #[arg(long, default_value_t = 1)]
     cpu: usize,
+    /// Give all processes real-time priority, as a controller has: needs the right to. Nothing else then runs beside them.
+    #[arg(long)]
+    fifo: bool,
     /// Write every line of every round as JSON.
     #[arg(long)]
     json: Option<PathBuf>,
@@ -69,7 +72,7 @@ pub fn run(args: &Args) -> Result<ExitCode> {
     for round in 0..args.rounds {
         for contender in &contenders {
             eprintln!("round {} of {}: {}", round + 1, args.rounds, contender.text());
-            for line in contender.run(args.cpu)? {
+            for line in contender.run(args)? {
                 let who = match contender.who {
                     Who::Ours => "ours".to_owned(),
                     Who::Pinocchio => "Pinocchio".to_owned(),
@@ -156,14 +159,17 @@ impl Contender {
         format!("{program} {}", self.arguments.join(" "))
     }
 
-    fn run(&self, cpu: usize) -> Result<Vec<Line>> {
-        let mut command = if self.bound {
-            let mut command = Command::new("taskset");
-            command.args(["--cpu-list", &cpu.to_string()]).arg(&self.program);
-            command
-        } else {
-            Command::new(&self.program)
-        };
+    fn run(&self, args: &Args) -> Result<Vec<Line>> {
+        let mut words: Vec<String> = Vec::new();
+        if self.bound {
+            words.extend(["taskset".to_owned(), "--cpu-list".to_owned(), args.cpu.to_string()]);
+        }
+        if args.fifo {
+            words.extend(["chrt", "--fifo", "10"].map(str::to_owned));
+        }
+        words.push(self.program.display().to_string());
+        let mut command = Command::new(&words[0]);
+        command.args(&words[1..]);
         let output = command.args(&self.arguments).stderr(Stdio::inherit()).output();
         let output = output.with_context(|| format!("cannot start {}", self.text()))?;
         if !output.status.success() {

@@ -120,7 +120,8 @@ impl<'a> Lines<'a> {
             let ratio = ratio.map_or("-".to_owned(), |ratio| format!("{ratio:.2}"));
             let lines = || cases.iter().flatten().flat_map(|case| case.0);
             let off = lines().filter_map(|line| line.off).fold(0.0, f64::max);
-            let unsolved = lines().map(|line| line.unsolved).max().unwrap_or(0);
+            let unsolved =
+                cases.iter().flatten().filter_map(|case| case.0.iter().map(|line| line.unsolved).max()).sum::<u64>();
             let allocations = cases.iter().flatten().map(|case| case.allocations()).max().unwrap_or_default();
             writeln!(out, " {ratio} | {off:.0e} | {unsolved} | {allocations} |")?;
         }
