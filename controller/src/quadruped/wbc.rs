@@ -170,7 +170,7 @@ impl Wbc {
     }
 
     /// Names of the rows and variables of the programs.
-    fn row_names(&self, robot: &Robot) -> RowNames {
+    pub(super) fn row_names(&self, robot: &Robot) -> RowNames {
         let base = ["force x", "force y", "force z", "moment x", "moment y", "moment z"];
         let sides = ["normal force", "friction t1+", "friction t1-", "friction t2+", "friction t2-"];
         let mut variables: Vec<String> = ["base x", "base y", "base z", "base roll", "base pitch", "base yaw"]
