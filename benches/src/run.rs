@@ -84,7 +84,7 @@ pub fn run(args: &Args) -> Result<ExitCode> {
         }
     }
     ensure!(!measured.is_empty(), "--rounds is 0: nothing was measured");
-    let text = table::markdown(&measured, &versions(&args.peers)?);
+    let text = table::markdown(&measured, &versions(args)?);
     println!("{text}");
     if let Some(path) = &args.json {
         let lines: Vec<_> = measured
@@ -171,7 +171,7 @@ impl Contender {
         let mut command = Command::new(&words[0]);
         command.args(&words[1..]);
         let output = command.args(&self.arguments).stderr(Stdio::inherit()).output();
-        let output = output.with_context(|| format!("cannot start {}", self.text()))?;
+        let output = output.with_context(|| format!("{}: {} cannot be started", self.text(), words[0]))?;
         if !output.status.success() {
             bail!("{} ended with {}", self.text(), output.status);
         }
@@ -204,15 +204,16 @@ fn differing(measured: &Measured) -> Vec<String> {
 }
 
 /// Versions of everything, as one line of text each.
-fn versions(peers: &Path) -> Result<Vec<String>> {
+fn versions(args: &Args) -> Result<Vec<String>> {
     let mut versions = Vec::new();
     let cpu = std::fs::read_to_string("/proc/cpuinfo").unwrap_or_default();
     let model = cpu.lines().find_map(|line| line.strip_prefix("model name")).unwrap_or(": unknown");
     let cores = std::thread::available_parallelism().map_or(1, usize::from);
-    versions.push(format!("{}, {cores} cores", model.trim_start_matches(['\t', ' ', ':'])));
+    let priority = if args.fifo { ", at real-time priority" } else { "" };
+    versions.push(format!("{}, {cores} cores{priority}", model.trim_start_matches(['\t', ' ', ':'])));
     let rustc = Command::new("rustc").arg("--version").output().context("rustc --version")?;
     versions.push(String::from_utf8_lossy(&rustc.stdout).trim().to_owned());
-    let path = peers.join("VERSIONS");
+    let path = args.peers.join("VERSIONS");
     if path.is_file() {
         let text = std::fs::read_to_string(&path).with_context(|| path.display().to_string())?;
         versions.extend(text.lines().map(str::to_owned));

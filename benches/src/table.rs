@@ -7,7 +7,8 @@ use controller::Stage;
 use std::fmt::Write;
 
 /// Quantities in the order of the table: their case, and in words.
-const QUANTITIES: [(&str, &str); 7] = [
+const QUANTITIES: [(&str, &str); 8] = [
+    ("pass", "forward kinematics to accelerations; ours is the pass that feeds all below"),
     ("foot_jacobians", "Jacobians of four feet"),
     ("mass_matrix", "mass matrix"),
     ("bias_force", "bias force"),
