@@ -5,6 +5,7 @@ use super::table::Row;
 use crate::progress::Progress;
 use crate::robot::{read, shipped};
 use crate::sim::{Job, Summary, simulate};
+use analysis::figures::{Figure, Format};
 use analysis::{Metrics, Run};
 use anyhow::Context;
 use replay::engine::{Options, Replay};
@@ -117,9 +118,11 @@ impl Bench {
         locked(&self.notes).push(text.into());
     }
 
-    /// Names a figure that was written.
-    pub fn figure(&self, path: PathBuf) {
-        locked(&self.figures).push(path);
+    /// Writes a figure into the folder, for paper and for screens.
+    pub fn write(&self, figure: &Figure) -> anyhow::Result<()> {
+        let files = figure.write(self.dir(), &[Format::Svg, Format::Png], 288.0)?;
+        locked(&self.figures).extend(files.into_iter().take(1));
+        Ok(())
     }
 
     /// Remarks and figures so far.

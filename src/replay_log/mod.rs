@@ -14,6 +14,7 @@ use crate::{Outcome, run_info, say, say_json};
 use replay::engine::{DEFAULT_BOUND, Options, Replay, ReplayReport};
 use std::path::{Path, PathBuf};
 
+pub use break_at::tree as moment_tree;
 pub use text::{divergence_text, text};
 
 #[derive(clap::Args)]

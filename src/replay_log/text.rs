@@ -13,7 +13,7 @@ pub fn text(report: &ReplayReport) -> String {
     text += &match &report.first_divergence {
         None if report.identical => format!("identical: {ticks} ticks"),
         None => format!("nothing to compare: {ticks} ticks, and the log holds none of their outputs"),
-        Some(divergence) => divergence_text(divergence) + &inputs(divergence),
+        Some(divergence) => divergence_text(divergence),
     };
     text += &format!(
         "\n{messages_compared} messages compared, {wall_seconds:.1} s ({real_time_factor:.1} times real time)"
@@ -40,7 +40,7 @@ pub fn text(report: &ReplayReport) -> String {
     if let Some(what_if) = &report.what_if {
         text += &format!("\n{}", what_if_text(what_if));
     }
-    text
+    text + &report.first_divergence.as_ref().map(inputs).unwrap_or_default()
 }
 
 /// One line for all of the build, one for each parameter.

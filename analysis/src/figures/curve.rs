@@ -1,14 +1,10 @@
 //! A plot of points: one quantity over another, one line a series. For sweeps, where a figure is not of one run.
 
-use std::path::Path;
-
-use super::canvas::{Drawing, Stroke};
-use super::panel::{Frame, Labels, Panel, Range};
-use super::style::{
-    BLACK, BLUE, BOTTOM_MARGIN, LEFT_MARGIN, LEG_COLORS, Mark, PAGE_WIDTH, REFERENCE_LINE, RIGHT_MARGIN, TOP_MARGIN,
-    VERMILLION, legend,
-};
-use crate::Error;
+use super::Figure;
+use super::canvas::Stroke;
+use super::chart::{Chart, Layer, Plot, Section};
+use super::panel::Range;
+use super::style::{Mark, REFERENCE_LINE, RUN_COLORS};
 
 const HEIGHT: f64 = 230.0;
 
@@ -28,50 +24,40 @@ pub struct Curves {
 }
 
 impl Curves {
-    /// Writes `NAME.svg` and `NAME.png` (288 dpi) into a directory. The same points give the same bytes.
-    ///
-    /// # Errors
-    /// A folder that cannot be written to.
-    pub fn write(&self, dir: &Path, name: &str) -> Result<(), Error> {
-        let failed = |reason| Error::Figure { figure: name.to_owned(), reason };
-        let drawing = self.draw();
-        let path = dir.join(format!("{name}.svg"));
-        std::fs::write(&path, drawing.svg().map_err(failed)?).map_err(|source| Error::Write { path, source })?;
-        drawing.write_png(&dir.join(format!("{name}.png"))).map_err(failed)
-    }
-
-    fn draw(&self) -> Drawing {
-        let mut drawing = Drawing::new(PAGE_WIDTH, TOP_MARGIN + HEIGHT + BOTTOM_MARGIN);
+    /// The plot; the same points give the same bytes.
+    pub fn figure(&self, name: &str) -> Figure {
         let points = || self.series.iter().flat_map(|(_, points)| points);
         let xs: Vec<f64> = points().map(|p| p.0).collect();
         let ys: Vec<f64> = points().map(|p| p.1).chain(self.limit.iter().map(|(_, level)| *level)).collect();
-        let width = drawing.width() - LEFT_MARGIN - RIGHT_MARGIN;
-        let frame = Frame { left: LEFT_MARGIN, top: TOP_MARGIN, width, height: HEIGHT };
-        let x = Range::covering(&xs, 1e-9);
-        let panel = if self.logarithmic {
+        let y = if self.logarithmic {
             let (low, high) = ys.iter().fold((f64::INFINITY, 0.0_f64), |(low, high), y| (low.min(*y), high.max(*y)));
-            Panel::new(frame, x, Range { min: low / 1.5, max: high * 1.5 }).logarithmic()
+            Range { min: low / 1.5, max: high * 1.5 }
         } else {
-            Panel::new(frame, x, Range::covering(ys.iter().chain([&0.0]), 1e-9))
+            Range::covering(ys.iter().chain([&0.0]), 1e-9)
         };
-        panel.grid(&mut drawing);
-        let mut entries = Vec::new();
+        let (mut layers, mut legend) = (Vec::new(), Vec::new());
         if let Some((name, level)) = &self.limit {
-            panel.dashed(&mut drawing, &[x.min, x.max], &[*level, *level], REFERENCE_LINE);
-            entries.push((name.as_str(), Mark::Dashed(REFERENCE_LINE)));
+            layers.push(Layer::Level(*level, REFERENCE_LINE));
+            legend.push((name.clone(), Mark::Dashed(REFERENCE_LINE)));
         }
-        let colors = [BLUE, VERMILLION, LEG_COLORS[0], LEG_COLORS[2], BLACK];
-        for ((name, points), color) in self.series.iter().zip(colors.into_iter().cycle()) {
+        for ((name, points), color) in self.series.iter().zip(RUN_COLORS.into_iter().cycle()) {
             let stroke = Stroke { color, width: 1.3 };
-            drawing.line(points.iter().map(|p| panel.at(p.0, p.1)).collect(), stroke);
-            for p in points {
-                drawing.dot(panel.at(p.0, p.1), 2.4, color);
-            }
-            entries.push((name.as_str(), Mark::Line(stroke)));
+            layers.push(Layer::Path(points.clone(), stroke));
+            layers.push(Layer::Dots(points.clone(), 2.4, color));
+            legend.push((name.clone(), Mark::Line(stroke)));
         }
-        panel.axes(&mut drawing, Labels { x: Some(&self.x), y: Some(&self.y) });
-        legend(&mut drawing, LEFT_MARGIN, 14.0, &entries);
-        drawing
+        let plot = Plot {
+            x_label: self.x.clone(),
+            y_label: self.y.clone(),
+            x: Range::covering(&xs, 1e-9),
+            y,
+            logarithmic: [false, self.logarithmic],
+            height: HEIGHT,
+            layers,
+            ..Plot::default()
+        };
+        let caption = format!("{} over {}.", self.y, self.x);
+        Figure::of_chart(name, name, &Chart { caption, sections: vec![Section::column(vec![plot])], legend })
     }
 }
 
@@ -88,7 +74,7 @@ mod tests {
             series: vec![("first".to_owned(), vec![(0.0, 1.0), (1.0, 0.1)]), ("second".to_owned(), vec![(0.0, 0.5)])],
             limit: Some(("limit".to_owned(), 0.05)),
         };
-        let svg = curves.draw().svg().unwrap();
+        let svg = curves.figure("sweep").svg();
         for text in ["ratio", "distance", "first", "second", "limit"] {
             assert!(svg.contains(text), "{text}");
         }

@@ -1,22 +1,21 @@
 //! Torques of what-if replays over those of the record, grey where the recorded inputs no longer stand for the changed controller.
 
 use super::Figure;
-use super::canvas::{Align, Drawing, RGBAColor, Stroke};
-use super::panel::{Frame, Labels, Panel, Range};
-use super::style::{
-    BLACK, BLUE, BOTTOM_MARGIN, LEFT_MARGIN, LEG_COLORS, Mark, PAGE_WIDTH, RIGHT_MARGIN, TEXT, TICK_EM, TOP_MARGIN,
-    TRUE_LINE, VERMILLION, legend, pale,
-};
+use super::canvas::{RGBAColor, Stroke};
+use super::chart::{Chart, Layer, Plot, Section};
+use super::panel::Range;
+use super::style::{BLACK, BLUE, LEG_COLORS, Mark, TRUE_LINE, VERMILLION, pale};
 use replay::engine::{Sample, WhatIf};
 
 const PANEL_HEIGHT: f64 = 150.0;
-const GAP: f64 = 14.0;
 /// Longest stretch that is drawn; a longer log is shown around the first departure.
 const SHOWN_S: f64 = 4.0;
 /// Part of that which lies before the departure.
 const BEFORE: f64 = 0.75;
 const COLORS: [RGBAColor; 6] = [VERMILLION, BLUE, LEG_COLORS[0], LEG_COLORS[1], LEG_COLORS[2], LEG_COLORS[3]];
-const GREY: RGBAColor = pale(BLACK, 0.22);
+const GREY_LINE: Stroke = Stroke { color: RGBAColor(0xB8, 0xB8, 0xB8, 1.0), width: 0.9 };
+const BOUND: Stroke = Stroke { color: BLACK, width: 0.8 };
+const RECORDED: Stroke = Stroke { color: BLACK, ..TRUE_LINE };
 /// Background of what no longer counts for any of the curves.
 const GONE: RGBAColor = pale(BLACK, 0.06);
 
@@ -36,13 +35,6 @@ pub fn what_if(replays: &[(String, &WhatIf)]) -> Figure {
     let from = (middle - BEFORE * SHOWN_S).clamp(0.0, (end - SHOWN_S).max(0.0));
     let time = Range { min: from, max: (from + SHOWN_S).min(end).max(from + 1e-3) };
 
-    let rows = [0.0, 1.0].map(|row| Frame {
-        left: LEFT_MARGIN,
-        top: TOP_MARGIN + row * (PANEL_HEIGHT + GAP),
-        width: PAGE_WIDTH - LEFT_MARGIN - RIGHT_MARGIN,
-        height: PANEL_HEIGHT,
-    });
-    let mut drawing = Drawing::new(PAGE_WIDTH, TOP_MARGIN + 2.0 * PANEL_HEIGHT + GAP + BOTTOM_MARGIN);
     let torque = |of: &[f32]| of.get(joint).map_or(f64::NAN, |tau| f64::from(*tau));
     let difference = |sample: &Sample| {
         sample.replayed.iter().zip(&sample.recorded).map(|(a, b)| f64::from((a - b).abs())).fold(f64::NAN, f64::max)
@@ -53,9 +45,11 @@ pub fn what_if(replays: &[(String, &WhatIf)]) -> Figure {
     };
     let recorded = samples.zip(replays.first()).map(|(_, (_, what_if))| curve(what_if, &|s| torque(&s.recorded)));
     let values: [&dyn Fn(&Sample) -> f64; 2] = [&|sample| torque(&sample.replayed), &difference];
-    for (row, (frame, value)) in rows.into_iter().zip(values).enumerate() {
+    let bound = replays.first().map_or(0.0, |(_, what_if)| what_if.bound);
+    let line = |xs: &[f64], ys: &[f64], stroke| Layer::Line { xs: xs.into(), ys: ys.to_vec(), stroke, dashed: false };
+    let mut plots = Vec::new();
+    for (row, value) in values.into_iter().enumerate() {
         let curves: Vec<(Vec<f64>, Vec<f64>)> = replays.iter().map(|(_, what_if)| curve(what_if, value)).collect();
-        let bound = replays.first().map_or(0.0, |(_, what_if)| what_if.bound);
         let mut seen: Vec<f64> = curves.iter().flat_map(|(_, ys)| ys.iter().copied()).collect();
         match (row, &recorded) {
             (0, Some((_, ys))) => seen.extend(ys),
@@ -63,42 +57,41 @@ pub fn what_if(replays: &[(String, &WhatIf)]) -> Figure {
             // Far beyond the bound nothing is left to be read.
             _ => seen = seen.into_iter().map(|y| y.min(4.0 * bound)).chain([0.0, bound]).collect(),
         }
-        let panel = Panel::new(frame, time, Range::covering(&seen, 1.0));
+        let mut layers = Vec::new();
         if let (Some(last), true) = (last, all_gone) {
-            panel.shade(&mut drawing, since(last), time.max, GONE);
+            layers.push(Layer::Shade(vec![(since(last), time.max)], GONE));
         }
-        panel.grid(&mut drawing);
         if let (0, Some((xs, ys))) = (row, &recorded) {
-            panel.line(&mut drawing, xs, ys, Stroke { color: BLACK, ..TRUE_LINE });
+            layers.push(line(xs, ys, RECORDED));
         }
         for (k, ((_, what_if), (xs, ys))) in replays.iter().zip(&curves).enumerate() {
             let gone = what_if.departure.map_or(f64::INFINITY, |departure| since(departure.t_ns));
             let split = xs.partition_point(|x| *x <= gone);
-            panel.line(&mut drawing, &xs[split..], &ys[split..], Stroke { color: GREY, width: 0.9 });
-            let color = COLORS[k % COLORS.len()];
-            panel.line(&mut drawing, &xs[..split], &ys[..split], Stroke { color, width: 1.0 });
+            layers.push(line(&xs[split..], &ys[split..], GREY_LINE));
+            layers.push(line(&xs[..split], &ys[..split], stroke_of(k)));
         }
         if row == 1 {
-            panel.dashed(&mut drawing, &[time.min, time.max], &[bound; 2], Stroke { color: BLACK, width: 0.8 });
-            let (x, y) = panel.at(time.max, bound);
-            drawing.text((x - 4.0, y - 4.0), "bound", TICK_EM, Align::Right, TEXT);
+            layers.push(Layer::Level(bound, BOUND));
         }
-        let y = ["torque [N m]", "largest difference [N m]"][row];
-        panel.axes(&mut drawing, Labels { x: (row == 1).then_some("time [s]"), y: Some(y) });
+        let y_label = ["torque [N m]", "largest difference [N m]"][row].to_owned();
+        let y = Range::covering(&seen, 1.0);
+        plots.push(Plot { y_label, x: time, y, height: PANEL_HEIGHT, layers, ..Plot::default() });
     }
-    let mut entries = vec![("recorded", Mark::Line(Stroke { color: BLACK, ..TRUE_LINE }))];
-    for (k, (name, _)) in replays.iter().enumerate() {
-        entries.push((name, Mark::Line(Stroke { color: COLORS[k % COLORS.len()], width: 1.0 })));
-    }
+    let mut legend = vec![("recorded".to_owned(), Mark::Line(RECORDED))];
+    legend.extend(replays.iter().enumerate().map(|(k, (name, _))| (name.clone(), Mark::Line(stroke_of(k)))));
     if first.is_some() {
-        entries.push(("left the record", Mark::Line(Stroke { color: GREY, width: 0.9 })));
+        legend.push(("left the record".to_owned(), Mark::Line(GREY_LINE)));
     }
-    legend(&mut drawing, LEFT_MARGIN, 14.0, &entries);
+    legend.push(("bound".to_owned(), Mark::Dashed(BOUND)));
     let caption = format!(
         "Torque of joint {joint} (URDF order), recorded and as other parameters would have had it on the same inputs. Grey: a joint's torque has \
          left the recorded one by more than the bound, so the recorded inputs answer another robot."
     );
-    Figure { name: "what_if", title: "What if", caption, drawing }
+    Figure::of_chart("what_if", "What if", &Chart { caption, sections: vec![Section::column(plots)], legend })
+}
+
+fn stroke_of(k: usize) -> Stroke {
+    Stroke { color: COLORS[k % COLORS.len()], width: 1.0 }
 }
 
 /// The joint whose torques differ most.

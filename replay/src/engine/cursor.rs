@@ -80,6 +80,8 @@ pub struct Cursor<'r> {
     first_tick: i64,
     last_tick: i64,
     snapshots: Vec<i64>,
+    /// Quantities are wanted of the ticks gone to.
+    dumps: bool,
 }
 
 impl<'r> Cursor<'r> {
@@ -121,6 +123,7 @@ impl<'r> Cursor<'r> {
             first_tick,
             last_tick: last,
             snapshots,
+            dumps: true,
             options,
         })
     }
@@ -199,7 +202,7 @@ impl<'r> Cursor<'r> {
         Err(missing)
     }
 
-    /// Goes on tick by tick until `stop` says so. `None` if the log ends before, or `stop` never does within `most` ticks.
+    /// Goes on tick by tick until `stop`, which is shown no quantities, says so. `None` if the log ends before, or `stop` never does within `most` ticks.
     ///
     /// # Errors
     /// Those of reading the log.
@@ -209,6 +212,15 @@ impl<'r> Cursor<'r> {
         most: u64,
         stop: &mut dyn FnMut(&Moment) -> bool,
     ) -> Result<Option<Moment>, Error> {
+        // Quantities of ticks that are passed by are not put together.
+        self.dumps = false;
+        let found = self.pass(from, most, stop);
+        self.dumps = true;
+        let found = found?;
+        Ok(found.map(|moment| Moment { dump: self.runner.controller().dump(), ..moment }))
+    }
+
+    fn pass(&mut self, from: i64, most: u64, stop: &mut dyn FnMut(&Moment) -> bool) -> Result<Option<Moment>, Error> {
         let end = self.last_tick.min(from.saturating_add_unsigned(most).saturating_sub(1));
         for tick in from..=end {
             match self.go_to(tick) {
@@ -247,7 +259,7 @@ impl<'r> Cursor<'r> {
             replayed,
             beside: tick.beside.clone(),
             divergence: self.runner.tally.first.clone(),
-            dump: self.runner.controller().dump(),
+            dump: if self.dumps { self.runner.controller().dump() } else { Dump::default() },
             is_snapshot: tick.snapshot().is_some(),
         }))
     }

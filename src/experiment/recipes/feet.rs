@@ -110,8 +110,7 @@ pub fn acceleration_bound(bench: &Bench) -> anyhow::Result<Vec<Row>> {
         series: vec![("median of the swings".to_owned(), medians), ("99th percentile".to_owned(), highest)],
         limit: None,
     };
-    curves.write(bench.dir(), "overshoot")?;
-    bench.figure(bench.dir().join("overshoot.svg"));
+    bench.write(&curves.figure("overshoot"))?;
     Ok(rows)
 }
 

@@ -76,8 +76,7 @@ pub fn limits(bench: &Bench) -> anyhow::Result<Vec<Row>> {
             limit: None,
         };
         let file = name.split(',').next().unwrap_or(name).replace(' ', "_");
-        curves.write(bench.dir(), &file)?;
-        bench.figure(bench.dir().join(format!("{file}.svg")));
+        bench.write(&curves.figure(&file))?;
     }
     Ok(rows)
 }

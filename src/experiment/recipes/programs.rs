@@ -134,8 +134,7 @@ pub fn weights(bench: &Bench) -> anyhow::Result<Vec<Row>> {
         series: vec![("mean over 6 s of trot".to_owned(), points)],
         limit: Some(("5 %".to_owned(), 0.05)),
     };
-    curves.write(bench.dir(), "weights")?;
-    bench.figure(bench.dir().join("weights.svg"));
+    bench.write(&curves.figure("weights"))?;
     Ok(rows)
 }
 

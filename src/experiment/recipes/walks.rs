@@ -5,7 +5,7 @@ use crate::experiment::bench::{Bench, Spec, count, mean};
 use crate::experiment::table::Row;
 use crate::robot::RobotFiles;
 use analysis::Run;
-use analysis::figures::figure9;
+use analysis::figures::{Ask, Kind, Named, draw};
 use analysis::tables::tracking_rows;
 use std::collections::BTreeMap;
 
@@ -15,7 +15,9 @@ pub fn base_motion(bench: &Bench) -> anyhow::Result<Vec<Row>> {
 }
 
 fn table3(bench: &Bench, prefix: &str) -> anyhow::Result<Vec<Row>> {
-    let sample = bench.one_with(Spec::of("base_motion"), figure9)?;
+    let sample = bench.one_with(Spec::of("base_motion"), |run| {
+        draw(&Ask::new(Kind::Figure9), &[(Named("run".to_owned()), run)])
+    })?;
     let mut rows = Vec::new();
     for row in tracking_rows(&sample.metrics) {
         let (Some(measured), Some(published)) = (row.measured, row.published) else { continue };
@@ -25,8 +27,7 @@ fn table3(bench: &Bench, prefix: &str) -> anyhow::Result<Vec<Row>> {
         rows.push(noted("std", measured.std).published(published.std));
     }
     if let Ok(figure) = &sample.found {
-        figure.write(bench.dir())?;
-        bench.figure(bench.dir().join(format!("{}.svg", figure.name)));
+        bench.write(figure)?;
     }
     rows.push(falls(prefix, std::slice::from_ref(&sample)));
     rows.extend(speed(prefix, std::slice::from_ref(&sample)));
