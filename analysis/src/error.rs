@@ -51,6 +51,14 @@ pub enum Error {
         #[source]
         source: lcm_idl::Error,
     },
+    /// A matrix that a MATLAB file of Level 5 cannot hold.
+    #[error("channel {channel} does not fit into {}: a MATLAB file of Level 5 holds 4 GiB a variable; filter the log, or use Parquet", path.display())]
+    TooLarge {
+        /// The file.
+        path: PathBuf,
+        /// Channel.
+        channel: String,
+    },
     /// A figure could not be drawn.
     #[error("cannot draw figure {figure}: {reason}")]
     Figure {
