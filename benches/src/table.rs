@@ -21,7 +21,7 @@ const QUANTITIES: [(&str, &str); 8] = [
 const SETS: [&str; 2] = ["set", "set, crba in the world frame"];
 /// What the whole tick may take, in Pinocchio's sets on the same robot: half of TSID's tick, and all of it.
 const ASKED: [(&str, f64); 2] = [("S1", 3.6), ("S3", 7.2)];
-/// Speed of a replay by two threads that is asked for, in real time.
+/// Speed of a replay on two cores that is asked for, in real time.
 const ASKED_REPLAY: f64 = 40.0;
 
 /// All tables.
@@ -173,9 +173,9 @@ impl<'a> Lines<'a> {
     }
 
     fn replay(&self, out: &mut String) -> std::fmt::Result {
-        writeln!(out, "| replay, every message compared | times real time |")?;
+        writeln!(out, "| replay of HyQ, S1, every message compared | times real time (asked: {ASKED_REPLAY}) |")?;
         writeln!(out, "|---|---|")?;
-        for (jobs, words) in [("1", "one thread".to_owned()), ("2", format!("two threads (asked: {ASKED_REPLAY})"))] {
+        for (jobs, words) in [("1", "one thread"), ("2", "two threads")] {
             let factor = self
                 .case(&format!("replay, {jobs}"), "ours", "replay")
                 .map_or(f64::NAN, |case| case.median(|line| line.real_time_factor.unwrap_or(f64::NAN)));
