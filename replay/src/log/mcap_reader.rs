@@ -408,11 +408,9 @@ impl McapReader {
     /// Takes a schema or channel; `anew` also where the id is known already.
     fn learn(&mut self, record: Record<'static>, anew: bool) {
         match record {
-            Record::Schema { header, data } => {
-                if anew || !self.schemas.contains_key(&header.id) {
-                    let schema = FileSchema { name: header.name, encoding: header.encoding, data: data.into_owned() };
-                    self.schemas.insert(header.id, schema.into());
-                }
+            Record::Schema { header, data } if anew || !self.schemas.contains_key(&header.id) => {
+                let schema = FileSchema { name: header.name, encoding: header.encoding, data: data.into_owned() };
+                self.schemas.insert(header.id, schema.into());
             }
             Record::Channel(channel) => {
                 let id = usize::from(channel.id);

@@ -32,6 +32,7 @@ mod mcap_summary;
 mod mcap_writer;
 mod names;
 mod reader;
+pub mod ros2;
 mod select;
 mod source;
 mod summary;
