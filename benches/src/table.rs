@@ -7,7 +7,8 @@ use controller::Stage;
 use std::fmt::Write;
 
 /// Quantities in the order of the table: their case, and in words.
-const QUANTITIES: [(&str, &str); 7] = [
+const QUANTITIES: [(&str, &str); 8] = [
+    ("pass", "forward kinematics to accelerations; ours is the pass that feeds all below"),
     ("foot_jacobians", "Jacobians of four feet"),
     ("mass_matrix", "mass matrix"),
     ("bias_force", "bias force"),
@@ -120,7 +121,8 @@ impl<'a> Lines<'a> {
             let ratio = ratio.map_or("-".to_owned(), |ratio| format!("{ratio:.2}"));
             let lines = || cases.iter().flatten().flat_map(|case| case.0);
             let off = lines().filter_map(|line| line.off).fold(0.0, f64::max);
-            let unsolved = lines().map(|line| line.unsolved).max().unwrap_or(0);
+            let unsolved =
+                cases.iter().flatten().filter_map(|case| case.0.iter().map(|line| line.unsolved).max()).sum::<u64>();
             let allocations = cases.iter().flatten().map(|case| case.allocations()).max().unwrap_or_default();
             writeln!(out, " {ratio} | {off:.0e} | {unsolved} | {allocations} |")?;
         }

@@ -9,7 +9,6 @@
 mod active_set;
 mod clarabel_backend;
 mod constraints;
-mod dense;
 mod envelope;
 mod explain;
 mod working_set;

@@ -14,10 +14,10 @@
 //! other, such as the force of a foot in the air, is set by itself.
 
 use super::constraints::Constraints;
-use super::dense::axpy;
 use super::envelope::Envelope;
 use super::working_set::WorkingSet;
 use super::{Qp, QpInfo, QpRow, QpSolver, QpStatus};
+use crate::dense::axpy;
 use nalgebra::DVector;
 
 /// Violation of a row that counts as none, per length of the row and size of the numbers in `x`.

@@ -1,8 +1,8 @@
 //! The rows and bounds of a program as the active-set solver walks over them: those that say something, over the variables that couple.
 
 use super::active_set::Trouble;
-use super::dense::dot;
 use super::{Qp, QpRow};
+use crate::dense::dot;
 use std::ops::Range;
 
 /// Constraints `n x ≤ side`, `=` for the first [`Constraints::n_eq`], by number: rows, then lower bounds, then upper bounds by place. Rows are
@@ -12,7 +12,9 @@ pub(super) struct Constraints {
     pattern: Vec<Vec<usize>>,
     /// Place of each variable, if it has one.
     place_of: Vec<Option<usize>>,
-    /// Where the numbers of each row begin in `places` and `values`, and where the last ends.
+    /// Equality rows, one after the other, over the places.
+    equalities: Vec<f64>,
+    /// Where the numbers of each inequality row begin in `places` and `values`, and where the last ends.
     starts: Vec<usize>,
     places: Vec<usize>,
     values: Vec<f64>,
@@ -35,6 +37,7 @@ impl Constraints {
         Constraints {
             pattern: (0..pattern.d.len()).map(of_row).collect(),
             place_of: vec![None; n],
+            equalities: Vec::with_capacity(pattern.b.len() * n),
             starts: Vec::with_capacity(rows + 1),
             places: Vec::with_capacity(rows * n),
             values: Vec::with_capacity(rows * n),
@@ -65,51 +68,67 @@ impl Constraints {
         self.rows.clear();
         self.starts.clear();
         self.starts.push(0);
-        for row in 0..qp.b.len() {
-            for (place, &col) in places.iter().enumerate() {
-                self.enter(place, qp.A[(row, col)]);
-            }
-            self.close(qp.b[row], QpRow::Equality(row))?;
-        }
-        self.n_eq = self.rows.len();
+        self.take_equalities(qp, places)?;
         for row in 0..qp.d.len() {
-            for k in 0..self.pattern[row].len() {
-                let col = self.pattern[row][k];
+            for &col in &self.pattern[row] {
                 if let Some(place) = self.place_of[col] {
-                    self.enter(place, qp.C[(row, col)]);
+                    let value = qp.C[(row, col)];
+                    if value != 0.0 {
+                        self.places.push(place);
+                        self.values.push(value);
+                    }
                 }
             }
-            self.close(qp.d[row], QpRow::Inequality(row))?;
+            let start = self.starts[self.rows.len() - self.n_eq];
+            if let Some((inverse, side)) = scaled(&self.values[start..], qp.d[row], QpRow::Inequality(row))? {
+                self.values[start..].iter_mut().for_each(|value| *value *= inverse);
+                self.sides.push(side);
+                self.rows.push(QpRow::Inequality(row));
+                self.starts.push(self.places.len());
+            }
         }
         self.in_set.clear();
         self.in_set.resize(self.rows.len() + 2 * places.len(), false);
         Ok(())
     }
 
-    fn enter(&mut self, place: usize, value: f64) {
-        if value != 0.0 {
-            self.places.push(place);
-            self.values.push(value);
+    fn take_equalities(&mut self, qp: &Qp, places: &[usize]) -> Result<(), Trouble> {
+        let (n, rows) = (places.len(), qp.b.len());
+        self.n_eq = 0;
+        if rows == 0 {
+            return Ok(());
         }
+        self.equalities.clear();
+        self.equalities.resize(rows * n, 0.0);
+        for (place, &i) in places.iter().enumerate() {
+            let column = &qp.A.as_slice()[i * rows..(i + 1) * rows];
+            for (value, to) in column.iter().zip(self.equalities[place..].iter_mut().step_by(n)) {
+                *to = *value;
+            }
+        }
+        for row in 0..rows {
+            let from = row * n..(row + 1) * n;
+            let Some((inverse, side)) = scaled(&self.equalities[from.clone()], qp.b[row], QpRow::Equality(row))? else {
+                continue;
+            };
+            let to = self.n_eq * n;
+            self.equalities.copy_within(from, to);
+            self.equalities[to..to + n].iter_mut().for_each(|value| *value *= inverse);
+            self.sides.push(side);
+            self.rows.push(QpRow::Equality(row));
+            self.n_eq += 1;
+        }
+        Ok(())
     }
 
-    /// Ends a row whose numbers have been entered.
-    fn close(&mut self, side: f64, row: QpRow) -> Result<(), Trouble> {
-        let values = &mut self.values[self.starts[self.rows.len()]..];
-        let size = dot(values, values).sqrt();
-        if !size.is_finite() || side.is_nan() {
-            return Err(Trouble::failed());
-        }
-        if size == 0.0 {
-            let violated = if matches!(row, QpRow::Equality(_)) { side.abs() } else { -side };
-            return if violated > ROUNDING { Err(Trouble::infeasible(row)) } else { Ok(()) };
-        }
-        let inverse = 1.0 / size;
-        values.iter_mut().for_each(|value| *value *= inverse);
-        self.sides.push(side * inverse);
-        self.rows.push(row);
-        self.starts.push(self.places.len());
-        Ok(())
+    fn equality(&self, i: usize) -> &[f64] {
+        let n = self.lower.len();
+        &self.equalities[i * n..(i + 1) * n]
+    }
+
+    /// Where the numbers of an inequality row stand.
+    fn inequality(&self, i: usize) -> Range<usize> {
+        self.starts[i - self.n_eq]..self.starts[i - self.n_eq + 1]
     }
 
     /// Number of equality rows.
@@ -129,11 +148,15 @@ impl Constraints {
 
     /// Writes the numbers of a row; gives where those other than 0 stand.
     pub fn load(&self, i: usize, row: &mut [f64]) -> Range<usize> {
-        row.fill(0.0);
         let n = self.lower.len();
+        if i < self.n_eq {
+            row[..n].copy_from_slice(self.equality(i));
+            return 0..n;
+        }
+        row.fill(0.0);
         match i.checked_sub(self.rows.len()) {
             None => {
-                let of_row = self.starts[i]..self.starts[i + 1];
+                let of_row = self.inequality(i);
                 let (mut first, mut last) = (n, 0);
                 for (&place, value) in self.places[of_row.clone()].iter().zip(&self.values[of_row]) {
                     row[place] = *value;
@@ -152,9 +175,12 @@ impl Constraints {
     /// By how much `x` violates a constraint; of an equality row, signed.
     pub fn excess(&self, i: usize, x: &[f64]) -> f64 {
         let n = self.lower.len();
+        if i < self.n_eq {
+            return dot(self.equality(i), x) - self.sides[i];
+        }
         match i.checked_sub(self.rows.len()) {
             None => {
-                let of_row = self.starts[i]..self.starts[i + 1];
+                let of_row = self.inequality(i);
                 let terms = self.places[of_row.clone()].iter().zip(&self.values[of_row]);
                 terms.fold(0.0, |sum, (&place, value)| sum + value * x[place]) - self.sides[i]
             }
@@ -193,4 +219,17 @@ impl Constraints {
     pub fn let_go(&mut self, i: usize) {
         self.in_set[i] = false;
     }
+}
+
+/// One over the length of a row, and its side in that unit; nothing for a row of zeros.
+fn scaled(values: &[f64], side: f64, row: QpRow) -> Result<Option<(f64, f64)>, Trouble> {
+    let size = dot(values, values).sqrt();
+    if !size.is_finite() || side.is_nan() {
+        return Err(Trouble::failed());
+    }
+    if size > 0.0 {
+        return Ok(Some((1.0 / size, side / size)));
+    }
+    let violated = if matches!(row, QpRow::Equality(_)) { side.abs() } else { -side };
+    if violated > ROUNDING { Err(Trouble::infeasible(row)) } else { Ok(None) }
 }

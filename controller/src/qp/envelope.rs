@@ -4,7 +4,7 @@
 //! number outside the arrow, and what the factor costs is what the arrow holds. No pattern is needed for that: the envelope is read
 //! off the numbers in every solve.
 
-use super::dense::{axpy, dot};
+use crate::dense::{axpy, dot};
 use std::ops::Range;
 
 /// `H = L Lᵀ`, L lower triangular, in memory for a largest size.

@@ -7,7 +7,7 @@
 //! what is in the set; a row that leaves is turned out by Givens rotations. Source: G. H. Golub, C. F. Van Loan, *Matrix
 //! Computations* (2013), sections 5.2 and 6.5.
 
-use super::dense::{axpy, dot};
+use crate::dense::{axpy, dot};
 use std::ops::Range;
 
 /// Part of a row's norm that must lie outside the span of the set for the row to count as independent of it.

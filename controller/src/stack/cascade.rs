@@ -10,6 +10,7 @@
 //! of the level above it, which obeys every constraint.
 
 use super::{Basis, Rows};
+use crate::dense::axpy;
 use crate::qp::{Qp, QpInfo, QpSolver, QpStatus};
 use nalgebra::DVector;
 
@@ -142,9 +143,7 @@ impl Cascade {
                 continue;
             }
             if let Some(last) = above.last() {
-                for row in self.n_eq..level.qp.b.len() {
-                    level.qp.b[row] = level.qp.A.row(row).iter().zip(&last.x).fold(0.0, |sum, (q, x)| sum + q * x);
-                }
+                reached(&mut level.qp, self.n_eq, &last.x);
             }
             let mut info = level.solver.solve(&level.qp, &mut level.x);
             if !level.x.iter().all(|x| x.is_finite())
@@ -209,23 +208,28 @@ impl Cascade {
 
 /// Copies the constraints of the first level and hands down what the levels above have reached; the right sides of that come with solving.
 fn constrain(qp: &mut Qp, first: &Qp, n_eq: usize, basis: &Basis) {
-    let n = qp.n();
+    let (n, rows) = (qp.n(), qp.b.len());
     for col in 0..n {
-        for row in 0..n_eq {
-            qp.A[(row, col)] = first.A[(row, col)];
-        }
-        for row in n_eq..qp.b.len() {
-            qp.A[(row, col)] = basis.at(row, col);
-        }
+        let to = &mut qp.A.as_mut_slice()[col * rows..(col + 1) * rows];
+        let (of_constraints, of_levels) = to.split_at_mut(n_eq);
+        of_constraints.copy_from_slice(&first.A.as_slice()[col * n_eq..(col + 1) * n_eq]);
+        basis.column(n_eq, col, of_levels);
     }
     qp.b.fill(0.0);
-    for row in 0..n_eq {
-        qp.b[row] = first.b[row];
-    }
+    qp.b.rows_mut(0, n_eq).copy_from(&first.b);
     qp.C.copy_from(&first.C);
     qp.d.copy_from(&first.d);
     qp.lower.copy_from(&first.lower);
     qp.upper.copy_from(&first.upper);
+}
+
+/// Writes `Q x`, what the levels above have reached, to the right side of their rows.
+fn reached(qp: &mut Qp, n_eq: usize, x: &DVector<f64>) {
+    let (rows, b) = (qp.b.len(), &mut qp.b.as_mut_slice()[n_eq..]);
+    b.fill(0.0);
+    for (column, x) in qp.A.as_slice().chunks_exact(rows).zip(x) {
+        axpy(*x, &column[n_eq..], b);
+    }
 }
 
 /// The halved cost of a level's tasks, in the order of its terms, and λ on every variable.

@@ -10,18 +10,18 @@
 
 use super::FileSchema;
 use super::mcap_reader::NUMBER_HIGH;
+use super::writer::Output;
 use mcap::records::MessageHeader;
 use mcap::write::NoSeek;
 use mcap::{Compression, McapResult, WriteOptions, Writer};
 use std::collections::BTreeMap;
-use std::fs::File;
 use std::io::BufWriter;
 use std::sync::Arc;
 
 const CHUNK_BYTES: u64 = 1 << 18;
 
 pub(super) struct McapWriter {
-    out: Writer<NoSeek<BufWriter<File>>>,
+    out: Writer<NoSeek<BufWriter<Output>>>,
     /// A channel whose type changes within a log becomes two MCAP channels of one topic.
     channels: BTreeMap<String, Vec<ChannelOfType>>,
 }
@@ -33,7 +33,7 @@ struct ChannelOfType {
 }
 
 impl McapWriter {
-    pub fn new(file: File) -> McapResult<Self> {
+    pub fn new(out: Output) -> McapResult<Self> {
         // Without seeking, a chunk goes out in one piece when it is full, never as a half-written one.
         let out = WriteOptions::new()
             .profile("")
@@ -42,7 +42,7 @@ impl McapWriter {
             .compression_threads(0)
             .chunk_size(Some(CHUNK_BYTES))
             .disable_seeking(true)
-            .create(NoSeek::new(BufWriter::new(file)))?;
+            .create(NoSeek::new(BufWriter::new(out)))?;
         Ok(McapWriter { out, channels: BTreeMap::new() })
     }
 

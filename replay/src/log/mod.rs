@@ -49,7 +49,8 @@ pub use select::Selection;
 pub use summary::{ChannelSummary, LogSummary};
 pub use types::Types;
 pub use verify::{Certificate, ChannelAccount, Replayable, verify};
-pub use writer::LogWriter;
+pub(crate) use writer::check_event;
+pub use writer::{LogWriter, Output};
 
 use std::sync::Arc;
 

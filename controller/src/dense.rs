@@ -3,7 +3,7 @@
 /// `Σ a_i b_i`: four partial sums over every fourth product, then those. The order is fixed, so are the bits; and two lanes of a CPU of
 /// the baseline can run at once, which one sum in index order would not allow.
 #[inline]
-pub(super) fn dot(a: &[f64], b: &[f64]) -> f64 {
+pub(crate) fn dot(a: &[f64], b: &[f64]) -> f64 {
     let n = a.len().min(b.len());
     let (a, b) = (&a[..n], &b[..n]);
     let (a4, b4) = (a.chunks_exact(4), b.chunks_exact(4));
@@ -20,7 +20,7 @@ pub(super) fn dot(a: &[f64], b: &[f64]) -> f64 {
 
 /// `y += s x`.
 #[inline]
-pub(super) fn axpy(s: f64, x: &[f64], y: &mut [f64]) {
+pub(crate) fn axpy(s: f64, x: &[f64], y: &mut [f64]) {
     for (y, x) in y.iter_mut().zip(x) {
         *y += s * x;
     }
