@@ -12,10 +12,12 @@ use std::path::{Path, PathBuf};
 #[derive(clap::Args)]
 #[command(after_help = "Example: hoof log convert run.lcmlog run.mcap\n         \
     hoof log convert run.mcap --to csv --out run_csv --channels 'ROBOT_STATE|EVENT'\n         \
-    hoof log convert run.mcap --to parquet\n         hoof log convert run.mcap run.mat\n         \
+    hoof log convert run.mcap --to parquet\n         hoof log convert run.mcap ticks.parquet --to ticks\n         hoof log convert run.mcap run.mat\n         \
     hoof log convert run.mcap --to mcap --encoding ros2\n\n\
     .lcmlog and .mcap (encoding lcm) hold the same: events, bytes, times and numbers survive both ways; only an .lcmlog has whole \
-    microseconds. CSV and Parquet make one file a channel in a folder, one row a message, one column a field. MATLAB (Level 5): one \
+    microseconds. CSV and Parquet make one file a channel in a folder, one row a message, one column a field; Parquet \
+    carries their units as JSON under the metadata key `units`, and `ticks` makes one Parquet file of the controller's channels side by side, one row \
+    a tick. MATLAB (Level 5): one \
     struct a channel, one matrix a field. Encoding ros2: CDR messages with ros2msg schemas, and beside them /robot_description, /tf, \
     /joint_states, /imu and /contact/FOOT, so that Foxglove, PlotJuggler and rerun show the robot.")]
 pub struct Args {
@@ -48,6 +50,8 @@ enum To {
     Mcap,
     Csv,
     Parquet,
+    /// One Parquet file, one row a tick
+    Ticks,
     Mat,
 }
 
@@ -66,6 +70,7 @@ impl To {
             To::Mcap => "mcap",
             To::Csv => "csv",
             To::Parquet => "parquet",
+            To::Ticks => "ticks",
             To::Mat => "mat",
         }
     }
@@ -86,6 +91,7 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
     let table = match to {
         To::Csv => Table::Csv,
         To::Parquet => Table::Parquet,
+        To::Ticks => Table::Ticks,
         To::Mat => Table::Mat,
         To::Mcap if args.encoding == Encoding::Ros2 => {
             let exported = ros2::to_ros2(&args.log, &out, selection, types, &mut progress)?;
@@ -163,6 +169,7 @@ fn target(args: &Args) -> anyhow::Result<(To, PathBuf)> {
     let stem = args.log.file_stem().unwrap_or_default().to_string_lossy().into_owned();
     let name = match (to, args.encoding) {
         (To::Csv | To::Parquet, _) => format!("{stem}_{}", to.name()),
+        (To::Ticks, _) => format!("{stem}_ticks.parquet"),
         (To::Mcap, Encoding::Ros2) => format!("{stem}_ros2.mcap"),
         _ => format!("{stem}.{}", to.name()),
     };

@@ -1,10 +1,11 @@
 //! A log as tables of others: CSV, Parquet, MATLAB.
 //!
 //! CSV and Parquet: one file a channel in a folder, one row a message, one column a field ([`Frames`]). MATLAB: one file, one struct a
-//! channel, one matrix a field ([`mat`]). The tables are made in memory: a log of an hour should be filtered first.
+//! channel, one matrix a field ([`mat`]). Parquet files carry the units of their columns as JSON under the metadata key `units`. The tables are made in memory: a log of an hour should be filtered first.
 
 mod mat;
 
+use std::collections::BTreeMap;
 use std::fs::File;
 use std::path::{Path, PathBuf};
 
@@ -21,6 +22,8 @@ pub enum Table {
     Csv,
     /// Apache Parquet.
     Parquet,
+    /// Apache Parquet, one file: the channels of the controller side by side, one row a tick.
+    Ticks,
     /// MATLAB Level 5.
     Mat,
 }
@@ -47,7 +50,8 @@ impl Exported {
     }
 }
 
-/// Writes the channels of a log that `wanted` accepts: into the folder `out`, which is made if need be, or the file `out` for MATLAB.
+/// Writes the channels of a log that `wanted` accepts: into the folder `out`, which is made if need be, or the file `out` for MATLAB
+/// and ticks.
 ///
 /// # Errors
 /// As [`Frames::read`]; [`Error::Write`]; [`Error::Frame`]; [`Error::TooLarge`] for a matrix that a Level 5 file cannot hold.
@@ -63,9 +67,14 @@ pub fn export(
     let write_error = |path: &Path, source| Error::Write { path: path.to_owned(), source };
     let mut files = Vec::new();
     let mut messages = 0;
-    if table != Table::Mat {
+    if table == Table::Ticks {
+        let (mut ticks, units) = frames.ticks()?;
+        write_parquet(&mut ticks, &units, out, "all")?;
+        files.push(out.to_owned());
+    } else if table != Table::Mat {
         std::fs::create_dir_all(out).map_err(|source| write_error(out, source))?;
     }
+    let units: BTreeMap<String, _> = frames.names().map(|name| (name.to_owned(), frames.column_units(name))).collect();
     for (channel, frame) in frames.frames_mut() {
         messages += frame.height() as u64;
         let file = |ending: &str| out.join(format!("{}.{ending}", channel.replace(['/', '\\'], "_")));
@@ -79,10 +88,10 @@ pub fn export(
             }
             Table::Parquet => {
                 let path = file("parquet");
-                write_parquet(frame, &path, channel)?;
+                write_parquet(frame, &units[channel], &path, channel)?;
                 files.push(path);
             }
-            Table::Mat => {}
+            Table::Mat | Table::Ticks => {}
         }
     }
     if table == Table::Mat {
