@@ -7,7 +7,7 @@ use crate::{Outcome, say, say_json};
 use anyhow::Context;
 use controller::params::Params;
 use drivers::{DriverError, MujocoSim, Scenario, SimParams, Terrain, lockstep};
-use replay::log::LogWriter;
+use replay::record::{RingOptions, RingWriter};
 use serde::Serialize;
 use std::path::{Path, PathBuf};
 
@@ -169,7 +169,7 @@ pub fn simulate(job: &Job, progress: &mut dyn FnMut(f64)) -> anyhow::Result<Summ
     if let Some(folder) = job.log.parent() {
         std::fs::create_dir_all(folder).with_context(|| folder.display().to_string())?;
     }
-    let mut log = LogWriter::create(job.log)?;
+    let mut log = RingWriter::create(job.log, &RingOptions::lockstep())?;
     let outcome = lockstep::run(&scenario, &info, &mut sim, controller.as_mut(), &mut log, &mut |t_s| {
         progress(t_s / scenario.duration_s);
     });

@@ -1,4 +1,7 @@
-//! `hoof log`: look at logs.
+//! `hoof log`: make logs and look at them.
+
+mod play;
+mod record;
 
 use crate::{Outcome, say, say_json};
 use clap::Subcommand;
@@ -7,6 +10,8 @@ use std::path::PathBuf;
 
 #[derive(Subcommand)]
 pub enum Command {
+    Record(record::Args),
+    Play(play::Args),
     /// Channels, types, counts, rates, and whether anything is damaged or lost
     #[command(after_help = "Example: hoof log info run.mcap")]
     Info {
@@ -19,9 +24,16 @@ pub enum Command {
 }
 
 pub fn run(command: &Command) -> anyhow::Result<Outcome> {
-    let Command::Info { log, json } = command;
+    match command {
+        Command::Record(args) => record::run(args),
+        Command::Play(args) => play::run(args),
+        Command::Info { log, json } => info(log, *json),
+    }
+}
+
+fn info(log: &std::path::Path, json: bool) -> anyhow::Result<Outcome> {
     let summary = LogSummary::read(log)?;
-    if *json {
+    if json {
         say_json(&summary)?
     } else {
         say(text(&summary))?
