@@ -23,8 +23,13 @@ pub(super) struct McapWriter {
     channels: BTreeMap<String, Vec<ChannelOfType>>,
 }
 
+/// Types of one channel that are kept apart though nobody knows them. Payloads that are no LCM messages seem to have a new type each time,
+/// and MCAP has 65,536 channels.
+const UNKNOWN_TYPES: usize = 16;
+
 struct ChannelOfType {
     fingerprint: Option<u64>,
+    has_schema: bool,
     id: u16,
     sequence: u32,
 }
@@ -56,10 +61,16 @@ impl McapWriter {
             Some(known) => known,
             None => self.channels.entry(channel.into()).or_default(),
         };
-        let index = match known.iter().position(|c| c.fingerprint == fingerprint) {
-            Some(index) => index,
-            None => {
-                let schema_id = match fingerprint.and_then(schema) {
+        let find = |known: &[ChannelOfType], fingerprint| known.iter().position(|c| c.fingerprint == fingerprint);
+        let mut index = find(known, fingerprint);
+        if index.is_none() {
+            let schema = fingerprint.and_then(schema);
+            let unknown = known.iter().filter(|c| !c.has_schema).count();
+            let fingerprint = fingerprint.filter(|_| schema.is_some() || unknown < UNKNOWN_TYPES);
+            index = find(known, fingerprint);
+            if index.is_none() {
+                let has_schema = schema.is_some();
+                let schema_id = match schema {
                     Some(schema) => self.out.add_schema(&schema.name, "lcm", schema.text.as_bytes())?,
                     None => 0,
                 };
@@ -67,10 +78,10 @@ impl McapWriter {
                 let metadata =
                     fingerprint.map(|f| ("lcm_fingerprint".to_owned(), format!("{f:016x}"))).into_iter().collect();
                 let id = self.out.add_channel(schema_id, channel, "lcm", &metadata)?;
-                known.push(ChannelOfType { fingerprint, id, sequence: 0 });
-                known.len() - 1
+                known.push(ChannelOfType { fingerprint, has_schema, id, sequence: 0 });
             }
-        };
+        }
+        let index = index.unwrap_or(known.len() - 1);
         let known = &mut known[index];
         let header =
             MessageHeader { channel_id: known.id, sequence: known.sequence, log_time: t_ns, publish_time: t_ns };
