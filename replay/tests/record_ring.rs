@@ -38,6 +38,20 @@ fn a_log_through_a_ring_is_the_same_file() {
     }
 }
 
+/// Payloads that are no LCM messages seem to have a type each, and MCAP has 65,536 channels.
+#[test]
+fn payloads_of_no_type_are_recorded_without_end() {
+    let path = path("payloads.mcap");
+    let mut log = RingWriter::create(&path, &RingOptions::lockstep()).unwrap();
+    for i in 0..70_000u64 {
+        log.write("RAW", 0, &i.to_be_bytes()).unwrap();
+    }
+    assert_eq!(log.finish().unwrap(), 70_000);
+    let events = events(&items(&path));
+    assert!((0..).zip(&events).all(|(i, (_, _, data))| *data == u64::to_be_bytes(i)));
+    assert_eq!(events.len(), 70_000);
+}
+
 #[test]
 fn what_no_log_can_hold_is_refused_at_once() {
     let mut log = RingWriter::create(path("refused.mcap"), &options(300, WhenFull::Wait)).unwrap();

@@ -199,7 +199,11 @@ impl Recorder {
             std::thread::sleep(PATIENCE);
             waiting.give_up();
         });
-        let heard = desk.finish();
+        let mut heard = desk.finish();
+        if heard.failure.is_some() {
+            // What the operating system said is more than what became of it in the layers above.
+            heard.failure = disk.trouble().or(heard.failure);
+        }
         // That the log cannot be written is told with what is in it; nothing else ends the listening.
         drop(listened);
         received.map_err(|errno| Error::Socket { url, at: "recvmsg", source: errno.into() })?;

@@ -103,7 +103,7 @@ const HEADER: usize = 9;
 pub struct RingWriter {
     path: PathBuf,
     ring: Option<BytesIn>,
-    thread: Option<JoinHandle<Result<u64, Error>>>,
+    thread: Option<JoinHandle<Result<Box<dyn Target>, Error>>>,
     shedder: Option<Shedder>,
     said: Keep,
     last_ns: i64,
@@ -192,15 +192,23 @@ impl RingWriter {
     ///
     /// # Errors
     /// What the writing thread met with.
-    pub fn finish(mut self) -> Result<u64, Error> {
+    pub fn finish(self) -> Result<u64, Error> {
+        self.into_target()?.finish()
+    }
+
+    /// Waits until everything is written, and gives back where it was written to: for last words before the log is completed.
+    ///
+    /// # Errors
+    /// What the writing thread met with.
+    pub fn into_target(mut self) -> Result<Box<dyn Target>, Error> {
         if self.shedder.as_ref().is_some_and(Shedder::has_unsaid) {
             // Once more with the writer's own failure in mind: that one is told below.
             let _ = self.tell();
         }
-        self.close().unwrap_or(Ok(0))
+        self.close().unwrap_or_else(|| Err(Error::WriterFailed { path: self.path.clone() }))
     }
 
-    fn close(&mut self) -> Option<Result<u64, Error>> {
+    fn close(&mut self) -> Option<Result<Box<dyn Target>, Error>> {
         self.ring = None;
         let thread = self.thread.take()?;
         thread.thread().unpark();
@@ -278,12 +286,15 @@ impl EventSink for RingWriter {
 
 impl Drop for RingWriter {
     fn drop(&mut self) {
-        drop(self.close());
+        // Only `finish` tells whether this goes well.
+        if let Some(Ok(target)) = self.close() {
+            let _ = target.finish();
+        }
     }
 }
 
 /// The writing thread: until nobody puts in any more and the ring is empty.
-fn drain(mut ring: BytesOut, mut target: Box<dyn Target>, flush_every: Option<Duration>) -> Result<u64, Error> {
+fn drain(mut ring: BytesOut, mut target: Box<dyn Target>, flush_every: Option<Duration>) -> Result<Box<dyn Target>, Error> {
     let mut event = Vec::new();
     let mut unflushed: Option<Instant> = None;
     loop {
@@ -297,7 +308,7 @@ fn drain(mut ring: BytesOut, mut target: Box<dyn Target>, flush_every: Option<Du
             target.write(channel, i64::from_ne_bytes(*time), data)?;
             unflushed.get_or_insert_with(Instant::now);
         } else if ended {
-            return target.finish();
+            return Ok(target);
         } else {
             std::thread::park_timeout(REST);
         }
