@@ -285,14 +285,6 @@ pub enum Error {
         /// Reason.
         source: std::io::Error,
     },
-    /// A regular expression for channels that cannot be read.
-    #[error("channel pattern {pattern:?}: {problem}")]
-    Pattern {
-        /// What was given.
-        pattern: String,
-        /// What is wrong with it.
-        problem: String,
-    },
     /// A message longer than the whole ring between a run and the thread that writes its log.
     #[error("{path}: channel {channel}: a message of {bytes} bytes, the ring before the log takes at most {limit}", path = path.display())]
     RingTooSmall {

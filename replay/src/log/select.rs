@@ -2,14 +2,13 @@
 
 use super::EventRef;
 use crate::Error;
-use regex_lite::Regex;
+use crate::record::{Filter, Pattern};
 use std::sync::Arc;
 
 /// Which events of a log are wanted: by channel and by time.
 #[derive(Debug, Clone, Default)]
 pub struct Selection {
-    channels: Option<Regex>,
-    exclude: Option<Regex>,
+    channels: Filter,
     from_ns: Option<i64>,
     to_ns: Option<i64>,
     /// RUN_INFO is wanted whatever its time: without it a log cannot be read.
@@ -30,16 +29,10 @@ impl Selection {
         from_s: Option<f64>,
         to_s: Option<f64>,
     ) -> Result<Self, Error> {
-        let pattern = |text: Option<&str>| {
-            let compiled = text.map(|text| Regex::new(&format!("^(?:{text})$")));
-            compiled
-                .transpose()
-                .map_err(|why| Error::Pattern { pattern: text.unwrap_or_default().to_owned(), why: why.to_string() })
-        };
+        let pattern = |text: Option<&str>| text.map(Pattern::new).transpose();
         let nanoseconds = |s: f64| (s * 1e9).round() as i64;
         Ok(Selection {
-            channels: pattern(channels)?,
-            exclude: pattern(exclude)?,
+            channels: Filter { include: pattern(channels)?, exclude: pattern(exclude)? },
             from_ns: from_s.map(nanoseconds),
             to_ns: to_s.map(nanoseconds),
             ..Selection::default()
@@ -77,7 +70,6 @@ impl Selection {
 
     /// Whether a channel of this name is wanted.
     pub fn matches(&self, channel: &str) -> bool {
-        self.channels.as_ref().is_none_or(|pattern| pattern.is_match(channel))
-            && !self.exclude.as_ref().is_some_and(|pattern| pattern.is_match(channel))
+        self.channels.takes(channel)
     }
 }
