@@ -8,7 +8,7 @@ use anyhow::Context;
 use controller::model::UrdfTree;
 use controller::params::Params;
 use drivers::{DriverError, MujocoSim, Scenario, SimParams, Terrain, lockstep};
-use replay::log::LogWriter;
+use replay::record::{RingOptions, RingWriter};
 use serde::Serialize;
 use std::path::{Path, PathBuf};
 
@@ -228,13 +228,14 @@ pub fn simulate_setup(setup: Setup, log_path: &Path, progress: &mut dyn FnMut(f6
     if let Some(folder) = log_path.parent() {
         std::fs::create_dir_all(folder).with_context(|| folder.display().to_string())?;
     }
-    let mut log = LogWriter::create(log_path)?;
+    let mut log = RingWriter::create(log_path, &RingOptions::lockstep())?;
     let outcome = lockstep::run(&scenario, &info, &mut sim, controller.as_mut(), &mut log, &mut |t_s| {
         progress(t_s / scenario.duration_s);
     });
     let outcome = outcome?;
+    let mut log = log.into_target()?;
     let proved = if prove {
-        Some(replay::prove::is_proof(&replay::prove::prove(log_path, &mut log, crate::replay_log::threads())?))
+        Some(replay::prove::is_proof(&replay::prove::prove(log_path, log.as_mut(), crate::replay_log::threads())?))
     } else {
         None
     };

@@ -125,9 +125,10 @@ fn footholds<'a>(run: &'a Run, shown: &'a [Tick]) -> impl Iterator<Item = Vec3> 
         let stands = |tick: &Tick| tick.stands(leg) == Some(true);
         (stands(&pair[1]) && !stands(&pair[0])).then(|| pair[1].truth.as_ref().map(|w| w.p_WF[leg])).flatten()
     };
-    let standing = shown.first().and_then(|tick| tick.truth.as_ref()).map(|w| w.p_WF).filter(|_| known);
+    let first = shown.first().and_then(|tick| tick.truth.as_ref()).filter(|_| known);
+    let standing = first.into_iter().flat_map(|w| (0..4).filter(|&leg| w.contact[leg]).map(|leg| w.p_WF[leg]));
     let later = shown.windows(2).flat_map(move |pair| (0..4).filter_map(move |leg| landed(pair, leg)));
-    standing.into_iter().flatten().chain(later)
+    standing.chain(later)
 }
 
 fn document(run: &Run, frames: &Frames, spots: &[(f64, f64)], floor: f64) -> String {

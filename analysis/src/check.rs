@@ -23,7 +23,7 @@ const NAMES: [&str; 4] = ["leg", "stage", "joint", "fault"];
 /// Names that an error offers.
 const OFFERED: usize = 3;
 
-/// Limits by key, in the order of the file.
+/// Limits by key, in the order of the keys.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Limits {
     file: String,

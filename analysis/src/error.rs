@@ -42,14 +42,13 @@ pub enum Error {
         #[source]
         source: polars::error::PolarsError,
     },
-    /// The types that a log carries are no LCM types.
-    #[error("log {}: the .lcm texts in its RUN_INFO", path.display())]
-    Types {
-        /// The log.
+    /// A matrix that a MATLAB file of Level 5 cannot hold.
+    #[error("channel {channel} does not fit into {}: a MATLAB file of Level 5 holds 4 GiB a variable; filter the log, or use Parquet", path.display())]
+    TooLarge {
+        /// The file.
         path: PathBuf,
-        /// What the parser said.
-        #[source]
-        source: lcm_idl::Error,
+        /// Channel.
+        channel: String,
     },
     /// A figure could not be drawn.
     #[error("cannot draw figure {figure}: {reason}")]

@@ -2,13 +2,8 @@
 
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
-use std::path::Path;
 
-use lcm_idl::TypeSet;
-use replay::log::Event;
-
-use crate::Error;
-use crate::frames::types_of_run;
+use replay::log::{EventRef, Types};
 
 /// A field of the messages of a channel.
 #[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord)]
@@ -46,7 +41,7 @@ pub struct Samples {
 /// Collects fields while a log is read.
 pub(crate) struct FieldReader<'a> {
     wanted: BTreeMap<&'a str, Vec<&'a Field>>,
-    own_types: Option<TypeSet>,
+    types: Types,
     found: BTreeMap<&'a Field, (Vec<i64>, Vec<f64>)>,
 }
 
@@ -59,22 +54,19 @@ impl<'a> FieldReader<'a> {
                 of_channel.push(field);
             }
         }
-        Self { wanted, own_types: None, found: BTreeMap::new() }
+        Self { wanted, types: Types::default(), found: BTreeMap::new() }
     }
 
     /// Takes the wanted fields out of a message; one that does not decode gives none.
-    pub fn take(&mut self, path: &Path, event: &Event) -> Result<(), Error> {
+    pub fn take(&mut self, event: &EventRef) {
         if self.wanted.is_empty() {
-            return Ok(());
+            return;
         }
-        if &*event.channel == "RUN_INFO" && self.own_types.is_none() {
-            self.own_types = types_of_run(path, &event.data)?;
-        }
-        let Some(wanted) = self.wanted.get(&*event.channel) else { return Ok(()) };
-        let own = self.own_types.as_ref().and_then(|types| types.of_message(&event.data));
-        let Some(ty) = own.or_else(|| lcmtypes::types().of_message(&event.data)) else { return Ok(()) };
+        self.types.learn(event);
+        let Some(wanted) = self.wanted.get(&**event.channel) else { return };
+        let Some(ty) = self.types.of_message(event.channel, event.data) else { return };
         let (mut t_ns, mut name, mut values) = (event.t_ns, String::new(), Vec::with_capacity(wanted.len()));
-        let walked = ty.walk(&event.data, |path, leaf| {
+        let walked = ty.walk(event.data, |path, leaf| {
             name.clear();
             let _ = write!(name, "{path}");
             if name == "t_ns" {
@@ -91,7 +83,6 @@ impl<'a> FieldReader<'a> {
                 series.1.push(value);
             }
         }
-        Ok(())
     }
 
     /// The fields that were found, by name.

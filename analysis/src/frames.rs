@@ -10,12 +10,13 @@ use std::fmt::Write as _;
 use std::fs::File;
 use std::path::{Path, PathBuf};
 
-use lcm_idl::{Leaf, Type, TypeSet};
-use lcmtypes::{Message, RunInfo};
+use lcm_idl::ast::FieldType;
+use lcm_idl::{Leaf, Type};
 use polars::prelude::{
-    Column, DataFrame, IdxCa, IntoColumn, NamedFrom, NewChunkedArray, ParquetWriter, PolarsError, Series,
+    Column, DataFrame, IdxCa, IntoColumn, KeyValueMetadata, NamedFrom, NewChunkedArray, ParquetWriter, PolarsError,
+    Series,
 };
-use replay::log::LogReader;
+use replay::log::{Health, LogReader, Types};
 
 use crate::{Error, Progress, Stage};
 
@@ -28,33 +29,42 @@ pub struct Frames {
     channels: BTreeMap<String, DataFrame>,
     units: BTreeMap<String, BTreeMap<String, String>>,
     unreadable: BTreeMap<String, u64>,
+    health: Health,
 }
 
 impl Frames {
     /// Reads the channels that `wanted` accepts. A channel without a known type, or messages that do not decode, are counted, not an error.
     pub fn read(path: &Path, wanted: impl Fn(&str) -> bool, progress: &mut dyn FnMut(Progress)) -> Result<Self, Error> {
+        Self::read_with(path, Types::default(), wanted, progress)
+    }
+
+    /// [`Frames::read`] of a log whose types others describe.
+    pub fn read_with(
+        path: &Path,
+        mut types: Types,
+        wanted: impl Fn(&str) -> bool,
+        progress: &mut dyn FnMut(Progress),
+    ) -> Result<Self, Error> {
         let log_error = |source| Error::Log { path: path.to_owned(), source };
-        let reader = LogReader::open(path).map_err(log_error)?;
+        let mut reader = LogReader::open(path).map_err(log_error)?;
         let total = reader.bytes();
-        let mut own_types = None;
         let mut tables: BTreeMap<String, Table> = BTreeMap::new();
         let mut units = BTreeMap::new();
         let mut unreadable: BTreeMap<String, u64> = BTreeMap::new();
-        for (number, event) in reader.events().enumerate() {
-            let event = event.map_err(log_error)?;
+        let (mut health, mut number) = (Health::default(), 0_u64);
+        while let Some(item) = reader.read().map_err(log_error)? {
+            let Some(event) = health.note(item) else { continue };
             if number.is_multiple_of(4096) {
                 progress(Progress { stage: Stage::Read, done: event.offset, total });
             }
-            if &*event.channel == "RUN_INFO" && own_types.is_none() {
-                own_types = types_of_run(path, &event.data)?;
-            }
-            if !wanted(&event.channel) {
+            number += 1;
+            types.learn(&event);
+            if !wanted(event.channel) {
                 continue;
             }
-            let own = own_types.as_ref().and_then(|types| types.of_message(&event.data));
-            let read = own.or_else(|| lcmtypes::types().of_message(&event.data)).and_then(|ty| {
+            let read = types.of_message(event.channel, event.data).and_then(|ty| {
                 units.entry(event.channel.to_string()).or_insert_with(|| units_of(ty));
-                tables.entry(event.channel.to_string()).or_default().push(event.t_ns, ty, &event.data)
+                tables.entry(event.channel.to_string()).or_default().push(event.t_ns, ty, event.data)
             });
             if read.is_none() {
                 *unreadable.entry(event.channel.to_string()).or_default() += 1;
@@ -65,7 +75,7 @@ impl Frames {
             Ok(frame) => Ok((channel, frame)),
             Err(source) => Err(Error::Frame { channel, source }),
         };
-        Ok(Self { channels: tables.into_iter().map(frame).collect::<Result<_, _>>()?, units, unreadable })
+        Ok(Self { channels: tables.into_iter().map(frame).collect::<Result<_, _>>()?, units, unreadable, health })
     }
 
     /// Names of the channels.
@@ -89,6 +99,53 @@ impl Frames {
     /// Messages per channel that could not be read.
     pub fn unreadable(&self) -> &BTreeMap<String, u64> {
         &self.unreadable
+    }
+
+    /// What is wrong with the log.
+    pub fn health(&self) -> &Health {
+        &self.health
+    }
+
+    /// The frames, by channel.
+    pub(crate) fn frames_mut(&mut self) -> impl Iterator<Item = (&str, &mut DataFrame)> {
+        self.channels.iter_mut().map(|(channel, frame)| (channel.as_str(), frame))
+    }
+
+    /// Unit of each column of a channel's frame: that of its field, whatever the place in an array.
+    pub fn column_units(&self, channel: &str) -> BTreeMap<String, String> {
+        let (Some(frame), Some(units)) = (self.channels.get(channel), self.units.get(channel)) else {
+            return BTreeMap::new();
+        };
+        let columns = frame.columns().iter().map(|column| column.name().to_string());
+        let unit_of = |column: String| {
+            let field: String =
+                column.split('[').flat_map(|part| part.split_once(']').map_or(Some(part), |p| Some(p.1))).collect();
+            units.get(&field).map(|unit| (column, unit.clone()))
+        };
+        let log_time = [(LOG_TIME.to_owned(), "ns".to_owned())];
+        columns.filter_map(unit_of).chain(log_time).collect()
+    }
+
+    /// Every channel whose messages carry a tick, side by side, one row a message of CONTROLLER_TICK (or of the first such channel), with the units of
+    /// its columns.
+    ///
+    /// # Errors
+    /// [`Error::NoSuchChannel`] if no channel carries a tick.
+    pub fn ticks(&self) -> Result<(DataFrame, BTreeMap<String, String>), Error> {
+        const GRID: &str = "CONTROLLER_TICK";
+        let ticked = |frame: &DataFrame| frame.column("t_ns").is_ok() && frame.column("tick").is_ok();
+        let truth = |name: &&str| ["ROBOT_STATE", "GROUND_TRUTH"].contains(name);
+        let with_tick = self.channels.iter().filter(|(_, frame)| ticked(frame)).map(|(name, _)| name.as_str());
+        let mut channels: Vec<&str> = with_tick.filter(|name| *name != "EVENT").collect();
+        if channels.is_empty() {
+            self.get(GRID)?;
+        }
+        channels.extend(self.names().filter(truth));
+        channels.sort_by_key(|name| (*name != GRID, truth(name), *name));
+        let units = channels.iter().flat_map(|channel| {
+            self.column_units(channel).into_iter().map(move |(column, unit)| (format!("{channel}.{column}"), unit))
+        });
+        Ok((self.joined(&channels)?, units.collect()))
     }
 
     /// Several channels side by side, columns named `CHANNEL.path`: one row per message of the first, and the message of each other that is nearest in
@@ -117,40 +174,59 @@ impl Frames {
     pub fn write_parquet(&mut self, dir: &Path) -> Result<Vec<PathBuf>, Error> {
         std::fs::create_dir_all(dir).map_err(|source| Error::Write { path: dir.to_owned(), source })?;
         let mut files = Vec::new();
+        let units: BTreeMap<String, _> = self.names().map(|name| (name.to_owned(), self.column_units(name))).collect();
         for (channel, frame) in &mut self.channels {
             let path = dir.join(format!("{}.parquet", channel.replace(['/', '\\'], "_")));
-            write_parquet(frame, &path, channel)?;
+            write_parquet(frame, &units[channel], &path, channel)?;
             files.push(path);
         }
         Ok(files)
     }
 }
 
-/// Writes a frame to a Parquet file; `name` is what an error calls it.
-pub fn write_parquet(frame: &mut DataFrame, path: &Path, name: &str) -> Result<(), Error> {
+/// Key of the units in a Parquet file's metadata.
+pub const UNITS_KEY: &str = "units";
+
+/// Writes a frame to a Parquet file; `name` is what an error calls it. `units`, of columns by name, go into the file's metadata as a JSON object
+/// under the key `units`.
+pub fn write_parquet(
+    frame: &mut DataFrame,
+    units: &BTreeMap<String, String>,
+    path: &Path,
+    name: &str,
+) -> Result<(), Error> {
     let file = File::create(path).map_err(|source| Error::Write { path: path.to_owned(), source })?;
-    let written = ParquetWriter::new(file).finish(frame);
+    let units = serde_json::to_string(units).expect("a map of texts is always JSON");
+    let metadata = KeyValueMetadata::from_static(vec![(UNITS_KEY.to_owned(), units)]);
+    let written = ParquetWriter::new(file).with_key_value_metadata(Some(metadata)).finish(frame);
     written.map(drop).map_err(|source| Error::Frame { channel: name.to_owned(), source })
 }
 
-/// The types that a log carries in its RUN_INFO; `None` if that does not decode.
-pub(crate) fn types_of_run(path: &Path, run_info: &[u8]) -> Result<Option<TypeSet>, Error> {
-    let Ok(info) = RunInfo::decode(run_info) else { return Ok(None) };
-    let texts = info.lcm_types.iter().map(|file| (file.name.as_str(), file.text.as_str()));
-    TypeSet::parse(texts).map(Some).map_err(|source| Error::Types { path: path.to_owned(), source })
-}
-
-/// Units of the fields of a type: its comment holds a Markdown table with the columns `field` and `unit`.
+/// Units of the fields of a type, those inside it by their way: its comment holds a Markdown table with the columns `field` and `unit`.
 fn units_of(ty: Type<'_>) -> BTreeMap<String, String> {
     let cells =
         |line: &str| line.trim().trim_matches('|').split('|').map(|cell| cell.trim().to_owned()).collect::<Vec<_>>();
     let comment = ty.def().comment.as_deref().unwrap_or_default();
     let mut rows = comment.lines().filter(|line| line.trim_start().starts_with('|')).map(cells);
-    let Some(header) = rows.next() else { return BTreeMap::new() };
+    let header = rows.next().unwrap_or_default();
     let place = |name: &str| header.iter().position(|cell| cell == name);
-    let Some((field, unit)) = place("field").zip(place("unit")) else { return BTreeMap::new() };
-    let named = rows.filter_map(|row| Some((row.get(field)?.clone(), row.get(unit)?.clone())));
-    named.filter(|(_, unit)| !unit.is_empty() && !unit.starts_with('-')).collect()
+    let mut units = BTreeMap::new();
+    if let Some((field, unit)) = place("field").zip(place("unit")) {
+        for (names, unit) in rows.filter_map(|row| Some((row.get(field)?.clone(), row.get(unit)?.clone()))) {
+            // A row may name several fields; dashes are the line below the header.
+            if !unit.is_empty() && !unit.starts_with('-') {
+                units.extend(names.split(", ").map(|name| (name.to_owned(), unit.clone())));
+            }
+        }
+    }
+    for member in &ty.def().fields {
+        if let FieldType::Named(name) = &member.ty
+            && let Some(inner) = lcmtypes::types().by_name(&name.to_string())
+        {
+            units.extend(units_of(inner).into_iter().map(|(field, unit)| (format!("{}.{field}", member.name), unit)));
+        }
+    }
+    units
 }
 
 /// The messages of one channel, column by column.

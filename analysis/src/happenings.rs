@@ -1,6 +1,6 @@
 //! What happened in a run, and when: the lines of a report that a reader looks for first.
 //!
-//! Times are those that `hoof replay --from` and `hoof log trim` take: seconds since the first tick of the log.
+//! Times are those that `hoof replay --from` and `hoof debug --at` take: seconds since the first tick of the log.
 
 use lcmtypes::{ControllerTick, Event, OperatorCommand, WbcSolution};
 use serde::Serialize;

@@ -14,6 +14,7 @@
 //! - [`check`]: limits that the metrics must keep.
 //! - [`report`](report()): all of it in a directory, with one HTML page.
 //! - [`frames`]: any channel of any log as a polars data frame, and Parquet.
+//! - [`export`]: a log as CSV, Parquet or a MATLAB file.
 //!
 //! It reads logs and nothing else: no robot, no bus, no controller. Nothing depends on it but the command. It must never change a
 //! number between two runs over the same log, nor hide that a log is damaged or lacks a channel.
@@ -23,6 +24,7 @@
 
 pub mod animation;
 pub mod check;
+pub mod export;
 pub mod fields;
 pub mod figures;
 pub mod frames;

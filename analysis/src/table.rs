@@ -24,9 +24,9 @@ pub struct Row {
     pub unit: String,
     /// Values, `null` where there is none.
     pub values: Vec<Option<f64>>,
-    /// Decimals printed for people.
+    /// Decimals of each value, printed for people.
     #[serde(skip)]
-    pub decimals: usize,
+    pub decimals: Vec<usize>,
 }
 
 impl Table {
@@ -98,7 +98,7 @@ impl Table {
 impl Row {
     /// A row with its unit and the decimals that people are shown.
     pub fn new(name: impl Into<String>, unit: &str, decimals: usize, values: Vec<Option<f64>>) -> Self {
-        Self { name: name.into(), unit: unit.to_owned(), values, decimals }
+        Self { name: name.into(), unit: unit.to_owned(), decimals: vec![decimals; values.len()], values }
     }
 
     /// Name with unit.
@@ -108,7 +108,8 @@ impl Row {
 
     /// Values for people; `absent` where there is none.
     pub fn printed(&self, absent: &str) -> Vec<String> {
-        self.values.iter().map(|value| value.map_or(absent.to_owned(), |v| fixed(v, self.decimals))).collect()
+        let each = self.values.iter().zip(&self.decimals);
+        each.map(|(value, &decimals)| value.map_or(absent.to_owned(), |v| fixed(v, decimals))).collect()
     }
 }
 

@@ -101,7 +101,8 @@ pub fn tracking(metrics: &Metrics) -> Table {
             p.map(|p| (p.rms() * 1e6).round() / 1e6),
             row.rms_ratio(),
         ];
-        Row::new(row.name, row.unit, 4, values)
+        let ratio_last = [4, 4, 4, 4, 4, 4, 4, 4, 2].to_vec();
+        Row { decimals: ratio_last, ..Row::new(row.name, row.unit, 4, values) }
     });
     let caption = format!("{}; published: Raiola et al. 2020, Table 3", tracking_heading(metrics));
     Table { caption, head: head.map(str::to_owned).to_vec(), rows: rows.collect() }
@@ -186,7 +187,8 @@ pub fn comparison(runs: &[(String, &Metrics)]) -> Table {
     add("tick, median", "µs", 1, &|m| tick(m).map(|d| d.p50));
     add("tick, p99", "µs", 1, &|m| tick(m).map(|d| d.p99));
     add("tick, largest", "µs", 1, &|m| tick(m).map(|d| d.max));
-    add("missed deadlines", "", 0, &|m| m.timing.as_ref().map(|t| t.missed_deadlines as f64));
+    let deadlines = |m: &Metrics| m.timing.as_ref().filter(|t| t.with_deadline > 0).map(|t| t.missed_deadlines as f64);
+    add("missed deadlines", "", 0, &deadlines);
     let head = std::iter::once("").chain(runs.iter().map(|(name, _)| name.as_str())).chain(["mean", "std"]);
     Table { caption: "Several logs side by side".to_owned(), head: head.map(str::to_owned).collect(), rows }
 }

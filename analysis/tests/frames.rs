@@ -2,6 +2,7 @@
 
 mod common;
 
+use analysis::export::Table;
 use analysis::{Error, Frames};
 use common::{Plan, RPY_ERROR, scratch, write};
 use polars::prelude::{ParquetReader, SerReader};
@@ -55,4 +56,25 @@ fn parquet_reads_back_equal() {
     assert_eq!(files.len(), 10);
     let file = std::fs::File::open(dir.join("frames/GROUND_TRUTH.parquet")).unwrap();
     assert!(ParquetReader::new(file).finish().unwrap().equals_missing(frames.get("GROUND_TRUTH").unwrap()));
+}
+
+#[test]
+fn ticks_stand_side_by_side_with_their_units_in_the_file() {
+    let dir = scratch("ticks");
+    let log = dir.join("run.mcap");
+    write(&log, &Plan { ticks: 60, truth_gap: 20..23, ..Plan::default() });
+    let frames = Frames::read(&log, |_| true, &mut |_| ()).unwrap();
+    let (ticks, units) = frames.ticks().unwrap();
+    assert_eq!((ticks.height(), ticks.column("GROUND_TRUTH.p_WB[0]").unwrap().null_count()), (60, 3));
+    let unit = |column: &str| units.get(column).map(String::as_str);
+    assert_eq!(unit("CONTROLLER_INPUT.state.qd[7]"), Some("rad/s, m/s"));
+    assert_eq!((unit("GROUND_TRUTH.p_WF[2][1]"), unit("BASE_TRACKING.log_t_ns")), (Some("m"), Some("ns")));
+    assert_eq!((unit("CONTROLLER_INPUT.op.v_H[1]"), unit("CONTROLLER_INPUT.op.roll")), (Some("m/s"), Some("rad")));
+    let out = dir.join("ticks.parquet");
+    let types = replay::log::Types::default();
+    analysis::export::export(&log, &out, Table::Ticks, types, |_| true, &mut |_| ()).unwrap();
+    // A footer keeps its metadata as plain text: key, then value.
+    let bytes = std::fs::read(&out).unwrap();
+    let text = b"\"CONTROLLER_INPUT.state.qd[7]\":\"rad/s, m/s\"";
+    assert!(bytes.windows(text.len()).any(|window| window == text));
 }

@@ -4,9 +4,15 @@ mod common;
 
 use std::path::Path;
 
-use analysis::figures::Several;
+use analysis::figures::{Format, Several};
 use analysis::{Error, Plots, ReportOptions, report, report_with};
 use common::{Plan, scratch, write};
+
+/// The built-in figures as SVG alone, which is quick.
+fn quick() -> ReportOptions {
+    let plots = Plots { formats: vec![Format::Svg], ..Plots::default() };
+    ReportOptions { plots, ..ReportOptions::default() }
+}
 
 fn written(dir: &Path, name: &str) -> Vec<u8> {
     std::fs::read(dir.join(name)).unwrap_or_else(|e| panic!("{name}: {e}"))
@@ -36,7 +42,7 @@ fn the_page_needs_no_other_file_and_escapes_what_it_quotes() {
     let dir = scratch("page");
     let log = dir.join("run.lcmlog");
     write(&log, &Plan::default());
-    let page = std::fs::read_to_string(report(&log, &dir, &mut |_| ()).unwrap().html).unwrap();
+    let page = std::fs::read_to_string(report_with(&[log], &dir, &quick(), &mut |_| ()).unwrap().html).unwrap();
     assert!(page.contains("synthetic &lt;trot&gt; &amp; more") && page.contains("walk &lt;forward&gt;"));
     assert!(!page.contains("<trot>"));
     for outside in ["<img", "<link", "src=", "@import", "fetch(", "import "] {
@@ -53,12 +59,12 @@ fn what_a_log_lacks_is_said_and_the_rest_is_drawn() {
     let dir = scratch("lacking");
     let log = dir.join("run.lcmlog");
     write(&log, &Plan { without: &["GROUND_TRUTH", "TIMING"], gap: 1500..1600, ..Plan::default() });
-    let report = report(&log, &dir, &mut |_| ()).unwrap();
+    let report = report_with(&[log], &dir, &quick(), &mut |_| ()).unwrap();
     let names: Vec<&str> = report.lacking.iter().map(|lack| lack.name.as_str()).collect();
     assert_eq!(names, ["path", "contact_estimation", "foot_slip", "timing", "timing_distribution"]);
     let page = std::fs::read_to_string(&report.html).unwrap();
     assert!(page.contains("Not in the log: TIMING, GROUND_TRUTH") && page.contains("Path from above"));
-    assert!(dir.join("base_tracking.png").exists() && !dir.join("path.svg").exists());
+    assert!(dir.join("base_tracking.svg").exists() && !dir.join("path.svg").exists());
 }
 
 #[test]
@@ -68,7 +74,7 @@ fn a_cut_log_is_reported_as_far_as_it_goes() {
     write(&log, &Plan { ticks: 1500, ..Plan::default() });
     let bytes = written(&dir, "run.lcmlog");
     std::fs::write(&log, &bytes[..bytes.len() - 100]).unwrap();
-    let report = report(&log, &dir, &mut |_| ()).unwrap();
+    let report = report_with(&[log], &dir, &quick(), &mut |_| ()).unwrap();
     assert!(report.metrics.notes.iter().any(|note| note.contains("cut at byte")), "{:?}", report.metrics.notes);
     assert_eq!(report.metrics.run.ticks, 1500);
 }
@@ -113,7 +119,7 @@ fn several_logs_are_laid_over_each_other() {
     write(&logs[0], &Plan { ticks: 2500, ..Plan::default() });
     write(&logs[1], &Plan { ticks: 2000, seed: 8, live: true, ..Plan::default() });
     for several in [Several::Lines, Several::Band] {
-        let options = ReportOptions { plots: Plots::default().with_several(several), ..ReportOptions::default() };
+        let options = ReportOptions { plots: quick().plots.with_several(several), ..ReportOptions::default() };
         let report = report_with(&logs, &dir.join(format!("{several:?}")), &options, &mut |_| ()).unwrap();
         assert_eq!(report.lacking, []);
         let json: serde_json::Value = serde_json::from_slice(&std::fs::read(&report.metrics_json).unwrap()).unwrap();
@@ -208,7 +214,7 @@ fn other_robots_and_logs_of_few_channels_are_drawn_as_far_as_they_go() {
         let dir = scratch(&format!("robust_{name}"));
         let log = dir.join("run.mcap");
         write(&log, &Plan { ticks: 1800, joints, without, gap: 1200..1300, ..Plan::default() });
-        let report = report(&log, &dir, &mut |_| ()).unwrap();
+        let report = report_with(&[log], &dir, &quick(), &mut |_| ()).unwrap();
         let page = std::fs::read_to_string(&report.html).unwrap();
         for channel in without {
             assert!(report.metrics.missing_channels.contains(channel), "{name}: {channel}");

@@ -1,5 +1,5 @@
-// DAQP, a dual active-set solver, through its C interface: from scratch, and hot-started with the working set of the program before, each
-// with the equality rows kept in the working set and eliminated.
+// DAQP, a dual active-set solver, through its C interface: from scratch, and hot-started with the working set of the program before. The
+// equality rows stay in the working set; to have DAQP eliminate them takes it 13.5 µs instead of 7.8 on the programs of S1.
 #include "programs.hpp"
 
 #include "api.h"
@@ -41,7 +41,7 @@ struct Arrays {
     }
 };
 
-void run(const std::vector<Program> &programs, std::size_t passes, const char *name, bool hot, int eliminate) {
+void run(const std::vector<Program> &programs, std::size_t passes, const char *name, bool hot) {
     Arrays arrays(programs[0]);
     peer::Vector x(programs[0].g.size()), multipliers(arrays.problem.m);
     DAQPResult result{};
@@ -50,7 +50,7 @@ void run(const std::vector<Program> &programs, std::size_t passes, const char *n
     DAQPWorkspace work{};
     allocate_daqp_settings(&work);
     work.settings->primal_tol = 1e-9;
-    work.settings->eq_reduction = eliminate;
+    work.settings->eq_reduction = DAQP_EQ_REDUCTION_OFF;
     double setup = 0.0;
     if (setup_daqp(&arrays.problem, &work, &setup) < 0) {
         std::fprintf(stderr, "daqp: cannot be set up\n");
@@ -79,9 +79,7 @@ void run(const std::vector<Program> &programs, std::size_t passes, const char *n
 
 int main(int argc, char **argv) {
     return peer::with_programs(argc, argv, [](const auto &programs, std::size_t passes) {
-        run(programs, passes, "DAQP cold", false, DAQP_EQ_REDUCTION_OFF);
-        run(programs, passes, "DAQP cold, equalities eliminated", false, DAQP_EQ_REDUCTION_ON);
-        run(programs, passes, "DAQP hot", true, DAQP_EQ_REDUCTION_OFF);
-        run(programs, passes, "DAQP hot, equalities eliminated", true, DAQP_EQ_REDUCTION_ON);
+        run(programs, passes, "DAQP cold", false);
+        run(programs, passes, "DAQP hot", true);
     });
 }

@@ -116,6 +116,7 @@ int main(int argc, char **argv) {
         peer::print(name, std::move(samples), off);
     };
 
+    time("pass", [&](const Case &c) { pin::forwardKinematics(model, data, c.q, c.v, zero); }, [](const Case &) {});
     time("foot_jacobians",
          [&](const Case &c) {
              pin::computeJointJacobians(model, data, c.q);

@@ -195,7 +195,8 @@ type Case = (&'static str, fn(&mut Body, &State));
 pub fn time(states: &Path, urdf: &Path, passes: usize) -> Result<()> {
     let mut body = Body::read(urdf)?;
     let states = read_states(states, &body)?;
-    let cases: [Case; 7] = [
+    let cases: [Case; 8] = [
+        ("pass", Body::pass),
         ("foot_jacobians", Body::foot_jacobians),
         ("mass_matrix", Body::mass_matrix),
         ("bias_force", Body::bias_force),

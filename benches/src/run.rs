@@ -4,7 +4,7 @@ use crate::export;
 use crate::inputs::Stack;
 use crate::sample::Line;
 use crate::table;
-use anyhow::{Context, Result, bail, ensure};
+use anyhow::{Context, Result, bail};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::process::{Command, ExitCode, Stdio};
@@ -13,8 +13,8 @@ use std::process::{Command, ExitCode, Stdio};
 #[derive(clap::Args)]
 pub struct Args {
     /// Rounds; each takes everything once.
-    #[arg(long, default_value_t = 7)]
-    rounds: usize,
+    #[arg(long, default_value_t = 7, value_parser = clap::value_parser!(u32).range(1..))]
+    rounds: u32,
     /// Folder of the peers, as scripts/bench_peers.sh leaves it; without it ours are timed alone.
     #[arg(long, default_value = "target/peers")]
     peers: PathBuf,
@@ -27,6 +27,9 @@ pub struct Args {
     /// Processor that single-threaded processes are bound to.
     #[arg(long, default_value_t = 1)]
     cpu: usize,
+    /// Give all processes real-time priority, as a controller has: needs the right to. Nothing else then runs beside them.
+    #[arg(long)]
+    fifo: bool,
     /// Write every line of every round as JSON.
     #[arg(long)]
     json: Option<PathBuf>,
@@ -69,7 +72,7 @@ pub fn run(args: &Args) -> Result<ExitCode> {
     for round in 0..args.rounds {
         for contender in &contenders {
             eprintln!("round {} of {}: {}", round + 1, args.rounds, contender.text());
-            for line in contender.run(args.cpu)? {
+            for line in contender.run(args)? {
                 let who = match contender.who {
                     Who::Ours => "ours".to_owned(),
                     Who::Pinocchio => "Pinocchio".to_owned(),
@@ -80,8 +83,7 @@ pub fn run(args: &Args) -> Result<ExitCode> {
             }
         }
     }
-    ensure!(!measured.is_empty(), "--rounds is 0: nothing was measured");
-    let text = table::markdown(&measured, &versions(&args.peers)?);
+    let text = table::markdown(&measured, &versions(args)?);
     println!("{text}");
     if let Some(path) = &args.json {
         let lines: Vec<_> = measured
@@ -156,16 +158,19 @@ impl Contender {
         format!("{program} {}", self.arguments.join(" "))
     }
 
-    fn run(&self, cpu: usize) -> Result<Vec<Line>> {
-        let mut command = if self.bound {
-            let mut command = Command::new("taskset");
-            command.args(["--cpu-list", &cpu.to_string()]).arg(&self.program);
-            command
-        } else {
-            Command::new(&self.program)
-        };
+    fn run(&self, args: &Args) -> Result<Vec<Line>> {
+        let mut words: Vec<String> = Vec::new();
+        if self.bound {
+            words.extend(["taskset".to_owned(), "--cpu-list".to_owned(), args.cpu.to_string()]);
+        }
+        if args.fifo {
+            words.extend(["chrt", "--fifo", "10"].map(str::to_owned));
+        }
+        words.push(self.program.display().to_string());
+        let mut command = Command::new(&words[0]);
+        command.args(&words[1..]);
         let output = command.args(&self.arguments).stderr(Stdio::inherit()).output();
-        let output = output.with_context(|| format!("cannot start {}", self.text()))?;
+        let output = output.with_context(|| format!("{}: {} cannot be started", self.text(), words[0]))?;
         if !output.status.success() {
             bail!("{} ended with {}", self.text(), output.status);
         }
@@ -198,15 +203,16 @@ fn differing(measured: &Measured) -> Vec<String> {
 }
 
 /// Versions of everything, as one line of text each.
-fn versions(peers: &Path) -> Result<Vec<String>> {
+fn versions(args: &Args) -> Result<Vec<String>> {
     let mut versions = Vec::new();
     let cpu = std::fs::read_to_string("/proc/cpuinfo").unwrap_or_default();
     let model = cpu.lines().find_map(|line| line.strip_prefix("model name")).unwrap_or(": unknown");
     let cores = std::thread::available_parallelism().map_or(1, usize::from);
-    versions.push(format!("{}, {cores} cores", model.trim_start_matches(['\t', ' ', ':'])));
+    let priority = if args.fifo { ", at real-time priority" } else { "" };
+    versions.push(format!("{}, {cores} cores{priority}", model.trim_start_matches(['\t', ' ', ':'])));
     let rustc = Command::new("rustc").arg("--version").output().context("rustc --version")?;
     versions.push(String::from_utf8_lossy(&rustc.stdout).trim().to_owned());
-    let path = peers.join("VERSIONS");
+    let path = args.peers.join("VERSIONS");
     if path.is_file() {
         let text = std::fs::read_to_string(&path).with_context(|| path.display().to_string())?;
         versions.extend(text.lines().map(str::to_owned));

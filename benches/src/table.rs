@@ -7,7 +7,8 @@ use controller::Stage;
 use std::fmt::Write;
 
 /// Quantities in the order of the table: their case, and in words.
-const QUANTITIES: [(&str, &str); 7] = [
+const QUANTITIES: [(&str, &str); 8] = [
+    ("pass", "forward kinematics to accelerations; ours is the pass that feeds all below"),
     ("foot_jacobians", "Jacobians of four feet"),
     ("mass_matrix", "mass matrix"),
     ("bias_force", "bias force"),
@@ -20,7 +21,7 @@ const QUANTITIES: [(&str, &str); 7] = [
 const SETS: [&str; 2] = ["set", "set, crba in the world frame"];
 /// What the whole tick may take, in Pinocchio's sets on the same robot: half of TSID's tick, and all of it.
 const ASKED: [(&str, f64); 2] = [("S1", 3.6), ("S3", 7.2)];
-/// Speed of a replay by two threads that is asked for, in real time.
+/// Speed of a replay on two cores that is asked for, in real time.
 const ASKED_REPLAY: f64 = 40.0;
 
 /// All tables.
@@ -120,7 +121,8 @@ impl<'a> Lines<'a> {
             let ratio = ratio.map_or("-".to_owned(), |ratio| format!("{ratio:.2}"));
             let lines = || cases.iter().flatten().flat_map(|case| case.0);
             let off = lines().filter_map(|line| line.off).fold(0.0, f64::max);
-            let unsolved = lines().map(|line| line.unsolved).max().unwrap_or(0);
+            let unsolved =
+                cases.iter().flatten().filter_map(|case| case.0.iter().map(|line| line.unsolved).max()).sum::<u64>();
             let allocations = cases.iter().flatten().map(|case| case.allocations()).max().unwrap_or_default();
             writeln!(out, " {ratio} | {off:.0e} | {unsolved} | {allocations} |")?;
         }
@@ -171,9 +173,9 @@ impl<'a> Lines<'a> {
     }
 
     fn replay(&self, out: &mut String) -> std::fmt::Result {
-        writeln!(out, "| replay, every message compared | times real time |")?;
+        writeln!(out, "| replay of HyQ, S1, every message compared | times real time (asked: {ASKED_REPLAY}) |")?;
         writeln!(out, "|---|---|")?;
-        for (jobs, words) in [("1", "one thread".to_owned()), ("2", format!("two threads (asked: {ASKED_REPLAY})"))] {
+        for (jobs, words) in [("1", "one thread"), ("2", "two threads")] {
             let factor = self
                 .case(&format!("replay, {jobs}"), "ours", "replay")
                 .map_or(f64::NAN, |case| case.median(|line| line.real_time_factor.unwrap_or(f64::NAN)));

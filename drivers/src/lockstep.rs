@@ -9,7 +9,7 @@ use lcmtypes::{
     ControllerInput, ControllerTick, Event, GroundTruth, LegState, Message, RobotCommand, RobotState, RunInfo, Timing,
     channels,
 };
-use replay::log::LogWriter;
+use replay::record::EventSink;
 use std::time::{Instant, SystemTime, UNIX_EPOCH};
 
 /// How a lockstep run went.
@@ -36,7 +36,8 @@ const TICKS_AFTER_FALL: i64 = 1000;
 
 /// Runs `scenario` and logs every message; `progress` is told the simulated time, s, ten times a simulated second.
 ///
-/// The simulator must have been reset. The log is complete but not finished: the caller calls [`LogWriter::finish`].
+/// The simulator must have been reset. The log is complete but not finished: the caller finishes it. A
+/// [`replay::record::RingWriter`] keeps compression and disk off this thread.
 ///
 /// # Errors
 /// A scenario that names unknown links or joints, a command that the driver refuses, a simulation that blew up, a log that cannot
@@ -46,7 +47,7 @@ pub fn run(
     info: &RunInfo,
     sim: &mut dyn Simulator,
     controller: &mut dyn Controller,
-    log: &mut LogWriter,
+    log: &mut dyn EventSink,
     progress: &mut dyn FnMut(f64),
 ) -> Result<Outcome, DriverError> {
     let mut run = Run::new(scenario, sim)?;
@@ -139,7 +140,7 @@ impl Run {
         scenario: &Scenario,
         sim: &mut dyn Simulator,
         controller: &mut dyn Controller,
-        log: &mut LogWriter,
+        log: &mut dyn EventSink,
         tick: i64,
         t_ns: i64,
     ) -> Result<(), DriverError> {
@@ -203,7 +204,7 @@ impl Run {
     }
 
     /// Says in the log when the controller changes its mode, and why it gave up.
-    fn watch_mode(&mut self, log: &mut LogWriter, t_ns: i64, tick: i64) -> Result<(), DriverError> {
+    fn watch_mode(&mut self, log: &mut dyn EventSink, t_ns: i64, tick: i64) -> Result<(), DriverError> {
         let Some(bytes) = self.outbox.get(channels::CONTROLLER_TICK) else { return Ok(()) };
         let ControllerTick { mode, fault, fault_index, fault_value, .. } = ControllerTick::decode(bytes)?;
         if mode == self.mode {
@@ -243,7 +244,7 @@ impl Run {
 
     fn event(
         &mut self,
-        log: &mut LogWriter,
+        log: &mut dyn EventSink,
         t_ns: i64,
         tick: i64,
         level: i8,
@@ -256,7 +257,7 @@ impl Run {
 
     fn put(
         &mut self,
-        log: &mut LogWriter,
+        log: &mut dyn EventSink,
         channel: &str,
         t_ns: i64,
         message: &impl Message,
@@ -281,7 +282,7 @@ const FAULTS: [&str; 10] = [
 
 fn put(
     bytes: &mut Vec<u8>,
-    log: &mut LogWriter,
+    log: &mut dyn EventSink,
     channel: &str,
     t_ns: i64,
     message: &impl Message,

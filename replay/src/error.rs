@@ -267,6 +267,50 @@ pub enum Error {
         /// Reason.
         why: String,
     },
+    /// A URL that names no LCM network over UDP multicast.
+    #[error("LCM URL {url:?}: {problem}; expected udpm://239.255.76.67:7667?ttl=0&recv_buf_size=BYTES or part of it")]
+    LcmUrl {
+        /// What was given.
+        url: String,
+        /// What is wrong with it.
+        problem: String,
+    },
+    /// A network that cannot be heard.
+    #[error("{url}: {at}: {source}{advice}", advice = socket_advice(source))]
+    Socket {
+        /// Network.
+        url: String,
+        /// System call or option.
+        at: &'static str,
+        /// Reason.
+        source: std::io::Error,
+    },
+    /// A regular expression for channels that cannot be read.
+    #[error("channel pattern {pattern:?}: {problem}")]
+    Pattern {
+        /// What was given.
+        pattern: String,
+        /// What is wrong with it.
+        problem: String,
+    },
+    /// A message longer than the whole ring between a run and the thread that writes its log.
+    #[error("{path}: channel {channel}: a message of {bytes} bytes, the ring before the log takes at most {limit}", path = path.display())]
+    RingTooSmall {
+        /// File.
+        path: PathBuf,
+        /// Channel.
+        channel: String,
+        /// Length of the message.
+        bytes: usize,
+        /// Longest that it takes.
+        limit: usize,
+    },
+    /// A log without two ticks: no even pace can be found in it.
+    #[error("{path}: no two messages with t_ns and tick, so the control period is unknown; play it by receive or publish time", path = path.display())]
+    NoTicks {
+        /// File.
+        path: PathBuf,
+    },
     /// A log that would be written over itself while it is read.
     #[error("{path}: a log cannot be read and written at the same time", path = path.display())]
     SameFile {
@@ -282,5 +326,18 @@ impl Error {
             (Ok(log), Ok(out)) if log == out => Err(Error::SameFile { path: out }),
             _ => Ok(()),
         }
+    }
+}
+
+/// What to do where the network has no way to multicast.
+fn socket_advice(error: &std::io::Error) -> &'static str {
+    match error.kind() {
+        std::io::ErrorKind::NetworkUnreachable => {
+            "; as root: ip route replace 224.0.0.0/4 dev lo (or the robot's interface)"
+        }
+        _ if error.raw_os_error() == Some(nix::libc::ENODEV) => {
+            "; no interface has a route for multicast; as root: ip route replace 224.0.0.0/4 dev lo (or the robot's interface)"
+        }
+        _ => "",
     }
 }

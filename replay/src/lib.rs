@@ -1,6 +1,9 @@
 //! Logs, and the replay of a controller from its log, bit for bit.
 //!
 //! - [`log`]: two formats, one writer, one reader. The LCM event log is read by every LCM tool; MCAP is compressed, checked and indexed.
+//! - [`record`]: hears an LCM network, or takes what a run in this process says, and leaves a log that says what is missing in it.
+//!   [`udpm`] is the network's format, byte by byte.
+//! - [`play`]: a log's events again, when their time has come.
 //! - [`engine`]: feeds the recorded inputs to the controller that the log describes and compares every bit that comes out.
 //! - [`corpus`]: the golden logs under `logs/golden` and the flow by which a change of behaviour is accepted.
 //! - [`bisect`](mod@bisect): the first revision of the source tree that replays a log otherwise.
@@ -13,7 +16,10 @@ pub mod bisect;
 pub mod corpus;
 pub mod engine;
 pub mod log;
+pub mod play;
 pub mod prove;
+pub mod record;
+pub mod udpm;
 
 mod error;
 

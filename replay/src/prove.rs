@@ -2,7 +2,7 @@
 
 use crate::Error;
 use crate::engine::{Options, Replay, ReplayReport};
-use crate::log::LogWriter;
+use crate::record::Target;
 use lcmtypes::{Event, Message, channels};
 use std::path::Path;
 
@@ -16,8 +16,8 @@ pub const SOURCE: &str = "proof";
 /// - `jobs`: threads of the replay.
 ///
 /// # Errors
-/// Those of [`LogWriter`] and of [`Replay::run`].
-pub fn prove(path: &Path, log: &mut LogWriter, jobs: usize) -> Result<ReplayReport, Error> {
+/// Those of [`crate::log::LogWriter`] and of [`Replay::run`].
+pub fn prove(path: &Path, log: &mut dyn Target, jobs: usize) -> Result<ReplayReport, Error> {
     log.flush()?;
     let report = Replay::open(path)?.run(&Options { jobs, ..Options::default() }, &mut |_| {})?;
     let proved = is_proof(&report);

@@ -7,7 +7,7 @@ use lcm_idl::{Leaf, Value};
 use replay::log::{EventRef, Health, LogReader, Types};
 use std::fmt::Write as _;
 use std::io::Write;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 /// Time between two looks at a log that is being written.
@@ -37,7 +37,7 @@ pub struct Args {
 
 pub fn run(args: &Args) -> anyhow::Result<Outcome> {
     let (mut selection, mut types) = (args.part.selection()?, args.types.read()?);
-    let mut reader = if args.follow { LogReader::open_growing(&args.log)? } else { LogReader::open(&args.log)? };
+    let mut reader = if args.follow { follow(&args.log)? } else { LogReader::open(&args.log)? };
     let mut out = std::io::BufWriter::new(std::io::stdout().lock());
     let (mut health, mut first, mut line) = (Health::default(), None, String::new());
     loop {
@@ -79,6 +79,16 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
         eprintln!("{}: cut at byte {}, {} bytes of a record", args.log.display(), cut.offset, cut.bytes);
     }
     Ok(loss(!health.is_good()))
+}
+
+/// Opens a log that is being written; one without a byte as soon as it has some.
+fn follow(log: &Path) -> anyhow::Result<LogReader> {
+    loop {
+        match LogReader::open_growing(log) {
+            Err(replay::Error::EmptyFile { .. }) => std::thread::sleep(LOOK),
+            opened => return Ok(opened?),
+        }
+    }
 }
 
 /// Writing to a string cannot fail.

@@ -1,10 +1,12 @@
-//! `hoof log`: look at logs, cut them, repair them, take them elsewhere.
+//! `hoof log`: make logs, look at them, cut them, repair them, take them elsewhere.
 
 mod cat;
 mod convert;
 mod copies;
 mod diff;
 mod info;
+mod play;
+mod record;
 mod verify;
 
 use crate::{Outcome, say, say_json};
@@ -14,6 +16,8 @@ use std::path::PathBuf;
 
 #[derive(Subcommand)]
 pub enum Command {
+    Record(record::Args),
+    Play(play::Args),
     /// Channels, types, counts, rates, and whether anything is damaged or lost
     Info(info::Args),
     /// Print messages with every field decoded, as text or JSON lines; follow a log that is being written
@@ -36,6 +40,8 @@ pub enum Command {
 
 pub fn run(command: &Command) -> anyhow::Result<Outcome> {
     match command {
+        Command::Record(args) => record::run(args),
+        Command::Play(args) => play::run(args),
         Command::Info(args) => info::run(args),
         Command::Cat(args) => cat::run(args),
         Command::Convert(args) => convert::run(args),

@@ -49,6 +49,11 @@ impl Drawing {
         Self { width, height, items: Vec::new() }
     }
 
+    /// Width, in units of 1/96 inch.
+    pub fn width(&self) -> f64 {
+        self.width
+    }
+
     /// A polyline; fewer than two points draw nothing.
     pub fn line(&mut self, points: Vec<(f64, f64)>, stroke: Stroke) {
         if points.len() > 1 {

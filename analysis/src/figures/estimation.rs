@@ -36,7 +36,7 @@ pub(super) fn chart(runs: &[(Named, &Run)]) -> Result<Chart, String> {
         legend.extend(runs.iter().enumerate().map(|(k, (name, _))| (name.0.clone(), Mark::Line(run_stroke(k)))));
     }
     let caption = "Share of ticks by true contact (rows) and contact flag (columns), with the number of touchdowns that were judged without contact (false) or more \
-                   than 20 ms late (missed); below, from first true contact to the judgement."
+                   than 20 ms late (missed); below, the time from first true contact to the judgement (the outermost bins hold all beyond)."
         .to_owned();
     Ok(Chart { caption, sections, legend })
 }
@@ -85,11 +85,7 @@ fn histogram(delays: &[Vec<f64>]) -> Plot {
         layers.push(Layer::Path(outline, run_stroke(k)));
     }
     Plot {
-        x_label: format!(
-            "delay of the judgement [ms]; the last bins hold what is beyond {} and {}",
-            DELAYS.0, DELAYS.1
-        )
-        .replace('-', "\u{2212}"),
+        x_label: "delay of the judgement [ms]".to_owned(),
         y_label: "touchdowns [%]".to_owned(),
         x: Range { min: f64::from(DELAYS.0), max: f64::from(DELAYS.1) },
         y: Range { min: 0.0, max: 1.1 * most },

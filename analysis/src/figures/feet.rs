@@ -20,8 +20,9 @@ pub(super) fn traces(run: &Run, ask: &Ask) -> Result<Traces, String> {
     for &leg in &ask.legs {
         let swings = timeline.spans(|tick| airborne(tick, leg));
         for (k, label) in AXES.into_iter().enumerate() {
+            // A thinner line than truth has beside an estimate: here the reference lies over it, and nothing else.
             let measured = if known {
-                timeline.curve(Role::Truth, "truth", |t| t.truth.as_ref().map(|w| w.p_BF_H(leg)[k]))
+                timeline.curve(Role::Measured, "truth", |t| t.truth.as_ref().map(|w| w.p_BF_H(leg)[k]))
             } else {
                 let encoders = |t: &Tick| t.legs.as_ref().map(|l| l.p_BF_H_est[leg][k]);
                 timeline.curve(Role::Estimate, "estimate (encoders)", encoders)

@@ -296,8 +296,7 @@ impl Figure {
     fn of_chart(name: &str, title: &str, chart: &Chart) -> Self {
         let (name, title) = (name.to_owned(), title.to_owned());
         let drawing = chart.draw(PAGE_MM * UNITS_PER_MM);
-        let metadata =
-            vec![("Title", title.clone()), ("Description", chart.caption.clone()), ("Software", software())];
+        let metadata = vec![("Title", title.clone()), ("Description", chart.caption.clone()), ("Software", software())];
         Self { name, title, caption: chart.caption.clone(), drawing, metadata }
     }
 
@@ -357,11 +356,7 @@ impl Figure {
 pub fn draw(ask: &Ask, runs: &[(Named, &Run)]) -> Result<Figure, Lacking> {
     let chart = chart_of(ask, runs).map_err(|needs| Lacking { name: ask.name.clone(), title: ask.title(), needs })?;
     let drawing = chart.draw(ask.sheet()).scaled(ask.scale());
-    let mut metadata = vec![
-        ("Title", ask.title()),
-        ("Description", chart.caption.clone()),
-        ("Software", software()),
-    ];
+    let mut metadata = vec![("Title", ask.title()), ("Description", chart.caption.clone()), ("Software", software())];
     let of_each = |what: &dyn Fn(&Run) -> String| runs.iter().map(|(_, run)| what(run)).collect::<Vec<_>>().join(", ");
     metadata.push(("Log", of_each(&Run::name)));
     metadata.push(("LogSHA256", of_each(&|run| run.sha256.clone())));

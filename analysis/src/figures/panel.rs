@@ -2,6 +2,7 @@
 
 use super::canvas::{Align, Drawing, RGBAColor, Stroke};
 use super::style::{FRAME, GRID, LABEL_EM, TEXT, TICK_EM};
+use super::text::text_width;
 
 /// A closed interval of values.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -181,7 +182,8 @@ impl Panel {
             let x = self.at(value, self.y.min).0;
             drawing.line(vec![(x, bottom), (x, bottom + 3.0)], FRAME);
             if labels.x.is_some() {
-                drawing.text((x, bottom + 13.0), text, TICK_EM, Align::Middle, TEXT);
+                let rightmost = drawing.width() - 0.5 * text_width(&text, TICK_EM) - 1.0;
+                drawing.text((x.min(rightmost), bottom + 13.0), text, TICK_EM, Align::Middle, TEXT);
             }
         }
         for (value, text) in self.y_ticks().into_iter().filter(|_| labels.ticks[1]) {
@@ -206,7 +208,7 @@ impl Panel {
     }
 
     fn y_ticks(&self) -> Vec<(f64, String)> {
-        let count = (self.frame.height / 20.0).clamp(3.0, 6.0) as usize;
+        let count = (self.frame.height / 16.0).clamp(3.0, 6.0) as usize;
         if self.logarithmic[1] { decades(self.y, self.frame.height / 13.0) } else { ticks(self.y, count) }
     }
 

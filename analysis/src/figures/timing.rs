@@ -122,7 +122,7 @@ pub(super) fn over_time(runs: &[(Named, &Run)], ask: &Ask) -> Result<Chart, Stri
             layers,
             ..Plot::default()
         };
-        sections.push(Section { columns: vec![0.7, 0.3], plots: vec![over_time, lying], shared_x: true });
+        sections.push(Section { columns: vec![0.7, 0.3], plots: vec![over_time, lying], shared_x: false });
         *if is_live(run) { &mut live } else { &mut lockstep } = true;
     }
     let mut legend = Vec::new();

@@ -5,7 +5,7 @@ use std::fmt::Write as _;
 use crate::figures::{FONT, Figure, Format, Lacking, escape};
 use crate::happenings::Happening;
 use crate::metrics::Metrics;
-use crate::table::{Table, fixed};
+use crate::table::Table;
 use crate::tables;
 
 /// Happenings shown of each log; a bad hour holds thousands.
@@ -152,6 +152,12 @@ fn happenings(page: &mut String, part: &Part) {
         page.push_str("<p>Nothing: no change of gait or mode, no fall, fault, loss or missed deadline.</p>\n");
         return;
     }
+    let path = escape(&part.path);
+    let _ = writeln!(
+        page,
+        "<p class=\"soft\">Times are seconds since the first tick. <code>hoof debug {path} --at T</code> goes there, \
+         <code>hoof log trim {path} cut.mcap --around T</code> cuts it out.</p>"
+    );
     page.push_str(
         "<div class=\"wide tall\"><table><tr><th class=\"n\">t [s]</th><th class=\"n\">tick</th><th></th><th>what</th><th>look at it</th></tr>\n",
     );
@@ -163,7 +169,7 @@ fn happenings(page: &mut String, part: &Part) {
             "<tr><td class=\"n\">{t_s:.3}</td><td class=\"n\">{tick}</td><td{class}>{}</td><td{class}>{}</td><td><code>hoof replay {} --from {:.3} --to {:.3}</code></td></tr>",
             what.word(),
             escape(text),
-            escape(&part.path),
+            path,
             (t_s - 1.0).max(0.0),
             t_s + 1.0
         );
@@ -225,13 +231,13 @@ fn numbers(page: &mut String, table: &Table) {
     page.push_str("</tr>\n");
     for row in &table.rows {
         let _ = write!(page, "<tr><td>{}</td>", escape(&row.label()));
-        for (heading, value) in table.head.iter().skip(1).zip(&row.values) {
+        for ((heading, value), text) in table.head.iter().skip(1).zip(&row.values).zip(row.printed("")) {
             let class = match value {
                 Some(ratio) if heading == "ratio" && *ratio <= 1.0 => " good",
                 Some(_) if heading == "ratio" => " bad",
                 _ => "",
             };
-            let text = value.map_or(String::new(), |v| fixed(v, row.decimals).replace('-', "\u{2212}"));
+            let text = text.replace('-', "\u{2212}");
             let _ = write!(page, "<td class=\"n{class}\">{text}</td>");
         }
         page.push_str("</tr>\n");

@@ -8,7 +8,7 @@ use lcmtypes::{
     BaseTracking, ContactEstimate, ControllerInput, ControllerTick, GroundTruth, LegState, Message, RobotCommand,
     RobotState, RunInfo, Timing, WbcSolution,
 };
-use replay::log::LogReader;
+use replay::log::{Health, LogReader};
 use sha2::{Digest, Sha256};
 
 use super::joints::Table;
@@ -41,23 +41,24 @@ struct Gathered {
 
 pub(super) fn read(path: &Path, fields: &[Field], progress: &mut dyn FnMut(Progress)) -> Result<Run, Error> {
     let log_error = |source| Error::Log { path: path.to_owned(), source };
-    let reader = LogReader::open(path).map_err(log_error)?;
+    let mut reader = LogReader::open(path).map_err(log_error)?;
     let total = reader.bytes();
-    let mut events = reader.events();
+    let (mut health, mut number) = (Health::default(), 0_u64);
     let mut gathered = Gathered::default();
     let mut field_reader = FieldReader::new(fields);
     let mut channels: BTreeMap<String, u64> = BTreeMap::new();
     let mut notes = Vec::new();
     let mut unreadable: BTreeMap<String, (u64, String)> = BTreeMap::new();
-    for (number, event) in events.by_ref().enumerate() {
-        let event = event.map_err(log_error)?;
+    while let Some(item) = reader.read().map_err(log_error)? {
+        let Some(event) = health.note(item) else { continue };
+        number += 1;
         if number.is_multiple_of(4096) {
             progress(Progress { stage: Stage::Read, done: event.offset, total });
         }
-        match gathered.take(&event.channel, &event.data) {
+        match gathered.take(event.channel, event.data) {
             Ok(Taken::Yes) => {
-                field_reader.take(path, &event)?;
-                match channels.get_mut(&*event.channel) {
+                field_reader.take(&event);
+                match channels.get_mut(&**event.channel) {
                     Some(count) => *count += 1,
                     None => drop(channels.insert(event.channel.to_string(), 1)),
                 }
@@ -70,7 +71,6 @@ pub(super) fn read(path: &Path, fields: &[Field], progress: &mut dyn FnMut(Progr
         }
     }
     progress(Progress { stage: Stage::Read, done: total, total });
-    let health = events.health();
     if let Some(first) = health.damaged.first() {
         let (stretches, bytes) = (health.damaged.len(), health.bytes_skipped());
         notes.push(format!(

@@ -11,9 +11,9 @@
 
 use super::names::Names;
 use super::source::Source;
+use super::writer::Output;
 use super::{Cut, Damaged, EventRef, ItemRef, MAX_CHANNEL, MAX_MESSAGE};
 use crate::Error;
-use std::fs::File;
 use std::io::{BufWriter, Write};
 
 /// First bytes of every event.
@@ -26,12 +26,12 @@ const MAX_CHANNEL_READ: usize = 999;
 
 /// Writes events.
 pub(super) struct EventLogWriter {
-    out: BufWriter<File>,
+    out: BufWriter<Output>,
 }
 
 impl EventLogWriter {
-    pub fn new(file: File) -> Self {
-        EventLogWriter { out: BufWriter::with_capacity(1 << 18, file) }
+    pub fn new(out: Output) -> Self {
+        EventLogWriter { out: BufWriter::with_capacity(1 << 18, out) }
     }
 
     /// `t_ns` is rounded down to whole microseconds; the caller has checked name, time and length.

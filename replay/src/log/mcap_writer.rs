@@ -10,30 +10,35 @@
 
 use super::FileSchema;
 use super::mcap_reader::NUMBER_HIGH;
+use super::writer::Output;
 use mcap::records::MessageHeader;
 use mcap::write::NoSeek;
 use mcap::{Compression, McapResult, WriteOptions, Writer};
 use std::collections::BTreeMap;
-use std::fs::File;
 use std::io::BufWriter;
 use std::sync::Arc;
 
 const CHUNK_BYTES: u64 = 1 << 18;
 
 pub(super) struct McapWriter {
-    out: Writer<NoSeek<BufWriter<File>>>,
+    out: Writer<NoSeek<BufWriter<Output>>>,
     /// A channel whose type changes within a log becomes two MCAP channels of one topic.
     channels: BTreeMap<String, Vec<ChannelOfType>>,
 }
 
+/// Types of one channel that are kept apart though nobody knows them. Payloads that are no LCM messages seem to have a new type each time,
+/// and MCAP has 65,536 channels.
+const UNKNOWN_TYPES: usize = 16;
+
 struct ChannelOfType {
     fingerprint: Option<u64>,
     number_high: i32,
+    has_schema: bool,
     id: u16,
 }
 
 impl McapWriter {
-    pub fn new(file: File) -> McapResult<Self> {
+    pub fn new(out: Output) -> McapResult<Self> {
         // Without seeking, a chunk goes out in one piece when it is full, never as a half-written one.
         let out = WriteOptions::new()
             .profile("")
@@ -42,7 +47,7 @@ impl McapWriter {
             .compression_threads(0)
             .chunk_size(Some(CHUNK_BYTES))
             .disable_seeking(true)
-            .create(NoSeek::new(BufWriter::new(file)))?;
+            .create(NoSeek::new(BufWriter::new(out)))?;
         Ok(McapWriter { out, channels: BTreeMap::new() })
     }
 
@@ -61,26 +66,26 @@ impl McapWriter {
             Some(known) => known,
             None => self.channels.entry(channel.into()).or_default(),
         };
-        let is = |c: &ChannelOfType| c.fingerprint == fingerprint && c.number_high == number_high;
-        let id = match known.iter().find(|c| is(c)) {
-            Some(known) => known.id,
+        let find = |known: &[ChannelOfType], fingerprint| {
+            known.iter().find(|c| c.fingerprint == fingerprint && c.number_high == number_high).map(|c| c.id)
+        };
+        let channel_id = match find(known, fingerprint) {
+            Some(id) => id,
             None => {
-                let schema_id = match fingerprint.and_then(schema) {
-                    Some(schema) => self.out.add_schema(&schema.name, &schema.encoding, &schema.data)?,
-                    None => 0,
-                };
-                // The fingerprint as metadata also keeps two types of one topic apart, which otherwise count as one channel.
-                let mut metadata: BTreeMap<_, _> =
-                    fingerprint.map(|f| ("lcm_fingerprint".to_owned(), format!("{f:016x}"))).into_iter().collect();
-                if number_high != 0 {
-                    metadata.insert(NUMBER_HIGH.to_owned(), number_high.to_string());
+                let schema = fingerprint.and_then(schema);
+                let unknown = known.iter().filter(|c| !c.has_schema).count();
+                let fingerprint = fingerprint.filter(|_| schema.is_some() || unknown < UNKNOWN_TYPES);
+                match find(known, fingerprint) {
+                    Some(id) => id,
+                    None => {
+                        let id = add(&mut self.out, channel, fingerprint, number_high, schema.as_deref())?;
+                        known.push(ChannelOfType { fingerprint, number_high, has_schema: schema.is_some(), id });
+                        id
+                    }
                 }
-                let id = self.out.add_channel(schema_id, channel, "lcm", &metadata)?;
-                known.push(ChannelOfType { fingerprint, number_high, id });
-                id
             }
         };
-        let header = MessageHeader { channel_id: id, sequence: number as u32, log_time: t_ns, publish_time: t_ns };
+        let header = MessageHeader { channel_id, sequence: number as u32, log_time: t_ns, publish_time: t_ns };
         self.out.write_to_known_channel(&header, data)
     }
 
@@ -93,4 +98,24 @@ impl McapWriter {
     pub fn finish(mut self) -> McapResult<()> {
         self.out.finish().map(drop)
     }
+}
+
+/// Announces a channel. The fingerprint as metadata also keeps two types of one topic apart, which otherwise count as one channel.
+fn add(
+    out: &mut Writer<NoSeek<BufWriter<Output>>>,
+    channel: &str,
+    fingerprint: Option<u64>,
+    number_high: i32,
+    schema: Option<&FileSchema>,
+) -> McapResult<u16> {
+    let schema_id = match schema {
+        Some(schema) => out.add_schema(&schema.name, &schema.encoding, &schema.data)?,
+        None => 0,
+    };
+    let mut metadata: BTreeMap<_, _> =
+        fingerprint.map(|f| ("lcm_fingerprint".to_owned(), format!("{f:016x}"))).into_iter().collect();
+    if number_high != 0 {
+        metadata.insert(NUMBER_HIGH.to_owned(), number_high.to_string());
+    }
+    out.add_channel(schema_id, channel, "lcm", &metadata)
 }

@@ -32,6 +32,7 @@ mod mcap_summary;
 mod mcap_writer;
 mod names;
 mod reader;
+pub mod ros2;
 mod select;
 mod source;
 mod summary;
@@ -48,7 +49,8 @@ pub use select::Selection;
 pub use summary::{ChannelSummary, LogSummary};
 pub use types::Types;
 pub use verify::{Certificate, ChannelAccount, Replayable, verify};
-pub use writer::LogWriter;
+pub(crate) use writer::check_event;
+pub use writer::{LogWriter, Output};
 
 use std::sync::Arc;
 

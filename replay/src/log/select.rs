@@ -67,12 +67,17 @@ impl Selection {
         if let Some((_, wanted)) = self.decided.iter().find(|(known, _)| Arc::ptr_eq(known, channel)) {
             return *wanted;
         }
-        let wanted = self.channels.as_ref().is_none_or(|pattern| pattern.is_match(channel))
-            && !self.exclude.as_ref().is_some_and(|pattern| pattern.is_match(channel));
+        let wanted = self.matches(channel);
         // A damaged file may look as if it had channels without end.
         if self.decided.len() < 1000 {
             self.decided.push((Arc::clone(channel), wanted));
         }
         wanted
+    }
+
+    /// Whether a channel of this name is wanted.
+    pub fn matches(&self, channel: &str) -> bool {
+        self.channels.as_ref().is_none_or(|pattern| pattern.is_match(channel))
+            && !self.exclude.as_ref().is_some_and(|pattern| pattern.is_match(channel))
     }
 }

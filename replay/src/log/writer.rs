@@ -6,6 +6,7 @@ use super::types::Types;
 use super::{EventRef, Format, MAX_CHANNEL, MAX_MESSAGE};
 use crate::Error;
 use std::fs::File;
+use std::io::Write;
 use std::path::{Path, PathBuf};
 
 /// Writes a log. Equal events give equal bytes.
@@ -19,6 +20,9 @@ pub struct LogWriter {
     events: u64,
     failed: bool,
 }
+
+/// Where the bytes of a log go.
+pub type Output = Box<dyn Write + Send>;
 
 enum Sink {
     EventLog(EventLogWriter),
@@ -34,10 +38,18 @@ impl LogWriter {
         let path = path.as_ref();
         let format = Format::of_name(path)?;
         let file = File::create(path).map_err(|source| io_error(path, source))?;
+        Self::to_output(path, format, Box::new(file))
+    }
+
+    /// Writes a log to anything that takes bytes in order; `path` names it in errors.
+    ///
+    /// # Errors
+    /// [`Error::Mcap`] if the first bytes cannot be written.
+    pub fn to_output(path: &Path, format: Format, out: Output) -> Result<Self, Error> {
         let sink = match format {
-            Format::LcmLog => Sink::EventLog(EventLogWriter::new(file)),
+            Format::LcmLog => Sink::EventLog(EventLogWriter::new(out)),
             Format::Mcap => {
-                let writer = McapWriter::new(file).map_err(|source| mcap_error(path, source))?;
+                let writer = McapWriter::new(out).map_err(|source| mcap_error(path, source))?;
                 Sink::Mcap(Box::new(writer), Box::default())
             }
         };
@@ -113,18 +125,7 @@ impl LogWriter {
         if self.failed {
             return Err(Error::WriterFailed { path: self.path.clone() });
         }
-        if channel.is_empty() || channel.len() > MAX_CHANNEL || channel.contains('\0') {
-            return Err(Error::ChannelName { path: self.path.clone(), channel: channel.into() });
-        }
-        if data.len() > MAX_MESSAGE {
-            return Err(Error::MessageTooLong {
-                path: self.path.clone(),
-                channel: channel.into(),
-                bytes: data.len(),
-                limit: MAX_MESSAGE,
-            });
-        }
-        u64::try_from(t_ns).map_err(|_| Error::NegativeTime { path: self.path.clone(), channel: channel.into(), t_ns })
+        check_event(&self.path, channel, t_ns, data)
     }
 
     /// Hands everything so far to the operating system. In MCAP this ends a chunk: call it a few times a second, not per event.
@@ -159,6 +160,24 @@ impl LogWriter {
     pub fn events(&self) -> u64 {
         self.events
     }
+}
+
+/// The time of an event that a log can hold, ns.
+///
+/// # Errors
+/// [`Error::ChannelName`], [`Error::NegativeTime`], [`Error::MessageTooLong`]
+pub(crate) fn check_event(path: &Path, channel: &str, t_ns: i64, data: &[u8]) -> Result<u64, Error> {
+    if channel.is_empty() || channel.len() > MAX_CHANNEL || channel.contains('\0') {
+        return Err(Error::ChannelName { path: path.into(), channel: channel.into() });
+    }
+    let Ok(t) = u64::try_from(t_ns) else {
+        return Err(Error::NegativeTime { path: path.into(), channel: channel.into(), t_ns });
+    };
+    if data.len() > MAX_MESSAGE {
+        let (channel, bytes) = (channel.into(), data.len());
+        return Err(Error::MessageTooLong { path: path.into(), channel, bytes, limit: MAX_MESSAGE });
+    }
+    Ok(t)
 }
 
 impl Format {

@@ -22,7 +22,7 @@ struct Landings {
 
 /// Median delay below 10 ms, no touchdown without contact, none in the first half of a swing.
 pub fn touchdown(bench: &Bench) -> anyhow::Result<Vec<Row>> {
-    let scenarios = ["flat_trot", "rough_trot", "moving_floor"];
+    let scenarios = ["flat_trot", "rough_trot", "moving_floor", "moving_floor_crawl"];
     let samples = bench.all_with("touchdowns", scenarios.map(Spec::of).to_vec(), landings)?;
     let mut rows = vec![falls("", &samples)];
     for (scenario, sample) in scenarios.iter().zip(&samples) {

@@ -5,7 +5,7 @@ use crate::experiment::limit::{Sweep, Tried, largest};
 use crate::experiment::table::Row;
 use analysis::figures::Curves;
 
-/// Steps up and pushes from the side and from the front, both on a trot.
+/// Steps up, holes, and pushes from the side and from behind, all on a trot.
 pub fn limits(bench: &Bench) -> anyhow::Result<Vec<Row>> {
     let walk = "[{ t_s = 0.0, mode = \"stand\" }, { t_s = 1.0, mode = \"walk\" }, { t_s = 2.0, v_x = 0.25 }, { t_s = 13.0, v_x = 0.0 }]";
     let steps = Spec::of("flat_trot")
@@ -19,6 +19,11 @@ pub fn limits(bench: &Bench) -> anyhow::Result<Vec<Row>> {
         .with("duration_s", "8.0")
         .with("operator", "[{ t_s = 0.0, mode = \"stand\" }, { t_s = 1.0, mode = \"walk\" }]")
         .with("push", "[{ t_s = 4.0, duration_s = 0.2, force_W = [0.0, 0.0, 0.0] }]");
+    let hole = Spec::of("flat_trot")
+        .named("hole")
+        .with("duration_s", "8.0")
+        .with("operator", walk)
+        .with("floor", "[{ t_s = 4.0, leg = \"LF\", height_m = 0.0 }]");
     // A fifth of a stride later with each seed.
     let later = |seed: i64| ("push[0].t_s".to_owned(), format!("{:.3}", 4.0 + 0.111 * f64::from(seed as i32)));
     let sweeps = [
@@ -26,6 +31,11 @@ pub fn limits(bench: &Bench) -> anyhow::Result<Vec<Row>> {
             "highest step up",
             "m",
             Sweep { spec: steps, key: "terrain.step_height_m", from: 0.02, to: 0.2, step: 0.01, vary: None },
+        ),
+        (
+            "deepest hole under one foot",
+            "m",
+            Sweep { spec: hole, key: "floor[0].height_m", from: -0.02, to: -0.2, step: -0.01, vary: None },
         ),
         (
             "largest push from the side, 0.2 s",
@@ -55,7 +65,7 @@ pub fn limits(bench: &Bench) -> anyhow::Result<Vec<Row>> {
     let mut rows = Vec::new();
     for (name, unit, sweep) in &sweeps {
         let (limit, tried) = largest(bench, sweep)?;
-        rows.push(Row::noted(*name, limit, unit).at_least(sweep.from));
+        rows.push(Row::noted(*name, limit.abs(), unit).at_least(sweep.from.abs()));
         let points: Vec<(f64, f64)> =
             tried.iter().map(|Tried { value, survived }| (*value, 100.0 * survived)).collect();
         let curves = Curves {

@@ -15,9 +15,8 @@ pub fn base_motion(bench: &Bench) -> anyhow::Result<Vec<Row>> {
 }
 
 fn table3(bench: &Bench, prefix: &str) -> anyhow::Result<Vec<Row>> {
-    let sample = bench.one_with(Spec::of("base_motion"), |run| {
-        draw(&Ask::new(Kind::Figure9), &[(Named("run".to_owned()), run)])
-    })?;
+    let sample = bench
+        .one_with(Spec::of("base_motion"), |run| draw(&Ask::new(Kind::Figure9), &[(Named("run".to_owned()), run)]))?;
     let mut rows = Vec::new();
     for row in tracking_rows(&sample.metrics) {
         let (Some(measured), Some(published)) = (row.measured, row.published) else { continue };

@@ -1,0 +1,249 @@
+//! Which event is next, and when.
+
+use super::times::{TimeBase, Times};
+use crate::Error;
+use crate::log::{Event, Events, Health, LogReader};
+use crate::record::Filter;
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+
+/// What to play, and how.
+#[derive(Debug, Clone)]
+pub struct PlayOptions {
+    /// The clock that sets the pace.
+    pub base: TimeBase,
+    /// How many times faster than recorded; `None`: as fast as it goes.
+    pub speed: Option<f64>,
+    /// Where to begin, ns from the log's first event.
+    pub from_ns: i64,
+    /// Where to end, ns from the log's first event; not included.
+    pub to_ns: Option<i64>,
+    /// Begin again at the end.
+    pub repeat: bool,
+    /// Channels.
+    pub filter: Filter,
+    /// Channels that go out under another name.
+    pub rename: BTreeMap<String, String>,
+}
+
+impl Default for PlayOptions {
+    fn default() -> Self {
+        PlayOptions {
+            base: TimeBase::Receive,
+            speed: Some(1.0),
+            from_ns: 0,
+            to_ns: None,
+            repeat: false,
+            filter: Filter::default(),
+            rename: BTreeMap::new(),
+        }
+    }
+}
+
+/// Goes through a log. Log time is in ns from the log's first event; the driver's time is that of any clock that it keeps to, in ns.
+///
+/// Every event between two seeks comes once, in the order of the log, whatever is paused, stepped or sped up in between.
+pub struct Player {
+    path: PathBuf,
+    options: PlayOptions,
+    events: Events,
+    times: Times,
+    /// Time of the log's first event by its own clock.
+    origin_ns: Option<i64>,
+    next: Option<Next>,
+    /// This driver's time ...
+    anchor_ns: i64,
+    /// ... is this log time.
+    anchor_log_ns: i64,
+    paused: bool,
+    played: u64,
+}
+
+struct Next {
+    event: Event,
+    /// Log time at which it is due: its own, or that of the one before it, if that was later.
+    at_ns: i64,
+}
+
+impl Player {
+    /// Opens a log and goes to where playing begins; the driver's time is `now_ns`.
+    ///
+    /// # Errors
+    /// Those of [`LogReader::open`]; [`Error::NoTicks`] if the pace is that of the ticks and there are none.
+    pub fn open(path: impl AsRef<Path>, options: PlayOptions, now_ns: i64) -> Result<Self, Error> {
+        let path = path.as_ref();
+        let times = Times::new(path, options.base)?;
+        let events = LogReader::open(path)?.events();
+        let mut player = Player {
+            path: path.into(),
+            events,
+            times,
+            origin_ns: None,
+            next: None,
+            anchor_ns: now_ns,
+            anchor_log_ns: options.from_ns,
+            paused: false,
+            played: 0,
+            options,
+        };
+        player.go_on_to(player.options.from_ns)?;
+        Ok(player)
+    }
+
+    /// When the next event is due by the driver's time; a time that has passed means at once. `None` when paused, and at the end.
+    pub fn due_ns(&self) -> Option<i64> {
+        let next = self.next.as_ref().filter(|_| !self.paused)?;
+        Some(self.due_of(next.at_ns).unwrap_or(self.anchor_ns))
+    }
+
+    /// Nothing is left to play.
+    pub fn is_at_end(&self) -> bool {
+        self.next.is_none()
+    }
+
+    /// Hands out the next event under the name that it goes out by, due or not, and goes on to the one after it. At the end of a log that
+    /// repeats it goes back; `now_ns` is the driver's time.
+    ///
+    /// # Errors
+    /// [`Error::Io`] if the log cannot be read on.
+    pub fn take(&mut self, now_ns: i64) -> Result<Option<Event>, Error> {
+        let Some(Next { mut event, at_ns }) = self.next.take() else { return Ok(None) };
+        self.played += 1;
+        if self.paused {
+            // A step moves the time along, so that going on goes on from here.
+            self.anchor_log_ns = at_ns;
+        }
+        self.read_on(at_ns)?;
+        if self.next.is_none() && self.options.repeat {
+            // The next round begins when this one was to end, so that lateness does not add up.
+            let ended_ns = self.due_of(at_ns).filter(|_| !self.paused).unwrap_or(now_ns);
+            self.go_back()?;
+            self.go_on_to(self.options.from_ns)?;
+            (self.anchor_ns, self.anchor_log_ns) = (ended_ns, self.options.from_ns);
+        }
+        if let Some(name) = self.options.rename.get(&*event.channel) {
+            event.channel = name.as_str().into();
+        }
+        Ok(Some(event))
+    }
+
+    /// Stops the time.
+    pub fn pause(&mut self, now_ns: i64) {
+        self.anchor_log_ns = self.position_ns(now_ns);
+        self.paused = true;
+    }
+
+    /// Lets the time go on from where it stopped.
+    pub fn resume(&mut self, now_ns: i64) {
+        if std::mem::take(&mut self.paused) {
+            self.anchor_ns = now_ns;
+        }
+    }
+
+    /// Whether the time stands still.
+    pub fn is_paused(&self) -> bool {
+        self.paused
+    }
+
+    /// Goes on from here at another speed; a speed that is no positive number is ignored.
+    pub fn set_speed(&mut self, speed: f64, now_ns: i64) {
+        if speed.is_finite() && speed > 0.0 {
+            self.anchor_log_ns = self.position_ns(now_ns);
+            self.anchor_ns = now_ns;
+            self.options.speed = Some(speed);
+        }
+    }
+
+    /// Times faster than recorded; `None`: as fast as it goes.
+    pub fn speed(&self) -> Option<f64> {
+        self.options.speed
+    }
+
+    /// Goes to a log time, forward or back, within what is played: the next event is the first that is due then or later.
+    ///
+    /// # Errors
+    /// Those of [`LogReader`].
+    pub fn seek(&mut self, to_ns: i64, now_ns: i64) -> Result<(), Error> {
+        let to_ns = to_ns.max(self.options.from_ns);
+        if to_ns < self.position_ns(now_ns) || self.next.is_none() {
+            self.go_back()?;
+        }
+        self.go_on_to(to_ns)?;
+        (self.anchor_ns, self.anchor_log_ns) = (now_ns, to_ns);
+        Ok(())
+    }
+
+    /// Log time now, ns.
+    pub fn position_ns(&self, now_ns: i64) -> i64 {
+        match (self.options.speed, &self.next) {
+            _ if self.paused => self.anchor_log_ns,
+            (Some(speed), Some(_)) => {
+                self.anchor_log_ns.saturating_add(scaled(now_ns.saturating_sub(self.anchor_ns), speed))
+            }
+            (None, Some(next)) => next.at_ns,
+            (_, None) => self.anchor_log_ns,
+        }
+    }
+
+    /// Events handed out.
+    pub fn played(&self) -> u64 {
+        self.played
+    }
+
+    /// What is wrong with the log, as far as it has been read.
+    pub fn health(&self) -> &Health {
+        self.events.health()
+    }
+
+    /// When what is at a log time is due by the driver's time; `None` if nothing is ever waited for.
+    fn due_of(&self, at_ns: i64) -> Option<i64> {
+        let speed = self.options.speed?;
+        Some(self.anchor_ns.saturating_add(scaled(at_ns - self.anchor_log_ns, 1.0 / speed)))
+    }
+
+    fn go_back(&mut self) -> Result<(), Error> {
+        self.events = LogReader::open(&self.path)?.events();
+        self.times = Times::new(&self.path, self.options.base)?;
+        (self.origin_ns, self.next) = (None, None);
+        Ok(())
+    }
+
+    /// Leaves out what is due before `at_ns`.
+    fn go_on_to(&mut self, at_ns: i64) -> Result<(), Error> {
+        while self.next.as_ref().is_none_or(|next| next.at_ns < at_ns) {
+            let from_ns = self.next.take().map_or(i64::MIN, |next| next.at_ns);
+            self.read_on(from_ns)?;
+            if self.next.is_none() {
+                break;
+            }
+        }
+        Ok(())
+    }
+
+    /// Reads the next event that is wanted; `from_ns` is when the one before it was due.
+    fn read_on(&mut self, from_ns: i64) -> Result<(), Error> {
+        self.next = None;
+        for event in self.events.by_ref() {
+            let event = event?;
+            let time_ns = self.times.of(&event);
+            if self.origin_ns.is_none() {
+                self.origin_ns = time_ns;
+            }
+            let at_ns =
+                time_ns.zip(self.origin_ns).map_or(0, |(time, origin)| time.saturating_sub(origin)).max(from_ns);
+            if self.options.to_ns.is_some_and(|to| at_ns >= to) {
+                return Ok(());
+            }
+            if self.options.filter.takes(&event.channel) {
+                self.next = Some(Next { event, at_ns });
+                return Ok(());
+            }
+        }
+        Ok(())
+    }
+}
+
+#[expect(clippy::cast_precision_loss, clippy::cast_possible_truncation, reason = "hours are exact to far below 1 us")]
+fn scaled(ns: i64, factor: f64) -> i64 {
+    if factor == 1.0 { ns } else { (ns as f64 * factor) as i64 }
+}

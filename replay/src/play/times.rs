@@ -1,0 +1,97 @@
+//! The time of an event, by the clock that sets the pace.
+
+use crate::Error;
+use crate::log::{Event, LogReader};
+use lcm_idl::ast::{FieldType, Primitive};
+use lcmtypes::channels::{self, Class};
+use std::collections::BTreeMap;
+use std::path::Path;
+
+/// Which of an event's times sets the pace.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum TimeBase {
+    /// When it was recorded, with the network's jitter: the log's own time.
+    #[default]
+    Receive,
+    /// When its sender says it was: the message's `t_ns`.
+    Publish,
+    /// At an even pace, by the controller's `tick`.
+    Tick,
+}
+
+/// Finds the times of a log's events.
+pub(super) struct Times {
+    base: TimeBase,
+    /// Control period, ns; only by tick.
+    period_ns: i64,
+    /// Where in a message `t_ns` and `tick` stand, by fingerprint.
+    fields: BTreeMap<u64, Fields>,
+    last_ns: Option<i64>,
+}
+
+#[derive(Clone, Copy, Default)]
+struct Fields {
+    t_ns: bool,
+    tick: bool,
+}
+
+impl Times {
+    /// # Errors
+    /// [`Error::NoTicks`] if the pace is that of the ticks and there are none; those of [`LogReader`].
+    pub fn new(path: &Path, base: TimeBase) -> Result<Self, Error> {
+        let mut times = Times { base, period_ns: 0, fields: BTreeMap::new(), last_ns: None };
+        if base == TimeBase::Tick {
+            times.period_ns = times.period(path)?.ok_or_else(|| Error::NoTicks { path: path.into() })?;
+        }
+        Ok(times)
+    }
+
+    /// Time of an event, ns. A message without the time asked for goes with the one before it; `None` if there is none before it.
+    pub fn of(&mut self, event: &Event) -> Option<i64> {
+        let own = match self.base {
+            TimeBase::Receive => Some(event.t_ns),
+            TimeBase::Publish => self.own(event).0,
+            TimeBase::Tick => self.own(event).1.and_then(|tick| tick.checked_mul(self.period_ns)),
+        };
+        self.last_ns = own.or(self.last_ns);
+        self.last_ns
+    }
+
+    /// `t_ns` and `tick` of a message. What people are told (EVENT, RUN_INFO) may be of another clock than the robot's.
+    fn own(&mut self, event: &Event) -> (Option<i64>, Option<i64>) {
+        let is_meta = channels::find(&event.channel).is_some_and(|channel| channel.class == Class::Meta);
+        let Some(fingerprint) = event.fingerprint().filter(|_| !is_meta) else { return (None, None) };
+        let fields = *self.fields.entry(fingerprint).or_insert_with(|| Fields::of(fingerprint));
+        let word = |at: usize| event.data.get(at..at + 8)?.first_chunk().map(|bytes| i64::from_be_bytes(*bytes));
+        (word(8).filter(|_| fields.t_ns), word(16).filter(|_| fields.tick))
+    }
+
+    /// Time from one tick to the next, from the first two ticks of the log.
+    fn period(&mut self, path: &Path) -> Result<Option<i64>, Error> {
+        let mut first = None;
+        for event in LogReader::open(path)?.events() {
+            let (Some(t_ns), Some(tick)) = self.own(&event?) else { continue };
+            let (t0, tick0) = *first.get_or_insert((t_ns, tick));
+            let (span, ticks) = (t_ns.saturating_sub(t0), tick.saturating_sub(tick0));
+            if span > 0 && ticks > 0 {
+                return Ok(Some(span / ticks));
+            }
+        }
+        Ok(None)
+    }
+}
+
+impl Fields {
+    /// Which of the two a type has, in the places that our types give them: `int64_t t_ns`, then `int64_t tick`.
+    fn of(fingerprint: u64) -> Self {
+        let Some(ty) = lcmtypes::types().by_fingerprint(fingerprint) else { return Fields::default() };
+        let is = |at: usize, name: &str| {
+            ty.def().fields.get(at).is_some_and(|field| {
+                *field.name == *name
+                    && field.dims.is_empty()
+                    && matches!(field.ty, FieldType::Primitive(Primitive::Int64))
+            })
+        };
+        Fields { t_ns: is(0, "t_ns"), tick: is(0, "t_ns") && is(1, "tick") }
+    }
+}

@@ -1,0 +1,169 @@
+//! One datagram of LCM's UDP multicast protocol.
+//!
+//! ```text
+//! short     "LC02" | sequence u32 | channel, NUL | data
+//! fragment  "LC03" | sequence u32 | size of the data u32 | offset in it u32 | number u16 | count u16 | [number 0: channel, NUL |] data
+//! ```
+//! Big-endian. One sequence a sender, over all its channels and both forms, up by one a message.
+
+use super::MAX_DATAGRAM;
+use crate::log::{MAX_CHANNEL, MAX_MESSAGE};
+
+const SHORT: [u8; 4] = *b"LC02";
+const FRAGMENT: [u8; 4] = *b"LC03";
+const SHORT_HEADER: usize = 8;
+const FRAGMENT_HEADER: usize = 20;
+
+/// Bytes behind the header of a fragment, as LCM on Linux cuts them.
+pub const FRAGMENT_BODY: usize = MAX_DATAGRAM - FRAGMENT_HEADER;
+
+/// No LCM cuts messages into pieces as small as this; whoever claims to makes us keep books and sends no data.
+const SMALLEST_BODY: usize = 512;
+
+/// What a datagram holds.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Packet<'a> {
+    /// A whole message.
+    Short(Short<'a>),
+    /// A piece of one.
+    Fragment(Fragment<'a>),
+}
+
+/// A message in one datagram.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Short<'a> {
+    /// The sender's number of this message.
+    pub sequence: u32,
+    /// Channel.
+    pub channel: &'a str,
+    /// The message.
+    pub data: &'a [u8],
+}
+
+/// A piece of a message.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Fragment<'a> {
+    /// The sender's number of the message.
+    pub sequence: u32,
+    /// Bytes of the whole message.
+    pub size: u32,
+    /// Where `data` belongs in it.
+    pub offset: u32,
+    /// Which piece this is, from 0.
+    pub number: u16,
+    /// How many pieces there are.
+    pub count: u16,
+    /// Channel: in piece 0 and nowhere else.
+    pub channel: Option<&'a str>,
+    /// Bytes of the message.
+    pub data: &'a [u8],
+}
+
+/// A datagram that is not LCM's, or breaks its rules.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Malformed {
+    /// The number of its message, if it came as far as that.
+    pub sequence: Option<u32>,
+    /// What is wrong.
+    pub why: &'static str,
+}
+
+impl<'a> Packet<'a> {
+    /// Takes a datagram apart.
+    ///
+    /// # Errors
+    /// [`Malformed`] for whatever LCM would not send.
+    pub fn parse(bytes: &'a [u8]) -> Result<Self, Malformed> {
+        let Some((magic, rest)) = bytes.split_first_chunk::<4>() else {
+            return Err(Malformed { sequence: None, why: "shorter than a header" });
+        };
+        if ![SHORT, FRAGMENT].contains(magic) {
+            return Err(Malformed { sequence: None, why: "begins with neither LC02 nor LC03" });
+        }
+        let Some((sequence, body)) = rest.split_first_chunk() else {
+            return Err(Malformed { sequence: None, why: "shorter than a header" });
+        };
+        let sequence = u32::from_be_bytes(*sequence);
+        let packet = if *magic == SHORT { short(sequence, body) } else { fragment(sequence, body) };
+        packet.map_err(|why| Malformed { sequence: Some(sequence), why })
+    }
+
+    /// The sender's number of the message.
+    pub fn sequence(&self) -> u32 {
+        match self {
+            Packet::Short(short) => short.sequence,
+            Packet::Fragment(fragment) => fragment.sequence,
+        }
+    }
+}
+
+fn short(sequence: u32, body: &[u8]) -> Result<Packet<'_>, &'static str> {
+    let (channel, data) = channel(body)?;
+    Ok(Packet::Short(Short { sequence, channel, data }))
+}
+
+fn fragment(sequence: u32, body: &[u8]) -> Result<Packet<'_>, &'static str> {
+    let header: &[u8; FRAGMENT_HEADER - SHORT_HEADER] = body.first_chunk().ok_or("shorter than a header")?;
+    let word = |at| u32::from_be_bytes(std::array::from_fn(|i| header[at + i]));
+    let half = |at| u16::from_be_bytes(std::array::from_fn(|i| header[at + i]));
+    let (size, offset, number, count) = (word(0), word(4), half(8), half(10));
+    let body = &body[header.len()..];
+    let (channel, data) =
+        if number == 0 { channel(body).map(|(name, data)| (Some(name), data))? } else { (None, body) };
+    if size as usize > MAX_MESSAGE {
+        return Err("a message longer than LCM carries");
+    }
+    if number >= count {
+        return Err("a fragment beyond the last");
+    }
+    if usize::from(count) > 1 + (size as usize + MAX_CHANNEL + 1) / SMALLEST_BODY {
+        return Err("more fragments than a message of this size has");
+    }
+    if offset as usize + data.len() > size as usize {
+        return Err("a fragment beyond the end of its message");
+    }
+    Ok(Packet::Fragment(Fragment { sequence, size, offset, number, count, channel, data }))
+}
+
+/// The channel at the beginning, and what follows its NUL. Logs hold text, so a name has to be text.
+fn channel(body: &[u8]) -> Result<(&str, &[u8]), &'static str> {
+    let end = body.iter().take(MAX_CHANNEL + 1).position(|&byte| byte == 0).ok_or("a channel without end")?;
+    let name = std::str::from_utf8(&body[..end]).map_err(|_| "a channel that is not text")?;
+    if name.is_empty() {
+        return Err("a channel without name");
+    }
+    if name.chars().any(char::is_control) {
+        return Err("a channel that is not text");
+    }
+    Ok((name, &body[end + 1..]))
+}
+
+/// The datagrams of a message, cut as LCM on Linux does. The caller has checked channel and length.
+pub fn split(sequence: u32, channel: &str, data: &[u8]) -> Vec<Vec<u8>> {
+    debug_assert!((1..=MAX_CHANNEL).contains(&channel.len()) && data.len() <= MAX_MESSAGE);
+    let name_length = channel.len() + 1;
+    if SHORT_HEADER + name_length + data.len() <= MAX_DATAGRAM {
+        return vec![[&SHORT, &sequence.to_be_bytes()[..], channel.as_bytes(), &[0], data].concat()];
+    }
+    let count = (name_length + data.len()).div_ceil(FRAGMENT_BODY);
+    let fragment = |number: usize| {
+        // The channel takes its place in the first body, and everything behind it moves up.
+        let from = (number * FRAGMENT_BODY).saturating_sub(name_length);
+        let to = ((number + 1) * FRAGMENT_BODY - name_length).min(data.len());
+        let mut bytes = Vec::with_capacity(FRAGMENT_HEADER + name_length + to - from);
+        bytes.extend_from_slice(&FRAGMENT);
+        for word in [sequence, data.len() as u32, from as u32] {
+            bytes.extend_from_slice(&word.to_be_bytes());
+        }
+        for half in [number as u16, count as u16] {
+            bytes.extend_from_slice(&half.to_be_bytes());
+        }
+        if number == 0 {
+            bytes.extend_from_slice(channel.as_bytes());
+            bytes.push(0);
+        }
+        bytes.extend_from_slice(&data[from..to]);
+        bytes
+    };
+    (0..count).map(fragment).collect()
+}

@@ -1,0 +1,327 @@
+//! `hoof log play`: a log's messages again, when their time has come.
+
+use crate::{Outcome, say, say_json};
+use anyhow::Context;
+use crossterm::event::{Event as TerminalEvent, KeyCode, KeyEvent, KeyEventKind, KeyModifiers};
+use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
+use lcmtypes::bus::{Bus, LcmBus};
+use replay::play::{Lateness, LatenessSummary, PlayOptions, Player, TimeBase};
+use replay::record::{Filter, Pattern};
+use serde::Serialize;
+use signal_hook::consts::{SIGINT, SIGTERM};
+use std::collections::BTreeMap;
+use std::io::IsTerminal;
+use std::path::PathBuf;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::mpsc::{Receiver, RecvTimeoutError, channel};
+use std::time::{Duration, Instant};
+
+/// Publish a log's messages over LCM, at the pace of the log
+///
+/// In a terminal: space pauses and goes on, s or . steps to the next event, left and right seek by 1 s, up and down by 10 s, + and - double and
+/// halve the speed, q ends.
+///
+/// At the end it says how late messages went out (p50, p99, p99.9, largest); keep other programs off the processor where that matters.
+#[derive(clap::Args)]
+#[command(after_help = "Example: hoof log play run.mcap\n         \
+    hoof log play run.mcap --time tick --speed 0.25 --from 3 --to 5 --loop\n         \
+    hoof log play field.lcmlog --channels 'ROBOT_STATE|OPERATOR_.*' --rename ROBOT_STATE=OLD_STATE --flat-out --json")]
+pub struct Args {
+    /// Log, LCM event log or MCAP; told apart by content
+    log: PathBuf,
+    /// Network, else that of LCM_DEFAULT_URL, else udpm://239.255.76.67:7667?ttl=0
+    #[arg(long, value_name = "URL", default_value = "", hide_default_value = true)]
+    lcm_url: String,
+    /// What sets the pace: the log's time of receipt, the messages' own t_ns, or the controller's tick
+    #[arg(long, value_enum, default_value = "receive")]
+    time: Time,
+    /// Times faster than recorded
+    #[arg(long, value_name = "FACTOR", default_value_t = 1.0)]
+    speed: f64,
+    /// As fast as it goes; receivers may lose messages
+    #[arg(long, conflicts_with = "speed")]
+    flat_out: bool,
+    /// Begin here, s from the log's first event
+    #[arg(long, value_name = "S", default_value_t = 0.0)]
+    from: f64,
+    /// End here, s from the log's first event
+    #[arg(long, value_name = "S")]
+    to: Option<f64>,
+    /// Begin again at the end
+    #[arg(long = "loop")]
+    repeat: bool,
+    /// Play only channels whose whole name matches
+    #[arg(long, value_name = "REGEX")]
+    channels: Option<String>,
+    /// Publish channel A as B; may be repeated
+    #[arg(long, value_name = "A=B")]
+    rename: Vec<String>,
+    /// Print JSON at the end
+    #[arg(long)]
+    json: bool,
+}
+
+#[derive(Clone, Copy, Debug, clap::ValueEnum)]
+enum Time {
+    /// When the log says it was received
+    Receive,
+    /// The t_ns of each message
+    Publish,
+    /// An even pace, by tick
+    Tick,
+}
+
+/// How it went; the JSON of `--json`.
+#[derive(Serialize)]
+struct Summary {
+    log: PathBuf,
+    events: u64,
+    wall_seconds: f64,
+    /// Of events that had a time: none when flat out.
+    lateness: LatenessSummary,
+    damaged: bool,
+}
+
+/// The last stretch before an event is waited for without sleeping, since a sleeper wakes up late.
+const SPIN: Duration = Duration::from_micros(150);
+
+/// Longest sleep, so that a signal is seen.
+const SLEEP: Duration = Duration::from_millis(50);
+
+const SECOND: i64 = 1_000_000_000;
+
+pub fn run(args: &Args) -> anyhow::Result<Outcome> {
+    let options = options(args)?;
+    let mut bus = LcmBus::open(&args.lcm_url)?;
+    let stopped = Arc::new(AtomicBool::new(false));
+    for signal in [SIGINT, SIGTERM] {
+        signal_hook::flag::register(signal, Arc::clone(&stopped)).context("signal handler")?;
+    }
+    let began = Instant::now();
+    let mut player = Player::open(&args.log, options, 0)?;
+    let mut lateness = Lateness::default();
+    let mut screen = Screen::new()?;
+    let now_ns = || i64::try_from(began.elapsed().as_nanos()).unwrap_or(i64::MAX);
+    while !stopped.load(Ordering::Relaxed) && (player.is_paused() || !player.is_at_end()) {
+        screen.show(&player, now_ns());
+        let due_ns = player.due_ns();
+        let wait = due_ns.map_or(SLEEP, |due| Duration::from_nanos(u64::try_from(due - now_ns()).unwrap_or(0)));
+        if wait > SPIN {
+            match screen.key_within((wait - SPIN).min(SLEEP)) {
+                Some(Key::End) => break,
+                Some(key) => press(&mut player, &mut bus, &key, now_ns())?,
+                None => {}
+            }
+            continue;
+        }
+        let Some(due_ns) = due_ns else { continue };
+        while now_ns() < due_ns {
+            std::hint::spin_loop();
+        }
+        if player.speed().is_some() {
+            lateness.add(Duration::from_nanos(u64::try_from(now_ns() - due_ns).unwrap_or(0)));
+        }
+        if let Some(event) = player.take(now_ns())? {
+            bus.publish(&event.channel, &event.data)?;
+        }
+        // Where events follow each other without a pause, keys are looked at in between.
+        match screen.key_within(Duration::ZERO) {
+            Some(Key::End) => break,
+            Some(key) => press(&mut player, &mut bus, &key, now_ns())?,
+            None => {}
+        }
+    }
+    drop(screen);
+    let damaged = !player.health().is_good();
+    let summary = Summary {
+        log: args.log.clone(),
+        events: player.played(),
+        wall_seconds: began.elapsed().as_secs_f64(),
+        lateness: lateness.summary(),
+        damaged,
+    };
+    if args.json {
+        say_json(&summary)?
+    } else {
+        say(text(&summary))?
+    }
+    Ok(if damaged { Outcome::DataLoss } else { Outcome::Good })
+}
+
+fn options(args: &Args) -> anyhow::Result<PlayOptions> {
+    anyhow::ensure!((0.001..=1000.0).contains(&args.speed), "--speed {}: expected 0.001 to 1000", args.speed);
+    let mut rename = BTreeMap::new();
+    for pair in &args.rename {
+        let (from, to) = pair.split_once('=').with_context(|| format!("--rename {pair}: expected A=B"))?;
+        anyhow::ensure!((1..=63).contains(&to.len()), "--rename {pair}: an LCM channel has 1 to 63 bytes");
+        rename.insert(from.to_owned(), to.to_owned());
+    }
+    let from_ns = nanoseconds("--from", args.from)?;
+    let to_ns = args.to.map(|to| nanoseconds("--to", to)).transpose()?;
+    anyhow::ensure!(
+        to_ns.is_none_or(|to| to > from_ns),
+        "--to {}: not after --from {}",
+        args.to.unwrap_or(0.0),
+        args.from
+    );
+    Ok(PlayOptions {
+        base: match args.time {
+            Time::Receive => TimeBase::Receive,
+            Time::Publish => TimeBase::Publish,
+            Time::Tick => TimeBase::Tick,
+        },
+        speed: (!args.flat_out).then_some(args.speed),
+        from_ns,
+        to_ns,
+        repeat: args.repeat,
+        filter: Filter { include: args.channels.as_deref().map(Pattern::new).transpose()?, exclude: None },
+        rename,
+    })
+}
+
+fn nanoseconds(option: &str, s: f64) -> anyhow::Result<i64> {
+    anyhow::ensure!((0.0..=1e9).contains(&s), "{option} {s}: expected 0 to 1000000000");
+    #[expect(clippy::cast_possible_truncation, reason = "in range, as just checked")]
+    Ok((s * 1e9).round() as i64)
+}
+
+fn press(player: &mut Player, bus: &mut dyn Bus, key: &Key, now_ns: i64) -> anyhow::Result<()> {
+    match *key {
+        Key::Pause if player.is_paused() => player.resume(now_ns),
+        Key::Pause => player.pause(now_ns),
+        Key::Step => {
+            player.pause(now_ns);
+            if let Some(event) = player.take(now_ns)? {
+                bus.publish(&event.channel, &event.data)?;
+            }
+        }
+        Key::Seek(ns) => player.seek(player.position_ns(now_ns) + ns, now_ns)?,
+        Key::Faster(factor) => player.set_speed(player.speed().unwrap_or(1.0) * factor, now_ns),
+        Key::End => {}
+    }
+    Ok(())
+}
+
+fn text(summary: &Summary) -> String {
+    let Summary { log, events, wall_seconds, lateness: l, damaged } = summary;
+    let mut text = format!("{}: {events} messages in {wall_seconds:.2} s", log.display());
+    if l.events > 0 {
+        text += &format!(
+            "\nlate by: p50 {:.0} us, p99 {:.0} us, p99.9 {:.0} us, largest {:.0} us",
+            l.p50_us, l.p99_us, l.p999_us, l.max_us
+        );
+    }
+    if *damaged {
+        text += "\nthe log is damaged or cut: hoof log info says where";
+    }
+    text
+}
+
+/// What a person asks for.
+enum Key {
+    Pause,
+    Step,
+    Seek(i64),
+    Faster(f64),
+    End,
+}
+
+impl Key {
+    fn of(key: &KeyEvent) -> Option<Self> {
+        Some(match key.code {
+            KeyCode::Char('c') if key.modifiers.contains(KeyModifiers::CONTROL) => Key::End,
+            KeyCode::Char('q') | KeyCode::Esc => Key::End,
+            KeyCode::Char(' ') => Key::Pause,
+            KeyCode::Char('s' | '.') => Key::Step,
+            KeyCode::Left => Key::Seek(-SECOND),
+            KeyCode::Right => Key::Seek(SECOND),
+            KeyCode::Down => Key::Seek(-10 * SECOND),
+            KeyCode::Up => Key::Seek(10 * SECOND),
+            KeyCode::Char('+') => Key::Faster(2.0),
+            KeyCode::Char('-') => Key::Faster(0.5),
+            _ => return None,
+        })
+    }
+}
+
+/// Keyboard and status line, where there is a terminal; elsewhere a way to sleep.
+struct Screen {
+    bar: Option<ProgressBar>,
+    shown: Option<Instant>,
+    keys: Option<Receiver<Key>>,
+}
+
+impl Screen {
+    fn new() -> anyhow::Result<Self> {
+        let bar = std::io::stderr().is_terminal().then(|| {
+            let bar = ProgressBar::with_draw_target(None, ProgressDrawTarget::stderr());
+            bar.set_style(ProgressStyle::with_template("{msg}").expect("the template is a constant that parses"));
+            bar
+        });
+        let mut screen = Screen { bar, shown: None, keys: None };
+        if std::io::stdin().is_terminal() {
+            crossterm::terminal::enable_raw_mode().context("terminal")?;
+            let (pressed, keys) = channel();
+            std::thread::spawn(move || {
+                while let Ok(event) = crossterm::event::read() {
+                    let TerminalEvent::Key(key) = event else { continue };
+                    let key = Some(key).filter(|key| key.kind != KeyEventKind::Release).as_ref().and_then(Key::of);
+                    if key.is_some_and(|key| pressed.send(key).is_err()) {
+                        return;
+                    }
+                }
+            });
+            screen.keys = Some(keys);
+        }
+        Ok(screen)
+    }
+
+    /// The next key, if one comes in time.
+    fn key_within(&mut self, time: Duration) -> Option<Key> {
+        let Some(keys) = &self.keys else {
+            if !time.is_zero() {
+                std::thread::sleep(time);
+            }
+            return None;
+        };
+        match keys.recv_timeout(time) {
+            Ok(key) => Some(key),
+            Err(RecvTimeoutError::Timeout) => None,
+            Err(RecvTimeoutError::Disconnected) => {
+                self.keys = None;
+                None
+            }
+        }
+    }
+
+    #[expect(clippy::cast_precision_loss, reason = "seconds for a person to read")]
+    fn show(&mut self, player: &Player, now_ns: i64) {
+        let Some(bar) = &self.bar else { return };
+        if self.shown.is_some_and(|at| at.elapsed() < SLEEP) {
+            return;
+        }
+        self.shown = Some(Instant::now());
+        let pace = match (player.is_paused(), player.speed()) {
+            (true, _) => "paused".to_owned(),
+            (false, Some(speed)) => format!("{speed} times real time"),
+            (false, None) => "flat out".to_owned(),
+        };
+        let at_s = player.position_ns(now_ns) as f64 * 1e-9;
+        let keys = if self.keys.is_some() { "  space s arrows + - q" } else { "" };
+        bar.set_message(format!("{at_s:.2} s  {} messages  {pace}{keys}", player.played()));
+        bar.tick();
+    }
+}
+
+impl Drop for Screen {
+    fn drop(&mut self) {
+        if let Some(bar) = &self.bar {
+            bar.finish_and_clear();
+        }
+        if self.keys.is_some() {
+            // A terminal that is gone needs no restoring.
+            let _ = crossterm::terminal::disable_raw_mode();
+        }
+    }
+}

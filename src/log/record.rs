@@ -1,0 +1,257 @@
+//! `hoof log record`: everything that is said on an LCM network, in one log.
+
+use crate::{Outcome, say, say_json};
+use anyhow::Context;
+use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
+use replay::record::{Filter, Keep, Pattern, Progress, RecordOptions, Recorded, Recorder, Rotation};
+use replay::udpm::Url;
+use signal_hook::consts::{SIGINT, SIGTERM, SIGXFSZ};
+use std::io::IsTerminal;
+use std::path::PathBuf;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
+
+/// Record everything that is said on an LCM network
+///
+/// Only listens. What a sender sent and never came is known from LCM's sequence numbers: it is shown, and written into the log on channel EVENT, by
+/// sender and number. Times are those at which the kernel took a message off the network. LCM_SELF_TEST is not recorded.
+///
+/// Where disk or processor cannot keep up, channels for people are left out first, then the controller's outputs; what a replay needs (RUN_INFO,
+/// CONTROLLER_INPUT, EVENT) and channels given by --vital stay. The log says what was left out. A full disk is waited for.
+///
+/// Ctrl-C or SIGTERM completes the log. Exit code 3 if anything was lost or left out, or the disk stayed full.
+#[derive(clap::Args)]
+#[command(after_help = "Example: hoof log record run.mcap\n         \
+    hoof log record --exclude 'CAMERA.*' --rotate-mb 500 --keep 20 field.lcmlog\n         \
+    hoof log record --lcm-url 'udpm://239.255.76.67:7667?ttl=1&recv_buf_size=8000000' --seconds 60 --json run.mcap")]
+pub struct Args {
+    /// Log to write, .lcmlog or .mcap; without a name, log_DATE_TIME.mcap (UTC)
+    out: Option<PathBuf>,
+    /// Network, else that of LCM_DEFAULT_URL, else udpm://239.255.76.67:7667?ttl=0
+    #[arg(long, value_name = "URL")]
+    lcm_url: Option<String>,
+    /// Record only channels whose whole name matches
+    #[arg(long, value_name = "REGEX")]
+    include: Option<String>,
+    /// Do not record channels whose whole name matches
+    #[arg(long, value_name = "REGEX")]
+    exclude: Option<String>,
+    /// Never leave these out when not everything fits
+    #[arg(long, value_name = "REGEX")]
+    vital: Option<String>,
+    /// End after so many seconds
+    #[arg(long, value_name = "S")]
+    seconds: Option<f64>,
+    /// Begin a new file after so many megabytes: run_0000.mcap, run_0001.mcap, ...
+    #[arg(long, value_name = "MB")]
+    rotate_mb: Option<f64>,
+    /// Begin a new file after so many seconds
+    #[arg(long, value_name = "S")]
+    rotate_s: Option<f64>,
+    /// Keep so many files when rotating, and delete older ones
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
+    keep: Option<u32>,
+    /// Free space for replay inputs alone; below twice as much, debug channels are left out
+    #[arg(long, value_name = "MB", default_value_t = 500.0)]
+    reserve_mb: f64,
+    /// Memory between network and disk
+    #[arg(long, value_name = "MB", default_value_t = 64.0)]
+    buffer_mb: f64,
+    /// Print JSON at the end
+    #[arg(long)]
+    json: bool,
+}
+
+pub fn run(args: &Args) -> anyhow::Result<Outcome> {
+    let options = options(args)?;
+    let end = args.seconds.map(|s| seconds("--seconds", s)).transpose()?.map(|length| Instant::now() + length);
+    // Before the first byte, so that no signal finds half a log.
+    let stopped = Arc::new(AtomicBool::new(false));
+    for signal in [SIGINT, SIGTERM] {
+        signal_hook::flag::register(signal, Arc::clone(&stopped)).context("signal handler")?;
+    }
+    // A limit on file sizes is met as a full disk, not as a signal that kills.
+    signal_hook::flag::register(SIGXFSZ, Arc::new(AtomicBool::new(false))).context("signal handler")?;
+
+    let url = options.url.clone();
+    let recorder = Recorder::start(options)?;
+    if let Some(warning) = recorder.warning() {
+        eprintln!("warning: {warning}");
+    }
+    let mut line = StatusLine::new();
+    eprintln!("recording {url}");
+    let stop = || stopped.load(Ordering::Relaxed) || end.is_some_and(|end| Instant::now() >= end);
+    let recorded = recorder.run(&stop, &mut |progress| line.show(progress))?;
+    drop(line);
+    if args.json {
+        say_json(&recorded)?
+    } else {
+        say(text(&recorded))?
+    }
+    Ok(if recorded.is_lossy() { Outcome::DataLoss } else { Outcome::Good })
+}
+
+fn options(args: &Args) -> anyhow::Result<RecordOptions> {
+    let pattern = |text: &Option<String>| text.as_deref().map(Pattern::new).transpose();
+    let rotation = Rotation {
+        bytes: args.rotate_mb.map(|mb| bytes("--rotate-mb", mb)).transpose()?,
+        time_ns: match args.rotate_s {
+            Some(s) => Some(i64::try_from(seconds("--rotate-s", s)?.as_nanos()).context("--rotate-s")?),
+            None => None,
+        },
+        keep: args.keep.map(|keep| keep as usize),
+    };
+    Ok(RecordOptions {
+        url: Url::choose(args.lcm_url.as_deref())?,
+        out: args.out.clone().unwrap_or_else(default_name),
+        filter: Filter { include: pattern(&args.include)?, exclude: pattern(&args.exclude)? },
+        vital: pattern(&args.vital)?,
+        rotation,
+        reserve: bytes("--reserve-mb", args.reserve_mb)?,
+        buffer: usize::try_from(bytes("--buffer-mb", args.buffer_mb.max(1.0))?)?,
+    })
+}
+
+fn bytes(option: &str, megabytes: f64) -> anyhow::Result<u64> {
+    anyhow::ensure!((0.0..=1e7).contains(&megabytes), "{option} {megabytes}: expected 0 to 10000000");
+    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "in range, as just checked")]
+    Ok((megabytes * 1e6) as u64)
+}
+
+fn seconds(option: &str, s: f64) -> anyhow::Result<Duration> {
+    anyhow::ensure!((0.001..=1e7).contains(&s), "{option} {s}: expected 0.001 to 10000000");
+    Ok(Duration::from_secs_f64(s))
+}
+
+/// `log_20261122_080500.mcap`: the time in UTC.
+fn default_name() -> PathBuf {
+    let since = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default().as_secs();
+    let (days, second) = (since / 86_400, since % 86_400);
+    let (year, month, day) = civil(days);
+    let (h, m, s) = (second / 3600, second / 60 % 60, second % 60);
+    format!("log_{year:04}{month:02}{day:02}_{h:02}{m:02}{s:02}.mcap").into()
+}
+
+/// Year, month and day of a number of days since 1970-01-01. Source: H. Hinnant, *chrono-compatible low-level date algorithms*.
+fn civil(days: u64) -> (u64, u64, u64) {
+    let days = days + 719_468;
+    let (era, day_of_era) = (days / 146_097, days % 146_097);
+    let year_of_era = (day_of_era - day_of_era / 1460 + day_of_era / 36_524 - day_of_era / 146_096) / 365;
+    let day_of_year = day_of_era - (365 * year_of_era + year_of_era / 4 - year_of_era / 100);
+    // Years begin in March here, so that the leap day is the last.
+    let month = (5 * day_of_year + 2) / 153;
+    let day = day_of_year - (153 * month + 2) / 5 + 1;
+    let month = if month < 10 { month + 3 } else { month - 9 };
+    (era * 400 + year_of_era + u64::from(month <= 2), month, day)
+}
+
+/// One line on standard error that says how it goes; nothing where that is no terminal.
+struct StatusLine {
+    bar: Option<ProgressBar>,
+    began: Instant,
+    last: (Instant, u64, u64),
+    rates: (f64, f64),
+}
+
+/// Over which rates are taken.
+const RATE: Duration = Duration::from_millis(500);
+
+impl StatusLine {
+    fn new() -> Self {
+        let bar = std::io::stderr().is_terminal().then(|| {
+            let bar = ProgressBar::with_draw_target(None, ProgressDrawTarget::stderr());
+            bar.set_style(ProgressStyle::with_template("{msg}").expect("the template is a constant that parses"));
+            bar
+        });
+        let now = Instant::now();
+        StatusLine { bar, began: now, last: (now, 0, 0), rates: (0.0, 0.0) }
+    }
+
+    #[expect(clippy::cast_precision_loss, reason = "numbers for a person to read")]
+    fn show(&mut self, progress: &Progress) {
+        let Some(bar) = &self.bar else { return };
+        let Progress { status, file_bytes, free_bytes, trouble, file } = progress;
+        let (at, heard, bytes) = self.last;
+        let span = at.elapsed();
+        if span >= RATE {
+            let per_second = |n: u64| n as f64 / span.as_secs_f64();
+            self.rates = (per_second(status.tally.heard - heard), per_second(status.tally.bytes - bytes));
+            self.last = (Instant::now(), status.tally.heard, status.tally.bytes);
+        }
+        let [lost, twice, late] = status.lost_twice_late;
+        let mut text = format!(
+            "{:.1} s  {:.0} msg/s  {:.2} MB/s  {:.1} MB in {}  senders {}  lost {lost}  twice {twice}  late {late}",
+            self.began.elapsed().as_secs_f64(),
+            self.rates.0,
+            self.rates.1 * 1e-6,
+            *file_bytes as f64 * 1e-6,
+            file.display(),
+            status.senders,
+        );
+        if let Some(free) = free_bytes {
+            text += &format!("  free {:.1} GB", *free as f64 * 1e-9);
+        }
+        if status.left_out > 0 {
+            text += &format!("  left out {}", status.left_out);
+        }
+        if status.keep != Keep::All {
+            text += &format!("  {}", status.keep.text());
+        }
+        if let Some(trouble) = trouble {
+            text += &format!("  waiting for the disk, {:.0} % of the memory used: {trouble}", status.fill * 100.0);
+        }
+        bar.set_message(text);
+        bar.tick();
+    }
+}
+
+impl Drop for StatusLine {
+    fn drop(&mut self) {
+        if let Some(bar) = &self.bar {
+            bar.finish_and_clear();
+        }
+    }
+}
+
+#[expect(clippy::cast_precision_loss, reason = "a size for a person to read")]
+fn text(recorded: &Recorded) -> String {
+    let Recorded { files, file_bytes, heard } = recorded;
+    let files: Vec<_> = files.iter().map(|file| file.display().to_string()).collect();
+    let events = heard.events.map_or_else(String::new, |events| format!("{events} events, "));
+    let mut text = format!("{}: {events}{:.1} MB", files.join(", "), *file_bytes as f64 * 1e-6);
+    if let Some(failure) = &heard.failure {
+        text += &format!("\nthe log ends early: {failure}");
+    }
+    for sender in &heard.senders {
+        text += &format!(
+            "\n{:<21} {:>9} received, lost {}, came again {}, came late {}",
+            sender.sender, sender.received, sender.lost, sender.duplicates, sender.reordered
+        );
+    }
+    if heard.tally.kernel_dropped > 0 {
+        text += &format!("\nthe kernel dropped {} datagrams: its receive buffer was full", heard.tally.kernel_dropped);
+    }
+    if heard.tally.malformed > 0 {
+        text += &format!("\n{} datagrams that no LCM sends", heard.tally.malformed);
+    }
+    if !heard.left_out.is_empty() {
+        let left_out: Vec<_> = heard.left_out.iter().map(|(name, count)| format!("{name} {count}")).collect();
+        text += &format!("\nleft out: {}", left_out.join(", "));
+    }
+    text
+}
+
+#[cfg(test)]
+mod tests {
+    use super::civil;
+
+    #[test]
+    fn days_as_dates() {
+        // Expected: `date -u -d @$((DAYS * 86400)) +%F`.
+        assert_eq!(
+            [0, 59, 11_016, 19_782, 20_779].map(civil),
+            [(1970, 1, 1), (1970, 3, 1), (2000, 2, 29), (2024, 2, 29), (2026, 11, 22)]
+        );
+    }
+}

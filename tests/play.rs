@@ -1,0 +1,101 @@
+//! `hoof log play`, heard by `hoof log record` and by liblcm.
+#![allow(clippy::unwrap_used, missing_docs)]
+
+mod common;
+
+use common::{command, events, folder, hoof, ran};
+use lcmtypes::channels;
+use replay::log::{Event, LogWriter};
+use std::io::{BufRead, BufReader};
+use std::path::{Path, PathBuf};
+use std::process::{Command, Stdio};
+
+fn url(test: u32) -> String {
+    format!("udpm://239.255.76.67:{}?ttl=0", 36_000 + std::process::id() % 2000 * 10 + test)
+}
+
+/// A short run of the simulator.
+fn run(folder: &Path) -> (PathBuf, Vec<Event>) {
+    let log = folder.join("run.mcap");
+    hoof(&format!("sim --robot hyq --scenario scenarios/short_flat.toml --seconds 0.5 --log {}", log.display()))
+        .exits(0);
+    let events = events(&log);
+    (log, events)
+}
+
+/// What `hoof log record` makes of `hoof log play`; the player's JSON.
+fn played(arguments: &str, url: &str, out: &Path) -> (Vec<Event>, serde_json::Value) {
+    let mut recorder = command();
+    recorder.args(["log", "record", "--lcm-url", url]).arg(out).stderr(Stdio::piped()).stdout(Stdio::piped());
+    let mut recorder = recorder.spawn().unwrap();
+    let mut stderr = BufReader::new(recorder.stderr.take().unwrap());
+    let mut said = String::new();
+    while !said.contains("recording udpm://") {
+        assert!(stderr.read_line(&mut said).unwrap() > 0, "it ended: {said}");
+    }
+    let json = hoof(&format!("log play --json --lcm-url {url} {arguments}")).exits(0).json();
+    assert!(Command::new("kill").args(["-INT", &recorder.id().to_string()]).status().unwrap().success());
+    ran(recorder.wait_with_output().unwrap()).exits(0);
+    let mut heard = events(out);
+    // The recorder's own summary.
+    assert_eq!(&*heard.pop().unwrap().channel, channels::EVENT);
+    (heard, json)
+}
+
+fn content(events: &[Event]) -> Vec<(&str, &[u8])> {
+    events.iter().map(|event| (&*event.channel, &event.data[..])).collect()
+}
+
+#[test]
+fn a_log_played_and_recorded_is_the_same_log() {
+    let folder = folder("circle");
+    let (log, recorded) = run(&folder);
+    for (test, pace) in [(0, "--speed 0.5"), (1, "--time tick --speed 0.5"), (2, "--time publish --speed 0.5")] {
+        let out = folder.join(format!("heard{test}.mcap"));
+        let (heard, json) = played(&format!("{pace} {}", log.display()), &url(test), &out);
+        assert!(content(&heard) == content(&recorded), "{pace}: {} of {} messages", heard.len(), recorded.len());
+        assert_eq!(json["events"], recorded.len());
+        assert_eq!(json["lateness"]["events"], recorded.len());
+        // Half a second at half speed: no machine plays it sooner.
+        assert!(json["wall_seconds"].as_f64().unwrap() > 0.99);
+        let lateness = |key: &str| json["lateness"][key].as_f64().unwrap();
+        assert!(lateness("p50_us") <= lateness("p99_us") && lateness("p99_us") <= lateness("max_us"));
+    }
+}
+
+#[test]
+fn part_of_a_log_under_other_names() {
+    let folder = folder("part");
+    let log = folder.join("log.lcmlog");
+    let mut writer = LogWriter::create(&log).unwrap();
+    for i in 0..100 {
+        writer.write(["A", "B", "CC"][i % 3], i as i64 * 10_000_000, &[i as u8]).unwrap();
+    }
+    writer.finish().unwrap();
+    let arguments = format!("--flat-out --from 0.2 --to 0.5 --channels A|C+ --rename A=X {}", log.display());
+    let (heard, json) = played(&arguments, &url(3), &folder.join("heard.lcmlog"));
+    let expected: Vec<(&str, Vec<u8>)> =
+        (20..50).filter(|i| i % 3 != 1).map(|i| (if i % 3 == 0 { "X" } else { "CC" }, vec![i])).collect();
+    assert_eq!(content(&heard), expected.iter().map(|(name, data)| (*name, &data[..])).collect::<Vec<_>>());
+    assert_eq!((&json["events"], &json["lateness"]["events"]), (&20.into(), &0.into()));
+}
+
+#[test]
+fn wrong_arguments_are_named() {
+    let folder = folder("wrong");
+    let log = folder.join("log.lcmlog");
+    let mut writer = LogWriter::create(&log).unwrap();
+    writer.write("A", 0, b"x").unwrap();
+    writer.finish().unwrap();
+    for (arguments, message) in [
+        ("--speed 0", "--speed 0: expected 0.001 to 1000"),
+        ("--rename AB", "--rename AB: expected A=B"),
+        ("--from 2 --to 1", "--to 1: not after --from 2"),
+        ("--channels A(", "channel pattern \"A(\""),
+        ("--time tick", "no two messages with t_ns and tick"),
+        ("--lcm-url nonsense://", "LCM cannot be opened with \"nonsense://\""),
+    ] {
+        let ran = hoof(&format!("log play {arguments} {}", log.display())).exits(2);
+        assert!(ran.stderr.contains(message), "{}", ran.stderr);
+    }
+}
