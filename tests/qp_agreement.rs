@@ -53,12 +53,13 @@ fn largest_difference(name: &str, formula: &str) -> (f64, usize) {
             let info = level.info.unwrap();
             let here = format!("{name}, tick {}, level {k}", input.tick);
             assert_eq!(info.status, QpStatus::Solved, "{here}");
-            let violation = level.qp.violation(&level.x);
+            let qp = controller.wbc().program(k);
+            let violation = qp.violation(&level.x);
             assert!(violation < VIOLATION, "{here}: a row is violated by {violation:e}");
             let mut off = f64::INFINITY;
             for reference in references {
                 let mut x = level.x.clone();
-                reference.solve(&level.qp, &mut x);
+                reference.solve(&qp, &mut x);
                 off = off.min((&level.x - &x).norm() / x.norm());
                 if off < ALLOWED {
                     break;
@@ -77,14 +78,13 @@ fn patterns(controller: &mut Quadruped, inputs: &[ControllerInput]) -> Vec<Qp> {
     let (mut patterns, mut out) = (Vec::new(), Outbox::new());
     for input in inputs {
         controller.step(input, &mut out);
-        let levels = &controller.wbc().stack.levels;
+        let programs = (0..controller.wbc().stack.levels.len()).map(|k| controller.wbc().program(k));
         if patterns.is_empty() {
-            patterns = levels.iter().map(|level| level.qp.clone()).collect();
+            patterns = programs.collect();
+            continue;
         }
-        for (pattern, level) in patterns.iter_mut().zip(levels) {
-            for (pattern, of_tick) in
-                [(&mut pattern.H, &level.qp.H), (&mut pattern.A, &level.qp.A), (&mut pattern.C, &level.qp.C)]
-            {
+        for (pattern, qp) in patterns.iter_mut().zip(programs) {
+            for (pattern, of_tick) in [(&mut pattern.H, &qp.H), (&mut pattern.A, &qp.A), (&mut pattern.C, &qp.C)] {
                 pattern.iter_mut().zip(of_tick).filter(|(_, x)| **x != 0.0).for_each(|(seen, x)| *seen = *x);
             }
         }

@@ -76,9 +76,9 @@ pub fn export(args: &Args) -> Result<()> {
         let mut outbox = Outbox::new();
         for (tick, input) in run.inputs[..ticks.end].iter().enumerate() {
             controller.step(input, &mut outbox);
-            for (level, programs) in controller.wbc().stack.levels.iter().zip(&mut programs) {
+            for (k, (level, programs)) in controller.wbc().stack.levels.iter().zip(&mut programs).enumerate() {
                 if ticks.contains(&tick) && level.solved() {
-                    programs.push((level.qp.clone(), level.x.clone()));
+                    programs.push((controller.wbc().program(k), level.x.clone()));
                 }
             }
         }

@@ -11,11 +11,15 @@ mod clarabel_backend;
 mod constraints;
 mod envelope;
 mod explain;
+mod levels;
+mod null_space;
+mod search;
 mod working_set;
 
 pub use active_set::ActiveSetSolver;
 pub use clarabel_backend::ClarabelSolver;
 pub use explain::{NamedViolation, RowNames, explain};
+pub(crate) use levels::{Levels, SquareRow};
 
 use nalgebra::{DMatrix, DVector};
 use serde::{Deserialize, Serialize};

@@ -12,10 +12,10 @@ use controller::model::{
     BaseState, FrameId, Kinematics, frame_jacobian, mass_matrix, point_bias_acceleration, point_jacobian_linear,
 };
 use controller::params::Params;
-use controller::qp::{Backend, Qp};
+use controller::qp::Qp;
 use controller::quadruped::leg::Leg;
 use controller::quadruped::robot::Robot;
-use controller::stack::{Cartesian, CartesianConfig, Cascade, Rows, Term};
+use controller::stack::{Cartesian, CartesianConfig, Cascade, Rows, Solver, Term};
 use nalgebra::{DMatrix, DVector, Vector3};
 
 const CONFIGURATIONS: usize = 20;
@@ -87,10 +87,9 @@ fn accelerations(tasks: &[Rows]) -> DVector<f64> {
     let levels =
         tasks.iter().enumerate().map(|(task, rows)| vec![Term { task, weight: 1.0, takes: vec![true; rows.len()] }]);
     let regularization = DVector::from_element(nv, REGULARIZATION);
-    let solver = |of_level: &Qp| Backend::ActiveSet.build(of_level, 100, 0.0);
-    let mut stack = Cascade::new(levels.collect(), &pattern, regularization, solver);
+    let mut stack = Cascade::new(levels.collect(), &pattern, regularization, nv, &Solver::Shared(100));
     stack.build(tasks);
-    stack.solve();
+    stack.solve(tasks);
     let last = &stack.levels[tasks.len() - 1];
     assert!(last.solved(), "{:?}", last.info);
     last.x.clone()

@@ -181,8 +181,12 @@ fn when_a_lower_level_fails_the_last_good_one_commands_and_the_log_says_so() {
 
 #[test]
 fn a_program_made_infeasible_is_explained_by_the_names_of_its_constraints() {
-    for (formula, tampered) in [(S1, 0), (S3, 0), (S3, 1)] {
-        let params = Params::from_toml(&params_with(&[("stack.formula", formula)]), "hyq.toml").unwrap();
+    // The active set has the constraints of all levels in one place; only Clarabel's levels can be tampered with one by one.
+    for (formula, solver, tampered) in
+        [(S1, "active_set", 0), (S3, "active_set", 0), (S1, "clarabel", 0), (S3, "clarabel", 0), (S3, "clarabel", 1)]
+    {
+        let overrides = [("stack.formula", formula), ("qp.solver", &format!("\"{solver}\""))];
+        let params = Params::from_toml(&params_with(&overrides), "hyq.toml").unwrap();
         let robot = Robot::new(URDF, &params.robot).unwrap();
         let (mut estimate, mut references) = (Estimate::new(&robot), References::new(&robot));
         let (mut wbc, mut state) = (Wbc::new(&robot, &params).unwrap(), State::new(robot.nj()));

@@ -4,10 +4,10 @@
 
 use controller::math::{Rx, Ry, Rz};
 use controller::model::{BaseState, Kinematics, mass_matrix, point_bias_acceleration, point_jacobian_linear};
-use controller::qp::{Backend, Qp};
+use controller::qp::Qp;
 use controller::quadruped::leg::Leg;
 use controller::quadruped::robot::Robot;
-use controller::stack::{Cascade, Rows, Term};
+use controller::stack::{Cascade, Rows, Solver, Term};
 use drivers::Rng;
 use nalgebra::{DMatrix, DVector, Vector3};
 
@@ -129,10 +129,9 @@ fn accelerations(tasks: &[Rows]) -> anyhow::Result<DVector<f64>> {
     let levels =
         tasks.iter().enumerate().map(|(task, rows)| vec![Term { task, weight: 1.0, takes: vec![true; rows.len()] }]);
     let regularization = DVector::from_element(nv, REGULARIZATION);
-    let solver = |of_level: &Qp| Backend::ActiveSet.build(of_level, 100, 0.0);
-    let mut stack = Cascade::new(levels.collect(), &pattern, regularization, solver);
+    let mut stack = Cascade::new(levels.collect(), &pattern, regularization, nv, &Solver::Shared(100));
     stack.build(tasks);
-    stack.solve();
+    stack.solve(tasks);
     let last = &stack.levels[tasks.len() - 1];
     anyhow::ensure!(last.solved(), "the program of the last level has no solution: {:?}", last.info);
     Ok(last.x.clone())

@@ -10,6 +10,8 @@ use std::ops::Range;
 pub(super) struct Constraints {
     /// Columns in which each inequality row may have numbers.
     pattern: Vec<Vec<usize>>,
+    /// Variable of each place.
+    variables: Vec<usize>,
     /// Place of each variable, if it has one.
     place_of: Vec<Option<usize>>,
     /// Equality rows, one after the other, over the places.
@@ -36,6 +38,7 @@ impl Constraints {
         let of_row = |row: usize| (0..n).filter(|&col| pattern.C[(row, col)] != 0.0).collect();
         Constraints {
             pattern: (0..pattern.d.len()).map(of_row).collect(),
+            variables: Vec::with_capacity(n),
             place_of: vec![None; n],
             equalities: Vec::with_capacity(pattern.b.len() * n),
             starts: Vec::with_capacity(rows + 1),
@@ -55,6 +58,8 @@ impl Constraints {
     /// # Errors
     /// Numbers that are none; a violated row of zeros.
     pub fn take(&mut self, qp: &Qp, places: &[usize]) -> Result<(), Trouble> {
+        self.variables.clear();
+        self.variables.extend(places);
         self.place_of.fill(None);
         for (place, &i) in places.iter().enumerate() {
             self.place_of[i] = Some(place);
@@ -121,7 +126,8 @@ impl Constraints {
         Ok(())
     }
 
-    fn equality(&self, i: usize) -> &[f64] {
+    /// An equality row by places.
+    pub fn equality(&self, i: usize) -> &[f64] {
         let n = self.lower.len();
         &self.equalities[i * n..(i + 1) * n]
     }
@@ -136,13 +142,17 @@ impl Constraints {
         self.n_eq
     }
 
+    /// Number of places.
+    pub fn n(&self) -> usize {
+        self.variables.len()
+    }
+
     /// Which row or bound of the program a constraint is.
-    pub fn name(&self, i: usize, places: &[usize]) -> QpRow {
-        let rows = self.rows.len();
-        match i.checked_sub(rows) {
+    pub fn name(&self, i: usize) -> QpRow {
+        match i.checked_sub(self.rows.len()) {
             None => self.rows[i],
-            Some(bound) if bound < places.len() => QpRow::Lower(places[bound]),
-            Some(bound) => QpRow::Upper(places[bound - places.len()]),
+            Some(bound) if bound < self.n() => QpRow::Lower(self.variables[bound]),
+            Some(bound) => QpRow::Upper(self.variables[bound - self.n()]),
         }
     }
 
@@ -153,7 +163,7 @@ impl Constraints {
             row[..n].copy_from_slice(self.equality(i));
             return 0..n;
         }
-        row.fill(0.0);
+        row[..n].fill(0.0);
         match i.checked_sub(self.rows.len()) {
             None => {
                 let of_row = self.inequality(i);
@@ -213,6 +223,11 @@ impl Constraints {
     /// Notes that a constraint is in the set.
     pub fn take_in(&mut self, i: usize) {
         self.in_set[i] = true;
+    }
+
+    /// Notes that none is.
+    pub fn let_all_go(&mut self) {
+        self.in_set.fill(false);
     }
 
     /// Notes that it has left.

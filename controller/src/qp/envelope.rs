@@ -71,6 +71,11 @@ impl Envelope {
         true
     }
 
+    /// Size of the matrix.
+    pub fn n(&self) -> usize {
+        self.n
+    }
+
     fn row(&self, i: usize) -> &[f64] {
         &self.l[i * self.stride + self.first[i]..i * self.stride + i]
     }

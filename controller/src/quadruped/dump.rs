@@ -97,7 +97,7 @@ impl Quadruped {
         let rows = wbc.tasks.names().zip(&wbc.tasks.rows).fold(Quantity::group(), |group, (name, rows)| {
             group.with(name, Quantity::group().with("A", &rows.A).with("b", &rows.b))
         });
-        let levels: Vec<Quantity> = wbc.stack.levels.iter().map(|level| program(&level.qp)).collect();
+        let levels: Vec<Quantity> = (0..wbc.stack.levels.len()).map(|k| program(&wbc.program(k))).collect();
         Quantity::group()
             .with("R_WB_des", &trunk.R_WB)
             .with("w_WB_W_des", &trunk.w_WB_W)
@@ -113,6 +113,7 @@ impl Quadruped {
         let Scratch { wbc, estimate, .. } = &self.scratch;
         let names: Vec<&str> = wbc.tasks.names().collect();
         let row_names = wbc.row_names(&self.robot);
+        let constraints = &wbc.stack.levels[0].qp;
         let level = |level: &Level| {
             let terms: Vec<Quantity> = level
                 .terms
@@ -133,8 +134,8 @@ impl Quadruped {
             let mut active: Vec<Quantity> = Vec::new();
             if level.solved() {
                 let named = |names: &[String], i: usize| names.get(i).cloned().unwrap_or_else(|| format!("row {i}"));
-                for (i, d) in level.qp.d.iter().enumerate() {
-                    let row = level.qp.C.row(i);
+                for (i, d) in constraints.d.iter().enumerate() {
+                    let row = constraints.C.row(i);
                     let left = row.iter().zip(&level.x).fold(0.0, |sum, (c, x)| sum + c * x);
                     if row.iter().any(|c| *c != 0.0) && d - left < ACTIVE {
                         active.push(named(&row_names.inequalities, i).into());
@@ -142,7 +143,7 @@ impl Quadruped {
                 }
                 for i in 0..level.x.len() {
                     for (which, slack) in
-                        [("lower", level.x[i] - level.qp.lower[i]), ("upper", level.qp.upper[i] - level.x[i])]
+                        [("lower", level.x[i] - constraints.lower[i]), ("upper", constraints.upper[i] - level.x[i])]
                     {
                         if slack < ACTIVE {
                             active.push(format!("{which} bound of {}", named(&row_names.variables, i)).into());

@@ -430,12 +430,19 @@ fn digest_gait(references: &References, state: &State) -> i64 {
 
 fn digest_tasks(wbc: &Wbc) -> i64 {
     let mut d = Digest::default();
-    for level in &wbc.stack.levels {
+    for level in wbc.stack.built() {
         for matrix in [&level.qp.H, &level.qp.A, &level.qp.C] {
             d.dmat(matrix);
         }
         for vector in [&level.qp.g, &level.qp.b, &level.qp.d, &level.qp.lower, &level.qp.upper] {
             d.dvec(vector);
+        }
+    }
+    // Of levels whose programs are not built the rows of the tasks are all there is.
+    if wbc.stack.built().len() < wbc.stack.levels.len() {
+        for rows in &wbc.tasks.rows {
+            d.dmat(&rows.A);
+            d.dvec(&rows.b);
         }
     }
     d.vec3(&wbc.tasks.e_o_W);

@@ -20,8 +20,8 @@ use super::tasks::Tasks;
 use crate::LoadError;
 use crate::model::Pose;
 use crate::params::Params;
-use crate::qp::{NamedViolation, Qp, QpInfo, QpStatus, RowNames, explain};
-use crate::stack::{Cascade, Constraint, Formula, StackError};
+use crate::qp::{Backend, NamedViolation, Qp, QpInfo, QpStatus, RowNames, explain};
+use crate::stack::{Cascade, Constraint, Formula, Solver, StackError};
 use lcmtypes::RobotState;
 use nalgebra::{DVector, Matrix3, Vector3};
 
@@ -76,10 +76,14 @@ impl Wbc {
         let unit = |i| if i < nv { 1.0 } else { FORCE_UNIT * FORCE_UNIT };
         let regularization = DVector::from_fn(nv + 12, |i, _| params.wbc.regularization * unit(i));
         let pattern = pattern(nv, formula.has(Constraint::JointAcceleration));
-        let solver = |of_level: &Qp| params.qp.solver.build(of_level, params.wbc.max_iterations, params.wbc.tolerance);
+        let each = |of_level: &Qp| params.qp.solver.build(of_level, params.wbc.max_iterations, params.wbc.tolerance);
+        let solver = match params.qp.solver {
+            Backend::ActiveSet => Solver::Shared(params.wbc.max_iterations),
+            Backend::Clarabel => Solver::Each(&each),
+        };
         let mut wbc = Wbc {
             tasks,
-            stack: Cascade::new(levels, &pattern, regularization, solver),
+            stack: Cascade::new(levels, &pattern, regularization, nv, &solver),
             info: QpInfo { status: QpStatus::Failed, iterations: 0, n_active: 0, row: None },
             x: nan(nv + 12),
             f_z_bounds: PerLeg([(f64::NAN, f64::NAN); 4]),
@@ -117,7 +121,7 @@ impl Wbc {
     /// ```
     /// Source: Raiola et al. 2020, eq. (3).
     pub fn solve(&mut self, estimate: &Estimate, state: &State) {
-        self.stack.solve();
+        self.stack.solve(&self.tasks.rows);
         self.info = self.stack.info();
         let Some(level) = self.stack.solution() else {
             self.x.fill(0.0);
@@ -163,10 +167,15 @@ impl Wbc {
         worst
     }
 
+    /// The program of a level, from 0, that the last [`Wbc::solve`] has solved. Not for use in a tick: it allocates.
+    pub fn program(&self, level: usize) -> Qp {
+        self.stack.program(level, &self.tasks.rows)
+    }
+
     /// Why the last [`Wbc::solve`] has found no solution for a level, and which, from 0; `None` if all have one or it cannot be told.
     pub fn explain(&self, robot: &Robot) -> Option<(usize, Vec<NamedViolation>)> {
         let failed = self.stack.levels.iter().position(|level| level.info.is_some() && !level.solved())?;
-        Some((failed, explain(&self.stack.levels[failed].qp, &self.row_names(robot))?))
+        Some((failed, explain(&self.program(failed), &self.row_names(robot))?))
     }
 
     /// Names of the rows and variables of the programs.

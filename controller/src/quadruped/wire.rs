@@ -107,7 +107,8 @@ impl Messages {
         let last = &wbc.stack.levels[wbc.stack.levels.len() - 1].qp;
         m.n_var = count(last.n());
         m.n_eq = count(last.b.len());
-        let bounds = last.lower.iter().chain(last.upper.iter()).filter(|b| b.is_finite()).count();
+        let first = &wbc.stack.levels[0].qp;
+        let bounds = first.lower.iter().chain(first.upper.iter()).filter(|b| b.is_finite()).count();
         m.n_ineq = count(last.d.len() + bounds);
         m.n_active = count(wbc.info.n_active);
         m.level = wbc.stack.levels.iter().rposition(Level::solved).map_or(-1, count);

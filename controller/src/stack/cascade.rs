@@ -6,12 +6,15 @@
 //! The rows of `Q` span those of all levels above (and of the equality constraints: see [`super::basis`]), so no level takes away what
 //! one above has reached. Source: Raiola et al. 2020, eq. (13); one level is the weighted stack of eq. (15).
 //!
+//! Two engines: [`Solver::Each`] has a back-end solve every level's program by itself, [`Solver::Shared`] solves the first and goes on in the
+//! directions that are free, without building the programs of the lower levels.
+//!
 //! Sizes are constant: what is switched off leaves zero rows. A level that has no solution ends the cascade: the solution is that
 //! of the level above it, which obeys every constraint.
 
 use super::{Basis, Rows};
 use crate::dense::axpy;
-use crate::qp::{Qp, QpInfo, QpSolver, QpStatus};
+use crate::qp::{Levels, Qp, QpInfo, QpSolver, QpStatus, SquareRow};
 use nalgebra::DVector;
 
 /// A task in a level.
@@ -35,13 +38,26 @@ impl Term {
 pub struct Level {
     /// Its tasks.
     pub terms: Vec<Term>,
-    /// Its program: the equality rows of the constraints first, then those of the levels above.
+    /// Its program: the equality rows of the constraints first, then those of the levels above. Of a lower level, only if
+    /// every level has its own solver; else ask [`Cascade::program`].
     pub qp: Qp,
     /// How the solve went; `None` if a level above has none.
     pub info: Option<QpInfo>,
     /// Its solution, n.
     pub x: DVector<f64>,
-    solver: Box<dyn QpSolver>,
+}
+
+/// What solves the levels.
+pub enum Solver<'a> {
+    /// A back-end for each, made from the pattern of its programs.
+    Each(&'a dyn Fn(&Qp) -> Box<dyn QpSolver>),
+    /// The active set, with what the levels share; the bound is on the iterations of a level.
+    Shared(u32),
+}
+
+enum Engine {
+    Each(Vec<Box<dyn QpSolver>>),
+    Shared(Box<Levels>),
 }
 
 impl Level {
@@ -58,6 +74,7 @@ pub struct Cascade {
     regularization: DVector<f64>,
     basis: Basis,
     n_eq: usize,
+    engine: Engine,
 }
 
 impl Cascade {
@@ -67,12 +84,13 @@ impl Cascade {
     /// - `pattern`: an entry other than 0 is where the constraints may ever have numbers, a finite bound where a variable may have one.
     ///   The Hessian's pattern is that of a level's tasks.
     /// - `regularization`: λ of each variable.
-    /// - `solver`: makes the back-end of a level from the pattern of its programs.
+    /// - `nv`: variables that tasks have rows in, the first ones.
     pub fn new(
         levels: Vec<Vec<Term>>,
         pattern: &Qp,
         regularization: DVector<f64>,
-        solver: impl Fn(&Qp) -> Box<dyn QpSolver>,
+        nv: usize,
+        solver: &Solver<'_>,
     ) -> Self {
         let (n, n_eq) = (pattern.n(), pattern.b.len());
         let mut above = 0;
@@ -86,15 +104,15 @@ impl Cascade {
             of_level.lower.copy_from(&pattern.lower);
             of_level.upper.copy_from(&pattern.upper);
             above += terms.iter().map(|term| term.taken().count()).sum::<usize>();
-            built.push(Level {
-                terms,
-                solver: solver(&of_level),
-                qp: of_level,
-                info: None,
-                x: DVector::from_element(n, f64::NAN),
-            });
+            built.push(Level { terms, qp: of_level, info: None, x: DVector::from_element(n, f64::NAN) });
         }
-        Cascade { levels: built, regularization, basis: Basis::new(n, n_eq + above), n_eq }
+        let engine = match solver {
+            Solver::Each(solver) => Engine::Each(built.iter().map(|level| solver(&level.qp)).collect()),
+            Solver::Shared(iterations) => {
+                Engine::Shared(Box::new(Levels::new(&built[0].qp, &regularization, above, nv, *iterations)))
+            }
+        };
+        Cascade { levels: built, regularization, basis: Basis::new(n, n_eq + above), n_eq, engine }
     }
 
     /// Where the constraints of all levels are to be written: `A`, `b`, `C`, `d` and the bounds of the first level.
@@ -102,50 +120,83 @@ impl Cascade {
         &mut self.levels[0].qp
     }
 
-    /// Builds the programs from the tasks' rows, once the constraints stand.
+    /// Builds the programs from the tasks' rows, once the constraints stand: all, or the first.
     pub fn build(&mut self, tasks: &[Rows]) {
-        let Cascade { levels, regularization, basis, n_eq } = self;
+        let Cascade { levels, regularization, basis, n_eq, engine } = self;
+        let count = if matches!(engine, Engine::Each(_)) { levels.len() } else { 1 };
         basis.clear();
-        let constraints = &levels[0].qp;
-        if levels.len() > 1 {
-            for row in 0..*n_eq {
-                basis.push(|col| constraints.A[(row, col)]);
-            }
+        if count > 1 {
+            decide_constraints(basis, &levels[0].qp, *n_eq);
         }
-        for k in 0..levels.len() {
+        for k in 0..count {
             let (above, from_here) = levels.split_at_mut(k);
             let level = &mut from_here[0];
             if let Some(first) = above.first() {
                 constrain(&mut level.qp, &first.qp, *n_eq, basis);
             }
             cost(&mut level.qp, &level.terms, tasks, regularization);
-            if from_here.len() > 1 {
-                for term in &from_here[0].terms {
-                    let A = &tasks[term.task].A;
-                    for row in term.taken() {
-                        basis.push(|col| if col < A.ncols() { A[(row, col)] } else { 0.0 });
-                    }
-                }
+            if k + 1 < count {
+                decide(basis, &level.terms, tasks);
             }
         }
     }
 
+    /// The levels whose programs the last [`Cascade::build`] has built.
+    pub fn built(&self) -> &[Level] {
+        if matches!(self.engine, Engine::Each(_)) { &self.levels } else { &self.levels[..1] }
+    }
+
+    /// The program of a level as it stands in the equations, after a solve of all levels above. Not for use in a tick: it allocates.
+    pub fn program(&self, k: usize, tasks: &[Rows]) -> Qp {
+        let mut qp = self.levels[k].qp.clone();
+        if k < self.built().len() {
+            return qp;
+        }
+        let mut basis = self.basis.clone();
+        basis.clear();
+        decide_constraints(&mut basis, &self.levels[0].qp, self.n_eq);
+        for level in &self.levels[..k] {
+            decide(&mut basis, &level.terms, tasks);
+        }
+        constrain(&mut qp, &self.levels[0].qp, self.n_eq, &basis);
+        cost(&mut qp, &self.levels[k].terms, tasks, &self.regularization);
+        reached(&mut qp, self.n_eq, &self.levels[k - 1].x);
+        qp
+    }
+
     /// Solves level after level until one has no solution of finite numbers. That level's `x`, and those of the levels below, are zero: what
     /// an iteration broke off with is no result, and the bits of a NaN are not the same on every machine.
-    pub fn solve(&mut self) {
-        let mut ended = false;
+    ///
+    /// - `tasks`: as the programs were built from.
+    pub fn solve(&mut self, tasks: &[Rows]) {
+        for level in &mut self.levels {
+            level.x.fill(0.0);
+            level.info = None;
+        }
         for k in 0..self.levels.len() {
             let (above, from_here) = self.levels.split_at_mut(k);
             let level = &mut from_here[0];
-            level.x.fill(0.0);
-            level.info = None;
-            if ended {
-                continue;
-            }
-            if let Some(last) = above.last() {
-                reached(&mut level.qp, self.n_eq, &last.x);
-            }
-            let mut info = level.solver.solve(&level.qp, &mut level.x);
+            let mut info = match &mut self.engine {
+                Engine::Each(solvers) => {
+                    if let Some(last) = above.last() {
+                        reached(&mut level.qp, self.n_eq, &last.x);
+                    }
+                    solvers[k].solve(&level.qp, &mut level.x)
+                }
+                Engine::Shared(shared) => match above {
+                    [] => shared.first(&level.qp, &mut level.x),
+                    [first] => {
+                        shared.below_first(&rows_of(&first.terms, tasks));
+                        level.x.copy_from(&first.x);
+                        shared.lower(&rows_of(&level.terms, tasks), &mut level.x)
+                    }
+                    [.., last] => {
+                        shared.below();
+                        level.x.copy_from(&last.x);
+                        shared.lower(&rows_of(&level.terms, tasks), &mut level.x)
+                    }
+                },
+            };
             if !level.x.iter().all(|x| x.is_finite())
                 && matches!(info.status, QpStatus::Solved | QpStatus::AlmostSolved)
             {
@@ -154,7 +205,7 @@ impl Cascade {
             level.info = Some(info);
             if !level.solved() {
                 level.x.fill(0.0);
-                ended = true;
+                break;
             }
         }
     }
@@ -203,6 +254,32 @@ impl Cascade {
             above.extend(level.terms.iter().flat_map(rows));
         }
         free
+    }
+}
+
+/// Takes the equality rows of the constraints into the basis of what is decided.
+fn decide_constraints(basis: &mut Basis, constraints: &Qp, n_eq: usize) {
+    for row in 0..n_eq {
+        basis.push(|col| constraints.A[(row, col)]);
+    }
+}
+
+/// Takes the rows of a level into it.
+fn decide(basis: &mut Basis, terms: &[Term], tasks: &[Rows]) {
+    for term in terms {
+        let A = &tasks[term.task].A;
+        for row in term.taken() {
+            basis.push(|col| if col < A.ncols() { A[(row, col)] } else { 0.0 });
+        }
+    }
+}
+
+/// The rows of a level that are on, one after the other.
+fn rows_of<'a>(terms: &'a [Term], tasks: &'a [Rows]) -> impl Fn(&mut dyn FnMut(SquareRow<'_>)) + 'a {
+    move |take| {
+        for term in terms {
+            tasks[term.task].each(&term.takes, |b, entries| take(SquareRow { weight: term.weight, entries, b }));
+        }
     }
 }
 

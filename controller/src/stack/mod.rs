@@ -23,7 +23,7 @@ mod rows;
 
 pub use basis::{Basis, DEPENDENT};
 pub use cartesian::{Cartesian, CartesianConfig};
-pub use cascade::{Cascade, Level, Term};
+pub use cascade::{Cascade, Level, Solver, Term};
 pub use error::StackError;
 pub(crate) use formula::is_name;
 pub use formula::{Constraint, Formula, Priority, TaskTerm};

@@ -65,6 +65,15 @@ impl Rows {
         }
     }
 
+    /// Gives every row that is on and that `takes`: its right side, and the numbers it may have, by variable.
+    pub(super) fn each(&self, takes: &[bool], mut give: impl FnMut(f64, &mut dyn Iterator<Item = (usize, f64)>)) {
+        for block in self.blocks.iter().filter(|block| block.on) {
+            for row in block.rows.clone().filter(|&row| takes[row]) {
+                give(self.b[row], &mut block.cols.iter().map(|&col| (col, self.A[(row, col)])));
+            }
+        }
+    }
+
     /// Adds `weight |A vd - b|²` over the rows that `takes` to the upper triangle of a Hessian and to a gradient, halved.
     ///
     /// Products are summed over the rows of a block first, then weighted, then added.
