@@ -2,7 +2,7 @@
 SHELL := /bin/bash
 .SHELLFLAGS := -euo pipefail -c
 .DEFAULT_GOAL := help
-.PHONY: help setup build demo test bindings
+.PHONY: help setup build demo test guard bench bindings
 
 export PATH := $(PATH):$(HOME)/.cargo/bin
 TARGET_DIR := $(or $(CARGO_TARGET_DIR),target)
@@ -28,6 +28,17 @@ test: setup ## the gate: format, lints, tests, replay by other builds, documenta
 	@# nalgebra's default features bring matrixmultiply, whose kernels give bits that depend on the CPU.
 	@tree=$$(cargo tree --locked --package hoofprint --prefix none); \
 	if grep '^matrixmultiply' <<<"$$tree"; then echo "error: matrixmultiply is in the build of hoofprint" >&2; exit 1; fi
+
+guard: setup ## count the instructions of a replay and compare them with the stored ones (ACCEPT=1 stores them)
+	cargo test --release --locked --workspace --test instructions
+
+# BENCH='--rounds 3', BENCH='--into README.md': see bench run --help.
+bench: build ## time the controller beside its peers and print the tables (installs the peers below TARGET_DIR/peers)
+	scripts/bench_peers.sh $(TARGET_DIR)/peers
+	@mkdir -p $(TARGET_DIR)/bench
+	$(TARGET_DIR)/release/hoof sim --robot hyq --scenario scenarios/flat_trot.toml --log $(TARGET_DIR)/bench/flat_trot.mcap
+	cargo run --release --locked --package benches --bin bench -- run $(TARGET_DIR)/bench --peers $(TARGET_DIR)/peers \
+		--replay $(TARGET_DIR)/bench/flat_trot.mcap --json $(TARGET_DIR)/bench/speed.json $(BENCH)
 
 bindings: ## regenerate the bindings of liblcm (needs libclang)
 	scripts/regenerate_bindings.sh

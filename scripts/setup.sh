@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# Fetches what cargo cannot: liblcm, a multicast route for it, and MuJoCo.
+# Fetches what cargo cannot: liblcm, a multicast route for it, MuJoCo, and valgrind, which counts instructions in a test.
 # Every step asks whether there is anything to do, so a second run takes no time and leaves no stamp behind.
 # Run as root, or as somebody who may use sudo; without either it says what to run instead.
 set -euo pipefail
@@ -38,6 +38,7 @@ install_packages() {
     liblcm_present || missing+=(liblcm-dev)
     command -v lcm-logger >/dev/null || missing+=(liblcm-bin)
     command -v ip >/dev/null || missing+=(iproute2)
+    command -v valgrind >/dev/null || missing+=(valgrind)
     mujoco_present || python3 -m pip --version >/dev/null 2>&1 || missing+=(python3 python3-pip)
     [ ${#missing[@]} -gt 0 ] || return 0
 

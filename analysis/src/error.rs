@@ -51,6 +51,14 @@ pub enum Error {
         #[source]
         source: lcm_idl::Error,
     },
+    /// A matrix that a MATLAB file of Level 5 cannot hold.
+    #[error("channel {channel} does not fit into {}: a MATLAB file of Level 5 holds 4 GiB a variable; filter the log, or use Parquet", path.display())]
+    TooLarge {
+        /// The file.
+        path: PathBuf,
+        /// Channel.
+        channel: String,
+    },
     /// A figure could not be drawn.
     #[error("cannot draw figure {figure}: {reason}")]
     Figure {
@@ -58,6 +66,26 @@ pub enum Error {
         figure: String,
         /// What the plotting back-end said.
         reason: String,
+    },
+    /// A report of no log was asked for.
+    #[error("no log to report; expected at least one")]
+    NoLog,
+    /// A file could not be read.
+    #[error("cannot read {}", path.display())]
+    ReadFile {
+        /// The file.
+        path: PathBuf,
+        /// What the system said.
+        #[source]
+        source: std::io::Error,
+    },
+    /// A file of plots or limits has a mistake.
+    #[error("{file}: {problem}")]
+    Choices {
+        /// The file, or what was read instead of one.
+        file: String,
+        /// Which key, what was found and what was expected.
+        problem: String,
     },
     /// A file of the report could not be written.
     #[error("cannot write {}", path.display())]

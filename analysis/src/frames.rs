@@ -15,7 +15,7 @@ use lcmtypes::{Message, RunInfo};
 use polars::prelude::{
     Column, DataFrame, IdxCa, IntoColumn, NamedFrom, NewChunkedArray, ParquetWriter, PolarsError, Series,
 };
-use replay::log::LogReader;
+use replay::log::{Health, LogReader, Types};
 
 use crate::{Error, Progress, Stage};
 
@@ -28,33 +28,42 @@ pub struct Frames {
     channels: BTreeMap<String, DataFrame>,
     units: BTreeMap<String, BTreeMap<String, String>>,
     unreadable: BTreeMap<String, u64>,
+    health: Health,
 }
 
 impl Frames {
     /// Reads the channels that `wanted` accepts. A channel without a known type, or messages that do not decode, are counted, not an error.
     pub fn read(path: &Path, wanted: impl Fn(&str) -> bool, progress: &mut dyn FnMut(Progress)) -> Result<Self, Error> {
+        Self::read_with(path, Types::default(), wanted, progress)
+    }
+
+    /// [`Frames::read`] of a log whose types others describe.
+    pub fn read_with(
+        path: &Path,
+        mut types: Types,
+        wanted: impl Fn(&str) -> bool,
+        progress: &mut dyn FnMut(Progress),
+    ) -> Result<Self, Error> {
         let log_error = |source| Error::Log { path: path.to_owned(), source };
-        let reader = LogReader::open(path).map_err(log_error)?;
+        let mut reader = LogReader::open(path).map_err(log_error)?;
         let total = reader.bytes();
-        let mut own_types = None;
         let mut tables: BTreeMap<String, Table> = BTreeMap::new();
         let mut units = BTreeMap::new();
         let mut unreadable: BTreeMap<String, u64> = BTreeMap::new();
-        for (number, event) in reader.events().enumerate() {
-            let event = event.map_err(log_error)?;
+        let (mut health, mut number) = (Health::default(), 0_u64);
+        while let Some(item) = reader.read().map_err(log_error)? {
+            let Some(event) = health.note(item) else { continue };
             if number.is_multiple_of(4096) {
                 progress(Progress { stage: Stage::Read, done: event.offset, total });
             }
-            if &*event.channel == "RUN_INFO" && own_types.is_none() {
-                own_types = types_of_run(path, &event.data)?;
-            }
-            if !wanted(&event.channel) {
+            number += 1;
+            types.learn(&event);
+            if !wanted(event.channel) {
                 continue;
             }
-            let own = own_types.as_ref().and_then(|types| types.of_message(&event.data));
-            let read = own.or_else(|| lcmtypes::types().of_message(&event.data)).and_then(|ty| {
+            let read = types.of_message(event.channel, event.data).and_then(|ty| {
                 units.entry(event.channel.to_string()).or_insert_with(|| units_of(ty));
-                tables.entry(event.channel.to_string()).or_default().push(event.t_ns, ty, &event.data)
+                tables.entry(event.channel.to_string()).or_default().push(event.t_ns, ty, event.data)
             });
             if read.is_none() {
                 *unreadable.entry(event.channel.to_string()).or_default() += 1;
@@ -65,7 +74,7 @@ impl Frames {
             Ok(frame) => Ok((channel, frame)),
             Err(source) => Err(Error::Frame { channel, source }),
         };
-        Ok(Self { channels: tables.into_iter().map(frame).collect::<Result<_, _>>()?, units, unreadable })
+        Ok(Self { channels: tables.into_iter().map(frame).collect::<Result<_, _>>()?, units, unreadable, health })
     }
 
     /// Names of the channels.
@@ -89,6 +98,16 @@ impl Frames {
     /// Messages per channel that could not be read.
     pub fn unreadable(&self) -> &BTreeMap<String, u64> {
         &self.unreadable
+    }
+
+    /// What is wrong with the log.
+    pub fn health(&self) -> &Health {
+        &self.health
+    }
+
+    /// The frames, by channel.
+    pub(crate) fn frames_mut(&mut self) -> impl Iterator<Item = (&str, &mut DataFrame)> {
+        self.channels.iter_mut().map(|(channel, frame)| (channel.as_str(), frame))
     }
 
     /// Several channels side by side, columns named `CHANNEL.path`: one row per message of the first, and the message of each other that is nearest in
@@ -133,7 +152,8 @@ pub fn write_parquet(frame: &mut DataFrame, path: &Path, name: &str) -> Result<(
     written.map(drop).map_err(|source| Error::Frame { channel: name.to_owned(), source })
 }
 
-fn types_of_run(path: &Path, run_info: &[u8]) -> Result<Option<TypeSet>, Error> {
+/// The types that a log carries in its RUN_INFO; `None` if that does not decode.
+pub(crate) fn types_of_run(path: &Path, run_info: &[u8]) -> Result<Option<TypeSet>, Error> {
     let Ok(info) = RunInfo::decode(run_info) else { return Ok(None) };
     let texts = info.lcm_types.iter().map(|file| (file.name.as_str(), file.text.as_str()));
     TypeSet::parse(texts).map(Some).map_err(|source| Error::Types { path: path.to_owned(), source })

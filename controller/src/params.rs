@@ -9,6 +9,7 @@ mod overrides;
 
 pub use overrides::apply_overrides;
 
+use crate::qp::QpParams;
 use crate::stack::StackParams;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
@@ -85,7 +86,10 @@ pub struct Params {
     /// Tasks, their weights and priorities.
     #[serde(default)]
     pub stack: StackParams,
-    /// Limits and solver of the quadratic programs.
+    /// Which solver of quadratic programs.
+    #[serde(default)]
+    pub qp: QpParams,
+    /// Limits of the quadratic programs.
     #[serde(default)]
     pub wbc: WbcParams,
     /// When to give up, and how.
@@ -173,6 +177,9 @@ pub struct GaitTiming {
     /// Least vertical force of the foot opposite to one that swings or unloads, as a part of the weight.
     #[serde(default)]
     pub residual_load: f64,
+    /// Length of the ramps with which a leg takes up and gives up load, as a part of the time in which all four legs stand; 0 = none.
+    #[serde(default = "half")]
+    pub ramp: f64,
     /// Factor on the commanded velocity where legs are to carry it out, for a gait that goes slower than commanded.
     #[serde(default = "one")]
     pub velocity_gain: f64,
@@ -180,6 +187,10 @@ pub struct GaitTiming {
 
 fn one() -> f64 {
     1.0
+}
+
+fn half() -> f64 {
+    0.5
 }
 
 impl Default for GaitParams {
@@ -191,6 +202,7 @@ impl Default for GaitParams {
                 lift_off_phase: [0.0, 0.5, 0.5, 0.0],
                 sway: 0.0,
                 residual_load: 0.0,
+                ramp: 0.5,
                 velocity_gain: 1.0,
             },
             crawl: GaitTiming {
@@ -199,6 +211,7 @@ impl Default for GaitParams {
                 lift_off_phase: [0.0, 0.5, 0.75, 0.25],
                 sway: 0.15,
                 residual_load: 0.05,
+                ramp: 0.5,
                 velocity_gain: 1.0,
             },
         }

@@ -3,11 +3,11 @@
 
 mod common;
 
-use common::{DT, Puppet, command_of, hyq, set_base, standing, wbc_of};
+use common::{DT, Puppet, Rng, command_of, hyq, set_base, standing, wbc_of};
 use controller::math::{Rx, Rz, log, norm, sin};
 use controller::model::GRAVITY;
 use controller::params::Params;
-use controller::quadruped::estimation::Estimate;
+use controller::quadruped::estimation::{BasePlace, Estimate};
 use controller::quadruped::leg::{Leg, PerLeg};
 use controller::quadruped::reference::References;
 use controller::quadruped::state::State;
@@ -191,6 +191,26 @@ fn nothing_depends_on_the_base_position() {
     let lcmtypes::RobotState { t_ns: _, seq: _, nj: _, q: _, qd: _, tau: _, q_WI_wxyz: _, w_WI_I: _, a_I: _ } = state;
     let at = *Estimate::new(hyq().robot()).kin.base();
     assert_eq!((at.p_WB, at.v_WB), (Vector3::zeros(), Vector3::zeros()));
+}
+
+/// Told that the base is somewhere else and moves, anew in every tick, the controller commands the same but for rounding.
+#[test]
+fn no_torque_depends_on_where_the_base_is_taken_to_be() {
+    let (mut controller, mut misled, mut puppet) = (hyq(), hyq(), Puppet::new(3));
+    let (mut out, mut misled_out, mut rng) = (Outbox::new(), Outbox::new(), Rng(4));
+    let mut largest: f64 = 0.0;
+    for _ in 0..1200 {
+        misled.take_base_to_be(BasePlace { p_WB: rng.vec3(10.0), v_WB: rng.vec3(2.0) });
+        controller.step(&puppet.input, &mut out);
+        misled.step(&puppet.input, &mut misled_out);
+        let (command, of_misled) = (command_of(&out), command_of(&misled_out));
+        for (tau, of_misled) in command.tau.iter().zip(&of_misled.tau) {
+            assert!((tau - of_misled).abs() < 1e-9, "tick {}: {tau} and {of_misled}", command.tick);
+            largest = largest.max(tau.abs());
+        }
+        puppet.react(&out);
+    }
+    assert!(largest > 10.0, "the robot carried its weight");
 }
 
 #[test]

@@ -7,6 +7,7 @@
 //! contacts, [`gait`] moves the legs' state machines, [`mod@reference`] plans footholds and joint references, [`wbc`] builds and solves
 //! the quadratic programs of the stack of [`tasks`], [`wire`] writes the messages.
 
+mod dump;
 pub mod estimation;
 pub mod foothold;
 pub mod gait;
@@ -26,7 +27,7 @@ use crate::math::{Rx, Ry, Rz, low_pass, ramp, wrap_angle};
 use crate::params::Params;
 use crate::qp::NamedViolation;
 use crate::{Controller, LoadError, Outbox, Probe, RestoreError, Stage};
-use estimation::Estimate;
+use estimation::{BasePlace, Estimate};
 use gait::{Transitions, Wish};
 use lcmtypes::{ControllerInput, ControllerTick, Message, OperatorCommand, QuadrupedState, channels};
 use leg::Leg;
@@ -52,6 +53,8 @@ pub struct Quadruped {
     params: Params,
     robot: Robot,
     state: State,
+    /// Where the base is taken to be; nothing in operation changes it.
+    place: BasePlace,
     scratch: Scratch,
     messages: Messages,
 }
@@ -91,7 +94,7 @@ impl Quadruped {
         let state = State::new(robot.nj());
         let scratch = Scratch::new(&robot, &params)?;
         let messages = Messages::new(&robot, &scratch.wbc);
-        Ok(Quadruped { params, robot, state, scratch, messages })
+        Ok(Quadruped { params, robot, state, place: BasePlace::default(), scratch, messages })
     }
 
     /// The state between two ticks.
@@ -104,10 +107,21 @@ impl Quadruped {
         &self.robot
     }
 
+    /// The whole-body controller after the last tick that solved: its programs, solutions, torques.
+    pub fn wbc(&self) -> &Wbc {
+        &self.scratch.wbc
+    }
+
     /// Which constraints contradicted each other in the last tick that solved, by name, and on which level of the stack, from 0; `None` if it
     /// found all its solutions. To ask this of a log, replay it to the tick of the failure first. Not for use in a tick.
     pub fn explain(&self) -> Option<(usize, Vec<NamedViolation>)> {
         self.scratch.wbc.explain(&self.robot)
+    }
+
+    /// Takes the base to be somewhere, and to move, from the next tick on, instead of resting at the origin. No command depends on it, but for
+    /// rounding: that is what experiments feed it for. Not for operation, and no part of the state.
+    pub fn take_base_to_be(&mut self, place: BasePlace) {
+        self.place = place;
     }
 
     /// One tick in operation. Digests and messages of all its stages; gives the fault that ends it, if any.
@@ -118,10 +132,10 @@ impl Quadruped {
         digests: &mut Digests,
         probe: &mut dyn Probe,
     ) -> Option<Fault> {
-        let Quadruped { params, robot, state, scratch, messages } = self;
+        let Quadruped { params, robot, state, place, scratch, messages } = self;
         let Scratch { estimate, references, wbc, trunk } = scratch;
 
-        estimate.update(robot, &input.state);
+        estimate.update_at(robot, &input.state, place);
         if let Some(fault) = safety::check_tilt(params, &estimate.base.rpy) {
             return Some(fault);
         }
@@ -233,7 +247,10 @@ impl Controller for Quadruped {
             self.state.qd_des.fill(0.0);
             self.state.qdd_des.fill(0.0);
             self.state.gait_running = false;
-            self.messages.nothing_computed(&self.state);
+            // The tick in which one failure was too many has computed everything else, and its solution says what failed.
+            if found.is_none_or(|fault| fault.code != ControllerTick::FAULT_QP) {
+                self.messages.nothing_computed(&self.state);
+            }
         }
         self.publish(&digests, out);
         probe.stage_done(Stage::Output);
@@ -254,6 +271,10 @@ impl Controller for Quadruped {
     fn poison_workspace(&mut self) {
         self.scratch = Scratch::new(&self.robot, &self.params).expect("the same was built before");
         self.messages = Messages::new(&self.robot, &self.scratch.wbc);
+    }
+
+    fn dump(&self) -> crate::Dump {
+        self.quantities()
     }
 }
 

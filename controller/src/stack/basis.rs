@@ -7,6 +7,7 @@
 //! space instead would give the solver fewer variables, but a number of them that changes with the rank, while a solver that allocates
 //! nothing in a tick needs constant sizes.
 
+use crate::dense::{axpy, dot};
 use nalgebra::{DMatrix, DVector};
 
 /// A row counts as dependent when less than this part of its norm lies outside the span of those before it.
@@ -14,6 +15,9 @@ use nalgebra::{DMatrix, DVector};
 /// The part that lies outside is known to about 1e-16, so a kept direction is good to 1e-9 at worst, below what a level is solved to;
 /// a direction that is dropped is left to lower levels, who then may violate the row by a millionth of its norm.
 pub const DEPENDENT: f64 = 1e-7;
+
+/// Part of a row's norm below which what a pass of Gram-Schmidt leaves is cleaned by a second one.
+const CANCELLED: f64 = 0.5;
 
 /// Orthonormal rows, in preallocated memory. A place whose row depended on those before it is zero.
 #[derive(Clone, Debug)]
@@ -54,8 +58,8 @@ impl Basis {
 
     /// Adds a row, `entry(i)` its numbers; says whether it brought a new direction.
     ///
-    /// Gram-Schmidt, twice: after the second pass the rows are orthogonal to rounding. Source: G. H. Golub, C. F. Van Loan,
-    /// *Matrix Computations* (2013), section 5.2.
+    /// Gram-Schmidt, with a second pass where the first has cancelled digits: then the rows are orthogonal to rounding. Source: G. H. Golub,
+    /// C. F. Van Loan, *Matrix Computations* (2013), section 5.2.
     ///
     /// # Panics
     /// If there is no memory left.
@@ -64,17 +68,22 @@ impl Basis {
         for i in 0..n {
             self.row[i] = entry(i);
         }
-        let size = norm(self.row.as_slice());
+        let row = self.row.as_mut_slice();
+        let size = dot(row, row).sqrt();
+        let mut left = size;
         for _ in 0..2 {
-            for k in 0..self.used {
-                let q = &self.Qt.as_slice()[k * n..(k + 1) * n];
-                let part = dot(q, self.row.as_slice());
-                for (x, q) in self.row.iter_mut().zip(q) {
-                    *x -= part * q;
-                }
+            if left == 0.0 {
+                break;
+            }
+            let before = left;
+            for q in self.Qt.as_slice().chunks_exact(n).take(self.used) {
+                axpy(-dot(q, row), q, row);
+            }
+            left = dot(row, row).sqrt();
+            if left > CANCELLED * before {
+                break;
             }
         }
-        let left = norm(self.row.as_slice());
         let fresh = left > DEPENDENT * size;
         let place = &mut self.Qt.as_mut_slice()[self.used * n..(self.used + 1) * n];
         for (q, x) in place.iter_mut().zip(self.row.iter()) {
@@ -89,14 +98,14 @@ impl Basis {
     pub fn at(&self, row: usize, col: usize) -> f64 {
         self.Qt[(col, row)]
     }
-}
 
-fn dot(a: &[f64], b: &[f64]) -> f64 {
-    a.iter().zip(b).fold(0.0, |sum, (a, b)| sum + a * b)
-}
-
-fn norm(a: &[f64]) -> f64 {
-    dot(a, a).sqrt()
+    /// Writes the entries in `col` of the rows that were pushed from row `from` on, as many as `to` has places for.
+    pub fn column(&self, from: usize, col: usize, to: &mut [f64]) {
+        let n = self.row.len();
+        for (to, row) in to.iter_mut().zip(self.Qt.as_slice()[from * n..].chunks_exact(n)) {
+            *to = row[col];
+        }
+    }
 }
 
 #[cfg(test)]

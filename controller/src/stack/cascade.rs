@@ -10,7 +10,8 @@
 //! of the level above it, which obeys every constraint.
 
 use super::{Basis, Rows};
-use crate::qp::{ClarabelSolver, Qp, QpInfo, QpSolver, QpStatus};
+use crate::dense::axpy;
+use crate::qp::{Qp, QpInfo, QpSolver, QpStatus};
 use nalgebra::DVector;
 
 /// A task in a level.
@@ -40,7 +41,7 @@ pub struct Level {
     pub info: Option<QpInfo>,
     /// Its solution, n.
     pub x: DVector<f64>,
-    solver: ClarabelSolver,
+    solver: Box<dyn QpSolver>,
 }
 
 impl Level {
@@ -66,12 +67,12 @@ impl Cascade {
     /// - `pattern`: an entry other than 0 is where the constraints may ever have numbers, a finite bound where a variable may have one.
     ///   The Hessian's pattern is that of a level's tasks.
     /// - `regularization`: λ of each variable.
+    /// - `solver`: makes the back-end of a level from the pattern of its programs.
     pub fn new(
         levels: Vec<Vec<Term>>,
         pattern: &Qp,
         regularization: DVector<f64>,
-        max_iterations: u32,
-        tolerance: f64,
+        solver: impl Fn(&Qp) -> Box<dyn QpSolver>,
     ) -> Self {
         let (n, n_eq) = (pattern.n(), pattern.b.len());
         let mut above = 0;
@@ -87,7 +88,7 @@ impl Cascade {
             above += terms.iter().map(|term| term.taken().count()).sum::<usize>();
             built.push(Level {
                 terms,
-                solver: ClarabelSolver::new(&of_level, max_iterations, tolerance),
+                solver: solver(&of_level),
                 qp: of_level,
                 info: None,
                 x: DVector::from_element(n, f64::NAN),
@@ -142,9 +143,7 @@ impl Cascade {
                 continue;
             }
             if let Some(last) = above.last() {
-                for row in self.n_eq..level.qp.b.len() {
-                    level.qp.b[row] = level.qp.A.row(row).iter().zip(&last.x).fold(0.0, |sum, (q, x)| sum + q * x);
-                }
+                reached(&mut level.qp, self.n_eq, &last.x);
             }
             let mut info = level.solver.solve(&level.qp, &mut level.x);
             if !level.x.iter().all(|x| x.is_finite())
@@ -167,10 +166,10 @@ impl Cascade {
 
     /// How it went: the first status that is no solution, else the worst; iterations of all levels; the active rows of the last solve.
     pub fn info(&self) -> QpInfo {
-        let mut sum = QpInfo { status: QpStatus::Solved, iterations: 0, n_active: 0 };
+        let mut sum = QpInfo { status: QpStatus::Solved, iterations: 0, n_active: 0, row: None };
         for info in self.levels.iter().filter_map(|level| level.info) {
             if info.status != QpStatus::Solved {
-                sum.status = info.status;
+                (sum.status, sum.row) = (info.status, info.row);
             }
             sum.iterations += info.iterations;
             sum.n_active = info.n_active;
@@ -209,23 +208,28 @@ impl Cascade {
 
 /// Copies the constraints of the first level and hands down what the levels above have reached; the right sides of that come with solving.
 fn constrain(qp: &mut Qp, first: &Qp, n_eq: usize, basis: &Basis) {
-    let n = qp.n();
+    let (n, rows) = (qp.n(), qp.b.len());
     for col in 0..n {
-        for row in 0..n_eq {
-            qp.A[(row, col)] = first.A[(row, col)];
-        }
-        for row in n_eq..qp.b.len() {
-            qp.A[(row, col)] = basis.at(row, col);
-        }
+        let to = &mut qp.A.as_mut_slice()[col * rows..(col + 1) * rows];
+        let (of_constraints, of_levels) = to.split_at_mut(n_eq);
+        of_constraints.copy_from_slice(&first.A.as_slice()[col * n_eq..(col + 1) * n_eq]);
+        basis.column(n_eq, col, of_levels);
     }
     qp.b.fill(0.0);
-    for row in 0..n_eq {
-        qp.b[row] = first.b[row];
-    }
+    qp.b.rows_mut(0, n_eq).copy_from(&first.b);
     qp.C.copy_from(&first.C);
     qp.d.copy_from(&first.d);
     qp.lower.copy_from(&first.lower);
     qp.upper.copy_from(&first.upper);
+}
+
+/// Writes `Q x`, what the levels above have reached, to the right side of their rows.
+fn reached(qp: &mut Qp, n_eq: usize, x: &DVector<f64>) {
+    let (rows, b) = (qp.b.len(), &mut qp.b.as_mut_slice()[n_eq..]);
+    b.fill(0.0);
+    for (column, x) in qp.A.as_slice().chunks_exact(rows).zip(x) {
+        axpy(*x, &column[n_eq..], b);
+    }
 }
 
 /// The halved cost of a level's tasks, in the order of its terms, and λ on every variable.

@@ -15,7 +15,7 @@ impl Pattern {
         Regex::new(pattern)
             .and_then(|_| Regex::new(&format!("^(?:{pattern})$")))
             .map(Pattern)
-            .map_err(|error| Error::Pattern { pattern: pattern.to_owned(), problem: error.to_string() })
+            .map_err(|error| Error::Pattern { pattern: pattern.to_owned(), why: error.to_string() })
     }
 
     /// Whether the whole name matches.

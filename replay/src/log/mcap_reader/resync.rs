@@ -1,0 +1,129 @@
+//! Finding the way again after damage: the next chunk, message or footer, and what can be had of what lies between.
+
+use super::super::chunk::{ChunkHead, HEAD, MAX_RECORD, MessageHead, PREFIX, Unpacked};
+use super::super::mcap_summary::{STRETCH, ends_with_magic, footer, has_its_length, prefix};
+use super::{McapReader, Place};
+use crate::Error;
+use crate::log::{Cut, Damaged, ItemRef};
+use mcap::MAGIC;
+use mcap::records::op;
+
+impl McapReader {
+    /// Goes on at the next chunk (where there are none: message), else at the footer, else at the end.
+    #[cold]
+    pub(super) fn resynchronise(&mut self, why: &str) -> Result<(), Error> {
+        self.place = Place::InRecords;
+        let next = match self.next_start(self.sure.min(self.at))? {
+            Some(at) if at == self.at => self.next_start(at + 1)?,
+            next => next,
+        };
+        let from = next.map_or(self.at, |next| if next < self.at { self.sure } else { self.at });
+        if let Some(at) = next {
+            self.salvage(from, at, ItemRef::Damaged(Damaged { offset: from, bytes: at - from, why: why.into() }))?;
+            return Ok(());
+        }
+        let end = self.source.len();
+        if !ends_with_magic(&mut self.source)? {
+            self.place = Place::Over;
+            return self.salvage(from, end, ItemRef::Cut(Cut { offset: from, bytes: end - from }));
+        }
+        let magic = (end - MAGIC.len() as u64).max(from);
+        let to = match footer(&mut self.source)? {
+            Some((at, _)) if at > from => at,
+            _ => {
+                self.place = Place::BeforeClosingMagic;
+                magic
+            }
+        };
+        self.salvage(from, to, ItemRef::Damaged(Damaged { offset: from, bytes: to - from, why: why.into() }))
+    }
+
+    /// Skips from `from` to `to` and tells why. A chunk that begins there may be whole but for its lengths, or be cut: what is in
+    /// front of a cut is what was written.
+    fn salvage(&mut self, from: u64, to: u64, why: ItemRef<'static>) -> Result<(), Error> {
+        (self.at, self.sure) = (to, to);
+        self.crc = None;
+        let length = (to - from).saturating_sub(PREFIX).min(MAX_RECORD);
+        let Some(head) = ChunkHead::parse(self.source.bytes(from + PREFIX, HEAD.min(length as usize))?) else {
+            self.told.push_back(why);
+            return Ok(());
+        };
+        let unpacked = self.unpack(from, &head, length)?;
+        let is_cut = matches!((&why, &unpacked), (ItemRef::Cut(_), Unpacked::Broken(_)));
+        if unpacked != Unpacked::Whole && !is_cut && !self.keep_unchecked {
+            self.chunk.records.clear();
+        }
+        self.chunk.then = Some(why);
+        Ok(())
+    }
+
+    /// Where the next chunk begins; in a file without chunks, the next message.
+    pub(super) fn next_start(&mut self, mut from: u64) -> Result<Option<u64>, Error> {
+        if self.loose {
+            self.read_summary()?;
+        }
+        let loose = self.loose && !self.channels.is_empty();
+        while let Some(at) = self.next_opcode(from, loose)? {
+            if let Some((opcode, length)) = prefix(&mut self.source, at)?
+                && length <= (self.source.len() - at - PREFIX).min(MAX_RECORD)
+            {
+                let body = at + PREFIX;
+                let fits = match opcode {
+                    op::CHUNK => {
+                        let head = self.source.bytes(body, HEAD.min(length as usize))?;
+                        ChunkHead::parse(head).is_some_and(|head| head.fits(length))
+                    }
+                    _ => self.is_message(body, length)? && self.begins_with_length(body + length)?,
+                };
+                if fits {
+                    return Ok(Some(at));
+                }
+            }
+            from = at + 1;
+        }
+        Ok(None)
+    }
+
+    fn next_opcode(&mut self, mut from: u64, loose: bool) -> Result<Option<u64>, Error> {
+        if !loose {
+            return self.source.find(&[op::CHUNK], from);
+        }
+        loop {
+            let bytes = self.source.bytes(from, STRETCH as usize)?;
+            if bytes.is_empty() {
+                return Ok(None);
+            }
+            if let Some(at) = bytes.iter().position(|&byte| byte == op::CHUNK || byte == op::MESSAGE) {
+                return Ok(Some(from + at as u64));
+            }
+            from += bytes.len() as u64;
+        }
+    }
+
+    /// Whether a record of the specification stands at `at`, whole and with its own length.
+    pub(super) fn begins_with_length(&mut self, at: u64) -> Result<bool, Error> {
+        let Some((opcode, length)) = prefix(&mut self.source, at)? else { return Ok(false) };
+        let body = at + PREFIX;
+        if !(op::HEADER..=op::DATA_END).contains(&opcode) || length > (self.source.len() - body).min(MAX_RECORD) {
+            return Ok(false);
+        }
+        if opcode == op::MESSAGE {
+            return self.is_message(body, length);
+        }
+        has_its_length(&mut self.source, opcode, body, body + length)
+    }
+
+    /// Whether records follow each other from `at` to exactly `end`.
+    pub(super) fn leads_to(&mut self, mut at: u64, end: u64) -> Result<bool, Error> {
+        while at < end && self.begins_with_length(at)? {
+            at += PREFIX + prefix(&mut self.source, at)?.map_or(0, |(_, length)| length);
+        }
+        Ok(at == end)
+    }
+
+    /// Whether a record's body is a message of a known channel.
+    fn is_message(&mut self, body: u64, length: u64) -> Result<bool, Error> {
+        let head = MessageHead::parse(self.source.bytes(body, MessageHead::LENGTH.min(length as usize))?);
+        Ok(head.is_some_and(|head| self.channels.get(usize::from(head.channel)).is_some_and(Option::is_some)))
+    }
+}
