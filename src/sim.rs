@@ -233,9 +233,8 @@ pub fn simulate_setup(setup: Setup, log_path: &Path, progress: &mut dyn FnMut(f6
         progress(t_s / scenario.duration_s);
     });
     let outcome = outcome?;
-    let mut log = log.into_target()?;
     let proved = if prove {
-        Some(replay::prove::is_proof(&replay::prove::prove(log_path, log.as_mut(), crate::replay_log::threads())?))
+        Some(replay::prove::is_proof(&replay::prove::prove(log_path, &mut log, crate::replay_log::threads())?))
     } else {
         None
     };

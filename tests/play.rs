@@ -91,7 +91,7 @@ fn wrong_arguments_are_named() {
         ("--speed 0", "--speed 0: expected 0.001 to 1000"),
         ("--rename AB", "--rename AB: expected A=B"),
         ("--from 2 --to 1", "--to 1: not after --from 2"),
-        ("--channels A(", "channel pattern \"A(\""),
+        ("--channels A(", "\"A(\" is no regular expression for channels"),
         ("--time tick", "no two messages with t_ns and tick"),
         ("--lcm-url nonsense://", "LCM cannot be opened with \"nonsense://\""),
     ] {

@@ -206,7 +206,7 @@ fn wrong_arguments_are_named() {
     let out = folder.join("run.mcap").display().to_string();
     for (arguments, message) in [
         (format!("--lcm-url udpm://10.1.2.3 {out}"), "10.1.2.3 is no multicast address"),
-        (format!("--include A( {out}"), "channel pattern \"A(\""),
+        (format!("--include A( {out}"), "\"A(\" is no regular expression for channels"),
         (format!("--rotate-mb -1 {out}"), "--rotate-mb -1: expected 0 to 10000000"),
         (folder.join("run.txt").display().to_string(), "the name of a log ends with .lcmlog or .mcap"),
     ] {

@@ -16,7 +16,7 @@ pub const SOURCE: &str = "proof";
 /// - `jobs`: threads of the replay.
 ///
 /// # Errors
-/// Those of [`crate::log::LogWriter`] and of [`Replay::run`].
+/// Those of [`Target`] and of [`Replay::run`].
 pub fn prove(path: &Path, log: &mut dyn Target, jobs: usize) -> Result<ReplayReport, Error> {
     log.flush()?;
     let report = Replay::open(path)?.run(&Options { jobs, ..Options::default() }, &mut |_| {})?;

@@ -38,6 +38,20 @@ fn a_log_through_a_ring_is_the_same_file() {
     }
 }
 
+#[test]
+fn what_was_flushed_is_in_the_file() {
+    for name in ["flushed.mcap", "flushed.lcmlog"] {
+        let path = path(name);
+        let mut log = RingWriter::create(&path, &RingOptions::lockstep()).unwrap();
+        for t in 1..=3 {
+            log.write("A", t * US, b"12345678").unwrap();
+            log.flush().unwrap();
+            assert_eq!(kept(&path, "A"), (1..=t).collect::<Vec<_>>());
+        }
+        assert_eq!(log.finish().unwrap(), 3);
+    }
+}
+
 /// Payloads that are no LCM messages seem to have a type each, and MCAP has 65,536 channels.
 #[test]
 fn payloads_of_no_type_are_recorded_without_end() {

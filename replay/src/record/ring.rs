@@ -11,6 +11,8 @@ use crate::log::{LogWriter, check_event};
 use lcmtypes::{Event, Message, channels};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU64, Ordering};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
@@ -23,7 +25,7 @@ pub trait EventSink {
     fn write(&mut self, channel: &str, t_ns: i64, data: &[u8]) -> Result<(), Error>;
 }
 
-/// Where the writing thread puts the events.
+/// A whole log to write: where the writing thread puts the events, or the way to it.
 pub trait Target: EventSink + Send {
     /// Hands everything so far to the kernel.
     ///
@@ -103,11 +105,13 @@ const HEADER: usize = 9;
 pub struct RingWriter {
     path: PathBuf,
     ring: Option<BytesIn>,
-    thread: Option<JoinHandle<Result<Box<dyn Target>, Error>>>,
+    thread: Option<JoinHandle<Result<u64, Error>>>,
     shedder: Option<Shedder>,
     said: Keep,
     last_ns: i64,
     message: Vec<u8>,
+    flushes: u64,
+    flushed: Arc<AtomicU64>,
 }
 
 impl RingWriter {
@@ -126,10 +130,11 @@ impl RingWriter {
     /// [`Error::Io`] if there can be no further thread.
     pub fn start(path: &Path, target: Box<dyn Target>, options: &RingOptions) -> Result<Self, Error> {
         let (input, output) = ring(options.capacity);
-        let flush_every = options.flush_every;
+        let (flush_every, flushed) = (options.flush_every, Arc::<AtomicU64>::default());
+        let counter = Arc::clone(&flushed);
         let thread = std::thread::Builder::new()
             .name("log writer".to_owned())
-            .spawn(move || drain(output, target, flush_every))
+            .spawn(move || drain(output, target, flush_every, &counter))
             .map_err(|source| Error::Io { path: path.into(), source })?;
         let shedder = match &options.when_full {
             WhenFull::Wait => None,
@@ -143,6 +148,8 @@ impl RingWriter {
             said: Keep::All,
             last_ns: 0,
             message: Vec::new(),
+            flushes: 0,
+            flushed,
         })
     }
 
@@ -192,23 +199,15 @@ impl RingWriter {
     ///
     /// # Errors
     /// What the writing thread met with.
-    pub fn finish(self) -> Result<u64, Error> {
-        self.into_target()?.finish()
-    }
-
-    /// Waits until everything is written, and gives back where it was written to: for last words before the log is completed.
-    ///
-    /// # Errors
-    /// What the writing thread met with.
-    pub fn into_target(mut self) -> Result<Box<dyn Target>, Error> {
+    pub fn finish(mut self) -> Result<u64, Error> {
         if self.shedder.as_ref().is_some_and(Shedder::has_unsaid) {
             // Once more with the writer's own failure in mind: that one is told below.
             let _ = self.tell();
         }
-        self.close().unwrap_or_else(|| Err(Error::WriterFailed { path: self.path.clone() }))
+        self.close().unwrap_or(Ok(0))
     }
 
-    fn close(&mut self) -> Option<Result<Box<dyn Target>, Error>> {
+    fn close(&mut self) -> Option<Result<u64, Error>> {
         self.ring = None;
         let thread = self.thread.take()?;
         thread.thread().unpark();
@@ -284,17 +283,43 @@ impl EventSink for RingWriter {
     }
 }
 
+impl Target for RingWriter {
+    /// Waits until everything so far is with the kernel; not for a control loop.
+    fn flush(&mut self) -> Result<(), Error> {
+        let failed = || Error::WriterFailed { path: self.path.clone() };
+        let ring = self.ring.as_mut().ok_or_else(failed)?;
+        self.flushes += 1;
+        // An event without a channel, which no log holds, is the request.
+        while !ring.push(&[&[0; HEADER]]) && !ring.is_abandoned() {
+            std::thread::yield_now();
+        }
+        while self.flushed.load(Ordering::Acquire) < self.flushes {
+            if ring.is_abandoned() {
+                return Err(failed());
+            }
+            std::thread::yield_now();
+        }
+        Ok(())
+    }
+
+    fn finish(self: Box<Self>) -> Result<u64, Error> {
+        RingWriter::finish(*self)
+    }
+}
+
 impl Drop for RingWriter {
     fn drop(&mut self) {
-        // Only `finish` tells whether this goes well.
-        if let Some(Ok(target)) = self.close() {
-            let _ = target.finish();
-        }
+        drop(self.close());
     }
 }
 
 /// The writing thread: until nobody puts in any more and the ring is empty.
-fn drain(mut ring: BytesOut, mut target: Box<dyn Target>, flush_every: Option<Duration>) -> Result<Box<dyn Target>, Error> {
+fn drain(
+    mut ring: BytesOut,
+    mut target: Box<dyn Target>,
+    flush_every: Option<Duration>,
+    flushed: &AtomicU64,
+) -> Result<u64, Error> {
     let mut event = Vec::new();
     let mut unflushed: Option<Instant> = None;
     loop {
@@ -305,10 +330,16 @@ fn drain(mut ring: BytesOut, mut target: Box<dyn Target>, flush_every: Option<Du
             let (time, length) = header.split_first_chunk().expect("the header begins with the time");
             let (channel, data) = rest.split_at(usize::from(length[0]));
             let channel = std::str::from_utf8(channel).expect("put in as text");
+            if channel.is_empty() {
+                target.flush()?;
+                flushed.fetch_add(1, Ordering::Release);
+                unflushed = None;
+                continue;
+            }
             target.write(channel, i64::from_ne_bytes(*time), data)?;
             unflushed.get_or_insert_with(Instant::now);
         } else if ended {
-            return Ok(target);
+            return target.finish();
         } else {
             std::thread::park_timeout(REST);
         }
