@@ -61,7 +61,7 @@ fn programs(tolerance: &str) -> Vec<Solved> {
             state.leg_phase[leg] = if stances[k % 4].contains(&leg) { LegPhase::Stance } else { LegPhase::SwingDown };
         }
         let trunk = TrunkReference { R_WB: R_WB * Rx(0.1 * size * rng.symmetric()), w_WB_W: rng.vec3(size) };
-        estimate.update(&robot, &input.state);
+        estimate.update(&robot, &input.state, [0.0; 2]);
         wbc.build(&robot, &params, &input.state, &estimate, &trunk, &references, &state);
         wbc.solve(&estimate, &state);
         assert_eq!(wbc.info.status, QpStatus::Solved, "program {k}");

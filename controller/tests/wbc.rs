@@ -49,7 +49,7 @@ fn standing_level_the_feet_carry_the_weight_with_the_smallest_forces_and_static_
 
     // By itself: of all forces that balance h, those of least norm, F = A⁺ h_u with A = J_uᵀ; then tau = h - Jᵀ F.
     let mut estimate = Estimate::new(robot);
-    estimate.update(robot, &last.unwrap().state);
+    estimate.update(robot, &last.unwrap().state, [0.0; 2]);
     let J = stacked(&estimate);
     let A = J.columns(0, 6).transpose();
     let F = A.transpose() * (&A * A.transpose()).try_inverse().unwrap() * estimate.h.rows(0, 6);
@@ -73,10 +73,11 @@ fn every_solution_keeps_the_dynamics_the_friction_pyramid_and_the_bounds() {
         if tick % 100 < 10 {
             puppet.input.state.w_WI_I[tick % 3] += 1.0;
         }
+        let ground = controller.state().gradient_W;
         controller.step(&puppet.input, &mut out);
         let (wbc, legs): (_, LegState) = (wbc_of(&out), common::get(&out, channels::LEG_STATE));
         assert_eq!(wbc.status, WbcSolution::STATUS_SOLVED, "tick {tick}");
-        estimate.update(controller.robot(), &puppet.input.state);
+        estimate.update(controller.robot(), &puppet.input.state, ground);
 
         let (J, F) = (stacked(&estimate), stacked_forces(&wbc));
         let vd = DVector::from_row_slice(&wbc.vd);
@@ -97,10 +98,13 @@ fn every_solution_keeps_the_dynamics_the_friction_pyramid_and_the_bounds() {
                 continue;
             }
             let slack = 1e-4;
-            let limit = c * f[2] + slack;
-            assert!(f[0].abs() < limit && f[1].abs() < limit, "tick {tick}: force {f:?} leaves the pyramid");
-            assert!(f[2] > legs.f_z_min[i] - slack && f[2] < legs.f_z_max[i] + slack, "tick {tick}: {f:?}");
-            on_pyramid += usize::from(f[0].abs().max(f[1].abs()) > c * f[2] - 0.01);
+            let f = Vector3::from(*f);
+            let n = Vector3::new(-ground[0], -ground[1], 1.0).normalize();
+            let t1 = Vector3::new(n.z, 0.0, -n.x).normalize();
+            let (normal, side) = (n.dot(&f), t1.dot(&f).abs().max(n.cross(&t1).dot(&f).abs()));
+            assert!(side < c * normal + slack, "tick {tick}: force {f:?} leaves the pyramid");
+            assert!(normal > legs.f_z_min[i] - slack && f.z < legs.f_z_max[i] + slack, "tick {tick}: {f:?}");
+            on_pyramid += usize::from(side > c * normal - 0.01);
         }
         puppet.react(&out);
     }
@@ -135,7 +139,7 @@ impl Stand {
         let controller = hyq();
         let robot = controller.robot();
         set_base(robot, &mut self.input, R_WB, w_WB_W);
-        self.estimate.update(robot, &self.input.state);
+        self.estimate.update(robot, &self.input.state, [0.0; 2]);
         self.wbc.build(robot, &self.params, &self.input.state, &self.estimate, trunk, &self.references, &self.state);
         self.wbc.solve(&self.estimate, &self.state);
         assert!(self.wbc.solved());

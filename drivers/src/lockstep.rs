@@ -101,6 +101,7 @@ struct Run {
     bytes: Vec<u8>,
     clock: StageClock,
     mode: i8,
+    fault: i32,
     fell_at: Option<i64>,
     safe_state: Option<String>,
     last_p_WB: Option<[f64; 3]>,
@@ -123,6 +124,7 @@ impl Run {
             bytes: Vec::new(),
             clock: StageClock::default(),
             mode: ControllerTick::MODE_IDLE,
+            fault: ControllerTick::FAULT_NONE,
             fell_at: None,
             safe_state: None,
             last_p_WB: None,
@@ -187,11 +189,14 @@ impl Run {
         Ok(())
     }
 
-    /// Says in the log when the controller changes its mode, and why it gave up.
+    /// Says in the log when the controller changes its mode, what it refuses of the operator, and why it gave up.
     fn watch_mode(&mut self, log: &mut LogWriter, t_ns: i64, tick: i64) -> Result<(), DriverError> {
         let Some(bytes) = self.outbox.get(channels::CONTROLLER_TICK) else { return Ok(()) };
         let ControllerTick { mode, fault, fault_index, fault_value, .. } = ControllerTick::decode(bytes)?;
-        if mode == self.mode {
+        let fault_before = std::mem::replace(&mut self.fault, fault);
+        let refused =
+            fault != fault_before && fault != ControllerTick::FAULT_NONE && mode != ControllerTick::MODE_DAMPING;
+        if mode == self.mode && !refused {
             return Ok(());
         }
         self.mode = mode;
@@ -199,6 +204,13 @@ impl Run {
             |table: &[&'static str], i: i64| usize::try_from(i).ok().and_then(|i| table.get(i)).copied().unwrap_or("?");
         let mut text = format!("controller is in {}", name(&MODES, mode.into()));
         let mut level = Event::LEVEL_INFO;
+        if refused {
+            level = Event::LEVEL_WARNING;
+            text += &format!(" and refuses: {}, value {fault_value}", name(&FAULTS, fault.into()));
+            if fault == ControllerTick::FAULT_OPERATOR_RANGE {
+                text += &format!(" of {}", name(&["swing_frequency", "duty", "step_height"], fault_index.into()));
+            }
+        }
         if mode == ControllerTick::MODE_DAMPING {
             level = Event::LEVEL_ERROR;
             text += &format!(": {}, value {fault_value}", name(&FAULTS, fault.into()));
@@ -243,7 +255,7 @@ impl Run {
 }
 
 const MODES: [&str; 4] = ["IDLE", "STANCE", "WALK", "DAMPING"];
-const FAULTS: [&str; 10] = [
+const FAULTS: [&str; 11] = [
     "no fault",
     "input of wrong size",
     "input not finite",
@@ -254,6 +266,7 @@ const FAULTS: [&str; 10] = [
     "QP failed too often (ticks)",
     "operator asked for it",
     "operator command not finite",
+    "operator command out of range",
 ];
 
 fn put(

@@ -193,7 +193,7 @@ impl Wbc {
         let nj = robot.nj();
         let mut measured = RobotState { q: robot.q_nominal.clone(), qd: vec![0.0; nj], ..RobotState::default() };
         measured.q_WI_wxyz = Pose { p: Vector3::zeros(), R: robot.R_IB.transpose() }.quaternion_wxyz();
-        estimate.update(robot, &measured);
+        estimate.update(robot, &measured, [0.0; 2]);
         let trunk = TrunkReference { R_WB: Matrix3::identity(), w_WB_W: Vector3::zeros() };
         let mut references = References::new(robot);
         references.qd_des.fill(0.0);
