@@ -10,6 +10,7 @@ mod overrides;
 pub use check::{DUTY, STEP_HEIGHT, SWING_FREQUENCY};
 pub use overrides::apply_overrides;
 
+use crate::qp::QpParams;
 use crate::stack::StackParams;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
@@ -92,7 +93,10 @@ pub struct Params {
     /// Tasks, their weights and priorities.
     #[serde(default)]
     pub stack: StackParams,
-    /// Limits and solver of the quadratic programs.
+    /// Which solver of quadratic programs.
+    #[serde(default)]
+    pub qp: QpParams,
+    /// Limits of the quadratic programs.
     #[serde(default)]
     pub wbc: WbcParams,
     /// When to give up, and how.

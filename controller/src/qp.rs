@@ -1,17 +1,59 @@
-//! Quadratic programs: the problem as the tasks build it, the contract of a back-end, and the reference back-end, Clarabel.
+//! Quadratic programs: the problem as the tasks build it, the contract of a back-end, and two of them: [`ActiveSetSolver`] for the robot,
+//! [`ClarabelSolver`] as the reference. `[qp] solver` chooses.
 //!
 //! ```text
 //! min  ½ xᵀ H x + gᵀ x     subject to   A x = b,   C x ≤ d,   l ≤ x ≤ u
 //! ```
 //! Sizes are constant for a controller: what is switched off keeps its rows and has its numbers released.
 
+mod active_set;
 mod clarabel_backend;
+mod constraints;
+mod dense;
+mod envelope;
 mod explain;
+mod working_set;
 
+pub use active_set::ActiveSetSolver;
 pub use clarabel_backend::ClarabelSolver;
 pub use explain::{NamedViolation, RowNames, explain};
 
 use nalgebra::{DMatrix, DVector};
+use serde::{Deserialize, Serialize};
+
+/// Which back-end solves: `[qp]` in the parameters.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct QpParams {
+    /// The back-end.
+    pub solver: Backend,
+}
+
+impl Default for QpParams {
+    fn default() -> Self {
+        QpParams { solver: Backend::ActiveSet }
+    }
+}
+
+/// A back-end, by its name in the parameters.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Backend {
+    /// [`ActiveSetSolver`].
+    ActiveSet,
+    /// [`ClarabelSolver`].
+    Clarabel,
+}
+
+impl Backend {
+    /// A solver for programs with the pattern of `pattern`; `tolerance` is Clarabel's, the active set needs none.
+    pub fn build(self, pattern: &Qp, max_iterations: u32, tolerance: f64) -> Box<dyn QpSolver> {
+        match self {
+            Backend::ActiveSet => Box::new(ActiveSetSolver::new(pattern, max_iterations)),
+            Backend::Clarabel => Box::new(ClarabelSolver::new(pattern, max_iterations, tolerance)),
+        }
+    }
+}
 
 /// A convex quadratic program, `H` symmetric positive definite.
 #[derive(Clone, Debug, PartialEq)]
@@ -93,6 +135,21 @@ pub struct QpInfo {
     pub iterations: u32,
     /// Inequality rows and bounds that hold with equality.
     pub n_active: usize,
+    /// Of an infeasible program, the row that contradicts others, if the back-end knows it.
+    pub row: Option<QpRow>,
+}
+
+/// A row or bound of a program, by its index there.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum QpRow {
+    /// Of `A x = b`.
+    Equality(usize),
+    /// Of `C x ≤ d`.
+    Inequality(usize),
+    /// Lower bound of a variable.
+    Lower(usize),
+    /// Upper bound of a variable.
+    Upper(usize),
 }
 
 /// A back-end. What it remembers between calls must not change a bit of a solution.

@@ -5,6 +5,7 @@ mod common;
 
 use common::{Messages, Run, hyq, hyq_with, messages, run_with_puppet};
 use controller::quadruped::leg::LegPhase;
+use controller::stack::{S1, S3};
 use controller::{Controller, Outbox};
 use lcmtypes::{ControllerInput, ControllerTick, LegState, Message, OperatorCommand, QuadrupedState, channels};
 use std::collections::BTreeSet;
@@ -78,17 +79,19 @@ fn poisoned_scratch_changes_nothing() {
 }
 
 #[test]
-fn poisoned_scratch_changes_nothing_in_a_hierarchy_either() {
-    let s3 = || hyq_with(&[("stack.formula", controller::stack::S3)]);
-    let run = run_with_puppet(&mut s3(), SEED, 300);
-    let (mut controller, mut out) = (s3(), Outbox::new());
-    let mut outputs = Vec::new();
-    for input in &run.inputs {
-        controller.poison_workspace();
-        controller.step(input, &mut out);
-        outputs.push(messages(&out));
+fn poisoned_scratch_changes_nothing_in_a_hierarchy_or_with_another_solver_either() {
+    for (formula, solver) in [(S3, "active_set"), (S3, "clarabel"), (S1, "clarabel")] {
+        let build = || hyq_with(&[("stack.formula", formula), ("qp.solver", &format!("\"{solver}\""))]);
+        let run = run_with_puppet(&mut build(), SEED, 300);
+        let (mut controller, mut out) = (build(), Outbox::new());
+        let mut outputs = Vec::new();
+        for input in &run.inputs {
+            controller.poison_workspace();
+            controller.step(input, &mut out);
+            outputs.push(messages(&out));
+        }
+        assert_eq!(first_difference(&run.outputs, &outputs), None, "{formula}, {solver}");
     }
-    assert_eq!(first_difference(&run.outputs, &outputs), None);
 }
 
 #[test]
@@ -268,7 +271,7 @@ fn situations() -> Vec<Situation> {
     };
     situations.push(Situation { overrides: &[], snapshot: bytes, inputs: inputs.iter().map(stand).collect() });
 
-    let overrides = &[("wbc.max_iterations", "1")];
+    let overrides = &[("qp.solver", "\"clarabel\""), ("wbc.max_iterations", "1")];
     situations.push(Situation { overrides, snapshot: snapshot.clone(), inputs: inputs.clone() });
 
     let mut damping = hyq();

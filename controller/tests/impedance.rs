@@ -12,7 +12,7 @@ use controller::model::{
     BaseState, FrameId, Kinematics, frame_jacobian, mass_matrix, point_bias_acceleration, point_jacobian_linear,
 };
 use controller::params::Params;
-use controller::qp::Qp;
+use controller::qp::{Backend, Qp};
 use controller::quadruped::leg::Leg;
 use controller::quadruped::robot::Robot;
 use controller::stack::{Cartesian, CartesianConfig, Cascade, Rows, Term};
@@ -87,7 +87,8 @@ fn accelerations(tasks: &[Rows]) -> DVector<f64> {
     let levels =
         tasks.iter().enumerate().map(|(task, rows)| vec![Term { task, weight: 1.0, takes: vec![true; rows.len()] }]);
     let regularization = DVector::from_element(nv, REGULARIZATION);
-    let mut stack = Cascade::new(levels.collect(), &pattern, regularization, 100, 1e-12);
+    let solver = |of_level: &Qp| Backend::ActiveSet.build(of_level, 100, 0.0);
+    let mut stack = Cascade::new(levels.collect(), &pattern, regularization, solver);
     stack.build(tasks);
     stack.solve();
     let last = &stack.levels[tasks.len() - 1];

@@ -108,7 +108,7 @@ impl QpSolver for ClarabelSolver {
     fn solve(&mut self, qp: &Qp, x: &mut DVector<f64>) -> QpInfo {
         if !self.load(qp) {
             x.fill(0.0);
-            return QpInfo { status: QpStatus::Failed, iterations: 0, n_active: 0 };
+            return QpInfo { status: QpStatus::Failed, iterations: 0, n_active: 0, row: None };
         }
         self.solver.solve();
         let solution = &self.solver.solution;
@@ -122,6 +122,7 @@ impl QpSolver for ClarabelSolver {
             },
             iterations: solution.iterations,
             n_active: solution.s[self.n_eq..].iter().filter(|s| **s < 1e-6).count(),
+            row: None,
         }
     }
 }

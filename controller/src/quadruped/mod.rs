@@ -100,6 +100,11 @@ impl Quadruped {
         &self.robot
     }
 
+    /// The whole-body controller after the last tick that solved: its programs, solutions, torques.
+    pub fn wbc(&self) -> &Wbc {
+        &self.scratch.wbc
+    }
+
     /// Which constraints contradicted each other in the last tick that solved, by name, and on which level of the stack, from 0; `None` if it
     /// found all its solutions. To ask this of a log, replay it to the tick of the failure first. Not for use in a tick.
     pub fn explain(&self) -> Option<(usize, Vec<NamedViolation>)> {
@@ -234,7 +239,10 @@ impl Controller for Quadruped {
             self.state.qd_des.fill(0.0);
             self.state.qdd_des.fill(0.0);
             self.state.gait_running = false;
-            self.messages.nothing_computed(&self.state);
+            // The tick in which one failure was too many has computed everything else, and its solution says what failed.
+            if found.is_none_or(|fault| fault.code != ControllerTick::FAULT_QP) {
+                self.messages.nothing_computed(&self.state);
+            }
         }
         self.publish(&digests, out);
         probe.stage_done(Stage::Output);

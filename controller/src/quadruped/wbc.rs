@@ -76,11 +76,11 @@ impl Wbc {
         let unit = |i| if i < nv { 1.0 } else { FORCE_UNIT * FORCE_UNIT };
         let regularization = DVector::from_fn(nv + 12, |i, _| params.wbc.regularization * unit(i));
         let pattern = pattern(nv, formula.has(Constraint::JointAcceleration));
-        let (max_iterations, tolerance) = (params.wbc.max_iterations, params.wbc.tolerance);
+        let solver = |of_level: &Qp| params.qp.solver.build(of_level, params.wbc.max_iterations, params.wbc.tolerance);
         let mut wbc = Wbc {
             tasks,
-            stack: Cascade::new(levels, &pattern, regularization, max_iterations, tolerance),
-            info: QpInfo { status: QpStatus::Failed, iterations: 0, n_active: 0 },
+            stack: Cascade::new(levels, &pattern, regularization, solver),
+            info: QpInfo { status: QpStatus::Failed, iterations: 0, n_active: 0, row: None },
             x: nan(nv + 12),
             f_z_bounds: PerLeg([(f64::NAN, f64::NAN); 4]),
             vd: nan(nv),

@@ -10,7 +10,7 @@
 //! of the level above it, which obeys every constraint.
 
 use super::{Basis, Rows};
-use crate::qp::{ClarabelSolver, Qp, QpInfo, QpSolver, QpStatus};
+use crate::qp::{Qp, QpInfo, QpSolver, QpStatus};
 use nalgebra::DVector;
 
 /// A task in a level.
@@ -40,7 +40,7 @@ pub struct Level {
     pub info: Option<QpInfo>,
     /// Its solution, n.
     pub x: DVector<f64>,
-    solver: ClarabelSolver,
+    solver: Box<dyn QpSolver>,
 }
 
 impl Level {
@@ -66,12 +66,12 @@ impl Cascade {
     /// - `pattern`: an entry other than 0 is where the constraints may ever have numbers, a finite bound where a variable may have one.
     ///   The Hessian's pattern is that of a level's tasks.
     /// - `regularization`: λ of each variable.
+    /// - `solver`: makes the back-end of a level from the pattern of its programs.
     pub fn new(
         levels: Vec<Vec<Term>>,
         pattern: &Qp,
         regularization: DVector<f64>,
-        max_iterations: u32,
-        tolerance: f64,
+        solver: impl Fn(&Qp) -> Box<dyn QpSolver>,
     ) -> Self {
         let (n, n_eq) = (pattern.n(), pattern.b.len());
         let mut above = 0;
@@ -87,7 +87,7 @@ impl Cascade {
             above += terms.iter().map(|term| term.taken().count()).sum::<usize>();
             built.push(Level {
                 terms,
-                solver: ClarabelSolver::new(&of_level, max_iterations, tolerance),
+                solver: solver(&of_level),
                 qp: of_level,
                 info: None,
                 x: DVector::from_element(n, f64::NAN),
@@ -167,10 +167,10 @@ impl Cascade {
 
     /// How it went: the first status that is no solution, else the worst; iterations of all levels; the active rows of the last solve.
     pub fn info(&self) -> QpInfo {
-        let mut sum = QpInfo { status: QpStatus::Solved, iterations: 0, n_active: 0 };
+        let mut sum = QpInfo { status: QpStatus::Solved, iterations: 0, n_active: 0, row: None };
         for info in self.levels.iter().filter_map(|level| level.info) {
             if info.status != QpStatus::Solved {
-                sum.status = info.status;
+                (sum.status, sum.row) = (info.status, info.row);
             }
             sum.iterations += info.iterations;
             sum.n_active = info.n_active;
