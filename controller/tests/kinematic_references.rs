@@ -88,7 +88,7 @@ fn joint_references_end_at_the_foot_references() {
     state.height = robot.nominal_height;
     state.q_des = robot.q_nominal.iter().map(|q| q + 0.1 * rng.symmetric()).collect();
     let q = input.state.q.clone();
-    for _ in 0..2000 {
+    for _ in 0..6000 {
         references.update(&robot, &params, &estimate, &q, &Transitions::default(), &mut state, DT);
     }
     let reached = feet(&robot, &input, &state.q_des);

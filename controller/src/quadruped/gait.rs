@@ -108,6 +108,8 @@ pub struct Transitions {
     pub anew: PerLeg<bool>,
     /// Legs that have just landed.
     pub touchdown: PerLeg<bool>,
+    /// Height of the swings that begin, m; 0 = each as high as the leg's last.
+    pub step_height: f64,
     /// The robot has just begun to walk, or to walk in another gait.
     pub gait_begins: bool,
     /// It has just come to stand.
@@ -123,13 +125,15 @@ pub struct Wish {
     pub gait: Gait,
     /// How fast, from then on too.
     pub cadence: Cadence,
+    /// Height of the swings that begin now, m; 0 = each as high as the leg's last.
+    pub step_height: f64,
 }
 
 /// One tick of clock and legs; `met`: what the legs have run into.
 ///
 /// Starts the clock when walking is wished and all feet stand; stops it, and the walk, when standing is wished and they do.
 pub fn update(state: &mut State, params: &Params, wish: Wish, met: &Surprises, dt: f64) -> Transitions {
-    let mut transitions = Transitions::default();
+    let mut transitions = Transitions { step_height: wish.step_height, ..Transitions::default() };
     for leg in Leg::ALL {
         state.t_leg[leg] += dt;
         let timing = Timing::of(state, params);
@@ -284,7 +288,7 @@ mod tests {
             let changes = update(
                 &mut state,
                 params,
-                Wish { walk: true, gait, cadence: Cadence::default() },
+                Wish { walk: true, gait, cadence: Cadence::default(), step_height: 0.1 },
                 &Surprises::default(),
                 1e-3,
             );
@@ -298,7 +302,7 @@ mod tests {
         let params = params();
         let trot = Timing::at(Gait::Trot, Cadence::default(), &params);
         assert!((trot.T - 1.111).abs() < 1e-3 && (trot.T_ramp - 0.0278).abs() < 1e-4, "{trot:?}");
-        let crawl = Timing::at(Gait::Crawl, Cadence::default(), &params);
+        let crawl = Timing::at(Gait::Crawl, Cadence { swing_frequency: 2.0, duty: 0.8 }, &params);
         assert!((crawl.T - 2.5).abs() < 1e-9 && (crawl.T_ramp - 0.0625).abs() < 1e-9, "{crawl:?}");
     }
 
@@ -311,7 +315,7 @@ mod tests {
         let half = lifts[2].0 - lifts[0].0;
         assert!((half - 556).abs() <= 1, "half a stride is {half} ticks");
 
-        let (_, lifts) = walk(&params(), Gait::Crawl, -0.01, 3400);
+        let (_, lifts) = walk(&params(), Gait::Crawl, -0.01, 3700);
         let legs: Vec<Leg> = lifts.iter().map(|l| l.1).collect();
         assert_eq!(legs, [Leg::LF, Leg::RH, Leg::RF, Leg::LH, Leg::LF]);
     }
@@ -335,7 +339,7 @@ mod tests {
         state.leg_phase[Leg::LF] = LegPhase::SwingUp;
         state.t_leg = PerLeg::default();
         state.contact = PerLeg([true; 4]);
-        let wish = Wish { walk: true, gait: Gait::Trot, cadence: Cadence::default() };
+        let wish = Wish { walk: true, gait: Gait::Trot, cadence: Cadence::default(), step_height: 0.1 };
         let mut landed_at = None;
         for tick in 0..400 {
             if update(&mut state, &params, wish, &Surprises::default(), 1e-3).touchdown[Leg::LF] {
@@ -366,7 +370,7 @@ mod tests {
             let changes = update(
                 &mut state,
                 &params,
-                Wish { walk: false, gait: Gait::Trot, cadence: Cadence::default() },
+                Wish { walk: false, gait: Gait::Trot, cadence: Cadence::default(), step_height: 0.1 },
                 &Surprises::default(),
                 1e-3,
             );
@@ -380,7 +384,7 @@ mod tests {
         let params = params();
         let mut state = State::new(12);
         state.mode = Mode::Stance;
-        let wish = Wish { walk: true, gait: Gait::Trot, cadence: Cadence::default() };
+        let wish = Wish { walk: true, gait: Gait::Trot, cadence: Cadence::default(), step_height: 0.1 };
         let mut last = 1000.0;
         let step = 1000.0 / 27.0;
         for _ in 0..1000 {

@@ -61,13 +61,14 @@ pub fn follow(params: &Params, estimate: &Estimate, state: &mut State, op: &Oper
         OperatorCommand::GAIT_CRAWL => Gait::Crawl,
         _ => state.gait,
     };
-    let cadence = if refused.is_some() {
-        state.cadence
-    } else {
-        state.swing_height = op.step_height;
-        Cadence { swing_frequency: op.swing_frequency, duty: op.duty }
+    let (cadence, step_height) = match op.step_height {
+        _ if refused.is_some() => (state.cadence, 0.0),
+        wished => {
+            let height = if wished > 0.0 { wished } else { params.swing.height };
+            (Cadence { swing_frequency: op.swing_frequency, duty: op.duty }, height)
+        }
     };
-    Wish { walk, gait, cadence }
+    Wish { walk, gait, cadence, step_height }
 }
 
 /// The first number of gait and swing that is outside the range that it has in the parameters too; 0 is none.

@@ -80,7 +80,7 @@ impl References {
         let halted = state.leg_phase.0.contains(&LegPhase::FaultHold);
         for leg in Leg::ALL {
             if changes.lift_off[leg] || changes.anew[leg] {
-                lift(robot, params, estimate, q, state, leg);
+                lift(robot, params, estimate, q, changes, state, leg);
             }
             if changes.anew[leg] && state.leg_phase[leg] == LegPhase::SwingUp {
                 let back = Rz(state.step_heading[leg]) * Vector3::x() * params.recovery.reflex_retraction;
@@ -200,9 +200,21 @@ impl References {
 }
 
 /// A swing begins where the foot is.
-fn lift(robot: &Robot, params: &Params, estimate: &Estimate, q: &[f64], state: &mut State, leg: Leg) {
+fn lift(
+    robot: &Robot,
+    params: &Params,
+    estimate: &Estimate,
+    q: &[f64],
+    changes: &Transitions,
+    state: &mut State,
+    leg: Leg,
+) {
     state.p_lift_H[leg] = estimate.base.R_WH.transpose() * estimate.legs[leg].p_BF_W;
-    state.step_height[leg] = if state.swing_height > 0.0 { state.swing_height } else { params.swing.height };
+    if changes.step_height > 0.0 {
+        state.step_height[leg] = changes.step_height;
+    } else if state.step_height[leg] == 0.0 {
+        state.step_height[leg] = params.swing.height;
+    }
     for joint in robot.legs[leg].joints {
         state.q_des[joint] = q[joint];
     }

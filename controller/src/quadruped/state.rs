@@ -102,7 +102,6 @@ pub struct State {
     pub v_H_des: [f64; 2],
     pub yaw_rate_des: f64,
     pub cadence: Cadence,
-    pub swing_height: f64,
     pub step_height: PerLeg<f64>,
     pub reflexes: PerLeg<i32>,
     pub t_unloaded: PerLeg<f64>,
@@ -150,7 +149,6 @@ impl State {
             v_H_des: [0.0; 2],
             yaw_rate_des: 0.0,
             cadence: Cadence::default(),
-            swing_height: 0.0,
             step_height: PerLeg::default(),
             reflexes: PerLeg::default(),
             t_unloaded: PerLeg::default(),
@@ -197,7 +195,6 @@ impl State {
             v_H_des,
             yaw_rate_des,
             cadence: Cadence { swing_frequency, duty },
-            swing_height,
             step_height,
             reflexes,
             t_unloaded,
@@ -243,7 +240,6 @@ impl State {
         m.yaw_rate_des = *yaw_rate_des;
         m.swing_frequency = *swing_frequency;
         m.duty = *duty;
-        m.swing_height = *swing_height;
         m.step_height = step_height.0;
         m.reflexes = reflexes.0;
         m.t_unloaded = t_unloaded.0;
@@ -260,7 +256,7 @@ impl State {
         if m.q_des.len() != nj {
             return Err(RestoreError::Joints { found: m.q_des.len(), expected: nj });
         }
-        let numbers: [(_, &[f64]); 29] = [
+        let numbers: [(_, &[f64]); 28] = [
             ("gait_clock", &[m.gait_clock]),
             ("f_F_W", m.f_F_W.as_flattened()),
             ("p_lift_H", m.p_lift_H.as_flattened()),
@@ -284,7 +280,6 @@ impl State {
             ("yaw_rate_des", &[m.yaw_rate_des]),
             ("swing_frequency", &[m.swing_frequency]),
             ("duty", &[m.duty]),
-            ("swing_height", &[m.swing_height]),
             ("step_height", &m.step_height),
             ("t_unloaded", &m.t_unloaded),
             ("v_H_est", &m.v_H_est),
@@ -339,7 +334,6 @@ impl State {
             v_H_des: m.v_H_des,
             yaw_rate_des: m.yaw_rate_des,
             cadence: Cadence { swing_frequency: m.swing_frequency, duty: m.duty },
-            swing_height: m.swing_height,
             step_height: PerLeg(m.step_height),
             reflexes: PerLeg(m.reflexes),
             t_unloaded: PerLeg(m.t_unloaded),
