@@ -28,7 +28,7 @@ def dumped_programs():
     """The programs of the test, from the test."""
     with tempfile.TemporaryDirectory() as folder:
         path = pathlib.Path(folder) / "programs.json"
-        command = ["cargo", "test", "--release", "-p", "controller", "--test", "qp_solutions", "clarabel"]
+        command = ["cargo", "test", "--release", "-p", "controller", "--test", "qp_solutions", "exact"]
         subprocess.run(command, cwd=ROOT, env=os.environ | {"QP_DUMP": str(path)}, check=True)
         return json.loads(path.read_text())
 

@@ -1,40 +1,58 @@
 //! `hoof experiment`: reproduce an experiment of the source documents, measured beside published.
 
 mod bench;
+mod impedance;
+mod limit;
 mod recipes;
+mod scenario_edit;
+mod states;
+mod table;
 
 use crate::{Outcome, say, say_json};
+use anyhow::Context;
 use bench::Bench;
 use clap::Subcommand;
-use serde::Serialize;
 use std::path::PathBuf;
+use std::time::Instant;
+use table::{Row, Tables};
 
 #[derive(Subcommand)]
 pub enum Command {
-    /// The experiments there are
+    /// The experiments there are: what each does, with which robot, how long it takes
     List {
         /// Print JSON
         #[arg(long)]
         json: bool,
     },
-    /// Run one: simulates, keeps the logs, prints published, measured and pass
-    #[command(after_help = "Example: hoof experiment run A3 --seeds 20")]
+    /// Run some: simulates, keeps and replays the logs, prints published, wanted and measured
+    #[command(
+        after_help = "Example: hoof experiment run A3 --seeds 20\n         hoof experiment run A2 A4 --markdown tables.md\n         \
+        hoof experiment run all --markdown docs/experiments.md\n\n\
+        Every run is kept as a log with the scenario that made it beside it, and is replayed bit for bit before the table is printed. \
+        Exit code 1 if a row fails."
+    )]
     Run {
-        /// Its number, such as A3
-        id: String,
-        /// Name of a robot in robots/, or its TOML file
-        #[arg(long, default_value = "hyq")]
-        robot: String,
-        /// Number of seeds, where the experiment has several
-        #[arg(long, default_value_t = 20)]
-        seeds: i64,
-        /// Folder for logs and reports; made if need be
+        /// Their numbers, such as A3; `limits`; or `all`
+        #[arg(required = true)]
+        ids: Vec<String>,
+        /// Name of a robot in robots/, or its TOML file, instead of the experiment's own
+        #[arg(long)]
+        robot: Option<String>,
+        /// Number of seeds, where the experiment has several, instead of its own
+        #[arg(long, value_parser = clap::value_parser!(i64).range(1..=10_000))]
+        seeds: Option<i64>,
+        /// Folder for logs, scenarios and figures; made if need be
         #[arg(long, value_name = "DIR", default_value = "logs/runs/experiments")]
         out: PathBuf,
+        /// Write the tables as Markdown too
+        #[arg(long, value_name = "FILE")]
+        markdown: Option<PathBuf>,
         /// Print JSON
         #[arg(long)]
         json: bool,
     },
+    /// The largest value of a key of a scenario that a robot survives, by bisection
+    Limit(limit::Args),
 }
 
 /// An experiment: what it is and how it is run.
@@ -45,67 +63,65 @@ pub struct Experiment {
     pub title: &'static str,
     /// What the source says of it.
     pub published: &'static str,
+    /// Robot that it is run on unless the user says otherwise.
+    pub robot: &'static str,
+    /// Seeds that it takes unless the user says otherwise; 1 = it knows no seeds.
+    pub seeds: i64,
+    /// How long it takes on two cores, min.
+    pub minutes: f64,
     /// Runs it.
     pub run: fn(&Bench) -> anyhow::Result<Vec<Row>>,
 }
 
-/// One figure of an experiment.
-#[derive(Debug, Serialize)]
-pub struct Row {
-    /// What.
-    pub name: String,
-    /// What the source prints, if it prints a figure.
-    pub published: Option<f64>,
-    /// What this run gave.
-    pub measured: f64,
-    /// Of both.
-    pub unit: &'static str,
-    /// Whether the measured figure is good enough; `None` where there is no limit.
-    pub pass: Option<bool>,
-}
-
-impl Row {
-    /// A figure that must be at most the published one.
-    pub fn at_most(name: impl Into<String>, published: f64, measured: f64, unit: &'static str) -> Self {
-        Row { name: name.into(), published: Some(published), measured, unit, pass: Some(measured <= published) }
-    }
-
-    /// A figure with a limit of our own, where the source prints none.
-    pub fn limited(name: impl Into<String>, measured: f64, unit: &'static str, pass: bool) -> Self {
-        Row { name: name.into(), published: None, measured, unit, pass: Some(pass) }
-    }
-
-    /// A figure to know.
-    pub fn noted(name: impl Into<String>, measured: f64, unit: &'static str) -> Self {
-        Row { name: name.into(), published: None, measured, unit, pass: None }
-    }
-}
-
 pub fn run(command: &Command) -> anyhow::Result<Outcome> {
     match command {
-        Command::List { json } => {
-            list(*json)?;
-            Ok(Outcome::Good)
-        }
-        Command::Run { id, robot, seeds, out, json } => {
-            let Some(experiment) = recipes::ALL.iter().find(|e| e.id.eq_ignore_ascii_case(id)) else {
-                let known: Vec<_> = recipes::ALL.iter().map(|e| e.id).collect();
-                anyhow::bail!("no experiment \"{id}\", there are: {}", known.join(", "));
-            };
-            anyhow::ensure!(*seeds > 0, "--seeds {seeds}: expected at least 1");
-            let bench = Bench::new(robot, *seeds, &out.join(experiment.id).join(robot_name(robot)))?;
-            let rows = (experiment.run)(&bench)?;
-            let pass = rows.iter().all(|row| row.pass != Some(false));
-            if *json {
-                let (id, logs) = (experiment.id, bench.dir());
-                say_json(&serde_json::json!({ "id": id, "robot": robot, "rows": rows, "pass": pass, "logs": logs }))?;
-            } else {
-                say(table(experiment, robot, &rows))?;
-                say(format!("\nlogs: {}", bench.dir().display()))?;
+        Command::List { json } => list(*json).map(|()| Outcome::Good),
+        Command::Run { ids, robot, seeds, out, markdown, json } => {
+            let experiments = find(ids)?;
+            let mut all = Vec::with_capacity(experiments.len());
+            for experiment in experiments {
+                let robot = robot.as_deref().unwrap_or(experiment.robot);
+                let bench = Bench::new(
+                    robot,
+                    seeds.unwrap_or(experiment.seeds),
+                    &out.join(experiment.id).join(robot_name(robot)),
+                )?;
+                let begin = Instant::now();
+                let mut rows = (experiment.run)(&bench).with_context(|| format!("experiment {}", experiment.id))?;
+                rows.extend(bench.replays());
+                let tables = Tables::new(experiment, &bench, rows, begin.elapsed().as_secs_f64());
+                if !json {
+                    say(tables.text())?;
+                }
+                all.push(tables);
+                if let Some(path) = markdown {
+                    std::fs::write(path, table::markdown(&all)).with_context(|| path.display().to_string())?;
+                }
             }
-            Ok(Outcome::failed_if(!pass))
+            if *json {
+                match &all[..] {
+                    [one] => say_json(one)?,
+                    several => say_json(&several)?,
+                }
+            }
+            Ok(Outcome::failed_if(all.iter().any(|tables| !tables.pass)))
         }
+        Command::Limit(args) => limit::run(args),
     }
+}
+
+/// The experiments of these numbers, in the order of the list for `all`.
+fn find(ids: &[String]) -> anyhow::Result<Vec<&'static Experiment>> {
+    if ids.iter().any(|id| id.eq_ignore_ascii_case("all")) {
+        return Ok(recipes::ALL.iter().collect());
+    }
+    let one = |id: &String| {
+        recipes::ALL.iter().find(|e| e.id.eq_ignore_ascii_case(id)).with_context(|| {
+            let known: Vec<_> = recipes::ALL.iter().map(|e| e.id).collect();
+            format!("no experiment \"{id}\", there are: {}, all", known.join(", "))
+        })
+    };
+    ids.iter().map(one).collect()
 }
 
 /// The name of a robot, also of one given by its file.
@@ -115,36 +131,17 @@ fn robot_name(robot: &str) -> String {
 
 fn list(json: bool) -> anyhow::Result<()> {
     if json {
-        let list: Vec<_> = recipes::ALL
-            .iter()
-            .map(|e| serde_json::json!({ "id": e.id, "title": e.title, "published": e.published }))
-            .collect();
-        return say_json(&list);
+        let entry = |e: &Experiment| {
+            let Experiment { id, title, published, robot, seeds, minutes, .. } = e;
+            serde_json::json!({
+                "id": id, "title": title, "published": published, "robot": robot, "seeds": seeds, "minutes": minutes,
+            })
+        };
+        return say_json(&recipes::ALL.iter().map(entry).collect::<Vec<_>>());
     }
-    for e in recipes::ALL {
-        say(format!("{:<4} {}\n     published: {}", e.id, e.title, e.published))?;
+    for Experiment { id, title, published, robot, seeds, minutes, .. } in recipes::ALL {
+        let seeds = if *seeds > 1 { format!(", {seeds} seeds") } else { String::new() };
+        say(format!("{id:<7}{title}\n       published: {published}\n       {robot}{seeds}, about {minutes} min"))?;
     }
     Ok(())
-}
-
-fn table(experiment: &Experiment, robot: &str, rows: &[Row]) -> String {
-    let mut text = format!("{}, {robot}: {}\n", experiment.id, experiment.title);
-    text += &format!("{:<38} {:>10} {:>10} {:<6} pass", "", "published", "measured", "unit");
-    for row in rows {
-        let published = row.published.map_or("-".to_owned(), number);
-        let pass = row.pass.map_or("", |pass| if pass { "yes" } else { "NO" });
-        text += &format!("\n{:<38} {published:>10} {:>10} {:<6} {pass}", row.name, number(row.measured), row.unit);
-    }
-    text
-}
-
-/// Four digits after the point for small figures, fewer for large ones.
-fn number(x: f64) -> String {
-    if x == x.trunc() && x.abs() < 1e6 {
-        format!("{x:.0}")
-    } else if x.abs() < 10.0 {
-        format!("{x:.4}")
-    } else {
-        format!("{x:.1}")
-    }
 }

@@ -4,6 +4,7 @@
 #![allow(non_snake_case, reason = "names carry frames, as in p_WF = p_WB + R_WB * p_BF: see ARCHITECTURE.md")]
 
 mod corpus;
+mod debug;
 mod demo;
 mod experiment;
 mod log;
@@ -33,7 +34,9 @@ enum Command {
     /// Run a robot in simulation, in lockstep with its controller, and log every message
     Sim(sim::Args),
     /// Feed a log's inputs to its controller again and compare every bit of every output
-    Replay(replay_log::Args),
+    Replay(Box<replay_log::Args>),
+    /// Step through a log tick by tick in the terminal: legs, forces, tasks, programs, events
+    Debug(debug::Args),
     /// Figures, tables, metrics.json and report.html of a log
     Report(report::Args),
     /// Reproduce an experiment of the source documents: measured beside published
@@ -73,6 +76,7 @@ fn main() -> ExitCode {
         Command::Demo(args) => demo::run(&args),
         Command::Sim(args) => sim::run(&args),
         Command::Replay(args) => replay_log::run(&args),
+        Command::Debug(args) => debug::run(&args),
         Command::Report(args) => report::run(&args),
         Command::Experiment(command) => experiment::run(&command),
         Command::Log(command) => log::run(&command),

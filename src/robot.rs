@@ -1,4 +1,8 @@
-//! `hoof robot`: what is known of a robot, and model quantities at a state.
+//! `hoof robot`: what is known of a robot, model quantities at a state, and a first file for a new one.
+
+mod init;
+mod legs;
+mod posture;
 
 use crate::{Outcome, say, say_json};
 use anyhow::{Context, bail};
@@ -36,6 +40,8 @@ pub enum Command {
         #[arg(long, value_name = "FILE")]
         state: PathBuf,
     },
+    /// Write a first TOML file for a quadruped from its URDF: feet, posture, forces and steps by size
+    Init(init::Args),
 }
 
 /// A robot's files, read.
@@ -145,6 +151,7 @@ pub fn read(path: &Path) -> anyhow::Result<String> {
 pub fn run(command: &Command) -> anyhow::Result<Outcome> {
     match command {
         Command::Info { robot, params, json } => info(robot, *params, *json)?,
+        Command::Init(args) => return init::run(args),
         Command::Eval { robot, state } => {
             let files = RobotFiles::find(robot)?;
             let text = if state.as_os_str() == "-" { std::io::read_to_string(std::io::stdin())? } else { read(state)? };

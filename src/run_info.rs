@@ -1,6 +1,7 @@
 //! RUN_INFO: what a log needs to explain itself and to rebuild its controller.
 
 use lcmtypes::{RunInfo, TextFile};
+use replay::engine::Build;
 
 /// What differs from run to run.
 pub struct Run<'a> {
@@ -16,12 +17,23 @@ pub struct Run<'a> {
     pub seed: i64,
 }
 
+/// This build.
+pub fn build() -> Build {
+    Build {
+        revision: env!("HOOF_REVISION").to_owned(),
+        dirty: env!("HOOF_DIRTY") == "true",
+        toolchain: env!("HOOF_TOOLCHAIN").to_owned(),
+        flags: env!("HOOF_BUILD").to_owned(),
+    }
+}
+
 /// The description of a lockstep run by this build on this machine.
 pub fn lockstep(run: &Run) -> RunInfo {
     let lcm_types: Vec<TextFile> = lcmtypes::SOURCES
         .iter()
         .map(|(name, text)| TextFile { name: (*name).to_owned(), text: (*text).to_owned() })
         .collect();
+    let Build { revision, dirty, toolchain, flags } = build();
     RunInfo {
         t_ns: 0,
         controller: controller::quadruped::NAME.to_owned(),
@@ -31,10 +43,10 @@ pub fn lockstep(run: &Run) -> RunInfo {
         scenario_name: run.scenario.0.to_owned(),
         scenario: run.scenario.1.to_owned(),
         seed: run.seed,
-        revision: env!("HOOF_REVISION").to_owned(),
-        dirty: env!("HOOF_DIRTY") == "true",
-        toolchain: env!("HOOF_TOOLCHAIN").to_owned(),
-        build: env!("HOOF_BUILD").to_owned(),
+        revision,
+        dirty,
+        toolchain,
+        build: flags,
         host: host(),
         realtime: "lockstep".to_owned(),
         num_lcm_types: i32::try_from(lcm_types.len()).expect("there are a few dozen types"),

@@ -5,6 +5,7 @@ use crate::robot::{RobotFiles, read, with_overrides};
 use crate::run_info::{self, Run};
 use crate::{Outcome, say, say_json};
 use anyhow::Context;
+use controller::model::UrdfTree;
 use controller::params::Params;
 use drivers::{DriverError, MujocoSim, Scenario, SimParams, Terrain, lockstep};
 use replay::log::LogWriter;
@@ -38,6 +39,9 @@ pub struct Args {
     /// Set a parameter of the controller (`hoof robot info ROBOT --params` lists them); may be repeated
     #[arg(long, value_name = "KEY=VALUE")]
     set: Vec<String>,
+    /// Replay the log before it is completed, and append the verdict to it as an EVENT
+    #[arg(long)]
+    prove: bool,
     /// Print JSON
     #[arg(long)]
     json: bool,
@@ -53,7 +57,8 @@ pub enum Stack {
 }
 
 impl Stack {
-    fn formula(self) -> &'static str {
+    /// Its formula.
+    pub fn formula(self) -> &'static str {
         match self {
             Stack::S1 => controller::stack::S1,
             Stack::S3 => controller::stack::S3,
@@ -77,6 +82,24 @@ pub struct Job<'a> {
     pub set: &'a [String],
 }
 
+/// What to simulate, all of it read.
+pub struct Setup {
+    /// Name of the robot.
+    pub robot: String,
+    /// Text of its URDF.
+    pub urdf: String,
+    /// What errors call it.
+    pub urdf_name: String,
+    /// Every parameter, as TOML.
+    pub params: String,
+    /// The scenario, seed and length included.
+    pub scenario: Scenario,
+    /// Its text.
+    pub scenario_text: String,
+    /// Replay the log before it is completed.
+    pub prove: bool,
+}
+
 /// How it went; the JSON of `hoof sim --json`.
 #[derive(Serialize)]
 pub struct Summary {
@@ -95,6 +118,9 @@ pub struct Summary {
     pub distance_m: f64,
     /// When and why the controller went to its safe state, if it did.
     pub safe_state: Option<String>,
+    /// The log replays bit for bit; only with `--prove`.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub proved: Option<bool>,
 }
 
 impl Summary {
@@ -106,9 +132,14 @@ impl Summary {
             (None, Some(why)) => format!("did not fall, but went to its safe state at {why}"),
             (None, None) => "did not fall".to_owned(),
         };
+        let proof = match self.proved {
+            Some(true) => "\nproved: the log replays bit for bit",
+            Some(false) => "\nNOT proved: the log does not replay; its last EVENT says where",
+            None => "",
+        };
         format!(
             "{robot} on {scenario}, seed {}: {how}, {distance_m:.2} m in {sim_seconds:.1} s\n{ticks} ticks in {wall_seconds:.1} s of wall time \
-             ({real_time_factor:.1} times real time), log {}",
+             ({real_time_factor:.1} times real time), log {}{proof}",
             self.seed,
             log.display()
         )
@@ -127,18 +158,33 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
         set: &set,
     };
     let bar = Progress::new(format!("{} on {}", args.robot, args.scenario.display()));
-    let summary = simulate(&job, &mut |part| bar.set(part))?;
+    let setup = Setup { prove: args.prove, ..setup(&job)? };
+    let summary =
+        simulate_setup(setup, job.log, &mut |part| bar.set(part)).map_err(|error| in_scenario(error, &job))?;
     drop(bar);
     if args.json {
         say_json(&summary)?
     } else {
         say(summary.text())?
     }
-    Ok(Outcome::failed_if(summary.fell || summary.safe_state.is_some()))
+    Ok(Outcome::failed_if(summary.fell || summary.safe_state.is_some() || summary.proved == Some(false)))
 }
 
 /// Simulates and logs; `progress` is told which part of the run is done, 0 to 1.
 pub fn simulate(job: &Job, progress: &mut dyn FnMut(f64)) -> anyhow::Result<Summary> {
+    simulate_setup(setup(job)?, job.log, progress).map_err(|error| in_scenario(error, job))
+}
+
+/// What a scenario names and the robot lacks is an error of the scenario's file.
+fn in_scenario(error: anyhow::Error, job: &Job) -> anyhow::Error {
+    match error.downcast_ref() {
+        Some(DriverError::Unknown { .. }) => error.context(job.scenario.display().to_string()),
+        _ => error,
+    }
+}
+
+/// Reads what a job names.
+fn setup(job: &Job) -> anyhow::Result<Setup> {
     let (files, params_text) = RobotFiles::find_with_params(job.robot)?;
     let params_text = with_overrides(&params_text, job.set)?;
     let params = Params::from_toml(&params_text, job.robot)?;
@@ -152,35 +198,50 @@ pub fn simulate(job: &Job, progress: &mut dyn FnMut(f64)) -> anyhow::Result<Summ
         scenario.duration_s = seconds;
     }
     scenario.seed = job.seed.unwrap_or(scenario.seed);
-    let seed = scenario.seed;
+    Ok(Setup {
+        robot: params.robot.name,
+        urdf_name: files.urdf_path.display().to_string(),
+        urdf: files.urdf,
+        params: params_text,
+        scenario,
+        scenario_text,
+        prove: false,
+    })
+}
 
-    let robot = params.robot.name.as_str();
+/// As [`simulate`], of what has been read before.
+pub fn simulate_setup(setup: Setup, log_path: &Path, progress: &mut dyn FnMut(f64)) -> anyhow::Result<Summary> {
+    let Setup { robot, urdf, urdf_name, params: params_text, scenario, scenario_text, prove } = setup;
+    let params = Params::from_toml(&params_text, &robot)?;
+    let seed = scenario.seed;
     let info = run_info::lockstep(&Run {
-        robot,
-        urdf: &files.urdf,
+        robot: &robot,
+        urdf: &urdf,
         params: &params_text,
         scenario: (&scenario.name, &scenario_text),
         seed,
     });
     let terrain = Terrain::new(&scenario.terrain, seed);
-    let tree = files.tree()?;
-    let mut controller = controller::load(&info).with_context(|| job.robot.to_owned())?;
+    let tree = UrdfTree::parse(&urdf, &urdf_name)?;
+    let mut controller = controller::load(&info).with_context(|| robot.clone())?;
     let mut sim = MujocoSim::new(&tree, &params.robot, terrain, SimParams::of(&scenario))?;
-    if let Some(folder) = job.log.parent() {
+    if let Some(folder) = log_path.parent() {
         std::fs::create_dir_all(folder).with_context(|| folder.display().to_string())?;
     }
-    let mut log = LogWriter::create(job.log)?;
+    let mut log = LogWriter::create(log_path)?;
     let outcome = lockstep::run(&scenario, &info, &mut sim, controller.as_mut(), &mut log, &mut |t_s| {
         progress(t_s / scenario.duration_s);
     });
-    let outcome = outcome.map_err(|error| match error {
-        DriverError::Unknown { .. } => anyhow::Error::new(error).context(job.scenario.display().to_string()),
-        _ => error.into(),
-    })?;
+    let outcome = outcome?;
+    let proved = if prove {
+        Some(replay::prove::is_proof(&replay::prove::prove(log_path, &mut log, crate::replay_log::threads())?))
+    } else {
+        None
+    };
     log.finish()?;
     Ok(Summary {
-        log: job.log.to_owned(),
-        robot: robot.to_owned(),
+        log: log_path.to_owned(),
+        robot,
         scenario: scenario.name.clone(),
         seed,
         ticks: outcome.ticks,
@@ -191,5 +252,6 @@ pub fn simulate(job: &Job, progress: &mut dyn FnMut(f64)) -> anyhow::Result<Summ
         fell_at_s: outcome.fell_at_s,
         distance_m: outcome.distance_m,
         safe_state: outcome.safe_state,
+        proved,
     })
 }

@@ -59,6 +59,26 @@ pub enum Error {
         /// What the plotting back-end said.
         reason: String,
     },
+    /// A report of no log was asked for.
+    #[error("no log to report; expected at least one")]
+    NoLog,
+    /// A file could not be read.
+    #[error("cannot read {}", path.display())]
+    ReadFile {
+        /// The file.
+        path: PathBuf,
+        /// What the system said.
+        #[source]
+        source: std::io::Error,
+    },
+    /// A file of plots or limits has a mistake.
+    #[error("{file}: {problem}")]
+    Choices {
+        /// The file, or what was read instead of one.
+        file: String,
+        /// Which key, what was found and what was expected.
+        problem: String,
+    },
     /// A file of the report could not be written.
     #[error("cannot write {}", path.display())]
     Write {

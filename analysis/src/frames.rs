@@ -133,7 +133,8 @@ pub fn write_parquet(frame: &mut DataFrame, path: &Path, name: &str) -> Result<(
     written.map(drop).map_err(|source| Error::Frame { channel: name.to_owned(), source })
 }
 
-fn types_of_run(path: &Path, run_info: &[u8]) -> Result<Option<TypeSet>, Error> {
+/// The types that a log carries in its RUN_INFO; `None` if that does not decode.
+pub(crate) fn types_of_run(path: &Path, run_info: &[u8]) -> Result<Option<TypeSet>, Error> {
     let Ok(info) = RunInfo::decode(run_info) else { return Ok(None) };
     let texts = info.lcm_types.iter().map(|file| (file.name.as_str(), file.text.as_str()));
     TypeSet::parse(texts).map(Some).map_err(|source| Error::Types { path: path.to_owned(), source })

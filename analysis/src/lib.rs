@@ -8,8 +8,10 @@
 //!
 //! - [`run`]: a log as a list of ticks, every message of a tick side by side; what is missing is `None`.
 //! - [`metrics`]: figures of merit, the content of `metrics.json`.
-//! - [`figures`]: SVG and PNG, the same bytes for the same log.
-//! - [`tables`]: the tracking table beside the published one, as text and CSV.
+//! - [`figures`]: SVG, PDF and PNG, the same bytes for the same logs; [`plots`]: which of them, and how they look.
+//! - [`tables`]: the tracking table beside the published one, timing statistics: text, CSV, LaTeX, JSON.
+//! - [`happenings`]: what happened and when: gait changes, falls, faults, losses, missed deadlines.
+//! - [`check`]: limits that the metrics must keep.
 //! - [`report`](report()): all of it in a directory, with one HTML page.
 //! - [`frames`]: any channel of any log as a polars data frame, and Parquet.
 //!
@@ -19,12 +21,19 @@
 // Names of quantities carry frames, such as p_WF: see ARCHITECTURE.md.
 #![allow(non_snake_case)]
 
+pub mod animation;
+pub mod check;
+pub mod fields;
 pub mod figures;
 pub mod frames;
+pub mod happenings;
 pub mod math;
 pub mod metrics;
+pub mod plots;
 pub mod run;
+pub mod skeleton;
 pub mod stats;
+pub mod table;
 pub mod tables;
 
 mod error;
@@ -34,6 +43,7 @@ mod report;
 pub use error::Error;
 pub use frames::Frames;
 pub use metrics::Metrics;
+pub use plots::Plots;
 pub use report::{Report, ReportOptions, report, report_with};
 pub use run::Run;
 

@@ -3,6 +3,44 @@
 /// A vector of three, in the frame that the name of its variable says.
 pub type Vec3 = [f64; 3];
 
+/// A rotation, row by row.
+pub type Mat3 = [Vec3; 3];
+
+/// Sum of two vectors.
+pub fn add(a: Vec3, b: Vec3) -> Vec3 {
+    std::array::from_fn(|k| a[k] + b[k])
+}
+
+/// `R x`.
+pub fn rotate(r: &Mat3, x: Vec3) -> Vec3 {
+    std::array::from_fn(|k| r[k][0] * x[0] + r[k][1] * x[1] + r[k][2] * x[2])
+}
+
+/// `A B`.
+pub fn mul(a: &Mat3, b: &Mat3) -> Mat3 {
+    std::array::from_fn(|i| std::array::from_fn(|j| (0..3).map(|k| a[i][k] * b[k][j]).sum()))
+}
+
+/// `Rz(yaw) Ry(pitch) Rx(roll)`.
+pub fn rotation_of_rpy([roll, pitch, yaw]: Vec3) -> Mat3 {
+    let about = |axis, angle| rotation_about(axis, angle);
+    let (x, y, z) = (about([1.0, 0.0, 0.0], roll), about([0.0, 1.0, 0.0], pitch), about([0.0, 0.0, 1.0], yaw));
+    mul(&mul(&z, &y), &x)
+}
+
+/// Rotation about an axis, which need not have length one (one of length zero gives the identity): Rodrigues' formula.
+pub fn rotation_about(axis: Vec3, angle: f64) -> Mat3 {
+    let length = axis.iter().map(|x| x * x).sum::<f64>().sqrt();
+    let [x, y, z] = axis.map(|a| if length > 0.0 { a / length } else { 0.0 });
+    let (s, c) = if length > 0.0 { angle.sin_cos() } else { (0.0, 1.0) };
+    let v = 1.0 - c;
+    [
+        [c + x * x * v, x * y * v - z * s, x * z * v + y * s],
+        [x * y * v + z * s, c + y * y * v, y * z * v - x * s],
+        [x * z * v - y * s, y * z * v + x * s, c + z * z * v],
+    ]
+}
+
 /// Roll, pitch, yaw of a rotation given by its unit quaternion `w x y z`: `R = Rz(yaw) Ry(pitch) Rx(roll)`, rad.
 pub fn rpy_of_quaternion([w, x, y, z]: [f64; 4]) -> Vec3 {
     let roll = (2.0 * (w * x + y * z)).atan2(1.0 - 2.0 * (x * x + y * y));

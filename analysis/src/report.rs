@@ -1,11 +1,17 @@
-//! The report of a log: a directory of figures, tables, numbers and one page that shows them.
+//! The report of a log, or of several side by side: a directory of figures, tables, numbers and one page that shows them.
 
 use std::path::{Path, PathBuf};
 
-use crate::figures::{self, FigureOptions, Lacking};
+use serde_json::json;
+
+use crate::figures::{self, Figure, Lacking, Named};
+use crate::happenings::{Happening, happenings};
+use crate::html::{Content, Part};
 use crate::metrics::Metrics;
+use crate::plots::Plots;
 use crate::run::Run;
-use crate::{Error, Progress, Stage, html, tables};
+use crate::table::Table;
+use crate::{Error, Progress, Stage, animation, html, tables};
 
 /// What was written, and what it says.
 #[derive(Clone, Debug)]
@@ -16,21 +22,27 @@ pub struct Report {
     pub metrics_json: PathBuf,
     /// Every file written, the two above included.
     pub files: Vec<PathBuf>,
-    /// The numbers.
+    /// The numbers of the first log.
     pub metrics: Metrics,
-    /// Figures that this log could not give.
+    /// Names and numbers of all logs.
+    pub runs: Vec<(String, Metrics)>,
+    /// What happened in each log.
+    pub happenings: Vec<Vec<Happening>>,
+    /// Figures that these logs could not give.
     pub lacking: Vec<Lacking>,
 }
 
 /// Choices of a report.
-#[derive(Clone, Copy, Debug, Default)]
+#[derive(Clone, Debug, Default)]
 pub struct ReportOptions {
-    /// What figures show.
-    pub figures: FigureOptions,
+    /// Figures.
+    pub plots: Plots,
+    /// What figures and tables call the logs; their file names where none is given.
+    pub names: Vec<String>,
 }
 
-/// Writes the report of a log into a directory, which is made if need be: `report.html` (self-contained), `metrics.json`, `tables.txt`,
-/// `tracking.csv`, and each figure as SVG and PNG.
+/// Writes the report of a log into a directory, which is made if need be: `report.html` (self-contained), `metrics.json`, `happenings.json`, tables as
+/// text, CSV, LaTeX and JSON, each figure as SVG, PDF and PNG, and `walk.svg`, which moves.
 ///
 /// A log that lacks channels, is cut or damaged is reported as far as it goes, and the report says so. The same log gives the same bytes.
 ///
@@ -38,45 +50,168 @@ pub struct ReportOptions {
 /// [`Error::Log`] if it cannot be read, [`Error::NothingToReport`] if it holds no tick, [`Error::Write`] or [`Error::Figure`] if the
 /// directory cannot be written.
 pub fn report(log: &Path, out_dir: &Path, progress: &mut dyn FnMut(Progress)) -> Result<Report, Error> {
-    report_with(log, out_dir, ReportOptions::default(), progress)
+    report_with(&[log.to_owned()], out_dir, &ReportOptions::default(), progress)
 }
 
-/// As [`report`], with choices.
+/// As [`report`], with choices, of one log or several: figures lay several over each other, tables set them side by side, and `metrics.json` is a
+/// list `runs` then.
+///
+/// # Errors
+/// As [`report`], of the first log that has one; [`Error::NoLog`] without a log.
 pub fn report_with(
-    log: &Path,
+    logs: &[PathBuf],
     out_dir: &Path,
-    options: ReportOptions,
+    options: &ReportOptions,
     progress: &mut dyn FnMut(Progress),
 ) -> Result<Report, Error> {
-    let run = Run::read(log, progress)?;
-    let metrics = Metrics::of(&run);
-    std::fs::create_dir_all(out_dir).map_err(|source| Error::Write { path: out_dir.to_owned(), source })?;
+    let mut runs: Vec<Run> = Vec::new();
+    for log in logs {
+        runs.push(Run::read_with(log, &options.plots.fields(), progress)?);
+    }
+    let names = names_of(&runs, &options.names);
+    let numbers: Vec<(String, Metrics)> = names.iter().cloned().zip(runs.iter().map(Metrics::of)).collect();
+    let Some(metrics) = numbers.first().map(|(_, metrics)| metrics.clone()) else { return Err(Error::NoLog) };
+    let happened: Vec<Vec<Happening>> = runs.iter().map(happenings).collect();
+    let mut out = Output::new(out_dir)?;
+    let (drawn, lacking) = draw(&runs, &names, options, &mut out, progress)?;
 
-    let (mut drawn, mut lacking, mut files) = (Vec::new(), Vec::new(), Vec::new());
-    let drawings = figures::all(&run, options.figures);
-    let total = drawings.len() as u64;
-    for (done, drawing) in (0..).zip(drawings) {
+    let metrics_json = match &runs[..] {
+        [_] => out.write("metrics.json", metrics.to_json())?,
+        _ => {
+            let each: Vec<_> =
+                numbers.iter().map(|(name, metrics)| json!({ "name": name, "metrics": metrics })).collect();
+            out.write_json("metrics.json", &json!({ "schema": 1, "runs": each }))?
+        }
+    };
+    let each: Vec<_> = names
+        .iter()
+        .zip(&happened)
+        .map(|(name, happenings)| json!({ "name": name, "happenings": happenings }))
+        .collect();
+    out.write_json("happenings.json", &json!({ "runs": each }))?;
+    let mut text = String::new();
+    for (run, (name, metrics)) in runs.iter().zip(&numbers) {
+        let of = |table: &str| if runs.len() == 1 { table.to_owned() } else { format!("{table}_{name}") };
+        out.write_table(&of("tracking"), &tables::tracking(metrics), run)?;
+        out.write_table(&of("timing"), &tables::timing(metrics), run)?;
+        if runs.len() > 1 {
+            text.push_str(&format!("{name}\n\n"));
+        }
+        text.push_str(&tables::text(metrics));
+        text.push('\n');
+    }
+    if runs.len() > 1 {
+        let table = tables::comparison(&borrowed(&numbers));
+        text.push_str(&format!("{}\n{}", table.caption, table.text()));
+        out.write_table("comparison", &table, &runs[0])?;
+    }
+    out.write("tables.txt", text)?;
+    let walk = animation::side_view(&runs[0]);
+    if let Some(walk) = &walk {
+        out.write("walk.svg", walk.clone())?;
+    }
+    let parts: Vec<Part> = runs
+        .iter()
+        .zip(&numbers)
+        .zip(&happened)
+        .map(|((run, (name, metrics)), happenings)| Part {
+            name: name.clone(),
+            path: run.path.display().to_string(),
+            metrics,
+            channels: &run.channels,
+            happenings,
+        })
+        .collect();
+    let content = Content {
+        figures: &drawn,
+        formats: &options.plots.formats,
+        lacking: &lacking,
+        walk: walk.as_deref(),
+        files: &out.tables,
+    };
+    let page = html::page(&parts, &content);
+    let html = out.write("report.html", page)?;
+    Ok(Report { html, metrics_json, files: out.files, metrics, runs: numbers, happenings: happened, lacking })
+}
+
+/// The same numbers, borrowed.
+fn borrowed(numbers: &[(String, Metrics)]) -> Vec<(String, &Metrics)> {
+    numbers.iter().map(|(name, metrics)| (name.clone(), metrics)).collect()
+}
+
+fn draw(
+    runs: &[Run],
+    names: &[String],
+    options: &ReportOptions,
+    out: &mut Output,
+    progress: &mut dyn FnMut(Progress),
+) -> Result<(Vec<Figure>, Vec<Lacking>), Error> {
+    let named: Vec<(Named, &Run)> = names.iter().map(|name| Named(name.clone())).zip(runs).collect();
+    let (mut drawn, mut lacking) = (Vec::new(), Vec::new());
+    let total = options.plots.figures.len() as u64;
+    for (done, ask) in (0..).zip(&options.plots.figures) {
         progress(Progress { stage: Stage::Draw, done, total });
-        match drawing {
+        match figures::draw(ask, &named) {
             Ok(figure) => {
-                figure.write(out_dir)?;
-                files.extend(["svg", "png"].map(|ending| out_dir.join(format!("{}.{ending}", figure.name))));
+                out.files.extend(figure.write(&out.dir, &options.plots.formats, options.plots.png_dpi)?);
                 drawn.push(figure);
             }
             Err(lack) => lacking.push(lack),
         }
     }
     progress(Progress { stage: Stage::Draw, done: total, total });
+    Ok((drawn, lacking))
+}
 
-    let mut write = |name: &str, text: String| {
-        let path = out_dir.join(name);
+/// Names given, else file names without ending; of equal ones each gets its number.
+fn names_of(runs: &[Run], given: &[String]) -> Vec<String> {
+    let own = |run: &Run| run.path.file_stem().map_or_else(|| run.name(), |stem| stem.to_string_lossy().into_owned());
+    let wanted: Vec<String> =
+        runs.iter().enumerate().map(|(k, run)| given.get(k).cloned().unwrap_or_else(|| own(run))).collect();
+    let twice = |name: &String| wanted.iter().filter(|other| *other == name).count() > 1;
+    wanted
+        .iter()
+        .enumerate()
+        .map(|(k, name)| if twice(name) { format!("{name} {}", k + 1) } else { name.clone() })
+        .collect()
+}
+
+/// The directory of a report, and what has been written to it.
+struct Output {
+    dir: PathBuf,
+    files: Vec<PathBuf>,
+    /// Names of files that the page links to, figures apart.
+    tables: Vec<String>,
+}
+
+impl Output {
+    fn new(dir: &Path) -> Result<Self, Error> {
+        std::fs::create_dir_all(dir).map_err(|source| Error::Write { path: dir.to_owned(), source })?;
+        Ok(Self { dir: dir.to_owned(), files: Vec::new(), tables: Vec::new() })
+    }
+
+    fn write(&mut self, name: &str, text: String) -> Result<PathBuf, Error> {
+        let path = self.dir.join(name);
         std::fs::write(&path, text).map_err(|source| Error::Write { path: path.clone(), source })?;
-        files.push(path.clone());
+        self.files.push(path.clone());
+        self.tables.push(name.to_owned());
         Ok(path)
-    };
-    let metrics_json = write("metrics.json", metrics.to_json())?;
-    write("tables.txt", tables::text(&metrics))?;
-    write("tracking.csv", tables::tracking_csv(&metrics))?;
-    let html = write("report.html", html::page(&run, &metrics, &drawn, &lacking)?)?;
-    Ok(Report { html, metrics_json, files, metrics, lacking })
+    }
+
+    fn write_json(&mut self, name: &str, value: &serde_json::Value) -> Result<PathBuf, Error> {
+        self.write(name, format!("{value:#}\n"))
+    }
+
+    /// A table in every form but text; nothing for a table without rows.
+    fn write_table(&mut self, name: &str, table: &Table, run: &Run) -> Result<(), Error> {
+        if table.rows.is_empty() {
+            return Ok(());
+        }
+        let plain = |c: char| if c.is_alphanumeric() || matches!(c, '-' | '.') { c } else { '_' };
+        let name: String = name.chars().map(plain).collect();
+        let origin = format!("log {}, SHA-256 {}", run.name(), run.sha256);
+        self.write(&format!("{name}.csv"), table.csv())?;
+        self.write(&format!("{name}.tex"), table.latex(&origin))?;
+        self.write(&format!("{name}.json"), table.json()).map(drop)
+    }
 }

@@ -27,13 +27,12 @@ impl ErrorStats {
             return None;
         }
         let n = samples.len() as f64;
-        let mean = samples.iter().sum::<f64>() / n;
-        let variance = samples.iter().map(|e| (e - mean).powi(2)).sum::<f64>() / n;
+        let (mean, std) = mean_and_std(&samples)?;
         Some(Self {
             count: samples.len() as u64,
             mean,
-            std: variance.sqrt(),
-            rms: (mean * mean + variance).sqrt(),
+            std,
+            rms: (mean * mean + std * std).sqrt(),
             mean_abs: samples.iter().map(|e| e.abs()).sum::<f64>() / n,
             max_abs: samples.iter().fold(0.0, |max, e| e.abs().max(max)),
         })
@@ -78,6 +77,14 @@ impl Distribution {
             max: sorted[sorted.len() - 1],
         })
     }
+}
+
+/// Mean and standard deviation about it, over the number of samples; `None` without a sample.
+pub fn mean_and_std(samples: &[f64]) -> Option<(f64, f64)> {
+    let n = samples.len() as f64;
+    let mean = samples.iter().sum::<f64>() / n;
+    let variance = samples.iter().map(|x| (x - mean).powi(2)).sum::<f64>() / n;
+    (!samples.is_empty()).then(|| (mean, variance.sqrt()))
 }
 
 /// The smallest sample that is not exceeded by a share `p` of all (nearest rank); `sorted` is not empty.

@@ -1,10 +1,11 @@
-//! Tables of a report as text and CSV, with the published figures beside the measured ones.
+//! Tables of a report: tracking errors beside the published ones, statistics of times, several logs side by side.
 
 use std::fmt::Write as _;
 
 use crate::metrics::{Metrics, Reference};
 use crate::run::LEGS;
-use crate::stats::{Distribution, ErrorStats};
+use crate::stats::{Distribution, ErrorStats, mean_and_std};
+use crate::table::{Row, Table, fixed};
 
 /// Mean and standard deviation of an error as a source prints them.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -84,6 +85,28 @@ pub fn tracking_heading(metrics: &Metrics) -> &'static str {
     }
 }
 
+/// The tracking table, with the published figures in its last four columns.
+pub fn tracking(metrics: &Metrics) -> Table {
+    let head = ["", "mean", "std", "rms", "mean|e|", "max|e|", "publ. mean", "std", "rms", "ratio"];
+    let rows = tracking_rows(metrics).into_iter().map(|row| {
+        let (m, p) = (row.measured, row.published);
+        let values = vec![
+            m.map(|e| e.mean),
+            m.map(|e| e.std),
+            m.map(|e| e.rms),
+            m.map(|e| e.mean_abs),
+            m.map(|e| e.max_abs),
+            p.map(|p| p.mean),
+            p.map(|p| p.std),
+            p.map(|p| (p.rms() * 1e6).round() / 1e6),
+            row.rms_ratio(),
+        ];
+        Row::new(row.name, row.unit, 4, values)
+    });
+    let caption = format!("{}; published: Raiola et al. 2020, Table 3", tracking_heading(metrics));
+    Table { caption, head: head.map(str::to_owned).to_vec(), rows: rows.collect() }
+}
+
 /// The tracking table for a terminal, ending in a newline.
 pub fn tracking_text(metrics: &Metrics) -> String {
     let mut text = format!("{}; published: Raiola et al. 2020, Table 3\n", tracking_heading(metrics));
@@ -97,7 +120,7 @@ pub fn tracking_text(metrics: &Metrics) -> String {
         match row.measured {
             Some(e) => {
                 for value in [e.mean, e.std, e.rms, e.mean_abs, e.max_abs] {
-                    let _ = write!(text, "{:>9}", fixed(value));
+                    let _ = write!(text, "{:>9}", fixed(value, 4));
                 }
             }
             None => text.push_str(&format!("{:>9}", "-").repeat(5)),
@@ -113,56 +136,59 @@ pub fn tracking_text(metrics: &Metrics) -> String {
     text
 }
 
-/// Four decimals; what rounds to zero has no sign.
-pub(crate) fn fixed(value: f64) -> String {
-    let text = format!("{value:.4}");
-    if text == "-0.0000" { "0.0000".to_owned() } else { text }
+/// Statistics of times: the tick, its stages, and of a live run wake-up latency and period.
+pub fn timing(metrics: &Metrics) -> Table {
+    let row = |name: String, d: Distribution| {
+        let values = [d.mean, d.std, d.p50, d.p99, d.p999, d.max].map(Some).to_vec();
+        Row::new(name, "µs", 1, values)
+    };
+    let mut rows = Vec::new();
+    if let Some(timing) = &metrics.timing {
+        rows.extend(timing.tick_us.map(|d| row("tick".to_owned(), d)));
+        rows.extend(timing.stages.iter().filter_map(|s| Some(row(s.stage.to_owned(), s.us?))));
+        // A lockstep run does not wake: its latency says nothing.
+        if timing.period_error_us.is_some() {
+            rows.extend(timing.start_latency_us.map(|d| row("wake-up to start".to_owned(), d)));
+            rows.extend(timing.period_error_us.map(|d| row("period - nominal".to_owned(), d)));
+        }
+    }
+    let head = ["", "mean", "std", "p50", "p99", "p99.9", "max"].map(str::to_owned).to_vec();
+    Table { caption: "Times by the wall clock".to_owned(), head, rows }
 }
 
-/// The tracking table as CSV with a header; absent values are empty.
-pub fn tracking_csv(metrics: &Metrics) -> String {
-    let mut text =
-        "quantity,unit,count,mean,std,rms,mean_abs,max_abs,published_mean,published_std,published_rms,rms_ratio\n"
-            .to_owned();
-    let cell = |value: Option<f64>| value.map_or(String::new(), |v| format!("{v}"));
-    for row in tracking_rows(metrics) {
-        let m = row.measured;
-        let p = row.published;
-        let numbers = [
-            m.map(|e| e.mean),
-            m.map(|e| e.std),
-            m.map(|e| e.rms),
-            m.map(|e| e.mean_abs),
-            m.map(|e| e.max_abs),
-            p.map(|p| p.mean),
-            p.map(|p| p.std),
-            p.map(|p| (p.rms() * 1e6).round() / 1e6),
-            row.rms_ratio(),
-        ];
-        let count = m.map_or(String::new(), |e| e.count.to_string());
-        let _ = writeln!(text, "{},{},{count},{}", row.name, row.unit, numbers.map(cell).join(","));
+/// Figures of merit of several logs side by side, with mean and standard deviation over the logs.
+pub fn comparison(runs: &[(String, &Metrics)]) -> Table {
+    let mut rows = Vec::new();
+    let mut add = |name: &str, unit: &str, decimals: usize, value: &dyn Fn(&Metrics) -> Option<f64>| {
+        let each: Vec<Option<f64>> = runs.iter().map(|(_, metrics)| value(metrics)).collect();
+        let known: Vec<f64> = each.iter().flatten().copied().collect();
+        let (mean, std) = mean_and_std(&known).unzip();
+        if !known.is_empty() {
+            rows.push(Row::new(name, unit, decimals, each.into_iter().chain([mean, std]).collect()));
+        }
+    };
+    add("fell at", "s", 3, &|m| m.safety.fell_at_s);
+    add("duration", "s", 2, &|m| Some(m.run.duration_s));
+    add("distance", "m", 3, &|m| m.locomotion.distance_m);
+    add("forward speed", "m/s", 4, &|m| m.locomotion.true_velocity.map(|v| v[0]));
+    let quantities = runs.first().map(|(_, m)| tracking_rows(m)).unwrap_or_default();
+    for (k, TrackingRow { name, unit, .. }) in quantities.iter().enumerate() {
+        add(&format!("{name} error, rms"), unit, 4, &|m| tracking_rows(m)[k].measured.map(|e| e.rms));
     }
-    text
-}
-
-/// Durations as rows of `(name, distribution in µs)`: the tick, then its stages.
-pub fn timing_rows(metrics: &Metrics) -> Vec<(&'static str, Distribution)> {
-    let Some(timing) = &metrics.timing else { return Vec::new() };
-    let stages = timing.stages.iter().filter_map(|stage| Some((stage.stage, stage.us?)));
-    timing.tick_us.map(|tick| ("tick", tick)).into_iter().chain(stages).collect()
-}
-
-/// The timing table for a terminal, ending in a newline; empty without TIMING.
-pub fn timing_text(metrics: &Metrics) -> String {
-    let rows = timing_rows(metrics);
-    if rows.is_empty() {
-        return String::new();
-    }
-    let mut text = format!("{:<14}{:>9}{:>9}{:>9}{:>9}{:>9}\n", "Time [us]", "mean", "p50", "p99", "p99.9", "max");
-    for (name, d) in rows {
-        let _ = writeln!(text, "{name:<14}{:>9.1}{:>9.1}{:>9.1}{:>9.1}{:>9.1}", d.mean, d.p50, d.p99, d.p999, d.max);
-    }
-    text
+    let touchdowns = |m: &Metrics| m.contact.as_ref().map(|c| c.touchdowns.clone());
+    add("touchdowns judged late by, median", "ms", 1, &|m| touchdowns(m)?.delay_ms.map(|d| d.p50));
+    add("false touchdowns", "", 0, &|m| touchdowns(m).map(|t| t.false_count as f64));
+    add("missed touchdowns", "", 0, &|m| touchdowns(m).map(|t| t.missed_count as f64));
+    add("slip, all feet", "m", 3, &|m| m.slip.as_ref().map(|feet| feet.iter().map(|f| f.travel_m).sum()));
+    add("positive power", "W", 1, &|m| m.energy.as_ref().map(|e| e.mean_positive_power_w));
+    add("cost of transport", "", 3, &|m| m.energy.as_ref().and_then(|e| e.cost_of_transport));
+    let tick = |m: &Metrics| m.timing.as_ref().and_then(|t| t.tick_us);
+    add("tick, median", "µs", 1, &|m| tick(m).map(|d| d.p50));
+    add("tick, p99", "µs", 1, &|m| tick(m).map(|d| d.p99));
+    add("tick, largest", "µs", 1, &|m| tick(m).map(|d| d.max));
+    add("missed deadlines", "", 0, &|m| m.timing.as_ref().map(|t| t.missed_deadlines as f64));
+    let head = std::iter::once("").chain(runs.iter().map(|(name, _)| name.as_str())).chain(["mean", "std"]);
+    Table { caption: "Several logs side by side".to_owned(), head: head.map(str::to_owned).collect(), rows }
 }
 
 /// A few lines on how the run went: robot, length, way, falls, speed, contact, QP. Pairs of what and how much.
@@ -208,7 +234,19 @@ pub fn summary_rows(metrics: &Metrics) -> Vec<(&'static str, String)> {
         let delay = downs.delay_ms.map_or(String::new(), |d| {
             format!(", judged {:.1} ms after contact (median; 99 %: {:.1} ms)", d.p50, d.p99)
         });
-        rows.push(("touchdowns", format!("{}, {} false{delay}", downs.count, downs.false_count)));
+        let missed = downs.missed_count;
+        rows.push(("touchdowns", format!("{}, {} false, {missed} missed{delay}", downs.count, downs.false_count)));
+    }
+    if let Some(energy) = &metrics.energy {
+        let transport = energy
+            .cost_of_transport
+            .map_or(String::new(), |c| format!(", {c:.3} per weight and way (cost of transport)"));
+        let (watts, joules) = (energy.mean_positive_power_w, energy.positive_work_j);
+        rows.push(("positive work", format!("{joules:.0} J, {watts:.1} W in the mean{transport}")));
+    }
+    if let Some(feet) = &metrics.slip {
+        let each: Vec<String> = feet.iter().map(|foot| format!("{} {:.3}", foot.leg, foot.travel_m)).collect();
+        rows.push(("slip", format!("{} m along the ground", each.join(", "))));
     }
     if let Some(qp) = &metrics.qp {
         let bad = qp.status.failed + qp.status.infeasible;
@@ -239,13 +277,10 @@ pub fn text(metrics: &Metrics) -> String {
     if !metrics.missing_channels.is_empty() {
         let _ = writeln!(text, "{:<16}{}", "not in the log", metrics.missing_channels.join(", "));
     }
-    format!("{text}\n{}\n{}", tracking_text(metrics), timing_text(metrics))
-}
-
-#[cfg(test)]
-mod tests {
-    #[test]
-    fn zero_has_no_sign() {
-        assert_eq!([-0.00004, -0.00006, 0.1].map(super::fixed), ["0.0000", "-0.0001", "0.1000"]);
+    let _ = write!(text, "\n{}", tracking_text(metrics));
+    let times = timing(metrics);
+    if !times.rows.is_empty() {
+        let _ = write!(text, "\n{}\n{}", times.caption, times.text());
     }
+    text
 }

@@ -52,7 +52,7 @@ fn parquet_reads_back_equal() {
     write(&log, &Plan { ticks: 100, ..Plan::default() });
     let mut frames = Frames::read(&log, |_| true, &mut |_| ()).unwrap();
     let files = frames.write_parquet(&dir.join("frames")).unwrap();
-    assert_eq!(files.len(), 8);
+    assert_eq!(files.len(), 10);
     let file = std::fs::File::open(dir.join("frames/GROUND_TRUTH.parquet")).unwrap();
     assert!(ParquetReader::new(file).finish().unwrap().equals_missing(frames.get("GROUND_TRUTH").unwrap()));
 }

@@ -8,7 +8,8 @@ use analysis::metrics::{Metrics, Reference};
 use analysis::stats::ErrorStats;
 use analysis::{Error, Run};
 use common::{
-    FOOT_ERROR, FORCE_ERROR, HEIGHT_ERROR, Plan, RPY_ERROR, SPEED, TOUCHDOWN_DELAY, YAW_RATE, scratch, write,
+    EFFORT, FOOT_ERROR, FORCE_ERROR, HEIGHT_ERROR, JOINT_ERROR, JOINT_TORQUE, JOINT_VELOCITY, MASS, Plan, RPY_ERROR,
+    SPEED, TOUCHDOWN_DELAY, YAW_RATE, scratch, write,
 };
 
 fn run_of(name: &str, plan: &Plan) -> Run {
@@ -183,4 +184,32 @@ fn metrics_json_keeps_its_keys() {
     ] {
         assert!(json.pointer(path).is_some_and(|v| !v.is_null()), "{path} is missing from {json:#}");
     }
+}
+
+#[test]
+fn joints_are_tracked_and_their_power_is_weighed() {
+    let metrics = Metrics::of(&run_of("energy", &Plan { joints: 14, ..Plan::default() }));
+    let energy = metrics.energy.unwrap();
+    assert_eq!(energy.joints.len(), 14);
+    for joint in &energy.joints {
+        // Joints are kept as f32: 24 bits of at most a quarter of a radian.
+        let e = joint.position.unwrap();
+        assert!((e.mean - JOINT_ERROR).abs() < 1e-7 && e.std < 1e-7, "{}: {e:?}", joint.joint);
+        assert_eq!(joint.torque.unwrap().max_abs, -JOINT_TORQUE);
+    }
+    // Torque against velocity: the joints take up 14 × 10 W and do no positive work.
+    assert_eq!((energy.mean_power_w, energy.mean_positive_power_w), (14.0 * JOINT_TORQUE * JOINT_VELOCITY, 0.0));
+    assert_eq!((energy.max_torque_use, energy.cost_of_transport), (Some(-JOINT_TORQUE / EFFORT), Some(0.0)));
+    assert_eq!(analysis::skeleton::Skeleton::parse("<joint name='a' type='fixed'/>").unwrap().mass_kg, 0.0);
+    assert_eq!(run_of("mass", &Plan { ticks: 10, ..Plan::default() }).skeleton.unwrap().mass_kg, MASS);
+}
+
+#[test]
+fn a_live_run_has_jitter_and_deadlines() {
+    let timing = Metrics::of(&run_of("live", &Plan { live: true, ..Plan::default() })).timing.unwrap();
+    // Wake-ups are 10 µs early and late in turn, so periods are 20 µs long and short.
+    let jitter = timing.period_error_us.unwrap();
+    assert!((jitter.std - 20.0).abs() < 0.01 && jitter.max == 20.0 && jitter.min == -20.0, "{jitter:?}");
+    // One tick takes 1.5 ms.
+    assert_eq!((timing.with_deadline, timing.missed_deadlines), (4000, 1));
 }

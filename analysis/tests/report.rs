@@ -4,7 +4,8 @@ mod common;
 
 use std::path::Path;
 
-use analysis::{Error, report};
+use analysis::figures::Several;
+use analysis::{Error, Plots, ReportOptions, report, report_with};
 use common::{Plan, scratch, write};
 
 fn written(dir: &Path, name: &str) -> Vec<u8> {
@@ -19,7 +20,8 @@ fn one_log_gives_one_report_byte_for_byte() {
     let first = report(&log, &dir.join("a"), &mut |_| ()).unwrap();
     let second = report(&log, &dir.join("b"), &mut |_| ()).unwrap();
     assert!(first.lacking.is_empty());
-    assert_eq!(first.files.len(), 6 * 2 + 4);
+    // Figures in three forms; metrics, happenings, two tables in three forms, text, walk, page.
+    assert_eq!(first.files.len(), 15 * 3 + 2 + 2 * 3 + 3);
     for (a, b) in first.files.iter().zip(&second.files) {
         assert!(std::fs::read(a).unwrap() == std::fs::read(b).unwrap(), "{} differs from {}", a.display(), b.display());
     }
@@ -37,11 +39,13 @@ fn the_page_needs_no_other_file_and_escapes_what_it_quotes() {
     let page = std::fs::read_to_string(report(&log, &dir, &mut |_| ()).unwrap().html).unwrap();
     assert!(page.contains("synthetic &lt;trot&gt; &amp; more") && page.contains("walk &lt;forward&gt;"));
     assert!(!page.contains("<trot>"));
-    for outside in ["<img", "<script", "<link", "src=", "@import"] {
+    for outside in ["<img", "<link", "src=", "@import", "fetch(", "import "] {
         assert!(!page.contains(outside), "{outside}");
     }
+    let namespace = "http://www.w3.org/2000/svg";
+    assert_eq!(page.matches("http").count(), page.matches(namespace).count());
     assert_eq!(page.matches("url(").count(), page.matches("url(data:").count());
-    assert_eq!(page.matches("<figure>").count(), 6);
+    assert_eq!(page.matches("<figure>").count(), 15 + 1, "every figure and the walk");
 }
 
 #[test]
@@ -50,8 +54,8 @@ fn what_a_log_lacks_is_said_and_the_rest_is_drawn() {
     let log = dir.join("run.lcmlog");
     write(&log, &Plan { without: &["GROUND_TRUTH", "TIMING"], gap: 1500..1600, ..Plan::default() });
     let report = report(&log, &dir, &mut |_| ()).unwrap();
-    let names: Vec<&str> = report.lacking.iter().map(|lack| lack.name).collect();
-    assert_eq!(names, ["path", "timing"]);
+    let names: Vec<&str> = report.lacking.iter().map(|lack| lack.name.as_str()).collect();
+    assert_eq!(names, ["path", "contact_estimation", "foot_slip", "timing", "timing_distribution"]);
     let page = std::fs::read_to_string(&report.html).unwrap();
     assert!(page.contains("Not in the log: TIMING, GROUND_TRUTH") && page.contains("Path from above"));
     assert!(dir.join("base_tracking.png").exists() && !dir.join("path.svg").exists());
@@ -77,5 +81,150 @@ fn an_empty_file_is_a_clear_error() {
     match report(&log, &dir, &mut |_| ()) {
         Err(error @ Error::Log { .. }) => assert!(error.to_string().contains("run.lcmlog")),
         other => panic!("expected Error::Log, found {other:?}"),
+    }
+}
+
+#[test]
+fn files_say_which_log_and_revision_they_are_of() {
+    let dir = scratch("metadata");
+    let log = dir.join("run.mcap");
+    write(&log, &Plan { ticks: 1500, ..Plan::default() });
+    let hash = report(&log, &dir, &mut |_| ()).unwrap().metrics.run.log_sha256;
+    assert_eq!(hash.len(), 64);
+    let svg = String::from_utf8(written(&dir, "gait.svg")).unwrap();
+    assert!(
+        svg.contains(&format!("LogSHA256: {hash}"))
+            && svg.contains("Revision: 0123abc")
+            && svg.contains("Log: run.mcap")
+    );
+    let holds = |bytes: &[u8], text: &[u8]| bytes.windows(text.len()).any(|window| window == text);
+    let png = written(&dir, "gait.png");
+    assert!(holds(&png, format!("tEXtLogSHA256\0{hash}").as_bytes()) && holds(&png, b"tEXtRevision\x000123abc"));
+    let utf16: String = hash.encode_utf16().map(|unit| format!("{unit:04x}")).collect();
+    assert!(holds(&written(&dir, "gait.pdf"), format!("/LogSHA256 <feff{utf16}>").as_bytes()));
+    let latex = String::from_utf8(written(&dir, "tracking.tex")).unwrap();
+    assert!(latex.contains(&hash) && latex.contains("\\midrule\nroll [rad] & $0.0040$ & $0.0000$"), "{latex}");
+}
+
+#[test]
+fn several_logs_are_laid_over_each_other() {
+    let dir = scratch("several");
+    let logs = ["before", "after"].map(|name| dir.join(format!("{name}.lcmlog")));
+    write(&logs[0], &Plan { ticks: 2500, ..Plan::default() });
+    write(&logs[1], &Plan { ticks: 2000, seed: 8, live: true, ..Plan::default() });
+    for several in [Several::Lines, Several::Band] {
+        let options = ReportOptions { plots: Plots::default().with_several(several), ..ReportOptions::default() };
+        let report = report_with(&logs, &dir.join(format!("{several:?}")), &options, &mut |_| ()).unwrap();
+        assert_eq!(report.lacking, []);
+        let json: serde_json::Value = serde_json::from_slice(&std::fs::read(&report.metrics_json).unwrap()).unwrap();
+        assert_eq!(
+            (json["runs"][1]["name"].as_str(), json["runs"][1]["metrics"]["run"]["seed"].as_i64()),
+            (Some("after"), Some(8))
+        );
+        let svg = String::from_utf8(written(&report.html.with_file_name(""), "base_tracking.svg")).unwrap();
+        let words = match several {
+            Several::Lines => ["before", "after", "reference of before"],
+            Several::Band => ["mean of 2 logs", "± standard deviation", "smallest to largest"],
+        };
+        for text in words {
+            assert!(svg.contains(&format!(">{text}</text>")), "{text}");
+        }
+        let csv = String::from_utf8(written(&report.html.with_file_name(""), "comparison.csv")).unwrap();
+        assert!(csv.starts_with("quantity,unit,before,after,mean,std\n"), "{csv}");
+    }
+}
+
+#[test]
+fn plots_choose_figures_fields_and_widths() {
+    let dir = scratch("plots");
+    let log = dir.join("run.mcap");
+    write(&log, &Plan { ticks: 1500, ..Plan::default() });
+    let text = "formats = [\"svg\"]\nwidth_mm = 88\n\
+                [[figure]]\nname = \"mine\"\nfields = [\"CONTROLLER_INPUT.state.q[3]\", \"GROUND_TRUTH.contact[0]\"]\n\
+                [[figure]]\nname = \"none\"\nfields = [\"BASE_TRACKING.nothing\"]\n\
+                [[figure]]\nkind = \"joint_tracking\"\njoints = [\"j1\", \"j7\"]\nfrom_s = 0.5\nto_s = 0.75\n";
+    let options = ReportOptions { plots: Plots::parse(text, "plots.toml").unwrap(), ..ReportOptions::default() };
+    let report = report_with(&[log], &dir, &options, &mut |_| ()).unwrap();
+    let [lack] = &report.lacking[..] else { panic!("{:?}", report.lacking) };
+    assert_eq!((lack.name.as_str(), lack.needs.as_str()), ("none", "field BASE_TRACKING.nothing"));
+    let svg = String::from_utf8(written(&dir, "mine.svg")).unwrap();
+    // 88 mm are 332.6 units of 1/96 inch.
+    assert!(svg.contains("width=\"332.6\"") && svg.contains(">CONTROLLER_INPUT.state.q[3]</text>"));
+    let joints = String::from_utf8(written(&dir, "joint_tracking.svg")).unwrap();
+    assert!(joints.contains(">j7</text>") && !joints.contains(">j2</text>"));
+    assert!(!dir.join("mine.png").exists());
+}
+
+#[test]
+fn other_robots_and_logs_of_few_channels_are_drawn_as_far_as_they_go() {
+    for (name, joints, without) in [
+        ("arm", 19, &["LEG_STATE", "CONTACT_ESTIMATE", "GROUND_TRUTH", "WBC_SOLUTION", "BASE_TRACKING"] as &[_]),
+        ("no_joints", 0, &[]),
+        (
+            "inputs",
+            12,
+            &[
+                "LEG_STATE",
+                "CONTACT_ESTIMATE",
+                "GROUND_TRUTH",
+                "WBC_SOLUTION",
+                "BASE_TRACKING",
+                "CONTROLLER_TICK",
+                "ROBOT_COMMAND",
+                "TIMING",
+                "RUN_INFO",
+            ],
+        ),
+        (
+            "truth",
+            12,
+            &[
+                "LEG_STATE",
+                "CONTACT_ESTIMATE",
+                "WBC_SOLUTION",
+                "BASE_TRACKING",
+                "CONTROLLER_TICK",
+                "CONTROLLER_INPUT",
+                "ROBOT_COMMAND",
+                "TIMING",
+            ],
+        ),
+        (
+            "timing",
+            12,
+            &[
+                "LEG_STATE",
+                "CONTACT_ESTIMATE",
+                "GROUND_TRUTH",
+                "WBC_SOLUTION",
+                "BASE_TRACKING",
+                "CONTROLLER_TICK",
+                "CONTROLLER_INPUT",
+                "ROBOT_COMMAND",
+                "RUN_INFO",
+            ],
+        ),
+    ] {
+        let dir = scratch(&format!("robust_{name}"));
+        let log = dir.join("run.mcap");
+        write(&log, &Plan { ticks: 1800, joints, without, gap: 1200..1300, ..Plan::default() });
+        let report = report(&log, &dir, &mut |_| ()).unwrap();
+        let page = std::fs::read_to_string(&report.html).unwrap();
+        for channel in without {
+            assert!(report.metrics.missing_channels.contains(channel), "{name}: {channel}");
+        }
+        for lack in &report.lacking {
+            assert!(page.contains(&format!("No figure “{}”", lack.title)), "{name}: {}", lack.title);
+        }
+        assert_eq!(
+            page.matches("<svg ").count(),
+            15 - report.lacking.len() + usize::from(dir.join("walk.svg").exists()),
+            "{name}"
+        );
+        assert!(!page.contains("NaN") && !page.contains(">inf"), "{name}");
+        let drawn = |figure: &str| report.lacking.iter().all(|lack| lack.name != figure);
+        assert_eq!(drawn("joint_torque"), joints > 0 && !["truth", "timing"].contains(&name), "{name}");
+        assert_eq!(drawn("timing"), !["inputs", "truth"].contains(&name), "{name}");
+        assert!(page.contains("100 ticks are missing from the log"), "{name}");
     }
 }

@@ -67,7 +67,7 @@ fn standing(robot: &Robot, roll: f64) -> ControllerInput {
 /// Joint torques as the sensors read them with a quarter of the weight on each foot: `tau = h - Jᵀ F`.
 fn carry_weight(robot: &Robot, input: &mut ControllerInput) {
     let mut estimate = Estimate::new(robot);
-    estimate.update(robot, &input.state, [0.0; 2]);
+    estimate.update(robot, &input.state);
     let f_F_W = Vector3::z() * (0.25 * robot.mass() * GRAVITY);
     for leg in Leg::ALL {
         for joint in robot.legs[leg].joints {

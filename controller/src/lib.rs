@@ -8,6 +8,7 @@
 #![allow(non_snake_case, reason = "names carry frames, as in p_WF = p_WB + R_WB * p_BF: see ARCHITECTURE.md")]
 
 pub mod digest;
+pub mod dump;
 pub mod math;
 pub mod model;
 pub mod outbox;
@@ -18,6 +19,7 @@ pub mod stack;
 
 use lcmtypes::{ControllerInput, RunInfo};
 
+pub use dump::Dump;
 pub use lcmtypes::channels::Stage;
 pub use outbox::Outbox;
 
@@ -62,6 +64,11 @@ pub trait Controller: Send {
 
     /// Fills scratch memory with NaN and builds solvers afresh. Must not change a bit of what follows; tests call it.
     fn poison_workspace(&mut self);
+
+    /// Every quantity that the last tick computed, by name. Not for use in a tick. A controller that shows nothing leaves this out.
+    fn dump(&self) -> Dump {
+        Dump::default()
+    }
 }
 
 /// Why a snapshot cannot be taken over.

@@ -185,6 +185,9 @@ pub struct GaitTiming {
     /// Least vertical force of the foot opposite to one that swings or unloads, as a part of the weight.
     #[serde(default)]
     pub residual_load: f64,
+    /// Length of the ramps with which a leg takes up and gives up load, as a part of the time in which all four legs stand; 0 = none.
+    #[serde(default = "half")]
+    pub ramp: f64,
     /// Factor on the commanded velocity where legs are to carry it out, for a gait that goes slower than commanded.
     #[serde(default = "one")]
     pub velocity_gain: f64,
@@ -192,6 +195,10 @@ pub struct GaitTiming {
 
 fn one() -> f64 {
     1.0
+}
+
+fn half() -> f64 {
+    0.5
 }
 
 impl Default for GaitParams {
@@ -203,6 +210,7 @@ impl Default for GaitParams {
                 lift_off_phase: [0.0, 0.5, 0.5, 0.0],
                 sway: 0.0,
                 residual_load: 0.0,
+                ramp: 0.5,
                 velocity_gain: 1.0,
             },
             crawl: GaitTiming {
@@ -211,6 +219,7 @@ impl Default for GaitParams {
                 lift_off_phase: [0.0, 0.5, 0.75, 0.25],
                 sway: 0.25,
                 residual_load: 0.05,
+                ramp: 0.5,
                 velocity_gain: 1.0,
             },
         }

@@ -267,6 +267,14 @@ fn situations() -> Vec<Situation> {
         situations.push(Situation { overrides, snapshot: bytes, inputs: inputs.clone() });
     }
 
+    // Feet that are about to be missed.
+    let mut missing = QuadrupedState::decode(&snapshot).unwrap();
+    (missing.leg_state, missing.t_unloaded, missing.t_leg) = ([LegState::STATE_STANCE; 4], [0.045; 4], [1.0; 4]);
+    let mut bytes = Vec::new();
+    missing.encode(&mut bytes).unwrap();
+    let overrides = &[("contact.threshold", "1e6"), ("recovery.lost_contact_time", "0.05")];
+    situations.push(Situation { overrides, snapshot: bytes, inputs: inputs.clone() });
+
     let overrides = &[("contact.threshold", "1e4")];
     let (standing, then) = (situations[0].snapshot.clone(), situations[0].inputs.clone());
     situations.push(Situation { overrides, snapshot: standing, inputs: then });

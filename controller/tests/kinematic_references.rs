@@ -32,7 +32,7 @@ fn feet(robot: &Robot, input: &ControllerInput, q: &[f64]) -> PerLeg<Vector3<f64
     let mut at = input.clone();
     at.state.q.copy_from_slice(q);
     let mut estimate = Estimate::new(robot);
-    estimate.update(robot, &at.state, [0.0; 2]);
+    estimate.update(robot, &at.state);
     PerLeg(Leg::ALL.map(|leg| estimate.legs[leg].p_BF_W))
 }
 
@@ -58,13 +58,13 @@ fn foot_references_are_kept_while_the_base_turns() {
     let (mut worst, mut lag) = (0.0_f64, 0.0_f64);
     for _ in 0..500 {
         set_base(&robot, &mut input, &R_WB, &w);
-        estimate.update(&robot, &input.state, [0.0; 2]);
+        estimate.update(&robot, &input.state);
         let q = input.state.q.clone();
         references.update(&robot, &params, &estimate, &q, &Transitions::default(), &mut state, DT);
         R_WB = turn(&w, DT) * R_WB;
         // The references are for the end of the tick, when the base has turned on.
         set_base(&robot, &mut input, &R_WB, &w);
-        estimate.update(&robot, &input.state, [0.0; 2]);
+        estimate.update(&robot, &input.state);
         let reached = feet(&robot, &input, &state.q_des);
         for leg in Leg::ALL {
             let p_des_W = estimate.base.R_WH * references.p_BF_H[leg];
@@ -83,7 +83,7 @@ fn joint_references_end_at_the_foot_references() {
     let mut rng = Rng(4);
     let mut input = standing(&robot);
     set_base(&robot, &mut input, &(Rz(1.0) * Ry(0.1) * Rx(-0.08)), &Vector3::zeros());
-    estimate.update(&robot, &input.state, [0.0; 2]);
+    estimate.update(&robot, &input.state);
     let mut state = State::new(robot.nj());
     state.height = robot.nominal_height;
     state.q_des = robot.q_nominal.iter().map(|q| q + 0.1 * rng.symmetric()).collect();
@@ -125,7 +125,7 @@ fn bias_acceleration_of_the_contact_points_is_what_changes_in_j_v() {
             let R = if t == 0.0 { R_WB } else { turn(&w, t) * R_WB };
             set_base(&robot, &mut at, &R, &w);
             let mut estimate = Estimate::new(&robot);
-            estimate.update(&robot, &at.state, [0.0; 2]);
+            estimate.update(&robot, &at.state);
             estimate
         };
         let (before, now, after) = (estimate_at(-h), estimate_at(0.0), estimate_at(h));

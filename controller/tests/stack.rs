@@ -191,7 +191,7 @@ fn a_program_made_infeasible_is_explained_by_the_names_of_its_constraints() {
         let (mut estimate, mut references) = (Estimate::new(&robot), References::new(&robot));
         let (mut wbc, mut state) = (Wbc::new(&robot, &params).unwrap(), State::new(robot.nj()));
         let input = standing(&robot);
-        estimate.update(&robot, &input.state, [0.0; 2]);
+        estimate.update(&robot, &input.state);
         references.qd_des.fill(0.0);
         state.q_des.clone_from(&robot.q_nominal);
         let trunk = TrunkReference { R_WB: Matrix3::identity(), w_WB_W: Vector3::zeros() };

@@ -7,7 +7,7 @@ use common::{DT, Puppet, command_of, hyq, set_base, standing, wbc_of};
 use controller::math::{Rx, Rz, log, norm, sin};
 use controller::model::GRAVITY;
 use controller::params::Params;
-use controller::quadruped::estimation::Estimate;
+use controller::quadruped::estimation::{BasePlace, Estimate};
 use controller::quadruped::leg::{Leg, PerLeg};
 use controller::quadruped::reference::References;
 use controller::quadruped::state::State;
@@ -49,7 +49,7 @@ fn standing_level_the_feet_carry_the_weight_with_the_smallest_forces_and_static_
 
     // By itself: of all forces that balance h, those of least norm, F = A⁺ h_u with A = J_uᵀ; then tau = h - Jᵀ F.
     let mut estimate = Estimate::new(robot);
-    estimate.update(robot, &last.unwrap().state, [0.0; 2]);
+    estimate.update(robot, &last.unwrap().state);
     let J = stacked(&estimate);
     let A = J.columns(0, 6).transpose();
     let F = A.transpose() * (&A * A.transpose()).try_inverse().unwrap() * estimate.h.rows(0, 6);
@@ -77,7 +77,7 @@ fn every_solution_keeps_the_dynamics_the_friction_pyramid_and_the_bounds() {
         controller.step(&puppet.input, &mut out);
         let (wbc, legs): (_, LegState) = (wbc_of(&out), common::get(&out, channels::LEG_STATE));
         assert_eq!(wbc.status, WbcSolution::STATUS_SOLVED, "tick {tick}");
-        estimate.update(controller.robot(), &puppet.input.state, ground);
+        estimate.update_at(controller.robot(), &puppet.input.state, &BasePlace::default(), ground);
 
         let (J, F) = (stacked(&estimate), stacked_forces(&wbc));
         let vd = DVector::from_row_slice(&wbc.vd);
@@ -139,7 +139,7 @@ impl Stand {
         let controller = hyq();
         let robot = controller.robot();
         set_base(robot, &mut self.input, R_WB, w_WB_W);
-        self.estimate.update(robot, &self.input.state, [0.0; 2]);
+        self.estimate.update(robot, &self.input.state);
         self.wbc.build(robot, &self.params, &self.input.state, &self.estimate, trunk, &self.references, &self.state);
         self.wbc.solve(&self.estimate, &self.state);
         assert!(self.wbc.solved());

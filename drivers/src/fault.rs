@@ -1,10 +1,15 @@
 //! Faults of a scenario: what goes wrong between robot and controller, and nothing else does.
 //!
-//! All of them act on the two messages that a driver exchanges, in one place, so a simulator and a robot fail alike.
+//! All of them act on the two messages that a driver exchanges, in one place, so a simulator and a robot fail alike. A false touch
+//! needs to know besides when legs swing and where feet are.
 
 use crate::DriverError;
-use crate::scenario::Window;
+use crate::floor::LegName;
+use crate::scenario::{Window, to_ns};
+use crate::terrain::{BadKey, check_range};
+use controller::quadruped::leg::Leg;
 use lcmtypes::{RobotCommand, RobotState};
+use serde::Deserialize;
 
 /// What goes wrong.
 #[derive(Clone, Debug, PartialEq)]
@@ -28,6 +33,15 @@ pub enum FaultKind {
         /// The part that remains, 0 to 1.
         factor: f64,
     },
+    /// In each swing of a leg, its torque sensors read for a moment as if the ground pushed it up.
+    FalseTouch {
+        /// Whose foot; none = all.
+        leg: Option<Leg>,
+        /// The force that is read, N.
+        force: f64,
+        /// When in the swing, ns after the leg was told to lift.
+        swing: Window,
+    },
 }
 
 impl std::fmt::Display for FaultKind {
@@ -37,6 +51,9 @@ impl std::fmt::Display for FaultKind {
             FaultKind::DropState => write!(f, "drop_state"),
             FaultKind::StuckEncoder { joint } => write!(f, "stuck_encoder of {joint}"),
             FaultKind::TorqueLoss { joint, factor } => write!(f, "torque_loss of {joint} to {factor}"),
+            FaultKind::FalseTouch { leg, force, .. } => {
+                write!(f, "false_touch of {} with {force} N", leg.map_or("all feet", Leg::name))
+            }
         }
     }
 }
@@ -48,6 +65,75 @@ pub struct FaultWindow {
     pub window: Window,
     /// What.
     pub kind: FaultKind,
+}
+
+#[derive(Clone, Copy, Deserialize)]
+#[serde(rename_all = "snake_case")]
+enum FaultName {
+    NanSensor,
+    DropState,
+    StuckEncoder,
+    TorqueLoss,
+    FalseTouch,
+}
+
+/// A `[[fault]]` entry.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(crate) struct FaultEntry {
+    t_s: f64,
+    duration_s: f64,
+    kind: FaultName,
+    joint: Option<String>,
+    factor: Option<f64>,
+    leg: Option<LegName>,
+    #[serde(rename = "force_N")]
+    force: Option<f64>,
+    after_lift_off_s: Option<f64>,
+    length_s: Option<f64>,
+}
+
+impl FaultEntry {
+    pub(crate) fn resolve(self) -> Result<FaultWindow, BadKey> {
+        check_range("t_s", &[self.t_s], 0.0..=36_000.0)?;
+        check_range("duration_s", &[self.duration_s], 0.0..=36_000.0)?;
+        let FaultEntry { t_s, duration_s, kind, joint, factor, leg, force, after_lift_off_s, length_s } = self;
+        let missing = |key, expected: &str| BadKey { key, found: "missing".to_owned(), expected: expected.to_owned() };
+
+        let false_touch = matches!(kind, FaultName::FalseTouch);
+        let keys = [
+            ("joint", joint.is_some(), !false_touch && !matches!(kind, FaultName::DropState)),
+            ("factor", factor.is_some(), matches!(kind, FaultName::TorqueLoss)),
+            ("leg", leg.is_some(), false_touch),
+            ("force_N", force.is_some(), false_touch),
+            ("after_lift_off_s", after_lift_off_s.is_some(), false_touch),
+            ("length_s", length_s.is_some(), false_touch),
+        ];
+        if let Some((key, ..)) = keys.into_iter().find(|(_, given, belongs)| *given && !belongs) {
+            let expected = "no such key with this kind of fault".to_owned();
+            return Err(BadKey { key, found: "given".to_owned(), expected });
+        }
+        let joint = || joint.ok_or_else(|| missing("joint", "the name of a joint"));
+        let kind = match kind {
+            FaultName::NanSensor => FaultKind::NanSensor { joint: joint()? },
+            FaultName::DropState => FaultKind::DropState,
+            FaultName::StuckEncoder => FaultKind::StuckEncoder { joint: joint()? },
+            FaultName::TorqueLoss => {
+                let factor = factor.ok_or_else(|| missing("factor", "the part of the torque that remains"))?;
+                check_range("factor", &[factor], 0.0..=1.0)?;
+                FaultKind::TorqueLoss { joint: joint()?, factor }
+            }
+            FaultName::FalseTouch => {
+                let force = force.ok_or_else(|| missing("force_N", "the force that is read, N"))?;
+                let (after, length) = (after_lift_off_s.unwrap_or(0.05), length_s.unwrap_or(0.01));
+                check_range("force_N", &[force], 0.0..=10_000.0)?;
+                check_range("after_lift_off_s", &[after], 0.0..=10.0)?;
+                check_range("length_s", &[length], 0.0..=10.0)?;
+                FaultKind::FalseTouch { leg: leg.map(Leg::from), force, swing: Window::new(after, length) }
+            }
+        };
+        Ok(FaultWindow { window: Window::new(t_s, duration_s), kind })
+    }
 }
 
 /// The faults of one run on one robot.
@@ -68,6 +154,7 @@ enum Effect {
     DropState,
     StuckEncoder { joint: usize, held: Option<f64> },
     TorqueLoss { joint: usize, factor: f64 },
+    FalseTouch { leg: Option<Leg>, force: f64, swing: Window },
 }
 
 impl Faults {
@@ -91,6 +178,9 @@ impl Faults {
                 FaultKind::StuckEncoder { joint } => Effect::StuckEncoder { joint: index(number, joint)?, held: None },
                 FaultKind::TorqueLoss { joint, factor } => {
                     Effect::TorqueLoss { joint: index(number, joint)?, factor: *factor }
+                }
+                FaultKind::FalseTouch { leg, force, swing } => {
+                    Effect::FalseTouch { leg: *leg, force: *force, swing: *swing }
                 }
             };
             Ok(ActiveFault { window: fault.window, effect })
@@ -119,10 +209,32 @@ impl Faults {
                 Effect::NanSensor { .. }
                 | Effect::DropState
                 | Effect::StuckEncoder { .. }
-                | Effect::TorqueLoss { .. } => {}
+                | Effect::TorqueLoss { .. }
+                | Effect::FalseTouch { .. } => {}
             }
         }
         arrives
+    }
+
+    /// Whether any fault is a false touch at some time.
+    pub fn touch_falsely(&self) -> bool {
+        self.faults.iter().any(|fault| matches!(fault.effect, Effect::FalseTouch { .. }))
+    }
+
+    /// The vertical force, N, that the torque sensors of each leg are to read besides the true ones; `t_swing`: time since the leg was told to
+    /// lift, s, 0 for a leg that stands. Legs LF RF LH RH.
+    pub fn false_touches(&self, t_ns: i64, t_swing: &[f64; 4]) -> [f64; 4] {
+        let mut force = [0.0; 4];
+        for fault in self.faults.iter().filter(|fault| fault.window.contains(t_ns)) {
+            let Effect::FalseTouch { leg, force: read, swing } = &fault.effect else { continue };
+            for of in Leg::ALL.into_iter().filter(|of| leg.is_none_or(|leg| leg == *of)) {
+                let t_swing = t_swing[of as usize];
+                if t_swing > 0.0 && swing.contains(to_ns(t_swing)) {
+                    force[of as usize] += read;
+                }
+            }
+        }
+        force
     }
 
     /// Spoils a command at `t_ns` in place, on its way to the drives.
@@ -211,6 +323,17 @@ mod tests {
         let mut command = full.clone();
         faults.on_command(25, &mut command);
         assert_eq!(command, full);
+    }
+
+    #[test]
+    fn a_false_touch_comes_in_every_swing_at_its_time() {
+        let swing = Window { start_ns: 2_000_000, end_ns: 4_000_000 };
+        let faults = faults(FaultKind::FalseTouch { leg: Some(Leg::RF), force: 60.0, swing });
+        assert!(faults.touch_falsely());
+        let read = |t_ns, t_swing| faults.false_touches(t_ns, &[t_swing, t_swing, 0.0, t_swing]);
+        assert_eq!([0.0, 0.001, 0.002, 0.003, 0.004].map(|t| read(12, t)[1]), [0.0, 0.0, 60.0, 60.0, 0.0]);
+        assert_eq!(read(12, 0.002), [0.0, 60.0, 0.0, 0.0], "no other leg");
+        assert_eq!([9, 20].map(|t_ns| read(t_ns, 0.002)), [[0.0; 4]; 2], "not outside its window");
     }
 
     #[test]

@@ -1,6 +1,6 @@
 //! What touches a robot, a simulator or a person: the simulator, the scenario that happens in it, and what goes wrong.
 //!
-//! - [`Scenario`]: operator, terrain, pushes and faults of a run, from TOML (`scenarios/`).
+//! - [`Scenario`]: operator, terrain, sensors, drives, pushes and faults of a run, from TOML (`scenarios/`).
 //! - [`Terrain`]: the ground, made from a seed.
 //! - [`Simulator`]: what the other side of a controller can do; [`MujocoSim`] does it.
 //! - [`Faults`]: what spoils messages on their way.
@@ -11,8 +11,10 @@
 #![allow(non_snake_case, reason = "names carry frames, as in p_WF = p_WB + R_WB * p_BF: see ARCHITECTURE.md")]
 #![cfg_attr(test, allow(clippy::unwrap_used, reason = "a test may panic"))]
 
+mod drives;
 mod error;
 pub mod fault;
+mod floor;
 pub mod lockstep;
 mod mjcf;
 mod mujoco;
@@ -23,9 +25,12 @@ mod sensors;
 mod simulator;
 pub mod terrain;
 
+pub use drives::DriveParams;
 pub use error::DriverError;
 pub use fault::Faults;
+pub use floor::FloorMove;
 pub use mujoco::{MujocoSim, SimParams};
+pub use rng::Rng;
 pub use scenario::Scenario;
 pub use sensors::NoiseParams;
 pub use simulator::Simulator;

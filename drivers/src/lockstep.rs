@@ -6,7 +6,8 @@
 use crate::{DriverError, Faults, Scenario, Simulator};
 use controller::{Controller, Outbox, Probe, Stage};
 use lcmtypes::{
-    ControllerInput, ControllerTick, Event, GroundTruth, Message, RobotCommand, RobotState, RunInfo, Timing, channels,
+    ControllerInput, ControllerTick, Event, GroundTruth, LegState, Message, RobotCommand, RobotState, RunInfo, Timing,
+    channels,
 };
 use replay::log::LogWriter;
 use std::time::{Instant, SystemTime, UNIX_EPOCH};
@@ -100,6 +101,8 @@ struct Run {
     outbox: Outbox,
     bytes: Vec<u8>,
     clock: StageClock,
+    /// Time since each leg was told to lift, s, 0 in stance; known if there are false touches.
+    t_swing: [f64; 4],
     mode: i8,
     fault: i32,
     fell_at: Option<i64>,
@@ -123,6 +126,7 @@ impl Run {
             outbox: Outbox::new(),
             bytes: Vec::new(),
             clock: StageClock::default(),
+            t_swing: [0.0; 4],
             mode: ControllerTick::MODE_IDLE,
             fault: ControllerTick::FAULT_NONE,
             fell_at: None,
@@ -149,6 +153,7 @@ impl Run {
             self.input.op = op;
         }
         sim.robot_state(t_ns, tick, &mut self.measured);
+        self.touch_falsely(sim, t_ns);
         if self.faults.on_state(&mut self.measured) {
             self.input.state.clone_from(&self.measured);
             put(&mut self.bytes, log, channels::ROBOT_STATE, t_ns, &self.measured)?;
@@ -169,6 +174,7 @@ impl Run {
         let timing = self.clock.timing(t_ns, tick);
         put(&mut self.bytes, log, channels::TIMING, t_ns, &timing)?;
         self.watch_mode(log, t_ns, tick)?;
+        self.watch_swings()?;
 
         if let Some(bytes) = self.outbox.get(channels::ROBOT_COMMAND) {
             self.command = RobotCommand::decode(bytes)?;
@@ -187,6 +193,15 @@ impl Run {
             self.event(log, t_ns, tick, Event::LEVEL_ERROR, "driver", text)?;
         }
         Ok(())
+    }
+
+    /// Adds to the measured torques what false touches would give.
+    fn touch_falsely(&mut self, sim: &dyn Simulator, t_ns: i64) {
+        let forces = self.faults.false_touches(t_ns, &self.t_swing);
+        for (foot, force) in forces.into_iter().enumerate().filter(|(_, force)| *force != 0.0) {
+            let torque = sim.torque_of_touch(foot, [0.0, 0.0, force]);
+            self.measured.tau.iter_mut().zip(torque).for_each(|(read, false_part)| *read += false_part);
+        }
     }
 
     /// Says in the log when the controller changes its mode, what it refuses of the operator, and why it gave up.
@@ -220,6 +235,14 @@ impl Run {
             self.safe_state = Some(format!("{:.3} s: {text}", seconds(t_ns)));
         }
         self.event(log, t_ns, tick, level, "controller", text)
+    }
+
+    /// Remembers when legs were told to lift, if a fault wants to know.
+    fn watch_swings(&mut self) -> Result<(), DriverError> {
+        if let (true, Some(bytes)) = (self.faults.touch_falsely(), self.outbox.get(channels::LEG_STATE)) {
+            self.t_swing = LegState::decode(bytes)?.t_swing;
+        }
+        Ok(())
     }
 
     fn measure_distance(&mut self) {

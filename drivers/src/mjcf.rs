@@ -9,6 +9,7 @@ use crate::DriverError;
 use crate::terrain::{HEIGHT_QUANTUM, HeightField, Terrain};
 use controller::model::{Joint, JointKind, Pose, Shape, ShapeKind, UrdfTree};
 use controller::params::RobotConfig;
+use controller::quadruped::leg::Leg;
 use nalgebra::{Matrix3, Vector3};
 use std::fmt::Write;
 
@@ -35,7 +36,7 @@ pub(crate) struct Mjcf {
     pub total_mass: f64,
 }
 
-/// Writes the model.
+/// Writes the model; the feet with `own_floor` stand on planes of their own, bodies named by [`floor_name`].
 ///
 /// # Errors
 /// [`DriverError::Unknown`] for a foot or IMU link that the tree lacks.
@@ -44,12 +45,13 @@ pub(crate) fn write(
     robot: &RobotConfig,
     terrain: &Terrain,
     friction: f64,
+    own_floor: [bool; 4],
 ) -> Result<Mjcf, DriverError> {
     for (key, link) in robot.feet.iter().map(|foot| ("robot.feet", foot)).chain([("robot.imu_link", &robot.imu_link)]) {
         link_index(tree, key, link)?;
     }
     let bodies = Bodies::new(tree);
-    let mut writer = Writer { tree, robot, bodies: &bodies, friction, text: String::new() };
+    let mut writer = Writer { tree, robot, bodies: &bodies, friction, own_floor, text: String::new() };
     writer.head(terrain);
     writer.body(0, 4);
     writer.tail();
@@ -73,6 +75,22 @@ pub(crate) fn with_elevation(text: &str, terrain: &Terrain) -> String {
         .map(|row| row.iter().map(|count| (count - field.min_count()).to_string()).collect::<Vec<_>>().join(" "))
         .collect();
     text.replacen(END_OF_FIELD, &format!(" elevation=\"\n{}\"{END_OF_FIELD}", rows.join("\n")), 1)
+}
+
+/// Whether a link is `foot` or carries it.
+pub(crate) fn carries(tree: &UrdfTree, link: usize, foot: &str) -> bool {
+    tree.links[link].name == foot
+        || tree.joints.iter().filter(|joint| joint.parent == link).any(|joint| carries(tree, joint.child, foot))
+}
+
+/// Name of the body of a foot's own floor; feet LF RF LH RH.
+pub(crate) fn floor_name(foot: usize) -> String {
+    format!("floor under {}", Leg::ALL[foot].name())
+}
+
+/// Kind of contact between a foot and its own floor; 1 is that of everything else.
+fn floor_bit(foot: usize) -> u32 {
+    2 << foot
 }
 
 /// Place of a link in the tree.
@@ -159,6 +177,7 @@ struct Writer<'a> {
     robot: &'a RobotConfig,
     bodies: &'a Bodies,
     friction: f64,
+    own_floor: [bool; 4],
     text: String,
 }
 
@@ -207,6 +226,12 @@ impl Writer<'_> {
             4,
             format_args!("<geom name=\"plane\" class=\"ground\" type=\"plane\" pos=\"0 0 {plane}\" size=\"0 0 1\"/>"),
         );
+        let own_floor = self.own_floor;
+        for foot in (0..4).filter(|&foot| own_floor[foot]) {
+            let (name, bit) = (floor_name(foot), floor_bit(foot));
+            let plane = format!("type=\"plane\" size=\"0 0 1\" conaffinity=\"{bit}\" rgba=\"0 0 0 0\"");
+            self.line(4, format_args!("<body name=\"{name}\" mocap=\"true\"><geom class=\"ground\" {plane}/></body>"));
+        }
         if let Some(field) = terrain.field() {
             let height = f64::from(field.min_count()) * HEIGHT_QUANTUM;
             self.line(
@@ -276,6 +301,7 @@ impl Writer<'_> {
     fn link(&mut self, index: usize, indent: usize) {
         let link = &self.tree.links[index];
         let X_BL = &self.bodies.X_BL[index];
+        let floor = self.floor_of(index).map_or(String::new(), |foot| format!(" contype=\"{}\"", floor_bit(foot)));
         if link.name == self.robot.imu_link {
             self.line(indent, format_args!("<site name=\"{IMU}\" {} size=\"0.01\" group=\"4\"/>", place(X_BL)));
         }
@@ -285,7 +311,7 @@ impl Writer<'_> {
             self.line(
                 indent,
                 format_args!(
-                    "<geom name=\"{name}\" type=\"sphere\" {} size=\"{radius}\" rgba=\"0.10 0.10 0.11 1\"/>",
+                    "<geom name=\"{name}\" type=\"sphere\" {} size=\"{radius}\"{floor} rgba=\"0.10 0.10 0.11 1\"/>",
                     place(X_BL)
                 ),
             );
@@ -300,11 +326,17 @@ impl Writer<'_> {
         };
         let hidden = if seen.is_empty() { "" } else { " group=\"3\"" };
         for geom in felt {
-            self.line(indent, format_args!("<geom {geom}{hidden}/>"));
+            self.line(indent, format_args!("<geom {geom}{hidden}{floor}/>"));
         }
         for geom in seen {
             self.line(indent, format_args!("<geom class=\"visual\" {geom}/>"));
         }
+    }
+
+    /// Foot whose own floor a link touches instead of the ground: that of its leg.
+    fn floor_of(&self, link: usize) -> Option<usize> {
+        let of_leg = |&foot: &usize| self.own_floor[foot] && carries(self.tree, link, &self.robot.feet[foot]);
+        (0..4).filter(|_| self.bodies.of_link[link] != 0).find(of_leg)
     }
 
     fn tail(&mut self) {

@@ -5,6 +5,8 @@
 //! interval that led there. The same inputs give the same bits, in other processes too.
 
 use crate::DriverError;
+use crate::drives::{DriveParams, Drives};
+use crate::floor::{FloorMove, Floors};
 use crate::mjcf::{self, IMU, TIME_STEP_S};
 use crate::scenario::Scenario;
 use crate::sensors::{NoiseParams, Sensors};
@@ -27,7 +29,11 @@ pub struct SimParams {
     pub seed: i64,
     /// Noise of the sensors.
     pub noise: NoiseParams,
-    /// Base height over the ground below which the robot has fallen, m.
+    /// Lag and gains of the drives.
+    pub drives: DriveParams,
+    /// Floors that move.
+    pub floors: Vec<FloorMove>,
+    /// Base height over the ground below which the robot has fallen, as a part of the height at which it was put down.
     pub min_height: f64,
     /// Roll or pitch beyond which the robot has fallen, rad.
     pub max_tilt: f64,
@@ -36,14 +42,29 @@ pub struct SimParams {
 impl SimParams {
     /// What a scenario says, and defaults for the rest.
     pub fn of(scenario: &Scenario) -> Self {
-        let Scenario { friction, seed, noise, .. } = scenario;
-        SimParams { friction: *friction, seed: *seed, noise: noise.clone(), ..SimParams::default() }
+        let Scenario { friction, seed, noise, drives, floors, .. } = scenario;
+        SimParams {
+            friction: *friction,
+            seed: *seed,
+            noise: noise.clone(),
+            drives: drives.clone(),
+            floors: floors.clone(),
+            ..SimParams::default()
+        }
     }
 }
 
 impl Default for SimParams {
     fn default() -> Self {
-        SimParams { friction: 0.8, seed: 0, noise: NoiseParams::default(), min_height: 0.3, max_tilt: 0.6 }
+        SimParams {
+            friction: 0.8,
+            seed: 0,
+            noise: NoiseParams::default(),
+            drives: DriveParams::default(),
+            floors: Vec::new(),
+            min_height: 0.5,
+            max_tilt: 0.6,
+        }
     }
 }
 
@@ -56,11 +77,17 @@ pub struct MujocoSim {
     sensors: Sensors,
     joint_names: Vec<String>,
     joints: Vec<JointPlace>,
+    drives: Drives,
+    floors: Floors,
+    /// Place of each foot's own floor among the mocap bodies, where it has one.
+    floor_places: [Option<usize>; 4],
     feet: Vec<usize>,
     foot_radius: f64,
     /// Of each link, the body that carries it.
     body_of_link: Vec<(String, usize)>,
     base: usize,
+    /// Height of the base over the ground when the robot was put down, m.
+    first_height: f64,
     /// Places of orientation, gyro, accelerometer in the sensor data.
     imu: [usize; 3],
     command: RobotCommand,
@@ -73,6 +100,8 @@ pub struct MujocoSim {
 struct JointPlace {
     qpos: usize,
     qvel: usize,
+    /// Foot at the end of its leg.
+    foot: Option<usize>,
     lower: f64,
     upper: f64,
 }
@@ -84,7 +113,9 @@ impl MujocoSim {
     /// Links or joints that the tree lacks, a model that MuJoCo refuses, or one whose mass is not that of the tree.
     pub fn new(tree: &UrdfTree, robot: &RobotConfig, terrain: Terrain, params: SimParams) -> Result<Self, DriverError> {
         keep_log_file_away();
-        let mjcf = mjcf::write(tree, robot, &terrain, params.friction)?;
+        let floors = Floors::new(&params.floors);
+        let own_floor = std::array::from_fn(|foot| floors.has(foot));
+        let mjcf = mjcf::write(tree, robot, &terrain, params.friction, own_floor)?;
         let refused = |error: String| DriverError::Model { robot: robot.name.clone(), error };
         let mut model = MjModel::from_xml_string(&mjcf.text).map_err(|error| refused(error.to_string()))?;
         if let Some(field) = terrain.field() {
@@ -107,6 +138,7 @@ impl MujocoSim {
             joints.push(JointPlace {
                 qpos: address(model.jnt_qposadr())?,
                 qvel: address(model.jnt_dofadr())?,
+                foot: robot.feet.iter().position(|foot| mjcf::carries(tree, joint.child, foot)),
                 lower: joint.limits.lower,
                 upper: joint.limits.upper,
             });
@@ -123,12 +155,20 @@ impl MujocoSim {
             *place = usize::try_from(model.sensor_adr()[sensor]).map_err(|error| refused(error.to_string()))?;
         }
 
+        let mut floor_places = [None; 4];
+        for (foot, place) in floor_places.iter_mut().enumerate().filter(|(foot, _)| own_floor[*foot]) {
+            let body = id(MjtObjBase::mjOBJ_BODY, &mjcf::floor_name(foot))?;
+            *place = usize::try_from(model.body_mocapid()[body]).ok();
+        }
         let base = body_of_link[0].1;
         let mut sim = MujocoSim {
             data: MjData::try_new(Box::new(model)).map_err(|error| refused(error.to_string()))?,
             mjcf: mjcf.text,
             terrain,
             sensors: Sensors { resolution: robot.sensors.clone(), noise: params.noise.clone(), seed: params.seed },
+            drives: Drives::new(&params.drives, &joint_names, TIME_STEP_S)?,
+            floors,
+            floor_places,
             params,
             command: RobotCommand::default(),
             joint_names,
@@ -136,6 +176,7 @@ impl MujocoSim {
             foot_radius: robot.foot_radius,
             body_of_link,
             base,
+            first_height: 0.0,
             imu,
             f_F_W: vec![[0.0; 3]; feet.len()],
             contact: vec![false; feet.len()],
@@ -192,6 +233,18 @@ impl MujocoSim {
         }
     }
 
+    /// Moves the floors that are to move and may.
+    fn move_floors(&mut self) {
+        let t_ns = (self.data.time() * 1e9).round() as i64;
+        for (foot, place) in self.floor_places.iter().enumerate() {
+            let Some(place) = *place else { continue };
+            let lowest = self.data.geom_xpos()[self.feet[foot]][2] - self.foot_radius;
+            if let Some(height) = self.floors.update(t_ns, foot, lowest) {
+                self.data.mocap_pos_mut()[place][2] = height;
+            }
+        }
+    }
+
     fn check_finite(&self) -> Result<(), DriverError> {
         let values = self.data.qpos().iter().chain(self.data.qvel());
         match values.enumerate().find(|(_, value)| !value.is_finite()) {
@@ -220,6 +273,8 @@ impl Simulator for MujocoSim {
             });
         }
         self.data.reset();
+        self.drives.reset();
+        self.floors.reset();
         self.command = RobotCommand { mode: RobotCommand::MODE_IDLE, ..RobotCommand::default() };
         for (name, place) in self.joint_names.iter().zip(&self.joints) {
             let q = posture.get(name).copied().unwrap_or_else(|| 0.0f64.max(place.lower).min(place.upper));
@@ -234,6 +289,7 @@ impl Simulator for MujocoSim {
         };
         let height = self.feet.iter().map(lift).fold(f64::NEG_INFINITY, f64::max);
         self.data.qpos_mut()[2] = height;
+        self.first_height = height - self.terrain.height_at(0.0, 0.0);
         self.data.forward();
         self.read_contact_forces();
         // Held until the first step: the accelerometer reads gravity, not the fall of a limp robot.
@@ -318,8 +374,10 @@ impl Simulator for MujocoSim {
 
     fn step(&mut self) -> Result<(), DriverError> {
         for joint in 0..self.joints.len() {
-            self.data.ctrl_mut()[joint] = self.torque(joint);
+            let airborne = self.joints[joint].foot.is_some_and(|foot| !self.contact[foot]);
+            self.data.ctrl_mut()[joint] = self.drives.give(joint, self.torque(joint), airborne);
         }
+        self.move_floors();
         self.data.step2();
         self.read_contact_forces();
         self.check_finite()?;
@@ -345,6 +403,16 @@ impl Simulator for MujocoSim {
         Ok(())
     }
 
+    fn torque_of_touch(&self, foot: usize, f_W: [f64; 3]) -> Vec<f64> {
+        let geom = self.feet[foot];
+        let [x, y, z] = self.data.geom_xpos()[geom];
+        let body = usize::try_from(self.data.model().geom_bodyid()[geom]).unwrap_or(self.base);
+        let (J, _) = self.data.jac(true, false, &[x, y, z - self.foot_radius], body);
+        let nv = J.len() / 3;
+        let of_joint = |joint: &JointPlace| -(0..3).map(|axis| J[axis * nv + joint.qvel] * f_W[axis]).sum::<f64>();
+        self.joints.iter().map(of_joint).collect()
+    }
+
     fn clear_pushes(&mut self) {
         self.data.xfrc_applied_mut().fill([0.0; 6]);
     }
@@ -355,7 +423,9 @@ impl Simulator for MujocoSim {
         let pitch = libm::asin(-R[(2, 0)].clamp(-1.0, 1.0));
         let roll = libm::atan2(R[(2, 1)], R[(2, 2)]);
         let height = p.z - self.terrain.height_at(p.x, p.y);
-        height < self.params.min_height || roll.abs() > self.params.max_tilt || pitch.abs() > self.params.max_tilt
+        height < self.params.min_height * self.first_height
+            || roll.abs() > self.params.max_tilt
+            || pitch.abs() > self.params.max_tilt
     }
 }
 

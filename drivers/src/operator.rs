@@ -66,9 +66,16 @@ pub struct OperatorScript {
     begun: usize,
     next_seq: i64,
     next_heartbeat_ns: i64,
+    /// The commands are messages that were sent as they stand.
+    recorded: bool,
 }
 
 impl OperatorScript {
+    /// What an operator sent in another run, message by message, in the order of time.
+    pub fn recorded(commands: Vec<OperatorCommand>) -> Self {
+        OperatorScript { commands, begun: 0, next_seq: 0, next_heartbeat_ns: i64::MIN, recorded: true }
+    }
+
     pub(crate) fn new(keys: &[OperatorKey]) -> Self {
         let mut command = OperatorCommand {
             t_ns: 0,
@@ -110,13 +117,17 @@ impl OperatorScript {
             set(&mut command.step_height, key.step_height);
             commands.push(command.clone());
         }
-        OperatorScript { commands, begun: 0, next_seq: 0, next_heartbeat_ns: i64::MIN }
+        OperatorScript { commands, begun: 0, next_seq: 0, next_heartbeat_ns: i64::MIN, recorded: false }
     }
 
     /// The message that the operator sends at `t_ns`, if any. Call it with rising times; a script that was not called yet is at its start.
     pub fn operator_at(&mut self, t_ns: i64) -> Option<OperatorCommand> {
         let begun = self.commands.iter().take_while(|command| command.t_ns <= t_ns).count();
         let changed = begun > self.begun;
+        if self.recorded {
+            self.begun = begun;
+            return if changed { self.commands.get(begun - 1).cloned() } else { None };
+        }
         if begun == 0 || !(changed || t_ns >= self.next_heartbeat_ns) {
             return None;
         }
@@ -132,6 +143,17 @@ impl OperatorScript {
 mod tests {
     use super::*;
     use crate::scenario::Scenario;
+
+    #[test]
+    fn what_was_sent_is_sent_again_as_it_was() {
+        let text = "name = \"t\"\nduration_s = 1.0\n[terrain]\nkind = \"flat\"\n[[operator]]\nt_s = 0.01\nroll = 0.1\n[[operator]]\nt_s = 0.035\nv_x = 0.2\n";
+        let send = |script: &mut OperatorScript| -> Vec<OperatorCommand> {
+            (0..90).filter_map(|ms| script.operator_at(ms * 1_000_000)).collect()
+        };
+        let sent = send(&mut Scenario::parse(text, "t.toml").unwrap().operator);
+        assert_eq!(sent.len(), 5);
+        assert_eq!(send(&mut OperatorScript::recorded(sent.clone())), sent);
+    }
 
     #[test]
     fn keys_hold_until_changed_and_changes_go_out_at_once() {

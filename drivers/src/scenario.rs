@@ -1,4 +1,4 @@
-//! What happens in a run, as TOML: terrain, operator, pushes, faults.
+//! What happens in a run, as TOML: terrain, operator, sensors, drives, pushes, floors that move, faults.
 //!
 //! ```toml
 //! name = "push"
@@ -22,12 +22,36 @@
 //! t_s = 2.5
 //! duration_s = 0.2
 //! force_W = [0.0, 150.0, 0.0]
+//!
+//! [noise]               # standard deviations; each key may be left out
+//! position = 0.0005     # joints, rad
+//! velocity = 0.02       # joints, rad/s
+//! gyro = 0.005          # rad/s
+//!
+//! [drives]
+//! lag_s = 0.005         # first-order lag of every torque
+//! gain = { lf_kfe_joint = 0.8 }
+//! gain_in_air = true    # only while the leg's foot touches nothing
+//!
+//! [[floor]]             # flat terrain only
+//! t_s = 3.0             # from then on, when the foot is in the air
+//! leg = "LF"
+//! height_m = -0.05
+//!
+//! [[fault]]             # nan_sensor, stuck_encoder, torque_loss (joint), drop_state, false_touch
+//! t_s = 4.0
+//! duration_s = 0.5
+//! kind = "torque_loss"
+//! joint = "rh_kfe_joint"
+//! factor = 0.2
 //! ```
 //!
 //! A scenario is read whole and checked whole; after that nothing in it can fail but names of links and joints.
 
 use crate::DriverError;
-use crate::fault::{FaultKind, FaultWindow};
+use crate::drives::DriveParams;
+use crate::fault::{FaultEntry, FaultWindow};
+use crate::floor::{FloorEntry, FloorMove};
 use crate::operator::{OperatorKey, OperatorScript};
 use crate::sensors::NoiseParams;
 use crate::terrain::{BadKey, TerrainParams, check_range};
@@ -49,10 +73,14 @@ pub struct Scenario {
     pub terrain: TerrainParams,
     /// Noise of the sensors.
     pub noise: NoiseParams,
+    /// Lag and gains of the drives.
+    pub drives: DriveParams,
     /// The operator's commands, complete and in order of time.
     pub operator: OperatorScript,
     /// Pushes, as in the file.
     pub pushes: Vec<Push>,
+    /// Floors that move, as in the file.
+    pub floors: Vec<FloorMove>,
     /// Faults, as in the file.
     pub faults: Vec<FaultWindow>,
 }
@@ -85,7 +113,7 @@ impl Window {
         (self.start_ns..self.end_ns).contains(&t_ns)
     }
 
-    fn new(t_s: f64, duration_s: f64) -> Self {
+    pub(crate) fn new(t_s: f64, duration_s: f64) -> Self {
         Window { start_ns: to_ns(t_s), end_ns: to_ns(t_s + duration_s) }
     }
 }
@@ -114,6 +142,7 @@ impl Scenario {
         top.check(check_range("friction", &[file.friction], 0.01..=5.0))?;
         at("terrain", 0).check(file.terrain.check())?;
         at("noise", 0).check(file.noise.check())?;
+        at("drives", 0).check(file.drives.check())?;
 
         let mut last_t_s = 0.0;
         for (index, key) in file.operator.iter().enumerate() {
@@ -127,6 +156,11 @@ impl Scenario {
             let place = at("push", index + 1);
             pushes.push(place.check(push.resolve())?);
         }
+        let mut floors = Vec::with_capacity(file.floor.len());
+        for (index, floor) in file.floor.iter().enumerate() {
+            let place = at("floor", index + 1);
+            floors.push(place.check(floor.resolve(file.terrain.kind))?);
+        }
         let mut faults = Vec::with_capacity(file.fault.len());
         for (index, fault) in file.fault.into_iter().enumerate() {
             let place = at("fault", index + 1);
@@ -139,8 +173,10 @@ impl Scenario {
             friction: file.friction,
             terrain: file.terrain,
             noise: file.noise,
+            drives: file.drives,
             operator: OperatorScript::new(&file.operator),
             pushes,
+            floors,
             faults,
         })
     }
@@ -155,7 +191,7 @@ impl Scenario {
         self.pushes.iter().filter(move |push| push.window.contains(t_ns))
     }
 
-    /// Starts and ends of pushes and faults as sentences for the log, in order of time.
+    /// Starts and ends of pushes and faults, and floors that are to move, as sentences for the log, in order of time.
     pub fn timeline(&self) -> Vec<(i64, String)> {
         let mut events = Vec::new();
         let mut add = |window: Window, what: String| {
@@ -168,6 +204,9 @@ impl Scenario {
         }
         for FaultWindow { window, kind } in &self.faults {
             add(*window, format!("fault {kind}"));
+        }
+        for FloorMove { t_ns, leg, height } in &self.floors {
+            events.push((*t_ns, format!("floor under {} goes to {height} m when the foot is in the air", leg.name())));
         }
         events.sort_by_key(|event| event.0);
         events
@@ -191,9 +230,13 @@ struct ScenarioFile {
     terrain: TerrainParams,
     #[serde(default)]
     noise: NoiseParams,
+    #[serde(default)]
+    drives: DriveParams,
     operator: Vec<OperatorKey>,
     #[serde(default)]
     push: Vec<PushEntry>,
+    #[serde(default)]
+    floor: Vec<FloorEntry>,
     #[serde(default)]
     fault: Vec<FaultEntry>,
 }
@@ -221,57 +264,6 @@ impl PushEntry {
         check_range("force_W", &self.f_W, -1e5..=1e5)?;
         check_range("torque_W", &self.tau_W, -1e5..=1e5)?;
         Ok(Push { window: Window::new(self.t_s, self.duration_s), link: self.link, f_W: self.f_W, tau_W: self.tau_W })
-    }
-}
-
-#[derive(Clone, Copy, Deserialize)]
-#[serde(rename_all = "snake_case")]
-enum FaultName {
-    NanSensor,
-    DropState,
-    StuckEncoder,
-    TorqueLoss,
-}
-
-#[derive(Deserialize)]
-#[serde(deny_unknown_fields)]
-struct FaultEntry {
-    t_s: f64,
-    duration_s: f64,
-    kind: FaultName,
-    joint: Option<String>,
-    factor: Option<f64>,
-}
-
-impl FaultEntry {
-    fn resolve(self) -> Result<FaultWindow, BadKey> {
-        check_range("t_s", &[self.t_s], 0.0..=36_000.0)?;
-        check_range("duration_s", &[self.duration_s], 0.0..=36_000.0)?;
-        let FaultEntry { t_s, duration_s, kind, joint, factor } = self;
-        let missing = |key, expected: &str| BadKey { key, found: "missing".to_owned(), expected: expected.to_owned() };
-        let needless =
-            |key| BadKey { key, found: "given".to_owned(), expected: "no such key with this kind of fault".to_owned() };
-
-        let needs_joint = !matches!(kind, FaultName::DropState);
-        if joint.is_some() && !needs_joint {
-            return Err(needless("joint"));
-        }
-        let needs_factor = matches!(kind, FaultName::TorqueLoss);
-        if factor.is_some() && !needs_factor {
-            return Err(needless("factor"));
-        }
-        let joint = || joint.ok_or_else(|| missing("joint", "the name of a joint"));
-        let kind = match kind {
-            FaultName::NanSensor => FaultKind::NanSensor { joint: joint()? },
-            FaultName::DropState => FaultKind::DropState,
-            FaultName::StuckEncoder => FaultKind::StuckEncoder { joint: joint()? },
-            FaultName::TorqueLoss => {
-                let factor = factor.ok_or_else(|| missing("factor", "the part of the torque that remains"))?;
-                check_range("factor", &[factor], 0.0..=1.0)?;
-                FaultKind::TorqueLoss { joint: joint()?, factor }
-            }
-        };
-        Ok(FaultWindow { window: Window::new(t_s, duration_s), kind })
     }
 }
 
@@ -331,6 +323,7 @@ fn parse_error(text: &str, file: &str, error: &toml::de::Error) -> DriverError {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use controller::quadruped::leg::Leg;
 
     const SMALL: &str =
         "name = \"small\"\nduration_s = 2.0\n[terrain]\nkind = \"flat\"\n[[operator]]\nt_s = 0.0\nmode = \"stand\"\n";
@@ -378,6 +371,37 @@ mod tests {
         );
         let push = format!("{SMALL}[[push]]\nt_s = 1.0\nduration_s = -0.1\n");
         assert!(error(&push).starts_with("small.toml:10: push[1].duration_s is -0.1"));
+    }
+
+    #[test]
+    fn drives_and_floors_are_checked_like_the_rest() {
+        let lag = format!("{SMALL}[drives]\nlag_s = -0.005\n");
+        assert_eq!(error(&lag), "small.toml:9: drives.lag_s is -0.005, expected at least 0 and at most 1");
+        let gain = format!("{SMALL}[drives]\ngain = {{ knee = 20.0 }}\n");
+        assert_eq!(error(&gain), "small.toml:9: drives.gain is 20, expected at least 0 and at most 2");
+        let nobody = format!("{SMALL}[drives]\ngain_in_air = true\n");
+        assert_eq!(
+            error(&nobody),
+            "small.toml:9: drives.gain_in_air is true, expected `gain` to name the joints it is meant for"
+        );
+        let floor = "[[floor]]\nt_s = 1.0\nleg = \"LF\"\nheight_m = -0.05\n";
+        let scenario = Scenario::parse(&format!("{SMALL}{floor}"), "small.toml").unwrap();
+        assert_eq!(scenario.floors, [FloorMove { t_ns: 1_000_000_000, leg: Leg::LF, height: -0.05 }]);
+        assert!(scenario.timeline()[0].1.starts_with("floor under LF goes to -0.05 m"));
+        let rough = format!("{}{floor}", SMALL.replace("flat", "rough"));
+        assert_eq!(
+            error(&rough),
+            "small.toml:11: floor[1].height_m is given on terrain of kind rough, expected terrain of kind flat around it"
+        );
+        let leg = format!("{SMALL}{}", floor.replace("LF", "lf"));
+        assert!(error(&leg).starts_with("small.toml:10: unknown variant `lf`, expected one of `LF`, `RF`, `LH`, `RH`"));
+        let touch = format!("{SMALL}[[fault]]\nt_s = 1.0\nduration_s = 0.1\nkind = \"false_touch\"\n");
+        assert_eq!(error(&touch), "small.toml:8: fault[1].force_N is missing, expected the force that is read, N");
+        let needless = format!("{SMALL}[[fault]]\nt_s = 1.0\nduration_s = 0.1\nkind = \"drop_state\"\nleg = \"LF\"\n");
+        assert_eq!(
+            error(&needless),
+            "small.toml:12: fault[1].leg is given, expected no such key with this kind of fault"
+        );
     }
 
     #[test]

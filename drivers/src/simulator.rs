@@ -48,6 +48,10 @@ pub trait Simulator: Send {
     /// [`DriverError::Unknown`] for a link that the robot lacks.
     fn add_push(&mut self, link: Option<&str>, f_W: [f64; 3], tau_W: [f64; 3]) -> Result<(), DriverError>;
 
+    /// Joint torques that hold a force of the ground on a foot (N, in W), `-Jᵀ f`, N m: what torque sensors read of it. Feet in the order
+    /// of the robot's TOML.
+    fn torque_of_touch(&self, foot: usize, f_W: [f64; 3]) -> Vec<f64>;
+
     /// Takes every push away.
     fn clear_pushes(&mut self);
 

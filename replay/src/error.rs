@@ -94,6 +94,38 @@ pub enum Error {
         /// Reason.
         source: Box<lcm_idl::Error>,
     },
+    /// A folder that was to hold `.lcm` files.
+    #[error("{path}: no .lcm file in this folder nor in the folders in it", path = path.display())]
+    NoTypes {
+        /// Folder.
+        path: PathBuf,
+    },
+    /// What was to be a regular expression.
+    #[error("{pattern:?} is no regular expression for channels: {why}")]
+    Pattern {
+        /// As given.
+        pattern: String,
+        /// Reason.
+        why: String,
+    },
+    /// A moment behind the end of a log.
+    #[error("{path}: nothing at {moment_s} s: the log ends {duration_s:.3} s after its first event", path = path.display())]
+    NothingThere {
+        /// File.
+        path: PathBuf,
+        /// Time asked for, s since the first event.
+        moment_s: f64,
+        /// Time of the last event, s since the first one.
+        duration_s: f64,
+    },
+    /// No state to start a replay from.
+    #[error("{path}: no CONTROLLER_SNAPSHOT up to {before_s:.3} s, so nothing could be replayed from there", path = path.display())]
+    NoSnapshot {
+        /// File.
+        path: PathBuf,
+        /// Until when one was looked for, s since the first event.
+        before_s: f64,
+    },
     /// A log without RUN_INFO: nobody knows which controller ran.
     #[error("{path}: no RUN_INFO among its {events} events, so the controller and its parameters are unknown", path = path.display())]
     NoRunInfo {
@@ -108,6 +140,39 @@ pub enum Error {
         /// File.
         path: PathBuf,
     },
+    /// A time behind the end of the log.
+    #[error("{path}: nothing to replay from {from_s} s on: its last tick is {last_s:.3} s after the first", path = path.display())]
+    BeyondEnd {
+        /// File.
+        path: PathBuf,
+        /// Time asked for, s since the first tick.
+        from_s: f64,
+        /// Time of the last tick, s since the first.
+        last_s: f64,
+    },
+    /// A tick that the log does not hold.
+    #[error("{path}: no input of tick {tick}: the log holds ticks {first} to {last}", path = path.display())]
+    NoSuchTick {
+        /// File.
+        path: PathBuf,
+        /// Tick asked for.
+        tick: i64,
+        /// First tick of the log.
+        first: i64,
+        /// Last tick of the log.
+        last: i64,
+    },
+    /// A tick that can be computed from no state of the log.
+    #[error("{path}: tick {tick} cannot be computed: inputs before it are missing, and the next recorded state comes later", path = path.display())]
+    StateUnknown {
+        /// File.
+        path: PathBuf,
+        /// Tick asked for.
+        tick: i64,
+    },
+    /// Parameters that change on the way, and a log to write, which has one set of them.
+    #[error("parameters that change on the way cannot be written into a log: RUN_INFO holds one set")]
+    ChangesInLog,
     /// A second RUN_INFO that differs from the first.
     #[error("{path}: another run begins at byte {offset}: trim the log to one run", path = path.display())]
     SeveralRuns {
@@ -185,6 +250,22 @@ pub enum Error {
         name: String,
         /// Names in the manifest.
         known: String,
+    },
+    /// A program that was asked for help refused it.
+    #[error("{command}: {said}")]
+    Command {
+        /// What was run.
+        command: String,
+        /// What it said.
+        said: String,
+    },
+    /// Revisions among which there is nothing to find.
+    #[error("{path}: {why}", path = path.display())]
+    Bisect {
+        /// Log.
+        path: PathBuf,
+        /// Reason.
+        why: String,
     },
     /// A log that would be written over itself while it is read.
     #[error("{path}: a log cannot be read and written at the same time", path = path.display())]

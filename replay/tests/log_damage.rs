@@ -1,168 +1,368 @@
-//! A reader survives anything: cut at every byte, flipped at every byte, garbage, logs one behind the other.
+//! A reader survives anything: cut at every byte; a byte flipped, a block of zeros, a block of garbage at every byte; garbage pushed in
+//! and bytes taken out; logs one behind the other. Every event whose record is untouched comes back, in order; what is lost is told.
 #![allow(clippy::unwrap_used, reason = "a test may")]
 
 mod common;
 
 use common::Message;
-use replay::log::{Item, LogReader};
-use std::os::unix::fs::FileExt;
-use std::path::Path;
+use replay::log::{Item, ItemRef, LogReader, LogWriter};
+use std::collections::BTreeMap;
+use std::ops::Range;
 
 const COUNT: usize = 15;
-/// Messages in a chunk of the MCAP sample.
+/// Messages in a chunk of the MCAP samples.
 const CHUNK: usize = 5;
 
-fn sample(name: &str) -> (Vec<u8>, Vec<Message>) {
-    let path = common::path(name);
+/// A small log, and where its records are: an event, or a chunk of events.
+struct Sample {
+    name: &'static str,
+    bytes: Vec<u8>,
+    messages: Vec<Message>,
+    /// Bytes of a record, and its messages.
+    records: Vec<(Range<usize>, Range<usize>)>,
+}
+
+fn event_log() -> Sample {
+    let path = common::path("sample.lcmlog");
+    let messages = common::messages(COUNT);
+    common::write(&path, &messages, usize::MAX);
+    let mut at = 0;
+    let record = |(i, (channel, _, data)): (usize, &Message)| {
+        let begin = at;
+        at += 28 + channel.len() + data.len();
+        (begin..at, i..i + 1)
+    };
+    let records = messages.iter().enumerate().map(record).collect();
+    Sample { name: "event log", bytes: std::fs::read(path).unwrap(), messages, records }
+}
+
+/// As [`LogWriter`] writes it.
+fn mcap() -> Sample {
+    let path = common::path("sample.mcap");
     let messages = common::messages(COUNT);
     common::write(&path, &messages, CHUNK);
-    (std::fs::read(path).unwrap(), messages)
+    chunked("mcap", std::fs::read(path).unwrap(), messages)
 }
 
-fn read(path: &Path, bytes: &[u8]) -> Vec<Item> {
-    std::fs::write(path, bytes).unwrap();
-    common::items(path)
+fn chunked(name: &'static str, bytes: Vec<u8>, messages: Vec<Message>) -> Sample {
+    let summary = mcap::Summary::read(&bytes).unwrap().unwrap();
+    let chunks = summary.chunk_indexes.iter().map(|c| {
+        let begin = c.chunk_start_offset as usize;
+        begin..begin + c.chunk_length as usize
+    });
+    let records: Vec<_> = chunks.enumerate().map(|(i, chunk)| (chunk, i * CHUNK..(i + 1) * CHUNK)).collect();
+    assert_eq!(records.len() * CHUNK, messages.len(), "{name}");
+    Sample { name, bytes, messages, records }
 }
 
-/// Reads the log once with each byte flipped by each mask. The file is changed in place: writing it anew would take minutes.
-fn each_flip(path: &Path, bytes: &[u8], masks: &[u8], mut check: impl FnMut(usize, u8, Vec<Item>)) {
-    std::fs::write(path, bytes).unwrap();
-    let file = std::fs::File::options().write(true).open(path).unwrap();
-    for (at, &byte) in bytes.iter().enumerate() {
-        for &mask in masks {
-            file.write_all_at(&[byte ^ mask], at as u64).unwrap();
-            check(at, mask, common::items(path));
+/// As others write it: by the mcap crate with another compression, or without chunks.
+fn foreign(name: &'static str, compression: Option<mcap::Compression>, use_chunks: bool) -> Sample {
+    let messages = common::messages(COUNT);
+    let mut bytes = Vec::new();
+    let options = mcap::WriteOptions::new().compression(compression).use_chunks(use_chunks).chunk_size(None);
+    let mut out = options.create(std::io::Cursor::new(&mut bytes)).unwrap();
+    let mut ids = BTreeMap::new();
+    for (i, (channel, t_ns, data)) in messages.iter().enumerate() {
+        let id = *ids
+            .entry(channel.clone())
+            .or_insert_with(|| out.add_channel(0, channel, "lcm", &BTreeMap::new()).unwrap());
+        let t = *t_ns as u64;
+        let header = mcap::records::MessageHeader { channel_id: id, sequence: i as u32, log_time: t, publish_time: t };
+        out.write_to_known_channel(&header, data).unwrap();
+        if use_chunks && (i + 1) % CHUNK == 0 {
+            out.flush().unwrap();
         }
-        file.write_all_at(&[byte], at as u64).unwrap();
     }
-}
-
-/// Reads the log cut to each length, down to the shortest that can be told from no log.
-fn each_cut(path: &Path, bytes: &[u8], shortest: usize, mut check: impl FnMut(usize, Vec<Item>)) {
-    std::fs::write(path, bytes).unwrap();
-    let file = std::fs::File::options().write(true).open(path).unwrap();
-    for length in (shortest..=bytes.len()).rev() {
-        file.set_len(length as u64).unwrap();
-        check(length, common::items(path));
+    out.finish().unwrap();
+    drop(out);
+    if use_chunks {
+        return chunked(name, bytes, messages);
     }
-}
-
-/// Ends of the events: every event that ends before the cut is read, and nothing else.
-fn ends(bytes: &[u8]) -> Vec<usize> {
-    let starts = |b: &[u8]| {
-        b.windows(4).enumerate().filter(|(_, w)| w == &[0xed, 0xa1, 0xda, 0x01]).map(|(i, _)| i).collect::<Vec<_>>()
+    let mut at = 0;
+    let record = |(i, (_, _, data)): (usize, &Message)| {
+        let length = (22 + data.len() as u64).to_le_bytes();
+        let begin =
+            (at..).find(|&at| bytes[at] == 5 && bytes[at + 1..at + 9] == length && bytes[at + 31..].starts_with(data));
+        let begin = begin.unwrap();
+        at = begin + 31 + data.len();
+        (begin..at, i..i + 1)
     };
-    let mut ends = starts(bytes);
-    ends.remove(0);
-    ends.push(bytes.len());
-    ends
+    let records = messages.iter().enumerate().map(record).collect();
+    Sample { name, bytes, messages, records }
 }
 
-#[test]
-fn an_event_log_cut_at_any_byte_gives_all_whole_events() {
-    let (bytes, messages) = sample("cut.lcmlog");
-    let path = common::path("cut_short.lcmlog");
-    let ends = ends(&bytes);
-    assert_eq!(ends.len(), COUNT);
-    each_cut(&path, &bytes, 4, |length, items| {
-        let whole = ends.iter().filter(|&&end| end <= length).count();
-        assert_eq!(common::events(&items), messages[..whole], "cut at {length}");
-        let start = if whole == 0 { 0 } else { ends[whole - 1] };
-        match items.last() {
-            Some(Item::Event(_)) => assert_eq!(length, start),
-            Some(Item::Cut(cut)) => assert_eq!((cut.offset, cut.bytes), (start as u64, (length - start) as u64)),
-            other => panic!("cut at {length}: {other:?}"),
-        }
-        assert!(!items.iter().any(|item| matches!(item, Item::Damaged(_))), "cut at {length}");
-    });
+fn samples() -> Vec<Sample> {
+    vec![
+        event_log(),
+        mcap(),
+        foreign("lz4", Some(mcap::Compression::Lz4), true),
+        foreign("uncompressed", None, true),
+        foreign("without chunks", None, false),
+    ]
 }
 
-#[test]
-fn an_event_log_flipped_at_any_byte_loses_at_most_the_event_there() {
-    let (bytes, messages) = sample("flip.lcmlog");
-    let path = common::path("flipped.lcmlog");
-    let ends = ends(&bytes);
-    each_flip(&path, &bytes, &[0x01, 0x10, 0x80, 0xff], |at, mask, items| {
-        let hit = ends.iter().filter(|&&end| end <= at).count();
-        let found = common::events(&items);
-        // All others stand there, in order; of the one that was hit there may be a changed copy or nothing.
-        let behind = COUNT - hit - 1;
-        assert!(found.len() >= COUNT - 1, "byte {at} ^ {mask:#x}: {} of {COUNT} events", found.len());
-        assert_eq!(found[..hit], messages[..hit], "byte {at}");
-        assert_eq!(found[found.len() - behind..], messages[hit + 1..], "byte {at}");
-        if found.len() < COUNT {
-            let told = items.iter().any(|item| !matches!(item, Item::Event(_)));
-            assert!(told, "byte {at} ^ {mask:#x}: an event is missing and nobody says so");
-        }
-    });
+/// What is no event, in words.
+fn told(items: &[Item]) -> String {
+    format!("{:?}", items.iter().filter(|item| !matches!(item, Item::Event(_))).collect::<Vec<_>>())
 }
 
-#[test]
-fn garbage_between_events_costs_no_event() {
-    let (bytes, messages) = sample("garbage.lcmlog");
-    let path = common::path("garbage_inside.lcmlog");
-    let mut random = common::Random(7);
-    for at in ends(&bytes) {
-        let garbage: Vec<u8> = (0..1 + random.next() % 100).map(|_| (random.next() >> 40) as u8).collect();
-        let spoilt = [&bytes[..at], &garbage, &bytes[at..]].concat();
-        let items = read(&path, &spoilt);
-        assert_eq!(common::events(&items), messages, "garbage at {at}");
-        let damaged: Vec<_> = items
-            .iter()
-            .filter_map(|i| if let Item::Damaged(d) = i { Some((d.offset, d.bytes)) } else { None })
-            .collect();
-        assert_eq!(damaged, [(at as u64, garbage.len() as u64)]);
-    }
+fn read(bytes: Vec<u8>) -> Option<Vec<Item>> {
+    LogReader::of_bytes("sample", bytes).ok().map(|reader| reader.map(Result::unwrap).collect())
 }
 
-#[test]
-fn an_mcap_cut_at_any_byte_gives_all_whole_chunks() {
-    let (bytes, messages) = sample("cut.mcap");
-    let path = common::path("cut_short.mcap");
-    let ends = chunk_ends(&bytes);
-    assert_eq!(ends.len(), COUNT / CHUNK);
-    each_cut(&path, &bytes, 8, |length, items| {
-        if length == bytes.len() {
+impl Sample {
+    /// The log with `range` replaced: all events of records that the change does not touch are there, in order, and at most those
+    /// of the touched records beside them.
+    fn spoilt(&self, range: Range<usize>, by: &[u8], what: &str) {
+        let bytes = [&self.bytes[..range.start], by, &self.bytes[range.end..]].concat();
+        if bytes == self.bytes {
             return;
         }
-        let whole = CHUNK * ends.iter().filter(|&&end| end <= length).count();
-        assert_eq!(common::events(&items), messages[..whole], "cut at {length}");
-        assert!(matches!(items.last(), Some(Item::Cut(_))), "cut at {length}: {:?}", items.last());
-        assert_eq!(items.len(), whole + 1, "cut at {length}: {:?}", &items[whole..]);
-    });
+        let length = bytes.len();
+        let what = format!("{}: {what} at {range:?}", self.name);
+        // What begins with noise and has no event is no log.
+        let Some(items) = read(bytes) else { return assert!(self.records.len() < 2, "{what}: not even opened") };
+        let touched = |record: &Range<usize>| {
+            if range.is_empty() {
+                record.start < range.start && range.start < record.end
+            } else {
+                record.start < range.end && range.start < record.end
+            }
+        };
+        let may_be_lost: usize = self.records.iter().filter(|r| touched(&r.0)).map(|r| r.1.len()).sum();
+        let found = common::events(&items);
+        let mut rest = found.iter();
+        for (record, messages) in self.records.iter().filter(|r| !touched(&r.0)) {
+            for message in &self.messages[messages.clone()] {
+                assert!(
+                    rest.any(|m| m == message),
+                    "{what}: an event of the record at {record:?} is missing, {}",
+                    told(&items)
+                );
+            }
+        }
+        // Where nothing checks a record, another one may be made to look like an event.
+        let more = may_be_lost.max(usize::from(self.name == "without chunks")).min(1);
+        assert!(found.len() <= self.messages.len() + more, "{what}: {} events", found.len());
+        if found.len() < self.messages.len() {
+            let told = items.iter().any(|item| !matches!(item, Item::Event(_)));
+            assert!(told, "{what}: {} of {COUNT} events, and nobody says so", found.len());
+        }
+        for item in &items {
+            if let Item::Damaged(damaged) = item {
+                assert!(damaged.offset + damaged.bytes <= length as u64, "{what}: {damaged:?}");
+            }
+        }
+    }
 }
 
 #[test]
-fn an_mcap_flipped_at_any_byte_loses_at_most_the_chunk_there() {
-    let (bytes, messages) = sample("flip.mcap");
-    let path = common::path("flipped.mcap");
-    let ends = chunk_ends(&bytes);
-    each_flip(&path, &bytes, &[0x01, 0x02, 0x04, 0x10, 0x80, 0xff], |at, mask, items| {
-        let found = common::events(&items);
-        if found != messages {
-            let hit = ends.iter().filter(|&&end| end <= at).count();
-            let others = [&messages[..hit * CHUNK], &messages[(hit + 1) * CHUNK..]].concat();
-            assert!(found == others, "byte {at} ^ {mask:#x}: {} of {COUNT} events", found.len());
-            let told = items.iter().any(|item| !matches!(item, Item::Event(_)));
-            assert!(told, "byte {at} ^ {mask:#x}: a chunk is missing and nobody says so");
-        }
-    });
+fn undamaged_all_samples_are_read_without_complaint() {
+    for sample in samples() {
+        let items = read(sample.bytes.clone()).unwrap();
+        assert_eq!(common::events(&items), sample.messages, "{}", sample.name);
+        assert_eq!(items.len(), COUNT, "{}: {:?}", sample.name, items.last());
+    }
 }
 
-/// Ends of the chunk records, by the index of the mcap crate.
-fn chunk_ends(bytes: &[u8]) -> Vec<usize> {
-    let summary = mcap::Summary::read(bytes).unwrap().unwrap();
-    summary.chunk_indexes.iter().map(|c| (c.chunk_start_offset + c.chunk_length) as usize).collect()
+#[test]
+fn a_flipped_byte_costs_at_most_its_record() {
+    for sample in samples() {
+        for at in 0..sample.bytes.len() {
+            for mask in [0x01, 0x02, 0x04, 0x10, 0x80, 0xff] {
+                sample.spoilt(at..at + 1, &[sample.bytes[at] ^ mask], &format!("{mask:#x}"));
+            }
+        }
+    }
+}
+
+#[test]
+fn a_block_of_zeros_or_garbage_costs_at_most_the_records_under_it() {
+    let mut random = common::Random(3);
+    for sample in samples() {
+        for at in 0..sample.bytes.len() {
+            for length in [4, 20, 90] {
+                let range = at..(at + length).min(sample.bytes.len());
+                sample.spoilt(range.clone(), &vec![0; range.len()], "zeros");
+                let garbage: Vec<u8> = range.clone().map(|_| (random.next() >> 40) as u8).collect();
+                sample.spoilt(range, &garbage, "garbage");
+            }
+        }
+    }
+}
+
+#[test]
+fn bytes_pushed_in_or_taken_out_cost_at_most_the_record_there() {
+    let mut random = common::Random(5);
+    for sample in samples() {
+        for at in 0..=sample.bytes.len() {
+            let garbage: Vec<u8> = (0..1 + random.next() % 100).map(|_| (random.next() >> 40) as u8).collect();
+            sample.spoilt(at..at, &garbage, "pushed in");
+            let length = 1 + (random.next() % 40) as usize;
+            sample.spoilt(at..(at + length).min(sample.bytes.len()), &[], "taken out");
+        }
+    }
+}
+
+/// Every whole record is read, and of a chunk that is not whole nothing that was not in it.
+#[test]
+fn a_log_cut_at_any_byte_gives_all_that_is_in_front() {
+    for sample in samples() {
+        for length in 1..sample.bytes.len() {
+            let Some(items) = read(sample.bytes[..length].to_vec()) else {
+                assert!(length < 8, "{}: cut at {length}", sample.name);
+                continue;
+            };
+            let whole: usize = sample.records.iter().filter(|r| r.0.end <= length).map(|r| r.1.len()).sum();
+            let found = common::events(&items);
+            assert!(found.len() >= whole, "{}: cut at {length}: {} of {whole} events", sample.name, found.len());
+            assert_eq!(found, sample.messages[..found.len()], "{}: cut at {length}", sample.name);
+            assert!(!items.iter().any(|item| matches!(item, Item::Damaged(_))), "{}: cut at {length}", sample.name);
+            let is_boundary = sample.name == "event log" && sample.records.iter().any(|r| r.0.end == length);
+            match items.last() {
+                Some(Item::Cut(cut)) => assert_eq!(cut.offset + cut.bytes, length as u64, "{}", sample.name),
+                other => assert!(is_boundary, "{}: cut at {length}: {other:?}", sample.name),
+            }
+        }
+    }
+}
+
+/// Of a chunk that is cut, what decompresses in front of the cut is read.
+#[test]
+fn a_cut_chunk_gives_the_events_in_front_of_the_cut() {
+    // Random bytes, so that blocks of the compression follow each other in the file as the messages do.
+    let path = common::path("large_chunk.mcap");
+    let mut random = common::Random(13);
+    let messages: Vec<Message> = (0..240)
+        .map(|i| ("NOISE".into(), i * 1000, (0..1000).map(|_| (random.next() >> 30) as u8).collect()))
+        .collect();
+    common::write(&path, &messages, usize::MAX);
+    let bytes = std::fs::read(&path).unwrap();
+    let chunk = &mcap::Summary::read(&bytes).unwrap().unwrap().chunk_indexes[0];
+    let begin = chunk.chunk_start_offset as usize;
+    let length = begin + chunk.chunk_length as usize * 3 / 4;
+    let items = read(bytes[..length].to_vec()).unwrap();
+    let found = common::events(&items);
+    assert!((130..=180).contains(&found.len()), "{} events", found.len());
+    assert!(found == messages[..found.len()]);
+    assert!(matches!(items.last(), Some(Item::Cut(cut)) if cut.offset == begin as u64), "{}", told(&items));
+
+    // The same bytes, damaged where the cut was: nobody knows from where on, so nothing of it is believed.
+    let mut damaged = bytes.clone();
+    damaged[length - 40_000..length].fill(0xff);
+    let items = read(damaged.clone()).unwrap();
+    assert!(items.iter().all(|item| !matches!(item, Item::Event(e) if e.offset == begin as u64)), "{}", told(&items));
+    assert!(matches!(&items[0], Item::Damaged(d) if d.offset == begin as u64), "{}", told(&items));
+    let kept = LogReader::of_bytes("sample", damaged).unwrap().keep_unchecked(true).events().count();
+    assert!(kept > 50, "{kept} events");
+}
+
+/// A chunk with a wrong CRC is left out, unless someone wants it all the same.
+#[test]
+fn unchecked_chunks_can_be_kept() {
+    let Sample { mut bytes, messages, records, .. } = foreign("uncompressed", None, true);
+    let at = records[1].0.end - 3;
+    bytes[at] ^= 1;
+    let counts = [false, true].map(|keep| {
+        let mut reader = LogReader::of_bytes("sample", bytes.clone()).unwrap().keep_unchecked(keep);
+        let (mut events, mut told) = (0, 0);
+        while let Some(item) = reader.read().unwrap() {
+            match item {
+                ItemRef::Event(_) => events += 1,
+                _ => told += 1,
+            }
+        }
+        (events, told)
+    });
+    assert_eq!(counts, [(messages.len() - CHUNK, 1), (messages.len(), 1)]);
+}
+
+/// Outside of chunks nothing but the CRC of all the data sees an altered message.
+#[test]
+fn the_crc_of_all_the_data_tells_of_an_altered_message() {
+    let Sample { mut bytes, messages, records, .. } = foreign("without chunks", None, false);
+    bytes[records[3].0.end - 1] ^= 1;
+    let items = read(bytes).unwrap();
+    assert_eq!(common::events(&items).len(), messages.len());
+    let Some(Item::Damaged(damaged)) = items.last() else { panic!("{:?}", items.last()) };
+    assert!(damaged.why.contains("CRC of all the data"), "{damaged:?}");
+}
+
+/// A length that swallows the next event of the same size ends where another one begins: only the numbers tell.
+#[test]
+fn a_length_that_ends_at_a_later_event_swallows_none() {
+    let path = common::path("even.lcmlog");
+    let messages: Vec<Message> = (0..8).map(|i| ("CH".into(), i * 1000, vec![7; 34])).collect();
+    common::write(&path, &messages, usize::MAX);
+    let mut bytes = std::fs::read(&path).unwrap();
+    // Events of 64 bytes; the length of the third one's data becomes that of three events less a header.
+    bytes[2 * 64 + 27] = 34 + 128;
+    let items = read(bytes).unwrap();
+    let expected = [&messages[..2], &messages[3..]].concat();
+    assert_eq!(common::events(&items), expected);
+    let Item::Damaged(damaged) = &items[2] else { panic!("{:?}", items[2]) };
+    assert_eq!((damaged.offset, damaged.bytes), (128, 64));
+}
+
+/// An event that holds a whole log is no damage.
+#[test]
+fn an_event_may_hold_a_log() {
+    let Sample { bytes, .. } = event_log();
+    let path = common::path("nested.lcmlog");
+    let messages: Vec<Message> = (0..3).map(|i| ("LOG".into(), i, bytes.clone())).collect();
+    let mut log = LogWriter::create(&path).unwrap();
+    for (i, (channel, t_ns, data)) in messages.iter().enumerate() {
+        // Numbers with a hole, as a filter leaves them.
+        log.write_numbered(channel, *t_ns * 1000, 20 * i as i64, data).unwrap();
+    }
+    log.finish().unwrap();
+    let items = common::items(&path);
+    assert_eq!((items.len(), common::events(&items).len()), (3, 3));
 }
 
 #[test]
 fn logs_one_behind_the_other_are_read_as_one() {
+    for sample in samples() {
+        let items = read(sample.bytes.repeat(2)).unwrap();
+        assert_eq!(common::events(&items), [&sample.messages[..], &sample.messages[..]].concat(), "{}", sample.name);
+        assert_eq!(items.len(), 2 * COUNT, "{}", sample.name);
+        let numbers: Vec<_> = items.iter().map(|i| if let Item::Event(e) = i { e.number } else { -1 }).collect();
+        assert_eq!(numbers, (0..COUNT as i64).chain(0..COUNT as i64).collect::<Vec<_>>(), "{}", sample.name);
+    }
+}
+
+/// Times that go backwards are the log's, and stay.
+#[test]
+fn times_may_go_backwards() {
     for ending in ["lcmlog", "mcap"] {
-        let (bytes, messages) = sample(&format!("once.{ending}"));
-        let path = common::path(&format!("twice.{ending}"));
-        let items = read(&path, &[&bytes[..], &bytes[..]].concat());
-        assert_eq!(common::events(&items), [&messages[..], &messages[..]].concat(), "{ending}");
-        assert_eq!(items.len(), 2 * COUNT, "{ending}");
+        let path = common::path(&format!("backwards.{ending}"));
+        let messages: Vec<Message> = (0..50).map(|i| ("CH".into(), (i * 37 % 50) * 1000, vec![i as u8; 9])).collect();
+        common::write(&path, &messages, 7);
+        assert_eq!(common::events(&common::items(&path)), messages, "{ending}");
+    }
+}
+
+/// A file that grows byte by byte gives each event once it is whole, and never a cut.
+#[test]
+fn a_growing_log_is_read_as_it_grows() {
+    for sample in [event_log(), mcap()] {
+        let path = common::path("growing");
+        std::fs::write(&path, &sample.bytes[..60]).unwrap();
+        let mut file = std::fs::File::options().append(true).open(&path).unwrap();
+        let mut reader = LogReader::open_growing(&path).unwrap();
+        let mut found = Vec::new();
+        for at in 60..=sample.bytes.len() {
+            while let Some(item) = reader.read().unwrap() {
+                let ItemRef::Event(event) = item else { panic!("{}: {item:?} at {at}", sample.name) };
+                found.push(common::message(&event.to_event()));
+            }
+            let whole: usize = sample.records.iter().filter(|r| r.0.end <= at).map(|r| r.1.len()).sum();
+            assert_eq!(found.len(), whole, "{}: {at} bytes are written", sample.name);
+            if at < sample.bytes.len() {
+                std::io::Write::write_all(&mut file, &sample.bytes[at..=at]).unwrap();
+            }
+        }
+        assert_eq!(found, sample.messages, "{}", sample.name);
     }
 }
 
@@ -170,10 +370,10 @@ fn logs_one_behind_the_other_are_read_as_one() {
 #[test]
 fn noise_is_read_to_its_end() {
     let mut random = common::Random(11);
-    for (ending, heads) in
-        [("lcmlog", &[&[0xed, 0xa1, 0xda, 0x01][..]][..]), ("mcap", &[mcap::MAGIC, &[6, 60, 0, 0, 0, 0, 0, 0, 0]])]
-    {
-        let path = common::path(&format!("noise.{ending}"));
+    for heads in [
+        &[&[0xed, 0xa1, 0xda, 0x01][..]][..],
+        &[mcap::MAGIC, &[6, 60, 0, 0, 0, 0, 0, 0, 0], &[5, 30, 0, 0, 0, 0, 0, 0, 0]],
+    ] {
         for _ in 0..300 {
             let mut bytes = heads[0].to_vec();
             for _ in 0..random.next() % 40 {
@@ -183,9 +383,8 @@ fn noise_is_read_to_its_end() {
                     (0..random.next() % 80).map(|_| (random.next() >> 40) as u8 & if small { 0x07 } else { 0xff }),
                 );
             }
-            std::fs::write(&path, &bytes).unwrap();
             let length = bytes.len() as u64;
-            for item in LogReader::open(&path).unwrap() {
+            for item in LogReader::of_bytes("noise", bytes).unwrap() {
                 let end = match item.unwrap() {
                     Item::Event(event) => event.offset + event.data.len() as u64,
                     Item::Damaged(damaged) => damaged.offset + damaged.bytes,
@@ -195,19 +394,4 @@ fn noise_is_read_to_its_end() {
             }
         }
     }
-}
-
-/// A length that claims more than any log holds is not believed, and no memory is taken for it.
-#[test]
-fn a_huge_length_takes_no_memory() {
-    let (mut bytes, messages) = sample("huge.lcmlog");
-    bytes[24..28].copy_from_slice(&i32::MAX.to_be_bytes());
-    let items = read(&common::path("huge_length.lcmlog"), &bytes);
-    assert_eq!(common::events(&items), messages[1..]);
-    let (mut bytes, messages) = sample("huge.mcap");
-    let first = mcap::Summary::read(&bytes).unwrap().unwrap().chunk_indexes[0].chunk_start_offset as usize;
-    // The size after decompression, behind the prefix and two times.
-    bytes[first + 25..first + 33].copy_from_slice(&(u64::MAX >> 8).to_le_bytes());
-    let items = read(&common::path("huge_length.mcap"), &bytes);
-    assert_eq!(common::events(&items), messages[CHUNK..]);
 }

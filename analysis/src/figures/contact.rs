@@ -1,71 +1,98 @@
-//! Normal force and contact flag of each leg: estimate against truth.
+//! Forces at the feet: estimate against truth and command, and how much of the friction cone they use.
 
-use super::canvas::Drawing;
-use super::panel::{Frame, Labels, Panel, Range};
-use super::style::{
-    BLUE, BOTTOM_MARGIN, ESTIMATED_LINE, LEFT_MARGIN, Mark, PAGE_WIDTH, RIGHT_MARGIN, SWING, TOP_MARGIN, TRUE_LINE,
-    VERMILLION, legend,
-};
-use super::{Figure, Lacking, airborne, series, spans, times, window_text, within};
-use crate::run::{LEGS, Run};
+use super::feet::airborne;
+use super::style::{BLUE, Mark, SWING, VERMILLION};
+use super::trace::{Role, Timeline, Trace, Traces};
+use super::{Ask, window_text};
+use crate::math::Vec3;
+use crate::run::{LEGS, Run, Tick};
 
-const NAME: &str = "contact_forces";
-const TITLE: &str = "Contact forces";
-const PANEL_HEIGHT: f64 = 92.0;
-/// Room above a panel for its two flags.
-const FLAGS: f64 = 11.0;
-const GAP: f64 = 10.0;
-const ESTIMATED: &str = "estimate";
-const TRUE: &str = "truth";
+/// Normal force below which a ratio to it says nothing, N.
+const LEAST_NORMAL: f64 = 20.0;
 
-pub(super) fn draw(run: &Run, window: Range) -> Result<Figure, Lacking> {
-    let (estimated, known) = (run.has("CONTACT_ESTIMATE"), run.has("GROUND_TRUTH"));
-    if !estimated && !known {
-        return Err(Lacking { name: NAME, title: TITLE, needs: "CONTACT_ESTIMATE or GROUND_TRUTH" });
-    }
-    let ticks = within(run, window);
-    let xs = times(ticks);
-    let mut drawing = Drawing::new(PAGE_WIDTH, TOP_MARGIN + 4.0 * (FLAGS + PANEL_HEIGHT) + 3.0 * GAP + BOTTOM_MARGIN);
-    for (leg, name) in LEGS.into_iter().enumerate() {
-        let estimate = series(ticks, |t| t.contact.as_ref().map(|c| c.f_normal[leg]));
-        let truth = series(ticks, |t| t.true_normal_force(leg));
-        let frame = Frame {
-            left: LEFT_MARGIN,
-            top: TOP_MARGIN + FLAGS + leg as f64 * (PANEL_HEIGHT + FLAGS + GAP),
-            width: drawing.width() - LEFT_MARGIN - RIGHT_MARGIN,
-            height: PANEL_HEIGHT,
-        };
-        let panel = Panel::new(frame, window, Range::covering(estimate.iter().chain(&truth), 50.0));
-        for (from, to) in spans(ticks, |tick| airborne(tick, leg)) {
-            panel.shade(&mut drawing, from, to, SWING);
-        }
-        panel.grid(&mut drawing);
-        panel.line(&mut drawing, &xs, &truth, TRUE_LINE);
-        panel.line(&mut drawing, &xs, &estimate, ESTIMATED_LINE);
-        for span in spans(ticks, |t| t.truth.as_ref().is_some_and(|w| w.contact[leg])) {
-            panel.strip(&mut drawing, span, (frame.top - 9.0, 3.0), BLUE);
-        }
-        for span in spans(ticks, |t| t.contact.as_ref().is_some_and(|c| c.contact[leg])) {
-            panel.strip(&mut drawing, span, (frame.top - 5.0, 3.0), VERMILLION);
-        }
-        let label = format!("{name} force [N]");
-        panel.axes(&mut drawing, Labels { x: (leg == 3).then_some("time [s]"), y: Some(&label) });
-    }
-    let mut entries = Vec::new();
-    if known {
-        entries.push((TRUE, Mark::Line(TRUE_LINE)));
-    }
-    if estimated {
-        entries.push((ESTIMATED, Mark::Line(ESTIMATED_LINE)));
-    }
-    if run.has("LEG_STATE") {
-        entries.push(("leg commanded to swing", Mark::Fill(SWING)));
-    }
-    entries.push(("in contact", Mark::Bars(BLUE, VERMILLION)));
-    legend(&mut drawing, LEFT_MARGIN, 14.0, &entries);
+pub(super) fn forces(run: &Run, ask: &Ask) -> Result<Traces, String> {
+    let (window, timeline) = prepare(run, ask)?;
+    let panels = ask.legs.iter().map(|&leg| {
+        let curves = vec![
+            timeline.curve(Role::Truth, "truth", |t| t.true_normal_force(leg)),
+            timeline.curve(Role::Estimate, "estimate", |t| t.contact.as_ref().map(|c| c.f_normal[leg])),
+            timeline.curve(Role::Reference, "command", |t| t.wbc.as_ref().map(|w| dot(w.f_F_W[leg], normal(t)))),
+        ];
+        let mut trace = Trace::new(format!("{} force [N]", LEGS[leg]), 50.0, curves);
+        trace.shades = vec![(timeline.spans(|tick| airborne(tick, leg)), SWING)];
+        trace.strips = vec![
+            (timeline.spans(|t| t.contact.as_ref().is_some_and(|c| c.contact[leg])), VERMILLION),
+            (timeline.spans(|t| t.truth.as_ref().is_some_and(|w| w.contact[leg])), BLUE),
+        ];
+        trace
+    });
     let caption = format!(
         "Force of the ground on each foot along the terrain normal, {}. Bars above each panel: contact flag, in the colours of the lines.",
         window_text(window)
     );
-    Ok(Figure { name: NAME, title: TITLE, caption, drawing })
+    let mut marks = vec![("in contact".to_owned(), Mark::Bars(BLUE, VERMILLION))];
+    if run.has("LEG_STATE") {
+        marks.push(("swing".to_owned(), Mark::Fill(SWING)));
+    }
+    Ok(Traces { sections: vec![(1, panels.collect())], window, caption, marks })
+}
+
+pub(super) fn friction(run: &Run, ask: &Ask) -> Result<Traces, String> {
+    let (window, timeline) = prepare(run, ask)?;
+    let limit = run.parameter("wbc.friction");
+    let panels = ask.legs.iter().map(|&leg| {
+        let curves = vec![
+            timeline.curve(Role::Truth, "truth", |t| use_of_cone(t.truth.as_ref()?.f_F_W[leg], normal(t))),
+            timeline.curve(Role::Estimate, "estimate", |t| use_of_cone(t.contact.as_ref()?.f_F_W[leg], normal(t))),
+            timeline.curve(Role::Reference, "command", |t| use_of_cone(t.wbc.as_ref()?.f_F_W[leg], normal(t))),
+        ];
+        let mut trace = Trace::new(LEGS[leg].to_owned(), 0.2, curves);
+        trace.includes = vec![0.0];
+        trace.levels = limit.into_iter().collect();
+        trace.shades = vec![(timeline.spans(|tick| airborne(tick, leg)), SWING)];
+        trace
+    });
+    let level = limit.map_or(String::new(), |mu| format!(" Line across: the controller's friction coefficient, {mu}."));
+    let caption = format!(
+        "Tangential over normal force of each foot while the normal force exceeds {LEAST_NORMAL} N, {}.{level}",
+        window_text(window)
+    );
+    let marks = vec![("swing".to_owned(), Mark::Fill(SWING))];
+    Ok(Traces { sections: vec![(1, panels.collect())], window, caption, marks })
+}
+
+fn prepare<'a>(run: &'a Run, ask: &Ask) -> Result<(super::Range, Timeline<'a>), String> {
+    if !["CONTACT_ESTIMATE", "GROUND_TRUTH", "WBC_SOLUTION"].iter().any(|channel| run.has(channel)) {
+        return Err("CONTACT_ESTIMATE, GROUND_TRUTH or WBC_SOLUTION".to_owned());
+    }
+    let window = ask.detail(run);
+    Ok((window, Timeline::new(run, window)))
+}
+
+/// The terrain normal that the controller believes in, vertical if it is not logged.
+fn normal(tick: &Tick) -> Vec3 {
+    tick.contact.as_ref().map_or([0.0, 0.0, 1.0], |c| c.n_W)
+}
+
+fn dot(a: Vec3, b: Vec3) -> f64 {
+    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+}
+
+/// `|f_t| / f_n`, `None` without a normal force to speak of.
+fn use_of_cone(f: Vec3, n: Vec3) -> Option<f64> {
+    let f_n = dot(f, n);
+    let f_t = (dot(f, f) - f_n * f_n).max(0.0).sqrt();
+    (f_n > LEAST_NORMAL).then(|| f_t / f_n)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_force_of_three_and_four_uses_three_quarters() {
+        let used = use_of_cone([30.0, 0.0, 40.0], [0.0, 0.0, 1.0]).unwrap();
+        assert!((used - 0.75).abs() < 1e-12);
+        assert_eq!(use_of_cone([30.0, 0.0, 10.0], [0.0, 0.0, 1.0]), None);
+    }
 }

@@ -1,57 +1,67 @@
-//! Gait diagram: commanded stance, estimated and true contact of each leg.
+//! Gait diagram: commanded stance, estimated and true contact of each leg; of several logs the first bar of each.
 
-use super::canvas::{Align, Drawing};
-use super::panel::{Frame, Labels, Panel, Range};
-use super::style::{
-    BLUE, BOTTOM_MARGIN, FRAME, LABEL_EM, LEFT_MARGIN, Mark, PAGE_WIDTH, RIGHT_MARGIN, TEXT, TOP_MARGIN, VERMILLION,
-    legend,
-};
-use super::{Figure, Lacking, spans, window_text, within};
+use super::chart::{Chart, Layer, Plot, Section};
+use super::style::{BLUE, FRAME, Mark, RUN_COLORS, VERMILLION};
+use super::trace::Timeline;
+use super::{Ask, Named, window_text};
 use crate::run::{LEGS, Run, Tick};
 
-const NAME: &str = "gait";
-const TITLE: &str = "Gait diagram";
+/// Height of a leg's row, and of a bar in it.
 const ROW: f64 = 40.0;
 const BAR: f64 = 8.0;
 
-pub(super) fn draw(run: &Run, window: Range) -> Result<Figure, Lacking> {
-    if !run.has("LEG_STATE") {
-        return Err(Lacking { name: NAME, title: TITLE, needs: "LEG_STATE" });
+type Holds = fn(&Tick, usize) -> bool;
+
+/// Name of a bar, its colour, and when it is drawn.
+struct Bar<'a> {
+    name: String,
+    color: super::canvas::RGBAColor,
+    holds: Holds,
+    timeline: &'a Timeline<'a>,
+}
+
+pub(super) fn chart(runs: &[(Named, &Run)], ask: &Ask) -> Result<Chart, String> {
+    if let Some((name, _)) = runs.iter().find(|(_, run)| !run.has("LEG_STATE")) {
+        return Err(if runs.len() == 1 { "LEG_STATE".to_owned() } else { format!("LEG_STATE in {}", name.0) });
     }
-    let ticks = within(run, window);
-    let mut drawing = Drawing::new(PAGE_WIDTH, TOP_MARGIN + 4.0 * ROW + BOTTOM_MARGIN);
-    let frame = Frame {
-        left: LEFT_MARGIN,
-        top: TOP_MARGIN,
-        width: drawing.width() - LEFT_MARGIN - RIGHT_MARGIN,
-        height: 4.0 * ROW,
+    let window = runs.first().map(|(_, run)| ask.detail(run)).ok_or("a log")?;
+    let timelines: Vec<Timeline> = runs.iter().map(|(_, run)| Timeline::new(run, window)).collect();
+    let stands: Holds = |t, leg| t.stands(leg) == Some(true);
+    let bars: Vec<Bar> = if let ([(_, run)], [timeline]) = (runs, &timelines[..]) {
+        let kinds: [(&str, &str, Holds, _); 3] = [
+            ("LEG_STATE", "commanded stance", stands, FRAME.color),
+            (
+                "CONTACT_ESTIMATE",
+                "estimated contact",
+                |t, leg| t.contact.as_ref().is_some_and(|c| c.contact[leg]),
+                VERMILLION,
+            ),
+            ("GROUND_TRUTH", "true contact", |t, leg| t.truth.as_ref().is_some_and(|w| w.contact[leg]), BLUE),
+        ];
+        let known = kinds.into_iter().filter(|(channel, ..)| run.has(channel));
+        known.map(|(_, name, holds, color)| Bar { name: name.to_owned(), color, holds, timeline }).collect()
+    } else {
+        let of_run = |(k, (timeline, (name, _))): (usize, (_, &(Named, &Run)))| Bar {
+            name: format!("stance, {}", name.0),
+            color: RUN_COLORS[k % RUN_COLORS.len()],
+            holds: stands,
+            timeline,
+        };
+        timelines.iter().zip(runs).enumerate().map(of_run).collect()
     };
-    let panel = Panel::new(frame, window, Range { min: 0.0, max: 4.0 });
-    type Holds = fn(&Tick, usize) -> bool;
-    let bars: [(&str, &str, Holds, _); 3] = [
-        ("LEG_STATE", "commanded stance", |t, leg| t.stands(leg) == Some(true), FRAME.color),
-        (
-            "CONTACT_ESTIMATE",
-            "estimated contact",
-            |t, leg| t.contact.as_ref().is_some_and(|c| c.contact[leg]),
-            VERMILLION,
-        ),
-        ("GROUND_TRUTH", "true contact", |t, leg| t.truth.as_ref().is_some_and(|w| w.contact[leg]), BLUE),
-    ];
-    let shown: Vec<_> = bars.iter().filter(|(channel, ..)| run.has(channel)).collect();
-    for (leg, name) in LEGS.into_iter().enumerate() {
-        let top = TOP_MARGIN + leg as f64 * ROW;
-        let first = top + 0.5 * (ROW - shown.len() as f64 * (BAR + 2.0) + 2.0);
-        for (k, (_, _, holds, color)) in shown.iter().enumerate() {
-            for span in spans(ticks, |tick| holds(tick, leg)) {
-                panel.strip(&mut drawing, span, (first + k as f64 * (BAR + 2.0), BAR), *color);
-            }
+    let row = ROW.max(bars.len() as f64 * (BAR + 2.0) + 8.0);
+    let height = row * ask.legs.len() as f64;
+    let mut layers = Vec::new();
+    for (place, &leg) in ask.legs.iter().enumerate() {
+        let first = place as f64 * row + 0.5 * (row - bars.len() as f64 * (BAR + 2.0) + 2.0);
+        for (k, bar) in bars.iter().enumerate() {
+            let spans = bar.timeline.spans(|tick| (bar.holds)(tick, leg));
+            layers.push(Layer::Bars(spans, ((first + k as f64 * (BAR + 2.0)) / height, BAR / height), bar.color));
         }
-        drawing.text((LEFT_MARGIN - 8.0, top + 0.5 * ROW + 0.36 * LABEL_EM), name, LABEL_EM, Align::Right, TEXT);
     }
-    panel.axes(&mut drawing, Labels { x: Some("time [s]"), y: None });
-    let entries: Vec<_> = shown.iter().map(|(_, name, _, color)| (*name, Mark::Fill(*color))).collect();
-    legend(&mut drawing, LEFT_MARGIN, 14.0, &entries);
+    let rows = ask.legs.iter().map(|&leg| LEGS[leg].to_owned()).collect();
+    let plot = Plot { x: window, height, rows, layers, ..Plot::default() };
     let caption = format!("Stance as commanded, and contact as estimated and as it was, {}.", window_text(window));
-    Ok(Figure { name: NAME, title: TITLE, caption, drawing })
+    let legend = bars.into_iter().map(|bar| (bar.name, Mark::Fill(bar.color))).collect();
+    Ok(Chart { caption, sections: vec![Section::column(vec![plot])], legend })
 }

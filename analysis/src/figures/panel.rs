@@ -40,22 +40,14 @@ pub struct Frame {
     pub height: f64,
 }
 
-/// How the vertical axis maps values to height.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Scale {
-    /// Evenly.
-    Linear,
-    /// By the logarithm; values are positive.
-    Log,
-}
-
 /// A pair of axes in a frame.
 #[derive(Clone, Copy, Debug)]
 pub struct Panel {
     frame: Frame,
     x: Range,
     y: Range,
-    scale: Scale,
+    /// Axes that map by the logarithm (their values are positive): horizontal, vertical.
+    logarithmic: [bool; 2],
 }
 
 /// What is written along the axes.
@@ -65,32 +57,38 @@ pub struct Labels<'a> {
     pub x: Option<&'a str>,
     /// Left of the panel, with the numbers of the vertical axis; without it the ticks stay unnumbered.
     pub y: Option<&'a str>,
+    /// The axes have ticks: horizontal, vertical.
+    pub ticks: [bool; 2],
 }
 
 impl Panel {
-    /// Axes with a linear vertical scale.
-    pub fn new(frame: Frame, x: Range, y: Range) -> Self {
-        Self { frame, x, y, scale: Scale::Linear }
+    /// Axes over these ranges.
+    pub fn new(frame: Frame, x: Range, y: Range, logarithmic: [bool; 2]) -> Self {
+        Self { frame, x, y, logarithmic }
     }
 
-    /// The same axes with a logarithmic vertical scale.
-    pub fn logarithmic(self) -> Self {
-        Self { scale: Scale::Log, ..self }
+    /// Range of the horizontal axis.
+    pub fn x(&self) -> Range {
+        self.x
     }
 
-    /// Where a point of the data lies in the drawing.
+    /// Range of the vertical axis.
+    pub fn y(&self) -> Range {
+        self.y
+    }
+
+    /// Where a point of the data lies in the drawing; heights outside the panel come to its edge.
     pub fn at(&self, x: f64, y: f64) -> (f64, f64) {
         let Frame { left, top, width, height } = self.frame;
-        let share = match self.scale {
-            Scale::Linear => (y - self.y.min) / self.y.span(),
-            Scale::Log => (y / self.y.min).ln() / (self.y.max / self.y.min).ln(),
+        let share = |value: f64, range: Range, logarithmic: bool| {
+            if logarithmic {
+                (value / range.min).ln() / (range.max / range.min).ln()
+            } else {
+                (value - range.min) / range.span()
+            }
         };
-        (left + (x - self.x.min) / self.x.span() * width, top + (1.0 - share.clamp(0.0, 1.0)) * height)
-    }
-
-    /// Fills the panel's height between two abscissae, cut to the panel.
-    pub fn shade(&self, drawing: &mut Drawing, from: f64, to: f64, color: RGBAColor) {
-        self.strip(drawing, (from, to), (self.frame.top, self.frame.height), color);
+        let up = share(y, self.y, self.logarithmic[1]).clamp(0.0, 1.0);
+        (left + share(x, self.x, self.logarithmic[0]) * width, top + (1.0 - up) * height)
     }
 
     /// Fills between two abscissae, cut to the panel, at a place `(top, height)` of the drawing.
@@ -119,6 +117,38 @@ impl Panel {
         }
     }
 
+    /// The area between two lines, each thinned to its extremes, broken at NaN.
+    pub fn band(&self, drawing: &mut Drawing, xs: &[f64], low: &[f64], high: &[f64], color: RGBAColor) {
+        let columns = |ys: &[f64], upper: bool| {
+            let mut out: Vec<(f64, f64)> = Vec::new();
+            for (&x, &y) in xs.iter().zip(ys) {
+                let inside = x >= self.x.min && x <= self.x.max;
+                let (px, py) = self.at(x, y);
+                match out.last_mut() {
+                    Some(last) if inside && last.0.floor() == px.floor() && last.1.is_nan() == y.is_nan() => {
+                        last.1 = if upper { last.1.min(py) } else { last.1.max(py) };
+                    }
+                    _ if inside => out.push((px, if y.is_nan() { f64::NAN } else { py })),
+                    _ => {}
+                }
+            }
+            out
+        };
+        let (low, high) = (columns(low, false), columns(high, true));
+        for (low, high) in low.split(|p| p.1.is_nan()).zip(high.split(|p| p.1.is_nan())) {
+            drawing.area(high.iter().chain(low.iter().rev()).copied().collect(), color);
+        }
+    }
+
+    /// A dashed line through a point of the drawing that lies on the panel's left or upper edge, across the panel.
+    pub fn rule(&self, drawing: &mut Drawing, (x, y): (f64, f64), stroke: &Stroke) {
+        let Frame { left, top, width, height } = self.frame;
+        let end = if x <= left && y > top { (left + width, y) } else { (x, top + height) };
+        for dash in dashes(&[(x, y), end], 4.0, 2.5) {
+            drawing.line(dash, *stroke);
+        }
+    }
+
     /// Median and maximum of the samples in each stretch of `width` units, as two series of points. NaN is left out.
     pub fn median_and_max(&self, xs: &[f64], ys: &[f64], width: f64) -> [Vec<(f64, f64)>; 2] {
         let finite: Vec<(f64, f64)> = xs.iter().copied().zip(ys.iter().copied()).filter(|p| p.1.is_finite()).collect();
@@ -136,8 +166,10 @@ impl Panel {
     }
 
     fn thinned(&self, xs: &[f64], ys: &[f64]) -> Vec<Vec<(f64, f64)>> {
+        let inside = |x: f64| x >= self.x.min && x <= self.x.max;
+        let samples = xs.iter().zip(ys).filter(|(x, _)| inside(**x));
         let points: Vec<(f64, f64)> =
-            xs.iter().zip(ys).map(|(&x, &y)| if y.is_finite() { self.at(x, y) } else { (x, f64::NAN) }).collect();
+            samples.map(|(&x, &y)| if y.is_finite() { self.at(x, y) } else { (x, f64::NAN) }).collect();
         points.split(|p| p.1.is_nan()).filter(|piece| piece.len() > 1).map(thin).collect()
     }
 
@@ -145,18 +177,14 @@ impl Panel {
     pub fn axes(&self, drawing: &mut Drawing, labels: Labels) {
         let Frame { left, top, width, height } = self.frame;
         let (right, bottom) = (left + width, top + height);
-        for (value, text) in ticks(self.x, (width / 45.0).clamp(2.0, 9.0) as usize) {
+        for (value, text) in self.x_ticks().into_iter().filter(|_| labels.ticks[0]) {
             let x = self.at(value, self.y.min).0;
             drawing.line(vec![(x, bottom), (x, bottom + 3.0)], FRAME);
             if labels.x.is_some() {
                 drawing.text((x, bottom + 13.0), text, TICK_EM, Align::Middle, TEXT);
             }
         }
-        let vertical = match self.scale {
-            Scale::Linear => ticks(self.y, (height / 22.0).clamp(2.0, 6.0) as usize),
-            Scale::Log => decades(self.y),
-        };
-        for (value, text) in vertical {
+        for (value, text) in self.y_ticks().into_iter().filter(|_| labels.ticks[1]) {
             let y = self.at(self.x.min, value).1;
             drawing.line(vec![(left - 3.0, y), (left, y)], FRAME);
             if labels.y.is_some() {
@@ -168,17 +196,23 @@ impl Panel {
             drawing.text((left + 0.5 * width, bottom + 27.0), label, LABEL_EM, Align::Middle, TEXT);
         }
         if let Some(label) = labels.y {
-            drawing.text_upward((left - 42.0, top + 0.5 * height), label, LABEL_EM, TEXT);
+            drawing.text_upward((left - 40.0, top + 0.5 * height), label, LABEL_EM, TEXT);
         }
+    }
+
+    fn x_ticks(&self) -> Vec<(f64, String)> {
+        let count = (self.frame.width / 45.0).clamp(2.0, 9.0) as usize;
+        if self.logarithmic[0] { decades(self.x, self.frame.width / 30.0) } else { ticks(self.x, count) }
+    }
+
+    fn y_ticks(&self) -> Vec<(f64, String)> {
+        let count = (self.frame.height / 20.0).clamp(3.0, 6.0) as usize;
+        if self.logarithmic[1] { decades(self.y, self.frame.height / 13.0) } else { ticks(self.y, count) }
     }
 
     /// Pale lines at the numbers of the vertical axis; call it first.
     pub fn grid(&self, drawing: &mut Drawing) {
-        let values = match self.scale {
-            Scale::Linear => ticks(self.y, (self.frame.height / 22.0).clamp(2.0, 6.0) as usize),
-            Scale::Log => decades(self.y),
-        };
-        for (value, _) in values {
+        for (value, _) in self.y_ticks() {
             drawing.line(vec![self.at(self.x.min, value), self.at(self.x.max, value)], GRID);
         }
     }
@@ -240,14 +274,20 @@ fn ticks(range: Range, count: usize) -> Vec<(f64, String)> {
     (first..=last).map(|k| (k as f64 * step, number(k as f64 * step, decimals))).collect()
 }
 
-/// The numbers 1, 2 and 5 of each power of ten in the range.
-fn decades(range: Range) -> Vec<(f64, String)> {
+/// The numbers 1, 2 and 5 of each power of ten in the range, or the powers alone where there is no room for so many.
+fn decades(range: Range, room: f64) -> Vec<(f64, String)> {
     let (first, last) = (range.min.log10().floor() as i32, range.max.log10().ceil() as i32);
-    (first..=last)
-        .flat_map(|power| [1.0, 2.0, 5.0].map(|m| (m * 10_f64.powi(power), usize::try_from(-power).unwrap_or(0))))
-        .filter(|(value, _)| (range.min..=range.max).contains(value))
-        .map(|(value, decimals)| (value, number(value, decimals)))
-        .collect()
+    let of_each = |multiples: &[f64], powers: usize| -> Vec<(f64, String)> {
+        (first..=last)
+            .step_by(powers)
+            .flat_map(|power| multiples.iter().map(move |m| (m * 10_f64.powi(power), power)))
+            .filter(|(value, _)| (range.min..=range.max).contains(value))
+            .map(|(value, power)| (value, number(value, usize::try_from(-power).unwrap_or(0))))
+            .collect()
+    };
+    let choices = [of_each(&[1.0, 2.0, 5.0], 1), of_each(&[1.0], 1), of_each(&[1.0], 2)];
+    let fits = choices.iter().position(|numbers| numbers.len() as f64 <= room && numbers.len() > 1);
+    choices.into_iter().nth(fits.unwrap_or(2)).unwrap_or_default()
 }
 
 /// A number with a true minus sign, and no sign for zero.
@@ -265,7 +305,7 @@ mod tests {
         let texts = |min, max, n| ticks(Range { min, max }, n).into_iter().map(|t| t.1).collect::<Vec<_>>();
         assert_eq!(texts(-0.051, 0.103, 4), ["\u{2212}0.05", "0.00", "0.05", "0.10"]);
         assert_eq!(texts(0.0, 60.0, 6), ["0", "10", "20", "30", "40", "50", "60"]);
-        assert_eq!(decades(Range { min: 90.0, max: 1100.0 }).len(), 4);
+        assert_eq!(decades(Range { min: 90.0, max: 1100.0 }, 10.0).len(), 4);
     }
 
     #[test]
@@ -274,6 +314,7 @@ mod tests {
             Frame { left: 0.0, top: 0.0, width: 10.0, height: 100.0 },
             Range { min: 0.0, max: 1.0 },
             Range { min: 0.0, max: 1.0 },
+            [false; 2],
         );
         let xs: Vec<f64> = (0..10_000).map(|i| f64::from(i) / 10_000.0).collect();
         let mut ys = vec![0.5; 10_000];

@@ -1,86 +1,95 @@
-//! The way of the base from above, with the places where feet were set down.
+//! The way of the base from above, with the places where feet were set down; of several logs the ways alone.
 
 use lcmtypes::LegState;
 
-use super::canvas::{Align, Drawing, Stroke};
-use super::panel::{Frame, Labels, Panel, Range};
-use super::style::{
-    BLUE, BOTTOM_MARGIN, LABEL_EM, LEFT_MARGIN, LEG_COLORS, Mark, PAGE_WIDTH, RIGHT_MARGIN, TEXT, TOP_MARGIN,
-    TRUE_LINE, legend,
-};
-use super::{Figure, Lacking};
+use super::chart::{Chart, Layer, Plot, Section};
+use super::panel::Range;
+use super::style::{BLUE, LEFT_MARGIN, LEG_COLORS, Mark, RIGHT_MARGIN, TRUE_LINE};
+use super::trace::run_stroke;
+use super::{Ask, Named, Stroke};
 use crate::run::{LEGS, Run};
 
-const NAME: &str = "path";
-const TITLE: &str = "Path from above";
+/// Heights that a panel may have.
 const HEIGHTS: std::ops::RangeInclusive<f64> = 110.0..=420.0;
 /// Free space around the data, m.
 const MARGIN: f64 = 0.15;
 
-pub(super) fn draw(run: &Run) -> Result<Figure, Lacking> {
-    let positions: Vec<[f64; 3]> = run.ticks.iter().filter_map(|t| t.truth.as_ref().map(|w| w.p_WB)).collect();
-    let (Some(&first), Some(&last)) = (positions.first(), positions.last()) else {
-        return Err(Lacking { name: NAME, title: TITLE, needs: "GROUND_TRUTH" });
+pub(super) fn chart(runs: &[(Named, &Run)], ask: &Ask) -> Result<Chart, String> {
+    let ways: Vec<Vec<(f64, f64)>> = runs
+        .iter()
+        .map(|(_, run)| {
+            let window = ask.whole(run);
+            let inside = run.ticks.iter().filter(|t| t.t_s >= window.min && t.t_s <= window.max);
+            inside.filter_map(|t| t.truth.as_ref().map(|w| (w.p_WB[0], w.p_WB[1]))).collect()
+        })
+        .collect();
+    if ways.iter().any(Vec::is_empty) {
+        return Err("GROUND_TRUTH".to_owned());
+    }
+    let alone = runs.len() == 1;
+    let footholds: Vec<Vec<(f64, f64)>> = match runs {
+        [(_, run)] => (0..4).map(|leg| footholds(run, leg)).collect(),
+        _ => Vec::new(),
     };
-    let footholds: Vec<(usize, [f64; 3])> =
-        (0..4).flat_map(|leg| footholds(run, leg).into_iter().map(move |p| (leg, p))).collect();
-    let extent = |k: usize| {
-        let values = positions.iter().chain(footholds.iter().map(|(_, p)| p)).map(|p| p[k]);
+    let extent = |axis: fn(&(f64, f64)) -> f64| {
+        let values = ways.iter().chain(&footholds).flatten().map(axis);
         let (min, max) = values.fold((f64::INFINITY, f64::NEG_INFINITY), |(lo, hi), v| (lo.min(v), hi.max(v)));
         (0.5 * (min + max), max - min + 2.0 * MARGIN)
     };
-    let ((x_middle, x_span), (y_middle, y_span)) = (extent(0), extent(1));
-
+    let ((x_middle, x_span), (y_middle, y_span)) = (extent(|p| p.0), extent(|p| p.1));
     // One scale for both axes: the wider need decides, the other axis shows more ground.
-    let width = PAGE_WIDTH - LEFT_MARGIN - RIGHT_MARGIN;
+    let width = ask.sheet() - LEFT_MARGIN - RIGHT_MARGIN;
     let height = (width * y_span / x_span).clamp(*HEIGHTS.start(), *HEIGHTS.end());
     let metres_per_unit = (x_span / width).max(y_span / height);
     let around = |middle: f64, units: f64| Range {
         min: middle - 0.5 * units * metres_per_unit,
         max: middle + 0.5 * units * metres_per_unit,
     };
-    let mut drawing = Drawing::new(PAGE_WIDTH, TOP_MARGIN + height + BOTTOM_MARGIN);
-    let frame = Frame { left: LEFT_MARGIN, top: TOP_MARGIN, width, height };
-    let panel = Panel::new(frame, around(x_middle, width), around(y_middle, height));
-
-    panel.grid(&mut drawing);
-    for &(leg, p) in &footholds {
-        drawing.dot(panel.at(p[0], p[1]), 2.1, LEG_COLORS[leg]);
+    let mut legend = Vec::new();
+    let mut layers = Vec::new();
+    for ((points, color), name) in footholds.into_iter().zip(LEG_COLORS).zip(LEGS) {
+        if !points.is_empty() {
+            legend.push((name.to_owned(), Mark::Dot(color)));
+            layers.push(Layer::Dots(points, 2.1, color));
+        }
     }
-    drawing.line(apart(positions.iter().map(|p| panel.at(p[0], p[1]))), Stroke { width: 1.3, ..TRUE_LINE });
-    for (p, name, align, shift) in [(first, "start", Align::Right, -6.0), (last, "end", Align::Left, 6.0)] {
-        let (x, y) = panel.at(p[0], p[1]);
-        drawing.dot((x, y), 3.2, BLUE);
-        drawing.text((x + shift, y + 0.36 * LABEL_EM), name, LABEL_EM, align, TEXT);
+    for (k, (way, (name, _))) in ways.into_iter().zip(runs).enumerate() {
+        let stroke = if alone { Stroke { width: 1.3, ..TRUE_LINE } } else { run_stroke(k) };
+        legend.insert(k, (if alone { "base; disc: end".to_owned() } else { name.0.clone() }, Mark::Line(stroke)));
+        let end = way.last().copied().into_iter().collect();
+        layers.push(Layer::Path(apart(way, 0.5 * metres_per_unit), stroke));
+        layers.push(Layer::Dots(end, 3.2, if alone { BLUE } else { stroke.color }));
     }
-    panel.axes(&mut drawing, Labels { x: Some("x [m]"), y: Some("y [m]") });
-
-    let mut entries = vec![("base", Mark::Line(TRUE_LINE))];
-    if !footholds.is_empty() {
-        entries.extend(LEGS.into_iter().zip(LEG_COLORS).map(|(name, color)| (name, Mark::Dot(color))));
-    }
-    legend(&mut drawing, LEFT_MARGIN, 14.0, &entries);
+    let plot = Plot {
+        x_label: "x [m]".to_owned(),
+        y_label: "y [m]".to_owned(),
+        x: around(x_middle, width),
+        y: around(y_middle, height),
+        height,
+        layers,
+        ..Plot::default()
+    };
     let caption =
-        "True path of the base in the world, and the foothold of each step; both axes have one scale.".to_owned();
-    Ok(Figure { name: NAME, title: TITLE, caption, drawing })
+        "True path of the base in the world, and of one log the foothold of each step; both axes have one scale.";
+    Ok(Chart { caption: caption.to_owned(), sections: vec![Section::column(vec![plot])], legend })
 }
 
 /// True contact point at each change of a leg from swing to stance.
-fn footholds(run: &Run, leg: usize) -> Vec<[f64; 3]> {
+fn footholds(run: &Run, leg: usize) -> Vec<(f64, f64)> {
     let state = |i: usize| run.ticks[i].legs.as_ref().map(|l| l.state[leg]);
     (1..run.ticks.len())
         .filter(|&i| {
             state(i) == Some(LegState::STATE_STANCE) && state(i - 1).is_some_and(|s| s != LegState::STATE_STANCE)
         })
-        .filter_map(|i| run.ticks[i].truth.as_ref().map(|w| w.p_WF[leg]))
+        .filter_map(|i| run.ticks[i].truth.as_ref().map(|w| (w.p_WF[leg][0], w.p_WF[leg][1])))
         .collect()
 }
 
-/// Points at least half a unit apart: more cannot be seen.
-fn apart(points: impl Iterator<Item = (f64, f64)>) -> Vec<(f64, f64)> {
+/// Points at least a distance apart: more cannot be seen.
+fn apart(points: Vec<(f64, f64)>, distance: f64) -> Vec<(f64, f64)> {
     let mut out: Vec<(f64, f64)> = Vec::new();
     for p in points {
-        if out.last().is_none_or(|last| (p.0 - last.0).hypot(p.1 - last.1) >= 0.5) {
+        if out.last().is_none_or(|last| (p.0 - last.0).hypot(p.1 - last.1) >= distance) {
             out.push(p);
         }
     }

@@ -49,8 +49,14 @@ pub const TICK_EM: f64 = 9.5;
 /// Font size of labels and legends.
 pub const LABEL_EM: f64 = 10.5;
 
-/// Width of a figure across a page: 180 mm.
-pub const PAGE_WIDTH: f64 = 680.0;
+/// Colours of several logs in one figure.
+pub const RUN_COLORS: [RGBAColor; 7] =
+    [BLUE, VERMILLION, LEG_COLORS[0], LEG_COLORS[1], LEG_COLORS[2], LEG_COLORS[3], rgb(0x77_77_77)];
+
+/// Units of a drawing in a millimetre.
+pub const UNITS_PER_MM: f64 = 96.0 / 25.4;
+/// Points (1/72 inch) in a unit of a drawing.
+pub const POINTS_PER_UNIT: f64 = 0.75;
 /// Room for numbers and label of a vertical axis.
 pub const LEFT_MARGIN: f64 = 56.0;
 /// Room at the right edge.
@@ -75,16 +81,47 @@ pub enum Mark {
     Bars(RGBAColor, RGBAColor),
 }
 
+/// Height of a row of a legend.
+pub const LEGEND_ROW: f64 = 14.0;
+
+impl Mark {
+    fn width(&self) -> f64 {
+        match self {
+            Self::Dot(_) => 7.0,
+            Self::Fill(_) | Self::Bars(..) => 12.0,
+            Self::Line(_) | Self::Dashed(_) => 18.0,
+        }
+    }
+}
+
+fn entry_width(text: &str, mark: &Mark) -> f64 {
+    mark.width() + 4.0 + text_width(text, LABEL_EM) + 16.0
+}
+
+/// The entries in rows that fit into a width.
+pub fn legend_rows<'a>(entries: &[(&'a str, Mark)], width: f64) -> Vec<Vec<(&'a str, Mark)>> {
+    let mut rows: Vec<Vec<(&str, Mark)>> = Vec::new();
+    let mut used = f64::INFINITY;
+    for &(text, mark) in entries {
+        let wide = entry_width(text, &mark);
+        if used + wide - 16.0 > width {
+            rows.push(Vec::new());
+            used = 0.0;
+        }
+        used += wide;
+        if let Some(row) = rows.last_mut() {
+            row.push((text, mark));
+        }
+    }
+    rows
+}
+
 /// A row of marks and words from `left`, its baseline at `baseline`, above the data.
 pub fn legend(drawing: &mut Drawing, left: f64, baseline: f64, entries: &[(&str, Mark)]) {
     let mut x = left;
     let y = baseline - 0.35 * LABEL_EM;
     for (text, mark) in entries {
-        let width = match mark {
-            Mark::Dot(_) => 7.0,
-            Mark::Fill(_) | Mark::Bars(..) => 12.0,
-            _ => 18.0,
-        };
+        let width = mark.width();
         match *mark {
             Mark::Line(stroke) => drawing.line(vec![(x, y), (x + width, y)], stroke),
             Mark::Dashed(stroke) => {
@@ -100,6 +137,6 @@ pub fn legend(drawing: &mut Drawing, left: f64, baseline: f64, entries: &[(&str,
             Mark::Dot(color) => drawing.dot((x + 3.5, y), 2.6, color),
         }
         drawing.text((x + width + 4.0, baseline), *text, LABEL_EM, Align::Left, TEXT);
-        x += width + 4.0 + text_width(text, LABEL_EM) + 16.0;
+        x += entry_width(text, mark);
     }
 }

@@ -18,6 +18,39 @@ pub fn text_width(text: &str, em: f64) -> f64 {
     set(text, em).1
 }
 
+/// Measures of the embedded font, in thousandths of its size.
+pub struct FontFacts {
+    /// Its PostScript name.
+    pub name: &'static str,
+    /// Height above the baseline.
+    pub ascent: f64,
+    /// Depth below it, negative.
+    pub descent: f64,
+    font: FontRef<'static>,
+    per_em: f64,
+}
+
+impl FontFacts {
+    /// Width of a glyph.
+    pub fn advance(&self, glyph: u16) -> f64 {
+        f64::from(self.font.h_advance_unscaled(ab_glyph::GlyphId(glyph))) * self.per_em
+    }
+}
+
+/// What a PDF says of the font.
+pub fn font_facts() -> FontFacts {
+    let font = font();
+    let per_em = 1000.0 / f64::from(font.units_per_em().unwrap_or(1000.0));
+    let (ascent, descent) = (f64::from(font.ascent_unscaled()) * per_em, f64::from(font.descent_unscaled()) * per_em);
+    FontFacts { name: "HoofprintSans-Regular", ascent, descent, font, per_em }
+}
+
+/// Every character of a text with its glyph and its place along the baseline, and the width of all.
+pub fn placed(text: &str, em: f64) -> (Vec<(char, u16, f64)>, f64) {
+    let (glyphs, width) = set(text, em);
+    (text.chars().zip(glyphs).map(|(c, g)| (c, g.id.0, f64::from(g.position.x))).collect(), width)
+}
+
 /// Calls `pixel` with place and coverage (0 to 1) of every pixel that a text touches. Place: `(x right, y down)` from its point on the baseline, or
 /// turned so that the text reads upward.
 pub fn rasterize<E>(

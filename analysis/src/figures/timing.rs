@@ -1,114 +1,292 @@
-//! Duration of ticks and of their quadratic programs: over the run, and as a histogram on the same axis.
+//! Times by the wall clock: period and computation over the run, and their distributions.
 
-use super::canvas::{Align, Drawing, Stroke};
-use super::panel::{Frame, Labels, Panel, Range};
-use super::style::{
-    BLUE, BOTTOM_MARGIN, LEFT_MARGIN, Mark, PAGE_WIDTH, REFERENCE_LINE, RIGHT_MARGIN, TEXT, TICK_EM, TOP_MARGIN,
-    VERMILLION, legend, pale,
-};
-use super::{Figure, Lacking, series, times, whole};
-use crate::metrics::{qp_us, tick_us};
+use std::rc::Rc;
+
+use super::chart::{Chart, Layer, Plot, Section};
+use super::panel::Range;
+use super::style::{BLUE, LEG_COLORS, Mark, REFERENCE_LINE, VERMILLION, pale};
+use super::trace::{Timeline, run_stroke};
+use super::{Ask, Named, Stroke};
+use crate::metrics::{period_us, qp_us, tick_us};
 use crate::run::Run;
 use crate::stats::Distribution;
 
-const NAME: &str = "timing";
-const TITLE: &str = "Duration of ticks";
-const HEIGHT: f64 = 230.0;
-const HISTOGRAM_WIDTH: f64 = 150.0;
-const GAP: f64 = 18.0;
 const BINS: usize = 80;
-/// Width over which samples are summed up by median and maximum.
-const STRETCH: f64 = 2.0;
+const TICK_LINE: Stroke = Stroke { color: VERMILLION, width: 1.1 };
+const PALE_LINE: Stroke = Stroke { color: pale(VERMILLION, 0.35), width: 1.1 };
+const QP_LINE: Stroke = Stroke { color: LEG_COLORS[0], width: 1.1 };
+const PERIOD_LINE: Stroke = Stroke { color: BLUE, width: 0.6 };
 
-const TICK_LINE: Stroke = Stroke { color: BLUE, width: 1.1 };
-const PALE_LINE: Stroke = Stroke { color: pale(BLUE, 0.35), width: 1.1 };
-const QP_LINE: Stroke = Stroke { color: VERMILLION, width: 1.1 };
+/// One quantity of a run: its name, line and samples in µs, NaN where there is none.
+struct Times {
+    name: &'static str,
+    stroke: Stroke,
+    xs: Rc<[f64]>,
+    us: Vec<f64>,
+}
 
-pub(super) fn draw(run: &Run) -> Result<Figure, Lacking> {
+/// Period (of a live run), tick and solve of one run. A clock that did not move between two stamps has no logarithm: such samples are left out.
+fn times(run: &Run, window: Range) -> Result<Vec<Times>, String> {
     if !run.has("TIMING") {
-        return Err(Lacking { name: NAME, title: TITLE, needs: "TIMING" });
+        return Err("TIMING".to_owned());
     }
-    // A clock that did not move between two stamps has no logarithm: such samples are not drawn.
+    let timeline = Timeline::new(run, window);
     let positive = |us: f64| (us > 0.0).then_some(us);
-    let ticks = series(&run.ticks, |t| t.timing.as_ref().map(tick_us).and_then(positive));
-    let qps = series(&run.ticks, |t| t.timing.as_ref().map(qp_us).and_then(positive));
-    let deadline_us = if run.period_s() > 0.0 { run.period_s() * 1e6 } else { 1000.0 };
-    let (Some(tick_spread), qp_spread) =
-        (Distribution::of(ticks.iter().copied()), Distribution::of(qps.iter().copied()))
-    else {
-        return Err(Lacking { name: NAME, title: TITLE, needs: "TIMING with durations above zero" });
-    };
-    let least = qp_spread.map_or(tick_spread.min, |qp| qp.min.min(tick_spread.min));
-    let us = Range { min: 0.8 * least, max: 1.25 * tick_spread.max.max(deadline_us) };
+    let of_tick =
+        |value: fn(&lcmtypes::Timing) -> f64| timeline.series(|t| t.timing.as_ref().map(value).and_then(positive));
+    let xs = timeline.xs();
+    let mut all = vec![
+        Times { name: "computation", stroke: TICK_LINE, xs: Rc::clone(&xs), us: of_tick(tick_us) },
+        Times { name: "QP", stroke: QP_LINE, xs: Rc::clone(&xs), us: of_tick(qp_us) },
+    ];
+    if is_live(run) {
+        let (at, us) = periods(timeline.ticks);
+        all.insert(0, Times { name: "period", stroke: PERIOD_LINE, xs: at, us });
+    }
+    if all.iter().all(|times| times.us.iter().all(|us| us.is_nan())) {
+        return Err("TIMING with durations above zero".to_owned());
+    }
+    Ok(all)
+}
 
-    let mut drawing = Drawing::new(PAGE_WIDTH, TOP_MARGIN + HEIGHT + BOTTOM_MARGIN);
-    let width = drawing.width() - LEFT_MARGIN - RIGHT_MARGIN - HISTOGRAM_WIDTH - GAP;
-    let frame = Frame { left: LEFT_MARGIN, top: TOP_MARGIN, width, height: HEIGHT };
-    let time = whole(run);
-    let over_time = Panel::new(frame, time, us).logarithmic();
-    let xs = times(&run.ticks);
-    over_time.grid(&mut drawing);
-    let series =
-        [(&ticks, TICK_LINE), (&qps, QP_LINE)].map(|(us, stroke)| (over_time.median_and_max(&xs, us, STRETCH), stroke));
-    for ([_, largest], stroke) in &series {
-        drawing.line(largest.clone(), Stroke { color: pale(stroke.color, 0.35), width: 0.6 });
-    }
-    for ([median, _], stroke) in series {
-        drawing.line(median, stroke);
-    }
-    over_time.dashed(&mut drawing, &[time.min, time.max], &[deadline_us; 2], REFERENCE_LINE);
-    over_time.axes(&mut drawing, Labels { x: Some("time [s]"), y: Some("duration [µs]") });
+/// Times between the wake-ups of neighbouring ticks, µs, at the time of the later.
+fn periods(ticks: &[crate::run::Tick]) -> (Rc<[f64]>, Vec<f64>) {
+    let pairs = ticks.windows(2).filter_map(|pair| {
+        let us = period_us(pair[0].timing.as_ref()?, pair[1].timing.as_ref()?)?;
+        (us > 0.0).then_some((pair[1].t_s, us))
+    });
+    let (xs, us): (Vec<f64>, Vec<f64>) = pairs.unzip();
+    (xs.into(), us)
+}
 
-    let shares = [&ticks, &qps].map(|samples| histogram(samples, us));
-    let most = shares.iter().flatten().copied().fold(1.0, f64::max);
-    let frame = Frame { left: LEFT_MARGIN + width + GAP, width: HISTOGRAM_WIDTH, ..frame };
-    let histograms = Panel::new(frame, Range { min: 0.0, max: 1.08 * most }, us).logarithmic();
-    histograms.grid(&mut drawing);
-    for (share, stroke) in shares.iter().zip([TICK_LINE, QP_LINE]) {
-        drawing.line(outline(&histograms, share, us), stroke);
+/// A run with deadlines woke by a clock; lockstep has neither.
+fn is_live(run: &Run) -> bool {
+    run.ticks.iter().any(|tick| tick.timing.as_ref().is_some_and(|t| t.deadline_ns > 0))
+}
+
+fn deadline_us(run: &Run) -> f64 {
+    if run.period_s() > 0.0 { run.period_s() * 1e6 } else { 1000.0 }
+}
+
+/// What all samples lie in, the deadline too; µs.
+fn range<'a>(all: impl Iterator<Item = &'a Times>, deadline: f64) -> Range {
+    let finite = all.flat_map(|times| times.us.iter().copied()).filter(|us| us.is_finite());
+    let (least, most) = finite.fold((deadline, deadline), |(lo, hi), us| (lo.min(us), hi.max(us)));
+    Range { min: 0.8 * least, max: 1.25 * most }
+}
+
+/// Period and computation time over the run, a panel a log, with their histograms at the side.
+pub(super) fn over_time(runs: &[(Named, &Run)], ask: &Ask) -> Result<Chart, String> {
+    let mut sections = Vec::new();
+    let (mut live, mut lockstep) = (false, false);
+    for (name, run) in runs {
+        let window = ask.whole(run);
+        let all = times(run, window)?;
+        let deadline = deadline_us(run);
+        let us = range(all.iter(), deadline);
+        let mut layers = Vec::new();
+        for times in &all {
+            let (xs, ys, stroke) = (Rc::clone(&times.xs), times.us.clone(), times.stroke);
+            layers.push(match times.name {
+                "period" => Layer::Line { xs, ys, stroke, dashed: false },
+                _ => Layer::Spread { xs, ys, stroke },
+            });
+        }
+        layers.push(Layer::Level(deadline, REFERENCE_LINE));
+        let y_label = "time [µs]".to_owned();
+        let heading = (runs.len() > 1).then(|| name.0.clone());
+        let height = 200.0;
+        let over_time = Plot {
+            heading: heading.clone(),
+            y_label: y_label.clone(),
+            x: window,
+            y: us,
+            logarithmic: [false, true],
+            height,
+            layers,
+            ..Plot::default()
+        };
+        let shares: Vec<(Vec<f64>, Stroke)> = all.iter().map(|t| (histogram(&t.us, us), t.stroke)).collect();
+        let most = shares.iter().flat_map(|(share, _)| share).copied().fold(1.0, f64::max);
+        let mut layers: Vec<Layer> =
+            shares.into_iter().map(|(share, stroke)| Layer::Path(lying(&share, us), stroke)).collect();
+        layers.push(Layer::Level(deadline, REFERENCE_LINE));
+        let lying = Plot {
+            heading,
+            x_label: "share of ticks [%]".to_owned(),
+            y_label,
+            x: Range { min: 0.0, max: 1.08 * most },
+            y: us,
+            logarithmic: [false, true],
+            height,
+            layers,
+            ..Plot::default()
+        };
+        sections.push(Section { columns: vec![0.7, 0.3], plots: vec![over_time, lying], shared_x: true });
+        *if is_live(run) { &mut live } else { &mut lockstep } = true;
     }
-    histograms.dashed(&mut drawing, &[0.0, 1.08 * most], &[deadline_us; 2], REFERENCE_LINE);
-    histograms.axes(&mut drawing, Labels { x: Some("share of ticks [%]"), y: None });
-    let right = frame.left + frame.width;
-    for (k, (name, spread)) in [("tick", Some(tick_spread)), ("QP", qp_spread)].into_iter().enumerate() {
-        if let Some(spread) = spread {
-            let text = format!("{name}: p50 {:.0}, p99 {:.0} µs", spread.p50, spread.p99);
-            drawing.text((right, TOP_MARGIN - 13.0 + 11.0 * k as f64), text, TICK_EM, Align::Right, TEXT);
+    let mut legend = Vec::new();
+    if live {
+        legend.push(("period, wake-up to wake-up".to_owned(), Mark::Line(PERIOD_LINE)));
+    }
+    legend.extend([
+        ("computation: median".to_owned(), Mark::Line(TICK_LINE)),
+        ("largest".to_owned(), Mark::Line(PALE_LINE)),
+        ("QP".to_owned(), Mark::Line(QP_LINE)),
+        ("control period".to_owned(), Mark::Dashed(REFERENCE_LINE)),
+    ]);
+    let remark =
+        if lockstep { " A lockstep run waits for nobody: it has no period of its own, and no deadline." } else { "" };
+    let caption = format!(
+        "Wall-clock time of each tick and of its quadratic program, median and largest over short stretches, and histogram; logarithmic axes.{remark}"
+    );
+    Ok(Chart { caption, sections, legend })
+}
+
+/// Histogram and cumulated share of computation, solve, and jitter of the period; several logs in one figure, as before and after.
+pub(super) fn distribution(runs: &[(Named, &Run)]) -> Result<Chart, String> {
+    let all: Vec<Vec<Times>> = runs.iter().map(|(_, run)| times(run, super::whole(run))).collect::<Result<_, _>>()?;
+    let deadline = runs.first().map_or(1000.0, |(_, run)| deadline_us(run));
+    let us = range(all.iter().flatten(), deadline);
+    let alone = runs.len() == 1;
+    let (mut histograms, mut cumulated, mut legend, mut most) = (Vec::new(), Vec::new(), Vec::new(), 1.0_f64);
+    let mut notes = Vec::new();
+    for (k, ((name, _), times)) in runs.iter().zip(&all).enumerate() {
+        // Of several logs only what the robot waits for.
+        for times in times.iter().filter(|t| alone || t.name == "computation") {
+            let stroke = if alone { Stroke { width: 1.1, ..times.stroke } } else { run_stroke(k) };
+            let share = histogram(&times.us, us);
+            most = share.iter().copied().fold(most, f64::max);
+            histograms.push(Layer::Path(lying(&share, us).into_iter().map(|(x, y)| (y, x)).collect(), stroke));
+            cumulated.push(Layer::Path(tail(&times.us), stroke));
+            let label = if alone { times.name.to_owned() } else { format!("computation, {}", name.0) };
+            if let Some(d) = Distribution::of(times.us.iter().copied()) {
+                notes.push(format!(
+                    "{label}: p50 {:.0}, p99 {:.0}, p99.9 {:.0}, max {:.0} µs",
+                    d.p50, d.p99, d.p999, d.max
+                ));
+            }
+            legend.push((label, Mark::Line(stroke)));
         }
     }
-    let deadline = format!("control period, {deadline_us:.0} µs");
-    let entries = [
-        ("tick", Mark::Line(TICK_LINE)),
-        ("QP", Mark::Line(QP_LINE)),
-        ("pale: largest", Mark::Line(PALE_LINE)),
-        (&*deadline, Mark::Dashed(REFERENCE_LINE)),
+    legend.push((format!("control period, {deadline:.0} µs"), Mark::Dashed(REFERENCE_LINE)));
+    for layers in [&mut histograms, &mut cumulated] {
+        layers.push(Layer::Upright(deadline, REFERENCE_LINE));
+    }
+    let x_label = "time [µs]".to_owned();
+    let plots = vec![
+        Plot {
+            y_label: "share of ticks [%]".to_owned(),
+            x_label: x_label.clone(),
+            x: us,
+            y: Range { min: 0.0, max: 1.5 * most },
+            logarithmic: [true, false],
+            height: 130.0,
+            layers: histograms,
+            notes,
+            ..Plot::default()
+        },
+        Plot {
+            y_label: "share above [%]".to_owned(),
+            x_label,
+            x: us,
+            y: Range { min: 100.0 / longest(&all), max: 100.0 },
+            logarithmic: [true, true],
+            height: 130.0,
+            layers: cumulated,
+            ..Plot::default()
+        },
     ];
-    legend(&mut drawing, LEFT_MARGIN, 14.0, &entries);
-    let caption = "Wall-clock time of each tick and of its quadratic program, on a logarithmic axis: median and largest over short stretches of \
-                   the run, and histogram.".to_owned();
-    Ok(Figure { name: NAME, title: TITLE, caption, drawing })
+    let mut sections = vec![Section { columns: vec![1.0], plots, shared_x: true }];
+    sections.extend(jitter(runs));
+    let caption = "Histogram of times, and below it the share of ticks that took longer (one minus the cumulated distribution), both axes logarithmic, so that the \
+                   rare long ticks are seen. Of a live run also wake-up times about the control period."
+        .to_owned();
+    Ok(Chart { caption, sections, legend })
+}
+
+/// How far wake-ups were off the control period, of live runs.
+fn jitter(runs: &[(Named, &Run)]) -> Option<Section> {
+    let mut layers = Vec::new();
+    let (mut widest, mut most, mut notes) = (10.0_f64, 1.0_f64, Vec::new());
+    let each: Vec<(usize, Vec<f64>)> = runs
+        .iter()
+        .enumerate()
+        .filter(|(_, (_, run))| is_live(run))
+        .map(|(k, (_, run))| (k, periods(&run.ticks).1.into_iter().map(|us| us - deadline_us(run)).collect()))
+        .collect();
+    for (_, errors) in &each {
+        let sizes = Distribution::of(errors.iter().map(|e: &f64| e.abs()));
+        widest = sizes.map_or(widest, |d| widest.max(1.2 * d.p999));
+    }
+    for (k, errors) in &each {
+        let mut shares = vec![0.0; BINS];
+        for error in errors {
+            let bin = ((error + widest) / (2.0 * widest) * BINS as f64).clamp(0.0, BINS as f64 - 1.0) as usize;
+            shares[bin] += 100.0 / errors.len() as f64;
+        }
+        most = shares.iter().copied().fold(most, f64::max);
+        let edge = |bin: usize| -widest + 2.0 * widest * bin as f64 / BINS as f64;
+        layers.push(Layer::Path(
+            (0..BINS).flat_map(|b| [(edge(b), shares[b]), (edge(b + 1), shares[b])]).collect(),
+            run_stroke(*k),
+        ));
+        if let Some(d) = Distribution::of(errors.iter().copied()) {
+            notes.push(format!("{}: std {:.1} µs", runs[*k].0.0, d.std));
+        }
+    }
+    let plot = Plot {
+        x_label: "period less control period [µs]; the last bins hold what is beyond".to_owned(),
+        y_label: "share of ticks [%]".to_owned(),
+        x: Range { min: -widest, max: widest },
+        y: Range { min: 0.0, max: 1.3 * most },
+        height: 110.0,
+        layers,
+        notes,
+        ..Plot::default()
+    };
+    (!each.is_empty()).then(|| Section::column(vec![plot]))
 }
 
 /// Share of the samples in each of `BINS` logarithmic bins, %.
 fn histogram(samples: &[f64], range: Range) -> Vec<f64> {
     let mut counts = vec![0.0; BINS];
-    let finite: Vec<f64> = samples.iter().copied().filter(|us| us.is_finite()).collect();
-    for us in &finite {
+    let finite = || samples.iter().filter(|us| us.is_finite());
+    let total = finite().count() as f64;
+    for us in finite() {
         let place = (us / range.min).ln() / (range.max / range.min).ln() * BINS as f64;
-        counts[(place.max(0.0) as usize).min(BINS - 1)] += 100.0 / finite.len() as f64;
+        counts[(place.max(0.0) as usize).min(BINS - 1)] += 100.0 / total;
     }
     counts
 }
 
-/// The steps of a histogram that lies on its side.
-fn outline(panel: &Panel, shares: &[f64], range: Range) -> Vec<(f64, f64)> {
+/// The steps of a histogram that lies on its side: share, then time.
+fn lying(shares: &[f64], range: Range) -> Vec<(f64, f64)> {
     let edge = |k: usize| range.min * (range.max / range.min).powf(k as f64 / BINS as f64);
     let filled = |k: usize| shares[k] > 0.0;
     let Some((first, last)) = (0..BINS).find(|&k| filled(k)).zip((0..BINS).rev().find(|&k| filled(k))) else {
         return Vec::new();
     };
-    let mut points = vec![panel.at(0.0, edge(first))];
-    points.extend((first..=last).flat_map(|k| [panel.at(shares[k], edge(k)), panel.at(shares[k], edge(k + 1))]));
-    points.push(panel.at(0.0, edge(last + 1)));
+    let mut points = vec![(0.0, edge(first))];
+    points.extend((first..=last).flat_map(|k| [(shares[k], edge(k)), (shares[k], edge(k + 1))]));
+    points.push((0.0, edge(last + 1)));
     points
+}
+
+/// Time, and the share of samples above it in %: at most about a thousand points, denser towards the end.
+fn tail(samples: &[f64]) -> Vec<(f64, f64)> {
+    let mut sorted: Vec<f64> = samples.iter().copied().filter(|us| us.is_finite()).collect();
+    sorted.sort_by(f64::total_cmp);
+    let n = sorted.len();
+    let mut points = Vec::new();
+    let mut above = n;
+    while above > 0 {
+        points.push((sorted[n - above], 100.0 * above as f64 / n as f64));
+        above -= (above / 100).max(1);
+    }
+    points
+}
+
+fn longest(all: &[Vec<Times>]) -> f64 {
+    all.iter().flatten().map(|times| times.us.len()).max().unwrap_or(1).max(10) as f64
 }

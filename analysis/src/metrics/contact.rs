@@ -8,6 +8,8 @@ use crate::stats::{Distribution, ErrorStats};
 
 /// True contact after a touchdown that is still counted as its cause: the foot was judged down a little early, s.
 const EARLY_S: f64 = 0.05;
+/// A touchdown judged later than this after true contact counts as missed, ms.
+const MISSED_MS: f64 = 20.0;
 
 /// Estimated against true contact.
 #[derive(Clone, Debug, Serialize)]
@@ -48,12 +50,15 @@ pub struct Touchdowns {
     pub count: u64,
     /// Of these, those without true contact before or within 50 ms after: false touchdowns.
     pub false_count: u64,
+    /// Of these, those judged more than 20 ms after true contact: missed when they came.
+    pub missed_count: u64,
     /// Stance − first true contact, ms, of the others; negative = judged early.
     pub delay_ms: Option<Distribution>,
 }
 
 impl ContactMetrics {
-    pub(super) fn of(run: &Run) -> Option<Self> {
+    /// `None` without truth or without estimate.
+    pub(crate) fn of(run: &Run) -> Option<Self> {
         if !run.has("GROUND_TRUTH") || !run.has("CONTACT_ESTIMATE") {
             return None;
         }
@@ -92,6 +97,7 @@ fn summarize(delays_ms: &[Option<f64>]) -> Touchdowns {
     Touchdowns {
         count: delays_ms.len() as u64,
         false_count: delays_ms.iter().filter(|delay| delay.is_none()).count() as u64,
+        missed_count: delays_ms.iter().flatten().filter(|delay| **delay > MISSED_MS).count() as u64,
         delay_ms: Distribution::of(delays_ms.iter().flatten().copied()),
     }
 }
@@ -99,7 +105,7 @@ fn summarize(delays_ms: &[Option<f64>]) -> Touchdowns {
 /// One entry a swing that ended in stance: the delay of that end, or `None` for a false touchdown.
 ///
 /// The first half of a swing is left out, as the controller leaves it out: a foot that scuffs while it lifts is not landing.
-fn touchdown_delays_ms(ticks: &[Tick], leg: usize) -> Vec<Option<f64>> {
+pub(crate) fn touchdown_delays_ms(ticks: &[Tick], leg: usize) -> Vec<Option<f64>> {
     let mut delays = Vec::new();
     let mut descending = false;
     let mut first_contact_s = None;

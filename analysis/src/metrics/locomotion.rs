@@ -75,8 +75,6 @@ impl Locomotion {
         let realised =
             |k: usize| mean(walking().filter_map(|t| t.truth.as_ref().map(|w| from_w_to_h(w.rpy[2], w.v_WB)[k])));
         let positions: Vec<_> = run.ticks.iter().filter_map(|t| t.truth.as_ref().map(|w| w.p_WB)).collect();
-        let between = |a: &[f64; 3], b: &[f64; 3]| (b[0] - a[0]).hypot(b[1] - a[1]);
-        let known = against == Reference::GroundTruth;
         Self {
             walking_s: walking().count() as f64 * run.period_s(),
             commanded_velocity: commanded(0).zip(commanded(1)).map(|(x, y)| [x, y]),
@@ -84,12 +82,33 @@ impl Locomotion {
             commanded_yaw_rate: mean(walking().filter_map(|t| t.base.as_ref().map(|b| b.yaw_rate_des))),
             true_yaw_rate: mean(walking().filter_map(|t| t.truth.as_ref().map(|w| w.w_WB_W[2]))),
             distance_m: positions.first().zip(positions.last()).map(|(first, last)| between(first, last)),
-            path_m: known.then(|| positions.windows(2).map(|pair| between(&pair[0], &pair[1])).sum()),
+            path_m: if against == Reference::GroundTruth { Self::path_m(run) } else { None },
         }
+    }
+
+    /// Horizontal length of the base's true path, m; `None` without truth.
+    pub(super) fn path_m(run: &Run) -> Option<f64> {
+        let mut positions = run.ticks.iter().filter_map(|t| t.truth.as_ref().map(|w| w.p_WB));
+        let mut last = positions.next()?;
+        Some(positions.fold(0.0, |way, p| {
+            let step = between(&last, &p);
+            last = p;
+            way + step
+        }))
     }
 }
 
+/// Horizontal distance.
+fn between(a: &[f64; 3], b: &[f64; 3]) -> f64 {
+    (b[0] - a[0]).hypot(b[1] - a[1])
+}
+
 impl Safety {
+    /// Falls, faults and limits of a run.
+    pub fn of_run(run: &Run) -> Self {
+        Self::of(run, Reference::of(run))
+    }
+
     pub(super) fn of(run: &Run, against: Reference) -> Self {
         let reference = run.ticks.iter().find_map(|tick| tick.base.as_ref().map(|b| b.height_des));
         let floor = reference.filter(|&h| h > 0.0).map_or(FALLEN_HEIGHT, |h| FALLEN_HEIGHT_SHARE * h);
@@ -162,7 +181,7 @@ fn faults(run: &Run) -> Vec<Fault> {
 }
 
 /// The constant of that value in `controller_tick_t`, in words: `FAULT_STATE_STALE` is "state stale".
-fn fault_name(code: i32) -> String {
+pub(crate) fn fault_name(code: i32) -> String {
     let tick = lcmtypes::types().by_name(ControllerTick::TYPE);
     let constants = tick.iter().flat_map(|ty| &ty.def().constants);
     let fault = constants.filter(|c| c.value == ConstantValue::Int32(code)).find_map(|c| c.name.strip_prefix("FAULT_"));

@@ -4,16 +4,22 @@
 //! structure they belong to. A quantity that the log cannot give is `null`.
 
 mod contact;
+mod energy;
 mod locomotion;
+mod slip;
 mod timing;
 mod tracking;
 
 use serde::Serialize;
 
+pub(crate) use contact::touchdown_delays_ms;
 pub use contact::{ContactMetrics, LegContact, Touchdowns};
+pub use energy::{Energy, JointMetrics};
+pub(crate) use energy::{joint_powers, torque_use};
 pub use locomotion::{Fault, Locomotion, Safety};
+pub use slip::FootSlip;
 pub use timing::{Qp, QpStatus, StageTime, TimingMetrics};
-pub(crate) use timing::{qp_us, tick_us};
+pub(crate) use timing::{period_us, qp_us, tick_us};
 pub use tracking::{FootTracking, Tracking};
 
 use crate::run::Run;
@@ -39,6 +45,10 @@ pub struct Metrics {
     pub locomotion: Locomotion,
     /// Falls, faults, limits reached.
     pub safety: Safety,
+    /// Torque, power and tracking of joints; `null` without joint states.
+    pub energy: Option<Energy>,
+    /// Travel of feet on the ground, in the order LF RF LH RH; `null` without truth.
+    pub slip: Option<[FootSlip; 4]>,
     /// Durations of ticks; `null` without TIMING.
     pub timing: Option<TimingMetrics>,
     /// The quadratic program; `null` without WBC_SOLUTION.
@@ -55,9 +65,17 @@ pub enum Reference {
     Estimate,
 }
 
+impl Reference {
+    fn of(run: &Run) -> Self {
+        if run.has("GROUND_TRUTH") { Self::GroundTruth } else { Self::Estimate }
+    }
+}
+
 /// What ran, as RUN_INFO says; texts are empty when the log does not say.
 #[derive(Clone, Debug, Default, Serialize)]
 pub struct RunSummary {
+    /// SHA-256 of the log.
+    pub log_sha256: String,
     /// Robot.
     pub robot: String,
     /// Controller.
@@ -89,7 +107,7 @@ pub struct RunSummary {
 impl Metrics {
     /// Measures a run.
     pub fn of(run: &Run) -> Self {
-        let measured_against = if run.has("GROUND_TRUTH") { Reference::GroundTruth } else { Reference::Estimate };
+        let measured_against = Reference::of(run);
         Self {
             schema: 1,
             run: summary(run),
@@ -100,6 +118,8 @@ impl Metrics {
             contact: ContactMetrics::of(run),
             locomotion: Locomotion::of(run, measured_against),
             safety: Safety::of(run, measured_against),
+            energy: Energy::of(run),
+            slip: slip::of(run),
             timing: TimingMetrics::of(run),
             qp: Qp::of(run),
         }
@@ -115,6 +135,7 @@ impl Metrics {
 fn summary(run: &Run) -> RunSummary {
     let info = run.info.clone().unwrap_or_default();
     RunSummary {
+        log_sha256: run.sha256.clone(),
         robot: info.robot,
         controller: info.controller,
         scenario: info.scenario_name,

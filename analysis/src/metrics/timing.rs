@@ -3,7 +3,7 @@
 use lcmtypes::{Timing, WbcSolution};
 use serde::Serialize;
 
-use crate::run::Run;
+use crate::run::{Run, Wbc};
 use crate::stats::Distribution;
 
 /// Names of the stages, in the order of `timing_t.stage_ns`.
@@ -75,16 +75,21 @@ pub(crate) fn qp_us(timing: &Timing) -> f64 {
     timing.stage_ns[QP_STAGE] as f64 * 1e-3
 }
 
+/// Time between the wake-ups of a tick and the next, µs; `None` if ticks between them are missing.
+pub(crate) fn period_us(before: &Timing, after: &Timing) -> Option<f64> {
+    (after.tick == before.tick + 1).then(|| (after.wake_ns - before.wake_ns) as f64 * 1e-3)
+}
+
 impl TimingMetrics {
     pub(super) fn of(run: &Run) -> Option<Self> {
         let timings: Vec<&Timing> = run.ticks.iter().filter_map(|tick| tick.timing.as_ref()).collect();
         if timings.is_empty() {
             return None;
         }
-        let period_us = run.period_s() * 1e6;
+        let nominal_us = run.period_s() * 1e6;
         let live = timings.iter().any(|t| t.deadline_ns > 0);
-        let steps = timings.windows(2).filter(|pair| pair[1].tick == pair[0].tick + 1);
-        let period_errors = steps.map(|pair| (pair[1].wake_ns - pair[0].wake_ns) as f64 * 1e-3 - period_us);
+        let periods = timings.windows(2).filter_map(|pair| period_us(pair[0], pair[1]));
+        let period_errors = periods.map(|us| us - nominal_us);
         let stage = |k: usize| StageTime {
             stage: STAGES[k],
             us: Distribution::of(timings.iter().map(|t| t.stage_ns[k] as f64 * 1e-3)),
@@ -96,14 +101,14 @@ impl TimingMetrics {
             period_error_us: live.then(|| Distribution::of(period_errors)).flatten(),
             with_deadline: timings.iter().filter(|t| t.deadline_ns > 0).count() as u64,
             missed_deadlines: timings.iter().filter(|t| t.deadline_ns > 0 && t.end_ns > t.deadline_ns).count() as u64,
-            longer_than_period: timings.iter().filter(|t| period_us > 0.0 && tick_us(t) > period_us).count() as u64,
+            longer_than_period: timings.iter().filter(|t| nominal_us > 0.0 && tick_us(t) > nominal_us).count() as u64,
         })
     }
 }
 
 impl Qp {
     pub(super) fn of(run: &Run) -> Option<Self> {
-        let records: Vec<&WbcSolution> = run.ticks.iter().filter_map(|tick| tick.wbc.as_ref()).collect();
+        let records: Vec<&Wbc> = run.ticks.iter().filter_map(|tick| tick.wbc.as_ref()).collect();
         if records.is_empty() {
             return None;
         }
@@ -118,7 +123,7 @@ impl Qp {
             } += 1;
         }
         let ran = || records.iter().filter(|r| r.status != WbcSolution::STATUS_NOT_RUN);
-        let largest = |size: fn(&WbcSolution) -> i32| records.iter().map(|r| size(r)).max().unwrap_or(0);
+        let largest = |size: fn(&Wbc) -> i32| records.iter().map(|r| size(r)).max().unwrap_or(0);
         Some(Self {
             iterations: Distribution::of(ran().map(|r| f64::from(r.iterations))),
             size: [largest(|r| r.n_var), largest(|r| r.n_eq), largest(|r| r.n_ineq)],

@@ -10,7 +10,8 @@
 use std::path::Path;
 
 use lcmtypes::{
-    BaseTracking, ContactEstimate, ControllerTick, Event, GroundTruth, LegState, Message, RunInfo, Timing, WbcSolution,
+    BaseTracking, ContactEstimate, ControllerInput, ControllerTick, Event, GroundTruth, LegState, Message,
+    RobotCommand, RobotState, RunInfo, Timing, WbcSolution,
 };
 use replay::log::LogWriter;
 
@@ -29,6 +30,14 @@ pub const SPEED: f64 = 0.3;
 pub const YAW_RATE: f64 = 0.2;
 /// First tick of the walk.
 pub const WALK: i64 = 1000;
+
+/// Measured velocity, rad/s, and torque, N m, of every joint; commanded − measured position, rad.
+pub const JOINT_VELOCITY: f64 = 0.5;
+pub const JOINT_TORQUE: f64 = -20.0;
+pub const JOINT_ERROR: f64 = 0.03;
+/// Mass, kg, and torque limit, N m, of the robot in the log.
+pub const MASS: f64 = 80.0;
+pub const EFFORT: f64 = 160.0;
 
 const STRIDE: i64 = 600;
 const SWING: i64 = 250;
@@ -50,11 +59,28 @@ pub struct Plan {
     pub fall: i64,
     /// Seed that RUN_INFO names.
     pub seed: i64,
+    /// Joints of the robot.
+    pub joints: usize,
+    /// Tick whose state never came: its tick was computed from the one before.
+    pub stale: i64,
+    /// A live run: deadlines of 1 ms, wake-ups 10 µs early and late in turn.
+    pub live: bool,
 }
 
 impl Default for Plan {
     fn default() -> Self {
-        Self { ticks: 4000, without: &[], gap: 0..0, truth_gap: 0..0, truth_late_ns: 0, fall: i64::MAX, seed: 7 }
+        Self {
+            ticks: 4000,
+            without: &[],
+            gap: 0..0,
+            truth_gap: 0..0,
+            truth_late_ns: 0,
+            fall: i64::MAX,
+            seed: 7,
+            joints: 12,
+            stale: -1,
+            live: false,
+        }
     }
 }
 
@@ -83,6 +109,8 @@ pub fn write(path: &Path, plan: &Plan) {
         revision: "0123abc".into(),
         toolchain: "rustc".into(),
         realtime: "lockstep".into(),
+        urdf: urdf(plan.joints),
+        params: "[wbc]\nfriction = 0.7\n".into(),
         ..RunInfo::default()
     };
     put("RUN_INFO", 0, &|out| info.encode(out).unwrap());
@@ -101,7 +129,11 @@ pub fn write(path: &Path, plan: &Plan) {
                 Event { t_ns, tick, source: "scenario".into(), text: "walk <forward>".into(), ..Event::default() };
             put("EVENT", t_ns, &|out| event.encode(out).unwrap());
         }
-        let now = Moment { tick, t_ns, yaw, speed, position, fall: plan.fall };
+        let now = Moment { tick, t_ns, yaw, speed, position, fall: plan.fall, joints: plan.joints, live: plan.live };
+        put("CONTROLLER_INPUT", t_ns, &|out| {
+            now.input(if tick == plan.stale { tick - 1 } else { tick }).encode(out).unwrap()
+        });
+        put("ROBOT_COMMAND", t_ns, &|out| now.command().encode(out).unwrap());
         put("BASE_TRACKING", t_ns, &|out| now.base().encode(out).unwrap());
         put("LEG_STATE", t_ns, &|out| now.legs().encode(out).unwrap());
         put("CONTACT_ESTIMATE", t_ns, &|out| now.contact().encode(out).unwrap());
@@ -123,6 +155,23 @@ struct Moment {
     speed: f64,
     position: [f64; 2],
     fall: i64,
+    joints: usize,
+    live: bool,
+}
+
+/// A chain a joint: thighs of 0.5 m that hang from one trunk, in the order of the legs.
+fn urdf(joints: usize) -> String {
+    let mut text =
+        format!("<robot name=\"sticks\"><link name=\"base\"><inertial><mass value=\"{MASS}\"/></inertial></link>");
+    for k in 0..joints {
+        let [x, y] = HIPS[k % 4];
+        text += &format!(
+            "<joint name=\"j{k}\" type=\"revolute\"><origin xyz=\"{x} {y} 0\"/><parent link=\"base\"/><child link=\"l{k}\"/><axis xyz=\"0 1 0\"/>\
+             <limit effort=\"{EFFORT}\" velocity=\"9\"/></joint><link name=\"l{k}\"/>\
+             <joint name=\"f{k}\" type=\"fixed\"><origin xyz=\"0 0 -0.5\"/><parent link=\"l{k}\"/><child link=\"t{k}\"/></joint><link name=\"t{k}\"/>"
+        );
+    }
+    text + "</robot>"
 }
 
 impl Moment {
@@ -164,6 +213,42 @@ impl Moment {
             v_H_des: [if self.speed > 0.0 { self.speed + 0.02 } else { 0.0 }, 0.0],
             yaw_rate_des: if self.speed > 0.0 { YAW_RATE } else { 0.0 },
             ..BaseTracking::default()
+        }
+    }
+
+    fn q(&self) -> Vec<f64> {
+        (0..self.joints).map(|k| 0.2 * (2.0 * self.t_s() + k as f64).sin()).collect()
+    }
+
+    fn input(&self, seq: i64) -> ControllerInput {
+        let n = self.joints;
+        let state = RobotState {
+            t_ns: self.t_ns,
+            seq,
+            nj: n as i32,
+            q: self.q(),
+            qd: vec![JOINT_VELOCITY; n],
+            tau: vec![JOINT_TORQUE; n],
+            q_WI_wxyz: [1.0, 0.0, 0.0, 0.0],
+            ..RobotState::default()
+        };
+        ControllerInput { t_ns: self.t_ns, tick: self.tick, state, ..ControllerInput::default() }
+    }
+
+    fn command(&self) -> RobotCommand {
+        let n = self.joints;
+        let q_des = self.q().iter().map(|q| q + JOINT_ERROR).collect();
+        let zeros = || vec![0.0; n];
+        RobotCommand {
+            t_ns: self.t_ns,
+            tick: self.tick,
+            mode: RobotCommand::MODE_TORQUE,
+            nj: n as i32,
+            tau: vec![JOINT_TORQUE; n],
+            q_des,
+            qd_des: vec![JOINT_VELOCITY; n],
+            kp: zeros(),
+            kd: zeros(),
         }
     }
 
@@ -249,13 +334,15 @@ impl Moment {
     /// Ticks of 200 to 219 µs, one of 1500; the QP takes half.
     fn timing(&self) -> Timing {
         let tick_ns = if self.tick == 777 { 1_500_000 } else { 200_000 + 1000 * (self.tick * 7 % 20) };
-        let start_ns = 5_000_000_000 + self.tick * 1_000_000;
+        let late_ns = if self.live { 10_000 * (self.tick % 2 * 2 - 1) } else { 0 };
+        let start_ns = 5_000_000_000 + self.tick * 1_000_000 + late_ns;
         Timing {
             t_ns: self.t_ns,
             tick: self.tick,
             wake_ns: start_ns - 5_000,
             start_ns,
             end_ns: start_ns + tick_ns,
+            deadline_ns: if self.live { start_ns - late_ns + 1_000_000 } else { 0 },
             stage_ns: [1_000, tick_ns / 8, tick_ns / 16, tick_ns / 4, tick_ns / 2, 2_000],
             ..Timing::default()
         }

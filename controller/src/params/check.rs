@@ -98,6 +98,9 @@ impl Params {
         for (key, found) in [("gait.trot.sway", gait.trot.sway), ("gait.crawl.sway", gait.crawl.sway)] {
             within(key, &[found], "0 to 0.5", |x| (0.0..=0.5).contains(&x))?;
         }
+        for (key, found) in [("gait.trot.ramp", gait.trot.ramp), ("gait.crawl.ramp", gait.crawl.ramp)] {
+            within(key, &[found], "0 to 0.5", |x| (0.0..=0.5).contains(&x))?;
+        }
         for (key, found) in [
             ("gait.trot.residual_load", gait.trot.residual_load),
             ("gait.crawl.residual_load", gait.crawl.residual_load),

@@ -38,6 +38,8 @@ pub struct ActiveSetSolver {
     /// Constraints in the set, in its order; first those of equality, whose multipliers nothing limits and nobody asks for.
     members: Vec<usize>,
     n_eq: usize,
+    /// Variables that stand alone, at a bound.
+    clamped: usize,
     multipliers: Vec<f64>,
     /// The iterate by places, as x and as Lᵀ x.
     x: Vec<f64>,
@@ -80,6 +82,7 @@ impl ActiveSetSolver {
             set: WorkingSet::new(n),
             members: Vec::with_capacity(n),
             n_eq: 0,
+            clamped: 0,
             multipliers: nan(),
             x: nan(),
             v: nan(),
@@ -91,6 +94,7 @@ impl ActiveSetSolver {
     /// Sets the variables that stand alone, and takes over the program of the others.
     fn take(&mut self, qp: &Qp, alone: &mut [f64]) -> Result<(), Trouble> {
         self.places.clear();
+        self.clamped = 0;
         for i in (0..qp.n()).rev() {
             let (lower, upper) = (qp.lower[i], qp.upper[i]);
             if lower.is_nan() || upper.is_nan() {
@@ -107,7 +111,9 @@ impl ActiveSetSolver {
             if !(h > 0.0 && h < f64::INFINITY) {
                 return Err(Trouble::failed());
             }
-            alone[i] = (-qp.g[i] / h).max(lower).min(upper);
+            let free = -qp.g[i] / h;
+            alone[i] = free.max(lower).min(upper);
+            self.clamped += usize::from(alone[i] != free);
         }
         let places = &self.places;
         let column = |i: usize| qp.H.as_slice()[i * qp.n()..].as_ref();
@@ -251,7 +257,7 @@ impl QpSolver for ActiveSetSolver {
     fn solve(&mut self, qp: &Qp, x: &mut DVector<f64>) -> QpInfo {
         match self.run(qp, x.as_mut_slice()) {
             Ok(iterations) => {
-                let n_active = self.members.len() - self.n_eq;
+                let n_active = self.clamped + self.members.len() - self.n_eq;
                 QpInfo { status: QpStatus::Solved, iterations, n_active, row: None }
             }
             Err(Trouble { status, row }) => {

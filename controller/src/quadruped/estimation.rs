@@ -32,6 +32,15 @@ pub struct BaseEstimate {
     pub yaw_rate: f64,
 }
 
+/// Position and linear velocity of the base, in W: what is taken for it where nobody knows it.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct BasePlace {
+    /// Origin of the base, m.
+    pub p_WB: Vector3<f64>,
+    /// Its velocity, m/s.
+    pub v_WB: Vector3<f64>,
+}
+
 /// A leg at the measured joint positions.
 #[derive(Clone, Debug)]
 pub struct LegEstimate {
@@ -51,7 +60,7 @@ pub struct LegEstimate {
 
 /// Everything estimated in a tick. All of it is overwritten by [`Estimate::update`].
 pub struct Estimate {
-    /// Kinematics at the measured state, base at the origin and without linear velocity.
+    /// Kinematics at the measured state, the base where it is taken to be: at the origin and without linear velocity.
     pub kin: Kinematics,
     /// Base orientation and rates.
     pub base: BaseEstimate,
@@ -96,15 +105,17 @@ impl Estimate {
         }
     }
 
-    /// Base, kinematics and dynamics from one measurement, on the ground as it was found until now.
-    pub fn update(&mut self, robot: &Robot, measured: &RobotState, gradient_W: [f64; 2]) {
+    /// Base, kinematics and dynamics from one measurement, the base at the origin and without linear velocity, on level ground.
+    pub fn update(&mut self, robot: &Robot, measured: &RobotState) {
+        self.update_at(robot, measured, &BasePlace::default(), [0.0; 2]);
+    }
+
+    /// [`Estimate::update`] on ground that rises by `gradient_W` along x and y, with the base taken to be somewhere else: that makes no difference
+    /// but for rounding.
+    pub fn update_at(&mut self, robot: &Robot, measured: &RobotState, place: &BasePlace, gradient_W: [f64; 2]) {
         self.base = base_estimate(robot, measured);
-        let base = BaseState {
-            p_WB: Vector3::zeros(),
-            R_WB: self.base.R_WB,
-            v_WB: Vector3::zeros(),
-            w_WB_W: self.base.w_WB_W,
-        };
+        let BasePlace { p_WB, v_WB } = *place;
+        let base = BaseState { p_WB, R_WB: self.base.R_WB, v_WB, w_WB_W: self.base.w_WB_W };
         self.kin.update(&robot.model, &base, &measured.q, &measured.qd);
         mass_matrix(&robot.model, &self.kin, &mut self.M);
         bias_force(&robot.model, &self.kin, &mut self.h);
@@ -123,9 +134,9 @@ impl Estimate {
             for (k, &joint) in of_robot.joints.iter().enumerate() {
                 qd[k] = measured.qd[joint];
             }
-            estimate.p_BF_W = self.kin.p_WF(&robot.model, of_robot.foot) + p_FC_W;
+            estimate.p_BF_W = self.kin.p_WF(&robot.model, of_robot.foot) - p_WB + p_FC_W;
             estimate.v_BF_W = self.base.w_WB_W.cross(&estimate.p_BF_W) + estimate.J_leg * qd;
-            estimate.p_hip_W = self.kin.p_WF(&robot.model, of_robot.hip);
+            estimate.p_hip_W = self.kin.p_WF(&robot.model, of_robot.hip) - p_WB;
             // A sphere that rolls without slip accelerates its contact point by w x (w x p_FC) towards its centre; the same term
             // stands in the bias of the material point, so it cancels and the lever of the angular bias remains.
             let bias = frame_bias_acceleration(&robot.model, &self.kin, of_robot.foot);

@@ -36,7 +36,7 @@ pub struct Timing {
     pub T_st: f64,
     /// Stride.
     pub T: f64,
-    /// Length of the ramps of the force bounds: half the time in which all four legs stand (at least two ticks).
+    /// Length of the ramps of the force bounds: a part of the time in which all four legs stand (at least two ticks).
     pub T_ramp: f64,
     /// Time in the stride at which each leg lifts off.
     pub lift_off: PerLeg<f64>,
@@ -57,7 +57,7 @@ impl Timing {
         let T_sw = 1.0 / chosen(cadence.swing_frequency, row.swing_frequency);
         let T = T_sw / (1.0 - chosen(cadence.duty, row.duty));
         let lift_off = PerLeg(row.lift_off_phase.map(|phase| phase * T));
-        let T_ramp = (0.5 * all_stance_time(&lift_off, T, T_sw)).max(0.002);
+        let T_ramp = (row.ramp * all_stance_time(&lift_off, T, T_sw)).max(0.002);
         let lead_in = if row.sway > 0.0 { SWAY_LEAD_IN } else { T_ramp };
         Timing { T_sw, T_st: T - T_sw, T, T_ramp, lift_off, lead_in }
     }

@@ -8,6 +8,7 @@
 //! the quadratic programs of the stack of [`tasks`], [`wire`] writes the messages.
 
 mod digests;
+mod dump;
 pub mod estimation;
 pub mod foothold;
 pub mod gait;
@@ -30,7 +31,7 @@ use crate::params::Params;
 use crate::qp::NamedViolation;
 use crate::{Controller, LoadError, Outbox, Probe, RestoreError, Stage};
 use digests::Digests;
-use estimation::Estimate;
+use estimation::{BasePlace, Estimate};
 use lcmtypes::{ControllerInput, ControllerTick, Message, QuadrupedState, channels};
 use nalgebra::Vector3;
 use reference::References;
@@ -52,6 +53,8 @@ pub struct Quadruped {
     params: Params,
     robot: Robot,
     state: State,
+    /// Where the base is taken to be; nothing in operation changes it.
+    place: BasePlace,
     scratch: Scratch,
     messages: Messages,
 }
@@ -87,7 +90,7 @@ impl Quadruped {
         let state = State::new(robot.nj());
         let scratch = Scratch::new(&robot, &params)?;
         let messages = Messages::new(&robot, &scratch.wbc);
-        Ok(Quadruped { params, robot, state, scratch, messages })
+        Ok(Quadruped { params, robot, state, place: BasePlace::default(), scratch, messages })
     }
 
     /// The state between two ticks.
@@ -111,6 +114,12 @@ impl Quadruped {
         self.scratch.wbc.explain(&self.robot)
     }
 
+    /// Takes the base to be somewhere, and to move, from the next tick on, instead of resting at the origin. No command depends on it, but for
+    /// rounding: that is what experiments feed it for. Not for operation, and no part of the state.
+    pub fn take_base_to_be(&mut self, place: BasePlace) {
+        self.place = place;
+    }
+
     /// One tick in operation. Digests and messages of all its stages; gives the fault that ends it, if any.
     fn operate(
         &mut self,
@@ -119,10 +128,10 @@ impl Quadruped {
         digests: &mut Digests,
         probe: &mut dyn Probe,
     ) -> Option<Fault> {
-        let Quadruped { params, robot, state, scratch, messages } = self;
+        let Quadruped { params, robot, state, place, scratch, messages } = self;
         let Scratch { estimate, references, wbc, trunk } = scratch;
 
-        estimate.update(robot, &input.state, state.gradient_W);
+        estimate.update_at(robot, &input.state, place, state.gradient_W);
         if let Some(fault) = safety::check_tilt(params, &estimate.base.rpy) {
             return Some(fault);
         }
@@ -263,6 +272,10 @@ impl Controller for Quadruped {
     fn poison_workspace(&mut self) {
         self.scratch = Scratch::new(&self.robot, &self.params).expect("the same was built before");
         self.messages = Messages::new(&self.robot, &self.scratch.wbc);
+    }
+
+    fn dump(&self) -> crate::Dump {
+        self.quantities()
     }
 }
 

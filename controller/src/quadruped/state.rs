@@ -21,6 +21,11 @@ pub enum Mode {
 
 impl Mode {
     const ALL: [Mode; 4] = [Mode::Idle, Mode::Stance, Mode::Walk, Mode::Damping];
+
+    /// Name as in events: `IDLE`, `STANCE`, `WALK`, `DAMPING`.
+    pub fn name(self) -> &'static str {
+        ["IDLE", "STANCE", "WALK", "DAMPING"][self as usize]
+    }
 }
 
 /// Sequence of the legs.

@@ -96,6 +96,11 @@ impl Tasks {
         formula.levels.iter().map(|level| level.iter().map(term).collect()).collect()
     }
 
+    /// Their names, in the order of [`Tasks::rows`].
+    pub fn names(&self) -> impl Iterator<Item = &str> {
+        self.names.iter().map(String::as_str)
+    }
+
     /// Rows of a task, by its name.
     pub fn len_of(&self, task: &str) -> usize {
         self.names.iter().zip(&self.rows).find(|(name, _)| *name == task).map_or(0, |(_, rows)| rows.len())

@@ -170,7 +170,7 @@ impl Wbc {
     }
 
     /// Names of the rows and variables of the programs.
-    fn row_names(&self, robot: &Robot) -> RowNames {
+    pub(super) fn row_names(&self, robot: &Robot) -> RowNames {
         let base = ["force x", "force y", "force z", "moment x", "moment y", "moment z"];
         let sides = ["normal force", "friction t1+", "friction t1-", "friction t2+", "friction t2-"];
         let mut variables: Vec<String> = ["base x", "base y", "base z", "base roll", "base pitch", "base yaw"]
@@ -193,7 +193,7 @@ impl Wbc {
         let nj = robot.nj();
         let mut measured = RobotState { q: robot.q_nominal.clone(), qd: vec![0.0; nj], ..RobotState::default() };
         measured.q_WI_wxyz = Pose { p: Vector3::zeros(), R: robot.R_IB.transpose() }.quaternion_wxyz();
-        estimate.update(robot, &measured, [0.0; 2]);
+        estimate.update(robot, &measured);
         let trunk = TrunkReference { R_WB: Matrix3::identity(), w_WB_W: Vector3::zeros() };
         let mut references = References::new(robot);
         references.qd_des.fill(0.0);

@@ -1,6 +1,7 @@
 //! Where two runs of a tick part: the earliest stage, then the first field.
 
-use lcm_idl::Value;
+use controller::dump::Quantity;
+use lcm_idl::{Leaf, Value};
 use lcmtypes::channels::{self, Stage};
 use lcmtypes::{ControllerTick, Message};
 use std::fmt::Write as _;
@@ -26,6 +27,10 @@ pub struct Divergence {
     pub replayed: String,
     /// Floats that lie between the two, plus one; `None` unless both are floats and numbers.
     pub ulp: Option<u64>,
+    /// The last tick before that agreed, or whose recorded state the replay began with; `None` if there is none.
+    pub last_agreed_tick: Option<i64>,
+    /// What the stage was computed from in the replay, besides the state before the tick; large arrays by their digest.
+    pub inputs: Quantity,
 }
 
 /// Place in an array: one number, or one a dimension.
@@ -50,7 +55,8 @@ pub(super) fn attribute(tick: i64, t_ns: i64, different: &[Pair]) -> Option<Dive
     let found = |stage: Stage, pair: &Pair| {
         let Difference { field, index, recorded, replayed, ulp } = difference(pair);
         let (stage, channel) = (stage.name(), pair.channel.to_owned());
-        Some(Divergence { tick, t_ns, stage, channel, field, index, recorded, replayed, ulp })
+        let (last_agreed_tick, inputs) = (None, Quantity::group());
+        Some(Divergence { tick, t_ns, stage, channel, field, index, recorded, replayed, ulp, last_agreed_tick, inputs })
     };
     let digests = different.iter().find(|pair| pair.channel == channels::CONTROLLER_TICK);
     if let Some((stage, recorded, replayed)) = digests.and_then(first_digest) {
@@ -68,6 +74,8 @@ pub(super) fn attribute(tick: i64, t_ns: i64, different: &[Pair]) -> Option<Dive
             recorded: format!("{recorded:#018x}"),
             replayed: format!("{replayed:#018x}"),
             ulp: None,
+            last_agreed_tick: None,
+            inputs: Quantity::group(),
         });
     }
     let pair = different.iter().min_by_key(|pair| stage_of(pair.channel))?;
@@ -128,6 +136,28 @@ fn difference(pair: &Pair) -> Difference {
     Difference { field, index, recorded: show(&found.left), replayed: show(&found.right), ulp }
 }
 
+/// The largest distance of two floats at the same place of a pair, in floats; `None` if no floats differ.
+pub(super) fn largest_ulp(pair: &Pair) -> Option<u64> {
+    let (recorded, replayed) = (pair.recorded?, pair.replayed?);
+    let ty = lcmtypes::types().of_message(recorded)?;
+    let floats = |bytes| {
+        let mut floats = Vec::new();
+        let keep = |leaf: Leaf| {
+            if let Leaf::Double(v) = leaf {
+                floats.push(v)
+            }
+        };
+        let mut keep = keep;
+        ty.walk(bytes, |_, leaf| keep(leaf)).ok().map(|()| floats)
+    };
+    let (recorded, replayed) = (floats(recorded)?, floats(replayed)?);
+    let distance = |(a, b): (f64, f64)| {
+        let of = lcm_idl::Difference { path: String::new(), left: Value::Double(a), right: Value::Double(b) };
+        (a.to_bits() != b.to_bits()).then(|| of.ulps()).flatten()
+    };
+    recorded.into_iter().zip(replayed).filter_map(distance).max()
+}
+
 /// `f_F_W[2][1]` is the field `f_F_W` at the index 2, 1. Indices on the way, as in `legs[2].q`, stay in the field.
 fn split_path(path: &str) -> (String, Option<Index>) {
     let (mut field, mut indices) = (path, Vec::new());
@@ -144,7 +174,8 @@ fn split_path(path: &str) -> (String, Option<Index>) {
     (field.to_owned(), index)
 }
 
-fn show(value: &Value) -> String {
+/// A value as reports show it: a float also as hexadecimal float.
+pub(crate) fn show(value: &Value) -> String {
     match value {
         Value::Double(v) => format!("{} ({v:?})", hex_float(*v)),
         Value::Float(v) => format!("{} ({v:?})", hex_float(f64::from(*v))),

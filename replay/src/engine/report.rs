@@ -1,6 +1,8 @@
 //! What a replay found.
 
-use super::compare::Divergence;
+use super::compare::{Divergence, Pair, largest_ulp};
+use super::origin::Deviation;
+use super::what_if::WhatIf;
 
 /// What a replay found. Serialises to the JSON that `hoof replay --json` prints.
 #[derive(Debug, Clone, PartialEq, serde::Serialize)]
@@ -37,6 +39,14 @@ pub struct ReplayReport {
     pub wall_seconds: f64,
     /// Time replayed by wall time.
     pub real_time_factor: f64,
+    /// What is not as it was when the log was written: build, parameters, robot, types.
+    pub deviations: Vec<Deviation>,
+    /// Stretches of ticks whose input is not in the log, first and last.
+    pub missing_ticks: Vec<(i64, i64)>,
+    /// Largest distance of two floats anywhere, in floats. `None` if no floats differ, and for what-if replays.
+    pub largest_ulp: Option<u64>,
+    /// How far a changed controller goes from the one that ran; only with changes.
+    pub what_if: Option<WhatIf>,
     /// Where replay and record part first.
     pub first_divergence: Option<Divergence>,
 }
@@ -53,13 +63,30 @@ pub(super) struct Tally {
     pub missing: u64,
     pub skipped: u64,
     pub t_ns: Option<(i64, i64)>,
+    pub gaps: Vec<(i64, i64)>,
+    /// Wanted only where the run is not meant to differ.
+    pub ulps: bool,
+    pub ulp: Option<u64>,
     pub first: Option<Divergence>,
 }
 
 impl Tally {
     pub fn add(&mut self, other: Tally) {
-        let Tally { ticks, compared, different, snapshots, not_recorded, unverifiable, missing, skipped, t_ns, first } =
-            other;
+        let Tally {
+            ticks,
+            compared,
+            different,
+            snapshots,
+            not_recorded,
+            unverifiable,
+            missing,
+            skipped,
+            t_ns,
+            gaps,
+            ulps: _,
+            ulp,
+            first,
+        } = other;
         self.ticks += ticks;
         self.compared += compared;
         self.different += different;
@@ -72,7 +99,25 @@ impl Tally {
             self.time(from);
             self.time(to);
         }
-        self.diverged(|| first);
+        self.gaps.extend(gaps);
+        self.ulp = self.ulp.max(ulp);
+        self.diverged(first);
+    }
+
+    /// Counts ticks without input, `first..=last`.
+    pub fn missing(&mut self, first: i64, last: i64) {
+        self.missing = self.missing.saturating_add(last.saturating_sub(first).saturating_add(1) as u64);
+        match self.gaps.last_mut() {
+            Some(gap) if gap.1.saturating_add(1) == first => gap.1 = last,
+            _ => self.gaps.push((first, last)),
+        }
+    }
+
+    /// Looks through messages that differ.
+    pub fn largest_ulp(&mut self, different: &[Pair]) {
+        if self.ulps {
+            self.ulp = self.ulp.max(different.iter().filter_map(largest_ulp).max());
+        }
     }
 
     /// Takes the time of a tick computed.
@@ -81,9 +126,8 @@ impl Tally {
         self.t_ns = Some((from.min(t_ns), to.max(t_ns)));
     }
 
-    /// Keeps the earlier divergence. Within one stretch the first one asked for is the earliest.
-    pub fn diverged(&mut self, divergence: impl FnOnce() -> Option<Divergence>) {
-        let other = divergence();
+    /// Keeps the earlier divergence.
+    fn diverged(&mut self, other: Option<Divergence>) {
         let earlier = match (&self.first, &other) {
             (Some(ours), Some(other)) => other.tick < ours.tick,
             (None, _) => true,
@@ -94,7 +138,8 @@ impl Tally {
         }
     }
 
-    pub fn report(self, late_messages: u64, health: &crate::log::Health, wall_seconds: f64) -> ReplayReport {
+    pub fn report(mut self, late_messages: u64, health: &crate::log::Health, wall_seconds: f64) -> ReplayReport {
+        self.gaps.sort_unstable();
         let replayed = self.t_ns.map_or(0.0, |(from, to)| to.saturating_sub(from) as f64 * 1e-9);
         ReplayReport {
             identical: self.compared > 0 && self.first.is_none(),
@@ -113,6 +158,10 @@ impl Tally {
             last_t_ns: self.t_ns.map(|t| t.1),
             wall_seconds,
             real_time_factor: if wall_seconds > 0.0 { replayed / wall_seconds } else { 0.0 },
+            deviations: Vec::new(),
+            missing_ticks: self.gaps,
+            largest_ulp: self.ulp,
+            what_if: None,
             first_divergence: self.first,
         }
     }

@@ -1,22 +1,30 @@
 //! One controller that is led through a stretch of a log.
 
 use super::compare::{Pair, attribute};
+use super::inputs::stage_inputs;
 use super::report::Tally;
 use super::ticks::Tick;
+use super::what_if::{Collector, When};
 use controller::{Controller, Outbox, RestoreError};
-use lcmtypes::channels::CONTROLLER_SNAPSHOT;
+use lcmtypes::channels::{CONTROLLER_SNAPSHOT, ROBOT_COMMAND};
+use std::collections::VecDeque;
 
 /// A controller, and what its replay has found so far.
 pub(super) struct Runner {
     controller: Box<dyn Controller>,
+    /// Controllers with other parameters that take over on the way, in the order of time.
+    later: VecDeque<(When, Box<dyn Controller>)>,
     outbox: Outbox,
     state: Vec<u8>,
     /// Tick that should come next, if one has come.
     next: Option<i64>,
+    /// The last tick that agreed with the record, or whose recorded state was taken over.
+    agreed: Option<i64>,
     /// The state of the controller is not the one that the run had.
     lost: bool,
     /// Keep the own state where the recorded one differs: the run is to change, as with other parameters.
     own_state: bool,
+    pub what_if: Option<Collector>,
     pub tally: Tally,
 }
 
@@ -24,19 +32,40 @@ impl Runner {
     pub fn new(controller: Box<dyn Controller>, own_state: bool) -> Self {
         Runner {
             controller,
+            later: VecDeque::new(),
             outbox: Outbox::new(),
             state: Vec::new(),
             next: None,
+            agreed: None,
             lost: false,
             own_state,
-            tally: Tally::default(),
+            what_if: None,
+            tally: Tally { ulps: !own_state, ..Tally::default() },
         }
+    }
+
+    /// Lets other controllers take over on the way, given in the order of time.
+    pub fn then(mut self, later: impl IntoIterator<Item = (When, Box<dyn Controller>)>) -> Self {
+        self.later = later.into_iter().collect();
+        self
+    }
+
+    /// Collects how far the controller goes from the one that ran.
+    pub fn collecting(mut self, what_if: Option<Collector>) -> Self {
+        self.what_if = what_if;
+        self
+    }
+
+    /// The controller, after the last tick.
+    pub fn controller(&self) -> &dyn Controller {
+        &*self.controller
     }
 
     /// Goes on behind `tick` with the state that was recorded then.
     pub fn restore(&mut self, tick: i64, snapshot: &[u8]) -> Result<(), RestoreError> {
         self.controller.restore(snapshot)?;
         self.next = tick.checked_add(1);
+        self.agreed = Some(tick);
         self.lost = false;
         Ok(())
     }
@@ -46,7 +75,10 @@ impl Runner {
         // A controller is new at tick 0; at any other one it has a past.
         let begins_late = self.next.is_none() && tick.tick != 0;
         let gap = self.next.map_or(0, |next| tick.tick.saturating_sub(next) as u64 + u64::from(tick.input.is_none()));
-        self.tally.missing = self.tally.missing.saturating_add(gap);
+        if gap > 0 {
+            let last = if tick.input.is_none() { tick.tick } else { tick.tick - 1 };
+            self.tally.missing(self.next.unwrap_or(tick.tick), last);
+        }
         self.lost |= gap > 0 || begins_late || tick.input.is_none();
         self.next = tick.tick.checked_add(1);
         let Some(input) = tick.input.as_ref() else {
@@ -56,12 +88,25 @@ impl Runner {
             self.tally.skipped += 1;
             return self.find_again(tick).map(|()| None);
         }
+        self.take_over(tick)?;
         self.outbox.clear();
         self.controller.step(input, &mut self.outbox);
         self.tally.ticks += 1;
         self.tally.time(input.t_ns);
         self.compare(tick, input.t_ns)?;
         Ok(Some(&self.outbox))
+    }
+
+    /// Hands the state to the controllers whose time has come.
+    fn take_over(&mut self, tick: &Tick) -> Result<(), RestoreError> {
+        let since_s = tick.since_ns.unwrap_or_default() as f64 * 1e-9;
+        while let Some((_, mut next)) = self.later.pop_front_if(|(when, _)| when.has_come(tick.tick, since_s)) {
+            self.state.clear();
+            self.controller.snapshot(&mut self.state);
+            next.restore(&self.state)?;
+            self.controller = next;
+        }
+        Ok(())
     }
 
     fn find_again(&mut self, tick: &Tick) -> Result<(), RestoreError> {
@@ -91,11 +136,23 @@ impl Runner {
         tally.compared += compared;
         tally.different += different.len() as u64;
         tally.unverifiable += u64::from(compared == 0);
+        tally.largest_ulp(&different);
         // In the order in which the controller puts them out, whatever the order of the log.
         let place = |channel: &str| outbox.iter().position(|(c, _)| c == channel).unwrap_or(usize::MAX);
         different.sort_by_key(|pair| place(pair.channel));
-        if tally.first.is_none() {
-            tally.first = attribute(tick.tick, t_ns, &different);
+        if tally.first.is_none()
+            && let Some(mut first) = attribute(tick.tick, t_ns, &different)
+        {
+            first.last_agreed_tick = self.agreed;
+            first.inputs = stage_inputs(first.stage, tick.input.as_ref(), &self.controller.dump());
+            tally.first = Some(first);
+        }
+        if compared > 0 && different.is_empty() {
+            self.agreed = Some(tick.tick);
+        }
+        if let Some(what_if) = &mut self.what_if {
+            let recorded = tick.recorded.iter().find(|(channel, _)| **channel == *ROBOT_COMMAND);
+            what_if.tick(tick.tick, t_ns, recorded.map(|(_, bytes)| &**bytes), outbox);
         }
         // From a snapshot on, a replay is that of the record again, so that every stretch of the log is judged by itself.
         match snapshot {

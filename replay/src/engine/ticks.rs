@@ -21,8 +21,12 @@ pub(crate) struct Tick {
     pub input: Option<ControllerInput>,
     /// What the controller put out then, in the order of the log.
     pub recorded: Vec<(Arc<str>, Vec<u8>)>,
+    /// Time of the tick since the first one of the log, ns.
+    pub since_ns: Option<i64>,
     /// Everything else that stands in the log between the last input and this one, if it was asked for.
     pub others: Vec<Event>,
+    /// What others said of this tick (TIMING, EVENT), if it was asked for.
+    pub beside: Vec<Event>,
 }
 
 impl Tick {
@@ -30,6 +34,17 @@ impl Tick {
     pub fn snapshot(&self) -> Option<&[u8]> {
         self.recorded.iter().find(|(channel, _)| **channel == *channels::CONTROLLER_SNAPSHOT).map(|(_, bytes)| &**bytes)
     }
+}
+
+/// What is kept besides the inputs and outputs of a controller.
+#[derive(Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Beside {
+    /// Nothing.
+    Nothing,
+    /// Everything, where it stands in the log: [`Tick::others`].
+    InPlace,
+    /// Timing and events, by tick: [`Tick::beside`].
+    ByTick,
 }
 
 /// The ticks of a log in the order of their numbers. Memory is bounded by a window of ticks.
@@ -42,6 +57,8 @@ pub(crate) struct Ticks {
     run_info: Option<Vec<u8>>,
     /// Events that wait for the next input; `None` if nobody wants them.
     others: Option<Vec<Event>>,
+    /// Timing and events that wait for their ticks; `None` if nobody wants them.
+    beside: Option<BTreeMap<i64, Vec<Event>>>,
     /// Messages of ticks that were already handed out: too late, or a second time.
     pub late: u64,
     /// Offset of the last event read.
@@ -55,11 +72,13 @@ enum Kind {
     Input,
     /// Says its tick, so the controller may have put it out.
     Output,
+    /// Says of which tick it speaks, but does not come from the controller.
+    Beside,
     Other,
 }
 
 impl Ticks {
-    pub fn open(path: &Path, keep_others: bool) -> Result<Self, Error> {
+    pub fn open(path: &Path, beside: Beside) -> Result<Self, Error> {
         Ok(Ticks {
             path: path.into(),
             events: LogReader::open(path)?.events(),
@@ -67,7 +86,8 @@ impl Ticks {
             handed_out: None,
             kinds: Vec::new(),
             run_info: None,
-            others: keep_others.then(Vec::new),
+            others: (beside == Beside::InPlace).then(Vec::new),
+            beside: (beside == Beside::ByTick).then(BTreeMap::new),
             late: 0,
             offset: 0,
         })
@@ -92,8 +112,13 @@ impl Ticks {
             self.offset = event.offset;
             self.take(event)?;
         }
-        let tick = self.waiting.pop_first().map(|(_, tick)| tick);
+        let mut tick = self.waiting.pop_first().map(|(_, tick)| tick);
         self.handed_out = tick.as_ref().map(|tick| tick.tick).or(self.handed_out);
+        if let (Some(waiting), Some(tick)) = (&mut self.beside, &mut tick) {
+            let later = waiting.split_off(&tick.tick.saturating_add(1));
+            tick.beside = waiting.remove(&tick.tick).unwrap_or_default();
+            *waiting = later;
+        }
         Ok(tick)
     }
 
@@ -125,6 +150,16 @@ impl Ticks {
                 let number = integer_at(&event.data, 16);
                 if let Some(tick) = number.and_then(|number| self.slot(number)) {
                     tick.recorded.push((event.channel, event.data));
+                }
+            }
+            Kind::Beside => {
+                if let (Some(waiting), Some(number)) = (&mut self.beside, integer_at(&event.data, 16)) {
+                    // A number that no tick of this part of the log has is not waited for.
+                    if self.waiting.last_key_value().is_none_or(|(last, _)| number <= last + WINDOW as i64) {
+                        waiting.entry(number).or_default().push(event);
+                    }
+                } else {
+                    self.other(event);
                 }
             }
             Kind::Other => self.other(event),
@@ -160,9 +195,10 @@ impl Ticks {
                     (channels::RUN_INFO, ..) => Kind::RunInfo,
                     (_, Class::ReplayInput, _) => Kind::Input,
                     (_, Class::Output | Class::Debug, Some(_)) => Kind::Output,
+                    (channels::TIMING | channels::EVENT, ..) if fingerprint == Some(known.fingerprint) => Kind::Beside,
                     _ => Kind::Other,
                 };
-                if !matches!(kind, Kind::Other) {
+                if !matches!(kind, Kind::Other | Kind::Beside) {
                     same_version(&self.path, event, known)?;
                 }
                 kind

@@ -7,9 +7,11 @@
 //!
 //! Recovery. The stock reader drops an event when the next one does not begin right behind it. Here an event is dropped only when
 //! another one begins *inside* it, since then its own length is wrong; otherwise the bytes between the two are what is damaged.
+//! A wrong length may also end an event exactly where another one begins, having swallowed those between: the event numbers tell.
 
+use super::names::Names;
 use super::source::Source;
-use super::{Cut, Damaged, Event, Item, MAX_CHANNEL, MAX_MESSAGE, Names};
+use super::{Cut, Damaged, EventRef, ItemRef, MAX_CHANNEL, MAX_MESSAGE};
 use crate::Error;
 use std::fs::File;
 use std::io::{BufWriter, Write};
@@ -25,28 +27,25 @@ const MAX_CHANNEL_READ: usize = 999;
 /// Writes events.
 pub(super) struct EventLogWriter {
     out: BufWriter<File>,
-    number: i64,
 }
 
 impl EventLogWriter {
     pub fn new(file: File) -> Self {
-        EventLogWriter { out: BufWriter::with_capacity(1 << 18, file), number: 0 }
+        EventLogWriter { out: BufWriter::with_capacity(1 << 18, file) }
     }
 
     /// `t_ns` is rounded down to whole microseconds; the caller has checked name, time and length.
-    pub fn write(&mut self, channel: &str, t_ns: i64, data: &[u8]) -> std::io::Result<()> {
+    pub fn write(&mut self, channel: &str, t_ns: i64, number: i64, data: &[u8]) -> std::io::Result<()> {
         debug_assert!(channel.len() <= MAX_CHANNEL && data.len() <= MAX_MESSAGE);
         let mut header = [0; HEADER];
         header[0..4].copy_from_slice(&SYNC);
-        header[4..12].copy_from_slice(&self.number.to_be_bytes());
+        header[4..12].copy_from_slice(&number.to_be_bytes());
         header[12..20].copy_from_slice(&t_ns.div_euclid(1000).to_be_bytes());
         header[20..24].copy_from_slice(&(channel.len() as u32).to_be_bytes());
         header[24..28].copy_from_slice(&(data.len() as u32).to_be_bytes());
         self.out.write_all(&header)?;
         self.out.write_all(channel.as_bytes())?;
-        self.out.write_all(data)?;
-        self.number += 1;
-        Ok(())
+        self.out.write_all(data)
     }
 
     pub fn flush(&mut self) -> std::io::Result<()> {
@@ -60,94 +59,183 @@ pub(super) struct EventLogReader {
     at: u64,
     names: Names,
     pending: Option<Damaged>,
+    /// The file may still grow: what is incomplete at its end is left for later.
+    growing: bool,
+}
+
+/// An event by its lengths.
+#[derive(Clone, Copy)]
+struct Header {
+    t_ns: i64,
+    number: i64,
+    channel: usize,
+    data: usize,
+}
+
+impl Header {
+    fn length(&self) -> usize {
+        HEADER + self.channel + self.data
+    }
 }
 
 /// What stands at an offset.
 enum Found {
     /// A header that fits what the file still holds.
-    Event { t_ns: i64, channel: usize, data: usize },
+    Event(Header),
     /// The beginning of an event whose end is missing.
     Beginning,
     /// Something else.
     Other(&'static str),
 }
 
+/// What a step of the reader came to.
+enum Step {
+    Event(u64, Header),
+    Damaged(Damaged),
+    Cut(Cut),
+    End,
+}
+
 impl EventLogReader {
-    pub fn new(source: Source) -> Self {
-        EventLogReader { source, at: 0, names: Names::default(), pending: None }
+    pub fn new(source: Source, growing: bool) -> Self {
+        EventLogReader { source, at: 0, names: Names::default(), pending: None, growing }
     }
 
     /// Whether an event begins anywhere in the first `limit` bytes.
     pub fn looks_like_one(source: &mut Source, limit: u64) -> Result<bool, Error> {
-        let event = next_header(source, 0)?;
+        let event = next_header(source, &Names::default(), 0)?;
         Ok(event.is_some_and(|offset| offset < limit))
     }
 
-    pub fn next(&mut self) -> Result<Option<Item>, Error> {
+    pub fn next(&mut self) -> Result<Option<ItemRef<'_>>, Error> {
+        let (offset, header) = match self.step()? {
+            Step::Event(offset, header) => (offset, header),
+            Step::Damaged(damaged) => return Ok(Some(ItemRef::Damaged(damaged))),
+            Step::Cut(cut) => return Ok(Some(ItemRef::Cut(cut))),
+            Step::End => return Ok(None),
+        };
+        let bytes = self.source.bytes(offset, header.length())?;
+        let (name, data) = bytes.get(HEADER..).unwrap_or_default().split_at_checked(header.channel).unwrap_or_default();
+        if self.names.at_hand(name).is_none() {
+            // `found_at` has seen that the name is text.
+            self.names.intern(&String::from_utf8_lossy(name));
+        }
+        let Some(channel) = self.names.at_hand(name) else { return Ok(None) };
+        let Header { t_ns, number, .. } = header;
+        Ok(Some(ItemRef::Event(EventRef { channel, t_ns, number, data, offset, schema: None })))
+    }
+
+    /// One event, stretch or end.
+    fn step(&mut self) -> Result<Step, Error> {
         if let Some(damaged) = self.pending.take() {
-            return Ok(Some(Item::Damaged(damaged)));
+            return Ok(Step::Damaged(damaged));
         }
         let at = self.at;
         if at >= self.source.len() {
-            return Ok(None);
-        }
-        let item = match found_at(&mut self.source, at)? {
-            Found::Event { t_ns, channel, data } => {
-                let length = HEADER + channel + data;
-                // One window for the event and what tells where it ends.
-                self.source.bytes(at, length + SYNC.len())?;
-                let end = at + length as u64;
-                let mut next = end;
-                if !boundary(&mut self.source, end)? {
-                    next = next_header(&mut self.source, at + 1)?.unwrap_or(self.source.len());
-                    if next < end {
-                        return Ok(Some(self.damaged(at, next, "another event begins inside this one")));
-                    }
-                    self.pending = Some(Damaged { offset: end, bytes: next - end, why: "no event begins here".into() });
-                }
-                self.at = next;
-                Item::Event(self.event(at, t_ns, channel, data)?)
+            if self.growing {
+                self.source.look_again()?;
             }
-            found => match (next_header(&mut self.source, at + 1)?, found) {
-                (None, Found::Beginning) => {
-                    self.at = self.source.len();
-                    Item::Cut(Cut { offset: at, bytes: self.at - at })
-                }
-                (next, found) => {
-                    let why =
-                        if let Found::Other(why) = found { why } else { "the event is longer than what follows it" };
-                    let end = next.unwrap_or(self.source.len());
-                    self.damaged(at, end, why)
-                }
-            },
-        };
-        Ok(Some(item))
+            if at >= self.source.len() {
+                return Ok(Step::End);
+            }
+        }
+        match found_at(&mut self.source, &self.names, at)? {
+            Found::Event(header) => self.event(at, header),
+            found => self.no_event(at, &found),
+        }
     }
 
-    fn damaged(&mut self, from: u64, to: u64, why: &str) -> Item {
+    #[inline]
+    fn event(&mut self, at: u64, header: Header) -> Result<Step, Error> {
+        let length = header.length();
+        // One window for the event and what tells where it ends.
+        let bytes = self.source.bytes(at, length + SYNC.len() + 8)?;
+        let end = at + length as u64;
+        let behind = &bytes[length.min(bytes.len())..];
+        if !SYNC.starts_with(&behind[..behind.len().min(SYNC.len())]) {
+            return self.no_boundary(at, header);
+        }
+        let next_number = behind.get(SYNC.len()..).and_then(<[u8]>::first_chunk).map(|b| i64::from_be_bytes(*b));
+        if let Some(next) = next_number.filter(|&next| next != header.number.wrapping_add(1))
+            && let Some(inside) = self.swallowed(at, header, next)?
+        {
+            return Ok(self.damaged(at, inside, "another event begins inside this one"));
+        }
+        self.at = end;
+        Ok(Step::Event(at, header))
+    }
+
+    /// An event behind which no other begins.
+    #[cold]
+    fn no_boundary(&mut self, at: u64, header: Header) -> Result<Step, Error> {
+        let end = at + header.length() as u64;
+        let next = next_header(&mut self.source, &self.names, at + 1)?;
+        if next.is_none() && self.growing && self.source.len() - end < HEADER as u64 {
+            // What follows is too short to be told.
+            return Ok(Step::End);
+        }
+        let next = next.unwrap_or(self.source.len());
+        if next < end {
+            return Ok(self.damaged(at, next, "another event begins inside this one"));
+        }
+        self.pending = Some(Damaged { offset: end, bytes: next - end, why: "no event begins here".into() });
+        self.at = next;
+        Ok(Step::Event(at, header))
+    }
+
+    #[cold]
+    fn no_event(&mut self, at: u64, found: &Found) -> Result<Step, Error> {
+        let next = next_header(&mut self.source, &self.names, at + 1)?;
+        Ok(match (next, found) {
+            (None, Found::Beginning) if self.growing => {
+                let length = self.source.len();
+                self.source.look_again()?;
+                if self.source.len() > length { self.step()? } else { Step::End }
+            }
+            (None, Found::Beginning) => {
+                self.at = self.source.len();
+                Step::Cut(Cut { offset: at, bytes: self.at - at })
+            }
+            (next, found) => {
+                let why = if let Found::Other(why) = found { why } else { "the event is longer than what follows it" };
+                let end = next.unwrap_or(self.source.len());
+                self.damaged(at, end, why)
+            }
+        })
+    }
+
+    /// The number behind this event is not the next one: is there a row of events inside that counts from this one to that?
+    #[cold]
+    fn swallowed(&mut self, at: u64, header: Header, next_number: i64) -> Result<Option<u64>, Error> {
+        let end = at + header.length() as u64;
+        let mut from = at + 1;
+        while let Some(inside) = next_header(&mut self.source, &self.names, from)?.filter(|&inside| inside < end) {
+            let (mut place, mut number) = (inside, header.number.wrapping_add(1));
+            while place < end
+                && let Found::Event(next) = found_at(&mut self.source, &self.names, place)?
+                && next.number == number
+            {
+                place += next.length() as u64;
+                number = number.wrapping_add(1);
+            }
+            if place == end && number == next_number {
+                return Ok(Some(inside));
+            }
+            from = inside + 1;
+        }
+        Ok(None)
+    }
+
+    fn damaged(&mut self, from: u64, to: u64, why: &str) -> Step {
         self.at = to;
-        Item::Damaged(Damaged { offset: from, bytes: to - from, why: why.into() })
+        Step::Damaged(Damaged { offset: from, bytes: to - from, why: why.into() })
     }
-
-    fn event(&mut self, offset: u64, t_ns: i64, channel: usize, data: usize) -> Result<Event, Error> {
-        let bytes = &self.source.bytes(offset, HEADER + channel + data)?[HEADER..];
-        let (name, data) = bytes.split_at(channel.min(bytes.len()));
-        // `found_at` has seen that the name is text.
-        let channel = self.names.intern(&String::from_utf8_lossy(name));
-        Ok(Event { channel, t_ns, data: data.to_vec(), offset })
-    }
-}
-
-/// Whether an event may end at `offset`: the file ends, or the next sync (or what there is of it) follows.
-fn boundary(source: &mut Source, offset: u64) -> Result<bool, Error> {
-    let bytes = source.bytes(offset, SYNC.len())?;
-    Ok(SYNC.starts_with(bytes))
 }
 
 /// The next offset at or after `from` with a whole, plausible event.
-fn next_header(source: &mut Source, mut from: u64) -> Result<Option<u64>, Error> {
+fn next_header(source: &mut Source, names: &Names, mut from: u64) -> Result<Option<u64>, Error> {
     while let Some(at) = source.find(&SYNC, from)? {
-        if matches!(found_at(source, at)?, Found::Event { .. }) {
+        if matches!(found_at(source, names, at)?, Found::Event(_)) {
             return Ok(Some(at));
         }
         from = at + 1;
@@ -155,16 +243,17 @@ fn next_header(source: &mut Source, mut from: u64) -> Result<Option<u64>, Error>
     Ok(None)
 }
 
-fn found_at(source: &mut Source, at: u64) -> Result<Found, Error> {
+#[inline]
+fn found_at(source: &mut Source, names: &Names, at: u64) -> Result<Found, Error> {
     let left = source.len() - at;
-    let header = source.bytes(at, HEADER)?;
-    let sync = &header[..header.len().min(SYNC.len())];
-    if !SYNC.starts_with(sync) {
+    let bytes = source.bytes(at, HEADER + MAX_CHANNEL_READ)?;
+    if !SYNC.starts_with(&bytes[..bytes.len().min(SYNC.len())]) {
         return Ok(Found::Other("no event begins here"));
     }
-    let Some(header) = header.first_chunk::<HEADER>() else {
+    let Some((header, rest)) = bytes.split_first_chunk::<HEADER>() else {
         return Ok(Found::Beginning);
     };
+    let number = i64::from_be_bytes(field(header, 4));
     let time_us = i64::from_be_bytes(field(header, 12));
     let channel = i32::from_be_bytes(field(header, 20));
     let data = i32::from_be_bytes(field(header, 24));
@@ -177,19 +266,23 @@ fn found_at(source: &mut Source, at: u64) -> Result<Found, Error> {
     let Some(t_ns) = time_us.checked_mul(1000) else {
         return Ok(Found::Other("an event has a time beyond 292 years"));
     };
-    let name = source.bytes(at + HEADER as u64, channel)?;
-    let is_text = match std::str::from_utf8(name) {
-        Ok(name) => !name.chars().any(char::is_control),
-        // The file may end within a character.
-        Err(error) => name.len() < channel && error.error_len().is_none(),
-    };
-    if !is_text {
+    let name = &rest[..channel.min(rest.len())];
+    if names.at_hand(name).is_none() && !is_text(name, channel) {
         return Ok(Found::Other("a channel's name is not text"));
     }
     if (HEADER + channel + data) as u64 > left {
         return Ok(Found::Beginning);
     }
-    Ok(Found::Event { t_ns, channel, data })
+    Ok(Found::Event(Header { t_ns, number, channel, data }))
+}
+
+/// Whether a name of `length` bytes, or what there is of it, is text.
+fn is_text(name: &[u8], length: usize) -> bool {
+    match std::str::from_utf8(name) {
+        Ok(name) => !name.chars().any(char::is_control),
+        // The file may end within a character.
+        Err(error) => name.len() < length && error.error_len().is_none(),
+    }
 }
 
 fn field<const N: usize>(header: &[u8; HEADER], at: usize) -> [u8; N] {

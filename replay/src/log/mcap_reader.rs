@@ -1,45 +1,72 @@
-//! Reading MCAP that may be cut or damaged anywhere: a walk over its records that takes a chunk whole or not at all.
+//! Reading MCAP that may be cut or damaged anywhere: a walk over its records that checks every length before it believes it, and
+//! that finds the next chunk after damage.
 //!
-//! Source: MCAP specification, <https://mcap.dev/spec>. Parsing and decompression are those of the `mcap` crate; what is ours is the
-//! framing, which checks every length before it believes it, and which finds the next chunk after damage. A damaged file without
-//! chunks (which [`super::LogWriter`] never writes) is read up to the damage.
+//! Source: MCAP specification, <https://mcap.dev/spec>. Chunks are [`super::chunk`]'s. In a file without chunks (which
+//! [`super::LogWriter`] never writes) the walk goes on at the next message after damage, and only the CRC of all the data tells that a
+//! message was altered.
 
+use super::chunk::{ChunkHead, HEAD, MAX_RECORD, MessageHead, PREFIX, Unpacked, Unpacker, plausible, record_at};
+use super::mcap_summary::{
+    DATA_END, FOOTER, STRETCH, ends_with_magic, footer, has_its_length, prefix, summary_records,
+};
+use super::names::Names;
 use super::source::Source;
-use super::{Cut, Damaged, Event, Item, Names};
+use super::{Cut, Damaged, EventRef, FileSchema, ItemRef};
 use crate::Error;
 use mcap::MAGIC;
 use mcap::read::parse_record;
-use mcap::records::{Footer, Record, op};
-use mcap::sans_io::{LinearReadEvent, LinearReader, LinearReaderOptions};
+use mcap::records::{Record, op};
 use std::collections::{BTreeMap, VecDeque};
+use std::ops::Range;
 use std::sync::Arc;
 
-/// Opcode and length.
-const PREFIX: u64 = 9;
-/// Length of the body of a footer: two offsets and a CRC.
-const FOOTER: u64 = 20;
-/// Length of the body of a data end: a CRC.
-const DATA_END: u64 = 4;
-/// Largest record that is read into memory, compressed or not.
-const MAX_RECORD: u64 = 1 << 29;
-/// Bytes of a chunk before the name of its compression: two times, size, CRC, length of the name.
-const CHUNK_HEAD: usize = 8 + 8 + 8 + 4 + 4;
-
-type Channels = BTreeMap<u16, Arc<str>>;
+/// Key of a channel's metadata: the upper half of the numbers of its messages, whose lower half is the sequence.
+pub(super) const NUMBER_HIGH: &str = "lcm_event_number_high";
 
 pub(super) struct McapReader {
     source: Source,
     at: u64,
+    /// End of the last record that is surely one: those behind it may be misread, if one of them has a wrong length.
+    sure: u64,
     place: Place,
     /// Where the MCAP at hand begins: several may stand in one file, one behind the other.
     base: u64,
     names: Names,
-    channels: Channels,
-    /// What is known and not yet handed out.
-    ready: VecDeque<Item>,
+    /// By their ids.
+    channels: Vec<Option<Channel>>,
+    schemas: BTreeMap<u16, Arc<FileSchema>>,
+    unpacker: Unpacker,
+    chunk: Chunk,
+    /// What is no event and not yet handed out.
+    told: VecDeque<ItemRef<'static>>,
     summary_read: bool,
     /// Messages may stand outside chunks: until the first chunk or the end of the data. After that, one is a damaged other record.
     loose: bool,
+    /// Of the data so far; `None` once some of it was skipped.
+    crc: Option<crc32fast::Hasher>,
+    /// The file may still grow: what is incomplete at its end is left for later.
+    growing: bool,
+    pub keep_unchecked: bool,
+}
+
+struct Channel {
+    topic: Arc<str>,
+    number_high: i64,
+    schema: Option<Arc<FileSchema>>,
+}
+
+/// The chunk at hand.
+#[derive(Default)]
+struct Chunk {
+    records: Vec<u8>,
+    at: usize,
+    offset: u64,
+    /// No check says that its bytes are what was written.
+    unchecked: bool,
+    /// Its messages that could not be handed out.
+    lost: u64,
+    /// What there is to tell of it behind its last message.
+    then: Option<ItemRef<'static>>,
 }
 
 /// Where in the file the walk is.
@@ -57,24 +84,35 @@ enum Place {
 enum Step {
     /// It is done with.
     Next(u64),
+    /// It is a message outside the chunks.
+    Message(u64, MessageHead, Range<u64>),
     /// It is framed well, but what it holds is not what it should be.
     Bad(u64, String),
     /// No whole record stands here.
     Lost(&'static str),
+    /// The file has no more, for now.
+    Wait,
 }
 
 impl McapReader {
-    pub fn new(source: Source) -> Self {
+    pub fn new(source: Source, growing: bool) -> Self {
         McapReader {
             source,
             at: 0,
+            sure: 0,
             place: Place::BeforeOpeningMagic,
             base: 0,
             names: Names::default(),
-            channels: Channels::new(),
-            ready: VecDeque::new(),
+            channels: Vec::new(),
+            schemas: BTreeMap::new(),
+            unpacker: Unpacker::new(),
+            chunk: Chunk::default(),
+            told: VecDeque::new(),
             summary_read: false,
             loose: true,
+            crc: None,
+            growing,
+            keep_unchecked: false,
         }
     }
 
@@ -94,21 +132,58 @@ impl McapReader {
         Ok(whole.is_some_and(|body| parse_record(op::HEADER, body).is_ok()))
     }
 
-    pub fn next(&mut self) -> Result<Option<Item>, Error> {
+    /// The closing magic is read, and nothing follows it.
+    pub fn is_complete(&self) -> bool {
+        self.place == Place::AfterClosingMagic && self.at >= self.source.len()
+    }
+
+    pub fn next(&mut self) -> Result<Option<ItemRef<'_>>, Error> {
         loop {
-            if let Some(item) = self.ready.pop_front() {
-                return Ok(Some(item));
+            if let Some((head, t_ns, data)) = self.message_of_chunk()? {
+                let (offset, data) = (self.chunk.offset, &self.chunk.records[data]);
+                let Some(Some(channel)) = self.channels.get(usize::from(head.channel)) else { return Ok(None) };
+                return Ok(Some(ItemRef::Event(channel.event(&head, t_ns, data, offset))));
+            }
+            if let Some(told) = self.told.pop_front() {
+                return Ok(Some(told));
             }
             if self.at >= self.source.len() {
-                let complete = matches!(self.place, Place::AfterClosingMagic | Place::Over);
-                self.place = Place::Over;
-                return Ok((!complete).then(|| Item::Cut(Cut { offset: self.source.len(), bytes: 0 })));
+                if self.growing {
+                    self.source.look_again()?;
+                }
+                if self.at >= self.source.len() {
+                    let complete = matches!(self.place, Place::AfterClosingMagic | Place::Over) || self.growing;
+                    if !complete {
+                        self.place = Place::Over;
+                        return Ok(Some(ItemRef::Cut(Cut { offset: self.source.len(), bytes: 0 })));
+                    }
+                    return Ok(None);
+                }
             }
             let from = self.at;
             match self.step()? {
-                Step::Next(to) => self.at = to,
+                Step::Next(to) => self.advance(to)?,
+                Step::Message(to, head, data) => {
+                    self.advance(to)?;
+                    self.sure = to;
+                    let (known, t_ns) = (self.is_known(head.channel)?, i64::try_from(head.log_time));
+                    let (true, Ok(t_ns)) = (known, t_ns) else {
+                        self.tell_lost(from, 1);
+                        continue;
+                    };
+                    let bytes = self.source.bytes(data.start, (data.end - data.start) as usize)?;
+                    let Some(Some(channel)) = self.channels.get(usize::from(head.channel)) else { return Ok(None) };
+                    return Ok(Some(ItemRef::Event(channel.event(&head, t_ns, bytes, from))));
+                }
                 Step::Bad(to, why) => self.damaged(from, to, why),
                 Step::Lost(why) => self.resynchronise(why)?,
+                Step::Wait => {
+                    let length = self.source.len();
+                    self.source.look_again()?;
+                    if self.source.len() == length {
+                        return Ok(None);
+                    }
+                }
             }
         }
     }
@@ -122,281 +197,405 @@ impl McapReader {
         let (is_magic, is_cut) = (bytes == MAGIC, bytes.len() < MAGIC.len() && MAGIC.starts_with(bytes));
         let end = at + bytes.len() as u64;
         if is_cut {
-            return Ok(Step::Lost("the closing magic is not whole"));
+            return Ok(if self.growing { Step::Wait } else { Step::Lost("the closing magic is not whole") });
         }
         let closing = self.place == Place::BeforeClosingMagic;
         self.place = if closing { Place::AfterClosingMagic } else { Place::InRecords };
         if closing {
             return Ok(if is_magic { Step::Next(end) } else { Step::Bad(end, "the closing magic is damaged".into()) });
         }
+        if !is_magic && let Some(magic) = self.opening_magic(at + 1)? {
+            self.place = Place::BeforeOpeningMagic;
+            return Ok(Step::Bad(magic, "bytes in front of the log".into()));
+        }
         self.base = at;
+        self.sure = end;
         self.channels.clear();
+        self.schemas.clear();
         self.summary_read = false;
         self.loose = true;
+        self.crc = is_magic.then(crc32fast::Hasher::new);
+        let header_follows = prefix(&mut self.source, end)?.is_some_and(|(opcode, _)| opcode == op::HEADER);
         Ok(match (is_magic, at) {
             (true, _) => Step::Next(end),
-            (false, 0) => Step::Bad(end, "the opening magic is damaged".into()),
+            (false, 0) if header_follows => Step::Bad(end, "the opening magic is damaged".into()),
+            (false, 0) => Step::Lost("the opening magic is damaged"),
             (false, _) => Step::Lost("bytes behind the end of the log"),
         })
     }
 
+    /// Where an MCAP begins at or behind `from`.
+    fn opening_magic(&mut self, mut from: u64) -> Result<Option<u64>, Error> {
+        while let Some(at) = self.source.find(MAGIC, from)? {
+            if prefix(&mut self.source, at + MAGIC.len() as u64)?.is_some_and(|(opcode, _)| opcode == op::HEADER) {
+                return Ok(Some(at));
+            }
+            from = at + 1;
+        }
+        Ok(None)
+    }
+
     fn record(&mut self, at: u64) -> Result<Step, Error> {
         let Some((opcode, length)) = prefix(&mut self.source, at)? else {
-            return Ok(Step::Lost("a record is not whole"));
+            return Ok(if self.growing { Step::Wait } else { Step::Lost("a record is not whole") });
         };
         let (body, left) = (at + PREFIX, self.source.len() - at - PREFIX);
         if length > left {
-            return Ok(Step::Lost("a record is longer than what follows it"));
+            let wait = self.growing && plausible(opcode, length);
+            return Ok(if wait { Step::Wait } else { Step::Lost("a record is longer than what follows it") });
         }
         let next = body + length;
-        let is_chunk = looks_like_chunk(&mut self.source, body, length)?;
-        match opcode {
-            op::CHUNK if is_chunk => return self.chunk(at, length),
-            op::CHUNK => return Ok(Step::Lost("the head of a chunk is damaged")),
-            _ if is_chunk => {
-                return Ok(Step::Bad(next, format!("a chunk has the opcode {opcode:#04x}")));
-            }
-            op::DATA_END if length != DATA_END => {
+        let is_chunk = ChunkHead::parse(self.source.bytes(body, HEAD.min(length as usize))?).filter(|h| h.fits(length));
+        match (opcode, is_chunk) {
+            (op::CHUNK, Some(head)) => return self.chunk(at, &head, length),
+            (op::CHUNK, None) => return Ok(Step::Lost("the head of a chunk is damaged")),
+            (_, Some(_)) => return Ok(Step::Lost("a chunk has the opcode of another record")),
+            (op::DATA_END, None) if length != DATA_END => {
                 return Ok(Step::Lost("the end of the data has a wrong length"));
             }
-            op::FOOTER if length != FOOTER => {
+            (op::FOOTER, None) if length != FOOTER => {
                 return Ok(Step::Lost("the footer has a wrong length"));
             }
-            op::FOOTER => {
+            (op::FOOTER, None) => {
                 self.place = Place::BeforeClosingMagic;
                 return Ok(Step::Next(next));
             }
             _ => {}
         }
-        self.loose &= opcode != op::DATA_END;
-        // A record without a check of its own is believed when another one begins behind it.
-        if !plausible(&mut self.source, next)? {
+        // A record without a check of its own is believed when another one begins behind it; a message, unless others stand inside.
+        let is_followed = if opcode == op::MESSAGE && self.loose {
+            match self.next_start(at + 1)?.filter(|&inside| inside < next) {
+                None => true,
+                Some(inside) => self.begins_with_length(next)? && !self.leads_to(inside, next)?,
+            }
+        } else {
+            prefix(&mut self.source, next)?.is_none_or(|(opcode, length)| plausible(opcode, length))
+        };
+        if !is_followed {
             return Ok(Step::Lost("no record begins behind this one"));
         }
+        if !has_its_length(&mut self.source, opcode, body, next)? {
+            return Ok(Step::Lost("a record has another length than its parts"));
+        }
+        self.small_record(opcode, body, next)
+    }
+
+    /// A record that is no chunk and no footer.
+    fn small_record(&mut self, opcode: u8, body: u64, next: u64) -> Result<Step, Error> {
+        let length = next - body;
+        if opcode == op::DATA_END {
+            self.loose = false;
+            return self.end_of_data(body, next);
+        }
         match opcode {
-            op::CHANNEL | op::MESSAGE if self.loose => {}
+            op::SCHEMA | op::CHANNEL | op::MESSAGE if self.loose => {}
             op::MESSAGE => return Ok(Step::Bad(next, "a message outside the chunks".into())),
             _ => return Ok(Step::Next(next)),
         }
         if length > MAX_RECORD {
             return Ok(Step::Bad(next, format!("a record of {length} bytes, at most {MAX_RECORD} are read")));
         }
-        match parse_record(opcode, self.source.bytes(body, length as usize)?).map(Record::into_owned) {
-            Ok(record) => self.messages(at, [record])?,
+        let bytes = self.source.bytes(body, length as usize)?;
+        if opcode == op::MESSAGE {
+            return Ok(match MessageHead::parse(bytes) {
+                Some(head) => Step::Message(next, head, body + MessageHead::LENGTH as u64..next),
+                None => Step::Bad(next, "a message is too short".into()),
+            });
+        }
+        match parse_record(opcode, bytes).map(Record::into_owned) {
+            Ok(record) => {
+                // Nothing checks this record; the summary has a CRC.
+                self.read_summary()?;
+                self.learn(record, false);
+            }
             Err(why) => return Ok(Step::Bad(next, why.to_string())),
         }
         Ok(Step::Next(next))
     }
 
-    /// Takes a chunk, if its CRC holds.
-    fn chunk(&mut self, at: u64, length: u64) -> Result<Step, Error> {
-        let next = at + PREFIX + length;
-        self.loose = false;
-        let record = self.source.bytes(at, (PREFIX + length) as usize)?;
-        match records_of(record) {
-            Ok(records) => self.messages(at, records)?,
-            Err(why) => return Ok(Step::Bad(next, format!("a chunk: {why}"))),
+    /// All the data is read: its CRC may tell what no other check did.
+    fn end_of_data(&mut self, body: u64, next: u64) -> Result<Step, Error> {
+        let expected = self.source.bytes(body, DATA_END as usize)?.first_chunk().map_or(0, |b| u32::from_le_bytes(*b));
+        let found = self.crc.take().map(crc32fast::Hasher::finalize);
+        let (base, end) = (self.base, body - PREFIX);
+        if expected != 0 && found.is_some_and(|found| found != expected) {
+            let why =
+                format!("somewhere up to byte {end}: the CRC of all the data does not hold, those of the chunks do");
+            self.told.push_back(ItemRef::Damaged(Damaged { offset: base, bytes: 0, why }));
         }
         Ok(Step::Next(next))
     }
 
-    /// Takes channels and messages from sound records.
-    fn messages(&mut self, at: u64, records: impl IntoIterator<Item = Record<'static>>) -> Result<(), Error> {
-        let mut lost = 0_u64;
-        for record in records {
-            match record {
-                Record::Channel(channel) => {
-                    let topic = self.names.intern(&channel.topic);
-                    self.channels.insert(channel.id, topic);
-                }
-                Record::Message { header, data } => {
-                    let channel = self.channel(header.channel_id)?;
-                    match (channel, i64::try_from(header.log_time)) {
-                        (Some(channel), Ok(t_ns)) => {
-                            self.ready.push_back(Item::Event(Event {
-                                channel,
-                                t_ns,
-                                data: data.into_owned(),
-                                offset: at,
-                            }));
-                        }
-                        _ => lost += 1,
+    /// Unpacks a chunk; its messages are handed out from then on.
+    fn chunk(&mut self, at: u64, head: &ChunkHead, length: u64) -> Result<Step, Error> {
+        let next = at + PREFIX + length;
+        self.loose = false;
+        self.sure = next;
+        let why = match self.unpack(at, head, length)? {
+            Unpacked::Whole => return Ok(Step::Next(next)),
+            Unpacked::Unchecked => "its CRC does not hold",
+            Unpacked::Broken(why) => why,
+        };
+        if !self.keep_unchecked {
+            self.chunk.records.clear();
+            return Ok(Step::Bad(next, format!("a chunk: {why}")));
+        }
+        self.crc = None;
+        let why = format!("a chunk: {why}; its events are kept, unchecked");
+        self.chunk.then = Some(ItemRef::Damaged(Damaged { offset: at, bytes: next - at, why }));
+        Ok(Step::Next(next))
+    }
+
+    fn unpack(&mut self, at: u64, head: &ChunkHead, length: u64) -> Result<Unpacked, Error> {
+        let body = self.source.bytes(at + PREFIX, length as usize)?;
+        let records = body.get(head.records..).unwrap_or_default();
+        (self.chunk.at, self.chunk.offset, self.chunk.lost) = (0, at, 0);
+        let unpacked = self.unpacker.unpack(head, records, &mut self.chunk.records);
+        self.chunk.unchecked = unpacked != Unpacked::Whole;
+        Ok(unpacked)
+    }
+
+    /// The next message of the chunk at hand: its head, its time and where its data stands.
+    fn message_of_chunk(&mut self) -> Result<Option<(MessageHead, i64, Range<usize>)>, Error> {
+        while self.chunk.at < self.chunk.records.len() {
+            let Some(record) = record_at(&self.chunk.records, self.chunk.at) else {
+                // In a chunk that is broken off this is the place; in a whole one it was written so.
+                self.chunk.lost += u64::from(self.chunk.then.is_none());
+                break;
+            };
+            self.chunk.at = record.body.end;
+            let body = &self.chunk.records[record.body.clone()];
+            match record.opcode {
+                op::MESSAGE => {
+                    let head = MessageHead::parse(body);
+                    let t_ns = head.and_then(|head| i64::try_from(head.log_time).ok());
+                    if let Some((head, t_ns)) = head.zip(t_ns)
+                        && self.is_known(head.channel)?
+                    {
+                        let data = record.body.start + MessageHead::LENGTH..record.body.end;
+                        return Ok(Some((head, t_ns, data)));
                     }
+                    self.chunk.lost += 1;
                 }
+                // Only these are parsed: the parser of an attachment panics on a short one.
+                op::SCHEMA | op::CHANNEL => match parse_record(record.opcode, body).map(Record::into_owned) {
+                    Ok(record) => {
+                        if self.chunk.unchecked {
+                            self.read_summary()?;
+                        }
+                        self.learn(record, !self.chunk.unchecked);
+                    }
+                    Err(_) => self.chunk.lost += 1,
+                },
                 _ => {}
             }
         }
+        self.chunk.records.clear();
+        self.chunk.at = 0;
+        let lost = std::mem::take(&mut self.chunk.lost);
         if lost > 0 {
-            let why = format!("{lost} messages have no channel, or a time beyond 292 years");
-            self.ready.push_back(Item::Damaged(Damaged { offset: at, bytes: 0, why }));
+            self.tell_lost(self.chunk.offset, lost);
+        }
+        self.told.extend(self.chunk.then.take());
+        Ok(None)
+    }
+
+    fn tell_lost(&mut self, offset: u64, lost: u64) {
+        let why = format!("{lost} messages are malformed, have no channel, or a time beyond 292 years");
+        self.told.push_back(ItemRef::Damaged(Damaged { offset, bytes: 0, why }));
+    }
+
+    /// Takes a schema or channel; `anew` also where the id is known already.
+    fn learn(&mut self, record: Record<'static>, anew: bool) {
+        match record {
+            Record::Schema { header, data } => {
+                if anew || !self.schemas.contains_key(&header.id) {
+                    let schema = FileSchema { name: header.name, encoding: header.encoding, data: data.into_owned() };
+                    self.schemas.insert(header.id, schema.into());
+                }
+            }
+            Record::Channel(channel) => {
+                let id = usize::from(channel.id);
+                if self.channels.len() <= id {
+                    self.channels.resize_with(id + 1, || None);
+                }
+                if anew || self.channels[id].is_none() {
+                    let high = channel.metadata.get(NUMBER_HIGH).and_then(|high| high.parse::<i32>().ok());
+                    self.channels[id] = Some(Channel {
+                        topic: self.names.intern(&channel.topic),
+                        number_high: i64::from(high.unwrap_or(0)) << 32,
+                        schema: self.schemas.get(&channel.schema_id).map(Arc::clone),
+                    });
+                }
+            }
+            _ => {}
+        }
+    }
+
+    /// Whether a channel is known. Where its record was in a damaged chunk, it stands in the summary again.
+    #[inline]
+    fn is_known(&mut self, id: u16) -> Result<bool, Error> {
+        let known = |channels: &[Option<Channel>]| channels.get(usize::from(id)).is_some_and(Option::is_some);
+        if !known(&self.channels) {
+            self.read_summary()?;
+        }
+        Ok(known(&self.channels))
+    }
+
+    fn read_summary(&mut self) -> Result<(), Error> {
+        if !std::mem::replace(&mut self.summary_read, true) {
+            for record in summary_records(&mut self.source, self.base)? {
+                self.learn(record, false);
+            }
         }
         Ok(())
     }
 
-    /// Name of a channel. Where its record was in a damaged chunk, it stands in the summary again.
-    fn channel(&mut self, id: u16) -> Result<Option<Arc<str>>, Error> {
-        if let Some(channel) = self.channels.get(&id) {
-            return Ok(Some(Arc::clone(channel)));
-        }
-        if !self.summary_read {
-            self.summary_read = true;
-            for (id, topic) in summary_channels(&mut self.source, self.base)? {
-                let topic = self.names.intern(&topic);
-                self.channels.entry(id).or_insert(topic);
+    /// Goes on to `to`, all of it sound.
+    fn advance(&mut self, to: u64) -> Result<(), Error> {
+        if let Some(crc) = &mut self.crc {
+            let mut at = self.at;
+            while at < to {
+                let bytes = self.source.bytes(at, STRETCH.min(to - at) as usize)?;
+                if bytes.is_empty() {
+                    break;
+                }
+                crc.update(bytes);
+                at += bytes.len() as u64;
             }
         }
-        Ok(self.channels.get(&id).map(Arc::clone))
+        self.at = to;
+        Ok(())
     }
 
     fn damaged(&mut self, from: u64, to: u64, why: String) {
-        self.at = to;
-        self.ready.push_back(Item::Damaged(Damaged { offset: from, bytes: to - from, why }));
+        (self.at, self.sure) = (to, to);
+        self.crc = None;
+        self.told.push_back(ItemRef::Damaged(Damaged { offset: from, bytes: to - from, why }));
     }
 
-    /// Goes on at the next chunk, else at the footer, else at the end.
+    /// Goes on at the next chunk (where there are none: message), else at the footer, else at the end.
+    #[cold]
     fn resynchronise(&mut self, why: &str) -> Result<(), Error> {
-        let from = self.at;
         self.place = Place::InRecords;
-        let mut search = from + 1;
-        while let Some(at) = self.source.find(&[op::CHUNK], search)? {
-            if let Some((_, length)) = prefix(&mut self.source, at)?
-                && length <= self.source.len() - at - PREFIX
-                && looks_like_chunk(&mut self.source, at + PREFIX, length)?
-            {
-                self.damaged(from, at, why.into());
-                return Ok(());
-            }
-            search = at + 1;
+        let next = match self.next_start(self.sure.min(self.at))? {
+            Some(at) if at == self.at => self.next_start(at + 1)?,
+            next => next,
+        };
+        let from = next.map_or(self.at, |next| if next < self.at { self.sure } else { self.at });
+        if let Some(at) = next {
+            self.salvage(from, at, ItemRef::Damaged(Damaged { offset: from, bytes: at - from, why: why.into() }))?;
+            return Ok(());
         }
         let end = self.source.len();
         if !ends_with_magic(&mut self.source)? {
-            self.at = end;
             self.place = Place::Over;
-            self.ready.push_back(Item::Cut(Cut { offset: from, bytes: end - from }));
-            return Ok(());
+            return self.salvage(from, end, ItemRef::Cut(Cut { offset: from, bytes: end - from }));
         }
-        let magic = end - MAGIC.len() as u64;
-        match footer(&mut self.source)? {
-            Some((at, _)) if at > from => self.damaged(from, at, why.into()),
+        let magic = (end - MAGIC.len() as u64).max(from);
+        let to = match footer(&mut self.source)? {
+            Some((at, _)) if at > from => at,
             _ => {
                 self.place = Place::BeforeClosingMagic;
-                self.damaged(from, magic.max(from), why.into());
+                magic
             }
+        };
+        self.salvage(from, to, ItemRef::Damaged(Damaged { offset: from, bytes: to - from, why: why.into() }))
+    }
+
+    /// Skips from `from` to `to` and tells why. A chunk that begins there may be whole but for its lengths, or be cut: what is in
+    /// front of a cut is what was written.
+    fn salvage(&mut self, from: u64, to: u64, why: ItemRef<'static>) -> Result<(), Error> {
+        (self.at, self.sure) = (to, to);
+        self.crc = None;
+        let length = (to - from).saturating_sub(PREFIX).min(MAX_RECORD);
+        let Some(head) = ChunkHead::parse(self.source.bytes(from + PREFIX, HEAD.min(length as usize))?) else {
+            self.told.push_back(why);
+            return Ok(());
+        };
+        let unpacked = self.unpack(from, &head, length)?;
+        let is_cut = matches!((&why, &unpacked), (ItemRef::Cut(_), Unpacked::Broken(_)));
+        if unpacked != Unpacked::Whole && !is_cut && !self.keep_unchecked {
+            self.chunk.records.clear();
         }
+        self.chunk.then = Some(why);
         Ok(())
     }
-}
 
-/// The channels and messages of a chunk record, prefix included; all of them or, when its CRC does not hold, none.
-fn records_of(mut chunk: &[u8]) -> mcap::McapResult<Vec<Record<'static>>> {
-    let options = LinearReaderOptions::default()
-        .with_skip_start_magic(true)
-        .with_skip_end_magic(true)
-        .with_prevalidate_chunk_crcs(true)
-        .with_record_length_limit(MAX_RECORD as usize);
-    let mut reader = LinearReader::new_with_options(options);
-    let mut records = Vec::new();
-    while let Some(event) = reader.next_event() {
-        match event? {
-            LinearReadEvent::ReadRequest(wanted) => {
-                let (bytes, rest) = chunk.split_at(wanted.min(chunk.len()));
-                reader.insert(bytes.len()).copy_from_slice(bytes);
-                reader.notify_read(bytes.len());
-                chunk = rest;
+    /// Where the next chunk begins; in a file without chunks, the next message.
+    fn next_start(&mut self, mut from: u64) -> Result<Option<u64>, Error> {
+        if self.loose {
+            self.read_summary()?;
+        }
+        let loose = self.loose && !self.channels.is_empty();
+        while let Some(at) = self.next_opcode(from, loose)? {
+            if let Some((opcode, length)) = prefix(&mut self.source, at)?
+                && length <= (self.source.len() - at - PREFIX).min(MAX_RECORD)
+            {
+                let body = at + PREFIX;
+                let fits = match opcode {
+                    op::CHUNK => {
+                        let head = self.source.bytes(body, HEAD.min(length as usize))?;
+                        ChunkHead::parse(head).is_some_and(|head| head.fits(length))
+                    }
+                    _ => self.is_message(body, length)? && self.begins_with_length(body + length)?,
+                };
+                if fits {
+                    return Ok(Some(at));
+                }
             }
-            // Only these are parsed: the parser of an attachment panics on a short one.
-            LinearReadEvent::Record { opcode: opcode @ (op::CHANNEL | op::MESSAGE), data } => {
-                records.push(parse_record(opcode, data)?.into_owned());
+            from = at + 1;
+        }
+        Ok(None)
+    }
+
+    fn next_opcode(&mut self, mut from: u64, loose: bool) -> Result<Option<u64>, Error> {
+        if !loose {
+            return self.source.find(&[op::CHUNK], from);
+        }
+        loop {
+            let bytes = self.source.bytes(from, STRETCH as usize)?;
+            if bytes.is_empty() {
+                return Ok(None);
             }
-            LinearReadEvent::Record { .. } => {}
+            if let Some(at) = bytes.iter().position(|&byte| byte == op::CHUNK || byte == op::MESSAGE) {
+                return Ok(Some(from + at as u64));
+            }
+            from += bytes.len() as u64;
         }
     }
-    Ok(records)
-}
 
-/// Opcode and length of the record at `at`, if the file holds that much.
-fn prefix(source: &mut Source, at: u64) -> Result<Option<(u8, u64)>, Error> {
-    let bytes = source.bytes(at, PREFIX as usize)?;
-    let Some((&opcode, length)) = bytes.split_first() else {
-        return Ok(None);
-    };
-    Ok(length.first_chunk().map(|length| (opcode, u64::from_le_bytes(*length))))
-}
-
-/// Whether a record may begin at `at`: one of the specification or a private one, of a length that can be.
-fn plausible(source: &mut Source, at: u64) -> Result<bool, Error> {
-    Ok(prefix(source, at)?.is_none_or(|(opcode, length)| {
-        length <= MAX_RECORD && (matches!(opcode, op::HEADER..=op::DATA_END) || opcode >= 0x80)
-    }))
-}
-
-/// Whether a record's body is a chunk: its compression is a known one and its inner length fits its outer one.
-fn looks_like_chunk(source: &mut Source, body: u64, length: u64) -> Result<bool, Error> {
-    if length > MAX_RECORD {
-        return Ok(false);
-    }
-    let bytes = source.bytes(body, (CHUNK_HEAD + 12).min(length as usize))?;
-    let Some((head, rest)) = bytes.split_first_chunk::<CHUNK_HEAD>() else {
-        return Ok(false);
-    };
-    let size = head[16..24].iter().rev().fold(0, |n, &byte| n << 8 | u64::from(byte));
-    let name = head[28..32].iter().rev().fold(0, |n, &byte| n << 8 | usize::from(byte));
-    let Some((name, rest)) = rest.split_at_checked(name) else {
-        return Ok(false);
-    };
-    let Some(inner) = rest.first_chunk() else {
-        return Ok(false);
-    };
-    let before = (CHUNK_HEAD + name.len() + 8) as u64;
-    Ok(size <= MAX_RECORD
-        && [&b""[..], b"lz4", b"zstd"].contains(&name)
-        && u64::from_le_bytes(*inner) == length - before)
-}
-
-fn ends_with_magic(source: &mut Source) -> Result<bool, Error> {
-    let at = source.len().saturating_sub(MAGIC.len() as u64);
-    Ok(source.bytes(at, MAGIC.len())? == MAGIC)
-}
-
-/// The footer in front of the closing magic, and where it stands.
-fn footer(source: &mut Source) -> Result<Option<(u64, Footer)>, Error> {
-    let Some(at) = source.len().checked_sub(PREFIX + FOOTER + MAGIC.len() as u64) else {
-        return Ok(None);
-    };
-    if prefix(source, at)? != Some((op::FOOTER, FOOTER)) {
-        return Ok(None);
-    }
-    let body = source.bytes(at + PREFIX, FOOTER as usize)?;
-    Ok(match parse_record(op::FOOTER, body) {
-        Ok(Record::Footer(footer)) => Some((at, footer)),
-        _ => None,
-    })
-}
-
-/// The channels that the summary of the last MCAP of the file repeats. Empty if there is no sound summary.
-fn summary_channels(source: &mut Source, base: u64) -> Result<Vec<(u16, String)>, Error> {
-    let mut channels = Vec::new();
-    let Some((end, footer)) = footer(source)? else {
-        return Ok(channels);
-    };
-    let Some(mut at) = base.checked_add(footer.summary_start) else {
-        return Ok(channels);
-    };
-    // The summary follows the end of the data; an offset into another MCAP would not point there.
-    let data_end = at.checked_sub(PREFIX + DATA_END).map(|before| prefix(source, before)).transpose()?;
-    if data_end != Some(Some((op::DATA_END, DATA_END))) {
-        return Ok(channels);
-    }
-    while at < end
-        && let Some((opcode, length)) = prefix(source, at)?
-        && length <= MAX_RECORD.min(end - at)
-    {
-        if opcode == op::CHANNEL
-            && let Ok(Record::Channel(channel)) = parse_record(opcode, source.bytes(at + PREFIX, length as usize)?)
-        {
-            channels.push((channel.id, channel.topic));
+    /// Whether a record of the specification stands at `at`, whole and with its own length.
+    fn begins_with_length(&mut self, at: u64) -> Result<bool, Error> {
+        let Some((opcode, length)) = prefix(&mut self.source, at)? else { return Ok(false) };
+        let body = at + PREFIX;
+        if !(op::HEADER..=op::DATA_END).contains(&opcode) || length > (self.source.len() - body).min(MAX_RECORD) {
+            return Ok(false);
         }
-        at += PREFIX + length;
+        if opcode == op::MESSAGE {
+            return self.is_message(body, length);
+        }
+        has_its_length(&mut self.source, opcode, body, body + length)
     }
-    Ok(channels)
+
+    /// Whether records follow each other from `at` to exactly `end`.
+    fn leads_to(&mut self, mut at: u64, end: u64) -> Result<bool, Error> {
+        while at < end && self.begins_with_length(at)? {
+            at += PREFIX + prefix(&mut self.source, at)?.map_or(0, |(_, length)| length);
+        }
+        Ok(at == end)
+    }
+
+    /// Whether a record's body is a message of a known channel.
+    fn is_message(&mut self, body: u64, length: u64) -> Result<bool, Error> {
+        let head = MessageHead::parse(self.source.bytes(body, MessageHead::LENGTH.min(length as usize))?);
+        Ok(head.is_some_and(|head| self.channels.get(usize::from(head.channel)).is_some_and(Option::is_some)))
+    }
+}
+
+impl Channel {
+    fn event<'a>(&'a self, head: &MessageHead, t_ns: i64, data: &'a [u8], offset: u64) -> EventRef<'a> {
+        let number = self.number_high | i64::from(head.sequence);
+        EventRef { channel: &self.topic, t_ns, number, data, offset, schema: self.schema.as_ref() }
+    }
 }

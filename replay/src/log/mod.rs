@@ -1,30 +1,53 @@
 //! Logs: the LCM event log (`.lcmlog`) and MCAP (`.mcap`), behind one writer and one reader.
 //!
-//! Both hold the same thing: events, each a channel, a time and the bytes of one LCM message. [`LogWriter`] takes the format from the
-//! file's name; [`LogReader`] from the file's first bytes, whatever its name.
+//! Both hold the same thing: events, each a channel, a time, a number and the bytes of one LCM message. [`LogWriter`] takes the format
+//! from the file's name; [`LogReader`] from the file's first bytes, whatever its name.
 //!
 //! | | LCM event log | MCAP |
 //! |---|---|---|
 //! | time | whole microseconds, rounded down | nanoseconds |
-//! | checks | none: a damaged payload cannot be seen | CRC of each chunk: a damaged chunk is dropped and reported |
-//! | smallest loss | one event | one chunk (256 KiB before compression) |
+//! | number | event number, 64 bits | sequence, 32 bits; the upper ones, if any, in the channel's metadata |
+//! | checks | none: a damaged payload cannot be seen | CRC of each chunk and of all the data |
+//! | record: the most that one damaged place costs | one event | one chunk (256 KiB before compression) |
 //! | types | not in the file, but in its RUN_INFO message | `.lcm` text of each channel |
 //!
 //! A reader tells three ends apart: the end, a *cut* (the file stops inside a record, as after a power failure or while it is still being
-//! written) and *damage* (bytes that belong to no record, from which it recovers). Memory is bounded by one record, at most
-//! [`MAX_MESSAGE`] bytes, however long the file and whatever its lengths claim.
+//! written) and *damage* (bytes that belong to no record, from which it recovers).
+//!
+//! A chunk of an MCAP is one record, compressed as one and checked as one. Of a chunk that the end of the file cuts, the events in
+//! front of the cut are read. One that cannot be decompressed to its end, or to something of another CRC, is damaged nobody knows
+//! where: its events are left out unless [`LogReader::keep_unchecked`] asks for those that can be had.
+//!
+//! Memory is bounded by one record (one event; one chunk, compressed and not), however long the file, and by what the file really holds:
+//! no length that it claims is believed before as many bytes are there.
 
+mod bundle;
+mod chunk;
+mod copy;
+mod counter;
+mod diff;
 mod event_log;
 mod mcap_reader;
+mod mcap_summary;
 mod mcap_writer;
+mod names;
 mod reader;
-mod schema;
+mod select;
 mod source;
 mod summary;
+mod types;
+mod verify;
 mod writer;
 
+pub use bundle::{Around, bundle};
+pub use copy::{Copied, CopyOptions, copy, merge};
+pub use counter::Gap;
+pub use diff::{ChannelDiff, FirstDifference, LogDiff, diff};
 pub use reader::{Events, LogReader};
+pub use select::Selection;
 pub use summary::{ChannelSummary, LogSummary};
+pub use types::Types;
+pub use verify::{Certificate, ChannelAccount, Replayable, verify};
 pub use writer::LogWriter;
 
 use std::sync::Arc;
@@ -52,6 +75,8 @@ pub struct Event {
     pub channel: Arc<str>,
     /// Time that the log gives it, ns: receive time in a live run, simulation time in a lockstep run.
     pub t_ns: i64,
+    /// Number that the log gives it: usually they count up from 0; in logs one behind the other they begin anew.
+    pub number: i64,
     /// The encoded message, fingerprint first.
     pub data: Vec<u8>,
     /// Where its record begins in the file; in MCAP, the chunk that holds it.
@@ -62,6 +87,50 @@ impl Event {
     /// The first eight bytes of an LCM message: the fingerprint of its type. `None` if it is shorter.
     pub fn fingerprint(&self) -> Option<u64> {
         fingerprint(&self.data)
+    }
+}
+
+/// One message of a log, in the memory of its reader. Fields as in [`Event`].
+#[derive(Debug, Clone, Copy)]
+#[allow(missing_docs, reason = "said at Event")]
+pub struct EventRef<'a> {
+    pub channel: &'a Arc<str>,
+    pub t_ns: i64,
+    pub number: i64,
+    pub data: &'a [u8],
+    pub offset: u64,
+    /// What the file says of the channel's type. Always `None` in an LCM event log.
+    pub schema: Option<&'a Arc<FileSchema>>,
+}
+
+impl EventRef<'_> {
+    /// As [`Event::fingerprint`].
+    pub fn fingerprint(&self) -> Option<u64> {
+        fingerprint(self.data)
+    }
+
+    /// A copy of its own.
+    pub fn to_event(&self) -> Event {
+        let EventRef { channel, t_ns, number, data, offset, schema: _ } = *self;
+        Event { channel: Arc::clone(channel), t_ns, number, data: data.to_vec(), offset }
+    }
+}
+
+/// A schema that stands in an MCAP file.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct FileSchema {
+    /// Name of the type.
+    pub name: String,
+    /// Language of the text: `lcm`, `ros2msg`, ...
+    pub encoding: String,
+    /// The text.
+    pub data: Vec<u8>,
+}
+
+impl FileSchema {
+    /// The text, if it is in the LCM type language.
+    pub fn lcm_text(&self) -> Option<&str> {
+        std::str::from_utf8(&self.data).ok().filter(|_| self.encoding == "lcm")
     }
 }
 
@@ -79,6 +148,28 @@ pub enum Item {
     Damaged(Damaged),
     /// The file stops before its end: always the last item.
     Cut(Cut),
+}
+
+/// What a reader comes across, in its memory.
+#[derive(Debug, Clone)]
+pub enum ItemRef<'a> {
+    /// A message.
+    Event(EventRef<'a>),
+    /// Bytes that belong to no whole record. Reading goes on after them.
+    Damaged(Damaged),
+    /// The file stops before its end: always the last item.
+    Cut(Cut),
+}
+
+impl ItemRef<'_> {
+    /// A copy of its own.
+    pub fn to_item(&self) -> Item {
+        match self {
+            ItemRef::Event(event) => Item::Event(event.to_event()),
+            ItemRef::Damaged(damaged) => Item::Damaged(damaged.clone()),
+            ItemRef::Cut(cut) => Item::Cut(cut.clone()),
+        }
+    }
 }
 
 /// A stretch of a file that could not be read.
@@ -116,23 +207,18 @@ impl Health {
         self.damaged.is_empty() && self.cut.is_none()
     }
 
+    /// Takes note of what is no event.
+    pub fn note<'a>(&mut self, item: ItemRef<'a>) -> Option<EventRef<'a>> {
+        match item {
+            ItemRef::Event(event) => return Some(event),
+            ItemRef::Damaged(damaged) => self.damaged.push(damaged),
+            ItemRef::Cut(cut) => self.cut = Some(cut),
+        }
+        None
+    }
+
     /// Bytes of the file that are in no event.
     pub fn bytes_skipped(&self) -> u64 {
         self.damaged.iter().map(|d| d.bytes).sum::<u64>() + self.cut.as_ref().map_or(0, |c| c.bytes)
-    }
-}
-
-/// Channel names, each stored once.
-#[derive(Default)]
-struct Names(std::collections::BTreeSet<Arc<str>>);
-
-impl Names {
-    fn intern(&mut self, name: &str) -> Arc<str> {
-        if let Some(known) = self.0.get(name) {
-            return Arc::clone(known);
-        }
-        let name: Arc<str> = name.into();
-        self.0.insert(Arc::clone(&name));
-        name
     }
 }

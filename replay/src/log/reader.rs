@@ -3,7 +3,7 @@
 use super::event_log::{self, EventLogReader};
 use super::mcap_reader::McapReader;
 use super::source::Source;
-use super::{Event, Format, Health, Item};
+use super::{Event, Format, Health, Item, ItemRef};
 use crate::Error;
 use std::path::Path;
 
@@ -13,7 +13,7 @@ const SEARCH: u64 = 1 << 20;
 /// Reads a log from its beginning to its end, whatever has happened to it.
 ///
 /// An iterator of [`Item`]; the end of the iteration without an [`Item::Cut`] is the end of the log. After an `Err` (the operating
-/// system fails to read) it ends.
+/// system fails to read) it ends. [`LogReader::read`] gives the same without a copy of each message.
 pub struct LogReader {
     format: Format,
     bytes: u64,
@@ -21,7 +21,7 @@ pub struct LogReader {
 }
 
 enum Reader {
-    EventLog(EventLogReader),
+    EventLog(Box<EventLogReader>),
     Mcap(Box<McapReader>),
 }
 
@@ -31,18 +31,64 @@ impl LogReader {
     /// # Errors
     /// [`Error::Io`], [`Error::NotAFile`], [`Error::EmptyFile`], or [`Error::NotALog`] if neither format shows in the file.
     pub fn open(path: impl AsRef<Path>) -> Result<Self, Error> {
-        let path = path.as_ref();
-        let mut source = Source::open(path)?;
+        Self::new(Source::open(path.as_ref())?, false)
+    }
+
+    /// [`LogReader::open`] for a log that is still being written. There is no cut: at the end of what has been written the reader gives
+    /// `None`, and may be asked again later.
+    ///
+    /// # Errors
+    /// As [`LogReader::open`].
+    pub fn open_growing(path: impl AsRef<Path>) -> Result<Self, Error> {
+        Self::new(Source::open(path.as_ref())?, true)
+    }
+
+    /// A log in memory; `name` is what errors call it.
+    ///
+    /// # Errors
+    /// As [`LogReader::open`], but for those of the operating system.
+    pub fn of_bytes(name: impl AsRef<Path>, bytes: Vec<u8>) -> Result<Self, Error> {
+        Self::new(Source::of_bytes(name.as_ref(), bytes), false)
+    }
+
+    fn new(mut source: Source, growing: bool) -> Result<Self, Error> {
         let bytes = source.len();
         if bytes == 0 {
-            return Err(Error::EmptyFile { path: path.into() });
+            return Err(Error::EmptyFile { path: source.path().into() });
         }
         let format = detect(&mut source)?;
         let reader = match format {
-            Format::LcmLog => Reader::EventLog(EventLogReader::new(source)),
-            Format::Mcap => Reader::Mcap(Box::new(McapReader::new(source))),
+            Format::LcmLog => Reader::EventLog(Box::new(EventLogReader::new(source, growing))),
+            Format::Mcap => Reader::Mcap(Box::new(McapReader::new(source, growing))),
         };
         Ok(LogReader { format, bytes, reader: Some(reader) })
+    }
+
+    /// Also gives the events that can be had of damaged chunks: some of their bytes may not be what was written.
+    #[must_use]
+    pub fn keep_unchecked(mut self, keep: bool) -> Self {
+        if let Some(Reader::Mcap(reader)) = &mut self.reader {
+            reader.keep_unchecked = keep;
+        }
+        self
+    }
+
+    /// Whether the file is known to be complete: an MCAP that was read through its closing magic. An event log may always go on.
+    pub fn is_complete(&self) -> bool {
+        matches!(&self.reader, Some(Reader::Mcap(reader)) if reader.is_complete())
+    }
+
+    /// The next item, in the memory of the reader; `None` at the end.
+    ///
+    /// # Errors
+    /// [`Error::Io`] if the operating system fails to read; the iteration is over then.
+    #[inline]
+    pub fn read(&mut self) -> Result<Option<ItemRef<'_>>, Error> {
+        match self.reader.as_mut() {
+            Some(Reader::EventLog(reader)) => reader.next(),
+            Some(Reader::Mcap(reader)) => reader.next(),
+            None => Ok(None),
+        }
     }
 
     /// Format of the file.
@@ -65,10 +111,7 @@ impl Iterator for LogReader {
     type Item = Result<Item, Error>;
 
     fn next(&mut self) -> Option<Self::Item> {
-        let item = match self.reader.as_mut()? {
-            Reader::EventLog(reader) => reader.next(),
-            Reader::Mcap(reader) => reader.next(),
-        };
+        let item = self.read().map(|item| item.map(|item| item.to_item()));
         if item.is_err() {
             self.reader = None;
         }

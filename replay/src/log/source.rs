@@ -1,4 +1,7 @@
-//! A file read at any place through a window, so that looking ahead and going back cost no seek.
+//! The bytes of a log at any place, through a window, so that looking ahead and going back cost no seek.
+//!
+//! Files are read, not mapped: a window that stays in the cache is as fast as a mapping for a reader that goes from the beginning to
+//! the end, a file that shrinks meanwhile ends early instead of killing the process, and no `unsafe` is needed.
 
 use crate::Error;
 use std::fs::File;
@@ -8,10 +11,11 @@ use std::path::{Path, PathBuf};
 /// Bytes read at a time.
 const WINDOW: usize = 1 << 18;
 
-/// A regular file of the length that it had when it was opened: what is appended later is not seen.
+/// A regular file of the length that it had when it was last looked at, or bytes in memory.
 pub(super) struct Source {
     path: PathBuf,
-    file: File,
+    /// `None`: the window holds everything.
+    file: Option<File>,
     len: u64,
     window: Vec<u8>,
     start: u64,
@@ -25,7 +29,12 @@ impl Source {
         if !metadata.is_file() {
             return Err(Error::NotAFile { path: path.into() });
         }
-        Ok(Source { path: path.into(), file, len: metadata.len(), window: Vec::new(), start: 0 })
+        Ok(Source { path: path.into(), file: Some(file), len: metadata.len(), window: Vec::new(), start: 0 })
+    }
+
+    /// `name` is what errors call it.
+    pub fn of_bytes(name: &Path, bytes: Vec<u8>) -> Self {
+        Source { path: name.into(), file: None, len: bytes.len() as u64, window: bytes, start: 0 }
     }
 
     pub fn path(&self) -> &Path {
@@ -36,14 +45,23 @@ impl Source {
         self.len
     }
 
+    /// Looks how long the file is now. What has been read stays as it is: logs grow at their end only.
+    pub fn look_again(&mut self) -> Result<(), Error> {
+        if let Some(file) = &self.file {
+            self.len = file.metadata().map_err(|source| Error::Io { path: self.path.clone(), source })?.len();
+        }
+        Ok(())
+    }
+
     /// The `n` bytes at `offset`, or as many as the file has there. The caller has checked `n` against a limit.
+    #[inline]
     pub fn bytes(&mut self, offset: u64, n: usize) -> Result<&[u8], Error> {
         let n = (n as u64).min(self.len.saturating_sub(offset)) as usize;
         let inside = offset >= self.start && offset + n as u64 <= self.start + self.window.len() as u64;
         if !inside {
             self.load(offset, n.max(WINDOW))?;
         }
-        let from = (offset - self.start).min(self.window.len() as u64) as usize;
+        let from = offset.saturating_sub(self.start).min(self.window.len() as u64) as usize;
         let to = (from + n).min(self.window.len());
         Ok(&self.window[from..to])
     }
@@ -55,22 +73,28 @@ impl Source {
             if bytes.len() < pattern.len() {
                 return Ok(None);
             }
-            if let Some(found) = bytes.windows(pattern.len()).position(|w| w == pattern) {
+            if let Some(found) = position(bytes, pattern) {
                 return Ok(Some(offset + found as u64));
             }
             offset += (bytes.len() - pattern.len() + 1) as u64;
         }
     }
 
+    #[cold]
     fn load(&mut self, offset: u64, n: usize) -> Result<(), Error> {
+        let Some(file) = &self.file else { return Ok(()) };
         let n = (n as u64).min(self.len.saturating_sub(offset)) as usize;
+        // A window that one long record has made large does not stay so.
+        if self.window.capacity() > 8 * n.max(WINDOW) {
+            self.window = Vec::new();
+        }
         self.window.resize(n, 0);
         self.start = offset;
         let mut filled = 0;
         while filled < n {
-            match self.file.read_at(&mut self.window[filled..], offset + filled as u64) {
+            match file.read_at(&mut self.window[filled..], offset + filled as u64) {
                 Ok(0) => {
-                    // The file has become shorter since it was opened.
+                    // The file has become shorter since it was looked at.
                     self.len = offset + filled as u64;
                     break;
                 }
@@ -84,4 +108,18 @@ impl Source {
         self.window.truncate(filled);
         Ok(())
     }
+}
+
+/// First place of `pattern` in `bytes`, from one occurrence of its first byte to the next.
+fn position(bytes: &[u8], pattern: &[u8]) -> Option<usize> {
+    let (first, last) = (*pattern.first()?, bytes.len().checked_sub(pattern.len())?);
+    let mut at = 0;
+    while at <= last {
+        at += bytes[at..=last].iter().position(|&byte| byte == first)?;
+        if bytes[at..].starts_with(pattern) {
+            return Some(at);
+        }
+        at += 1;
+    }
+    None
 }

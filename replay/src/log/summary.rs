@@ -1,12 +1,11 @@
 //! What is in a log, at a glance.
 
-use super::schema::type_of;
-use super::{Event, Format, Health, LogReader};
+use super::counter::{Numbers, counter, second_integer};
+use super::{EventRef, Format, Health, LogReader, Types};
 use crate::Error;
-use lcm_idl::Type;
-use lcm_idl::ast::{FieldType, Primitive};
 use std::collections::BTreeMap;
 use std::path::Path;
+use std::sync::Arc;
 
 /// What is in a log.
 #[derive(Debug, Clone, PartialEq, serde::Serialize)]
@@ -55,19 +54,13 @@ pub struct ChannelSummary {
 
 /// What is counted of a channel.
 struct Tally {
-    counter: Option<&'static str>,
-    type_name: Option<&'static str>,
+    has_counter: bool,
+    type_name: Option<String>,
     count: u64,
     bytes: u64,
     first: i64,
     last: i64,
-    numbers: Option<Numbers>,
-}
-
-/// The values of a counter: what lies between the lowest and the highest and never came is lost.
-struct Numbers {
-    lowest: i64,
-    highest: i64,
+    numbers: Numbers,
 }
 
 impl LogSummary {
@@ -76,24 +69,32 @@ impl LogSummary {
     /// # Errors
     /// As [`LogReader::open`], or [`Error::Io`] on the way.
     pub fn read(path: impl AsRef<Path>) -> Result<Self, Error> {
-        let reader = LogReader::open(path)?;
+        Self::read_with(path, Types::default())
+    }
+
+    /// [`LogSummary::read`] of a log whose types others describe.
+    ///
+    /// # Errors
+    /// As [`LogSummary::read`].
+    pub fn read_with(path: impl AsRef<Path>, mut types: Types) -> Result<Self, Error> {
+        let mut reader = LogReader::open(path)?;
         let (format, bytes) = (reader.format(), reader.bytes());
         let mut tallies = BTreeMap::new();
-        let mut events = reader.events();
-        for event in events.by_ref() {
-            let event = event?;
-            let fingerprint = event.fingerprint();
-            let key = (event.channel.to_string(), fingerprint);
-            tallies.entry(key).or_insert_with(|| Tally::new(&event)).add(&event);
+        let mut health = Health::default();
+        while let Some(item) = reader.read()? {
+            let Some(event) = health.note(item) else { continue };
+            types.learn(&event);
+            let key = (Arc::clone(event.channel), event.fingerprint());
+            tallies.entry(key).or_insert_with(|| Tally::new(&event, &types)).add(&event);
         }
-        Ok(summarise(format, bytes, &tallies, events.health()))
+        Ok(summarise(format, bytes, &tallies, &health))
     }
 }
 
 fn summarise(
     format: Format,
     bytes: u64,
-    tallies: &BTreeMap<(String, Option<u64>), Tally>,
+    tallies: &BTreeMap<(Arc<str>, Option<u64>), Tally>,
     health: &Health,
 ) -> LogSummary {
     let first_t_ns = tallies.values().map(|t| t.first).min();
@@ -115,30 +116,30 @@ fn summarise(
 }
 
 impl Tally {
-    fn new(event: &Event) -> Self {
-        let ty = event.fingerprint().and_then(|fingerprint| type_of(&event.channel, fingerprint));
+    fn new(event: &EventRef, types: &Types) -> Self {
+        let ty = types.of_message(event.channel, event.data);
+        // A type of another encoding has a name, at least.
+        let named = event.schema.filter(|schema| schema.encoding != "lcm").map(|schema| schema.name.clone());
         Tally {
-            counter: ty.and_then(counter),
-            type_name: ty.map(|ty| ty.name()),
+            has_counter: ty.and_then(counter).is_some(),
+            type_name: ty.map(|ty| ty.name().to_owned()).or(named),
             count: 0,
             bytes: 0,
             first: event.t_ns,
             last: event.t_ns,
-            numbers: None,
+            numbers: Numbers::default(),
         }
     }
 
-    fn add(&mut self, event: &Event) {
+    fn add(&mut self, event: &EventRef) {
         self.count += 1;
         self.bytes += event.data.len() as u64;
         self.first = self.first.min(event.t_ns);
         self.last = self.last.max(event.t_ns);
-        if self.counter.is_some()
-            && let Some(number) = second_integer(&event.data)
+        if self.has_counter
+            && let Some(number) = second_integer(event.data)
         {
-            let numbers = self.numbers.get_or_insert(Numbers { lowest: number, highest: number });
-            numbers.lowest = numbers.lowest.min(number);
-            numbers.highest = numbers.highest.max(number);
+            self.numbers.add(number, event.t_ns);
         }
     }
 
@@ -146,39 +147,16 @@ impl Tally {
         let span = seconds(self.first, self.last);
         ChannelSummary {
             name: name.to_owned(),
-            type_name: self.type_name.map(str::to_owned),
+            type_name: self.type_name.clone(),
             fingerprint: fingerprint.map(|f| format!("{f:016x}")),
             count: self.count,
             rate_hz: if span > 0.0 { (self.count - 1) as f64 / span } else { 0.0 },
             bytes: self.bytes,
-            lost: self.lost(),
+            lost: self.numbers.lost().filter(|_| self.has_counter),
         }
     }
-
-    fn lost(&self) -> Option<u64> {
-        let Numbers { lowest, highest } = self.numbers.as_ref()?;
-        let span = highest.checked_sub(*lowest)?.checked_add(1)?;
-        let lost = u64::try_from(span).ok()?.saturating_sub(self.count);
-        // A channel that comes in every tenth tick has lost nothing: only most of a sequence is a sequence.
-        (lost < self.count).then_some(lost)
-    }
 }
 
-/// Name of the counter that stands behind the time in a type: `seq` or `tick`.
-fn counter(ty: Type<'static>) -> Option<&'static str> {
-    let [time, second, ..] = &ty.def().fields[..] else { return None };
-    let integer = |field: &lcm_idl::ast::Field| {
-        field.dims.is_empty() && matches!(field.ty, FieldType::Primitive(Primitive::Int64))
-    };
-    let named = ["seq", "tick"].into_iter().find(|name| **name == *second.name);
-    named.filter(|_| integer(time) && integer(second) && *time.name == *"t_ns")
-}
-
-/// The second `int64_t` of a message, behind fingerprint and time.
-fn second_integer(message: &[u8]) -> Option<i64> {
-    message.get(16..24)?.first_chunk().map(|bytes| i64::from_be_bytes(*bytes))
-}
-
-fn seconds(from_ns: i64, to_ns: i64) -> f64 {
+pub(super) fn seconds(from_ns: i64, to_ns: i64) -> f64 {
     to_ns.saturating_sub(from_ns) as f64 * 1e-9
 }

@@ -2,13 +2,15 @@
 
 use super::event_log::EventLogWriter;
 use super::mcap_writer::McapWriter;
-use super::schema::Schemas;
-use super::{Format, MAX_CHANNEL, MAX_MESSAGE};
+use super::types::Types;
+use super::{EventRef, Format, MAX_CHANNEL, MAX_MESSAGE};
 use crate::Error;
 use std::fs::File;
 use std::path::{Path, PathBuf};
 
 /// Writes a log. Equal events give equal bytes.
+///
+/// In MCAP the `.lcm` texts of the types come from a RUN_INFO that is written, from [`LogWriter::explain`], else they are our own.
 ///
 /// Dropping it writes out what is buffered, but only [`LogWriter::finish`] tells whether that went well.
 pub struct LogWriter {
@@ -20,7 +22,7 @@ pub struct LogWriter {
 
 enum Sink {
     EventLog(EventLogWriter),
-    Mcap(Box<McapWriter>, Schemas),
+    Mcap(Box<McapWriter>, Box<Types>),
 }
 
 impl LogWriter {
@@ -36,23 +38,29 @@ impl LogWriter {
             Format::LcmLog => Sink::EventLog(EventLogWriter::new(file)),
             Format::Mcap => {
                 let writer = McapWriter::new(file).map_err(|source| mcap_error(path, source))?;
-                Sink::Mcap(Box::new(writer), Schemas::ours())
+                Sink::Mcap(Box::new(writer), Box::default())
             }
         };
         Ok(LogWriter { path: path.into(), sink, events: 0, failed: false })
     }
 
-    /// Explains the types of other `.lcm` texts, given as (name, text), instead of our own: those of an older log, or of another
-    /// project. To be called before the first event; without effect on an LCM event log, which holds no types.
+    /// Explains types by other `.lcm` texts too, given as (name, text): those of an older log, or of another project. To be called
+    /// before the first event of such a type; without effect on an LCM event log, which holds no types.
     ///
     /// # Errors
     /// [`Error::Types`] if the texts cannot be used.
     pub fn explain(&mut self, sources: &[(String, String)]) -> Result<(), Error> {
-        if let Sink::Mcap(_, schemas) = &mut self.sink {
-            *schemas = Schemas::new(sources)
-                .map_err(|source| Error::Types { path: self.path.clone(), source: source.into() })?;
+        if let Sink::Mcap(_, types) = &mut self.sink {
+            types.add(&self.path, sources)?;
         }
         Ok(())
+    }
+
+    /// [`LogWriter::explain`] by everything that is known of the types of a log.
+    pub fn explain_by(&mut self, types: Types) {
+        if let Sink::Mcap(_, known) = &mut self.sink {
+            **known = types;
+        }
     }
 
     /// Appends an event.
@@ -64,15 +72,50 @@ impl LogWriter {
     /// # Errors
     /// A bad channel, time or length leaves the log as it was. After a failed write every later one fails too, so that no log has a hole.
     pub fn write(&mut self, channel: &str, t_ns: i64, data: &[u8]) -> Result<(), Error> {
+        let number = self.events as i64;
+        self.write_numbered(channel, t_ns, number, data)
+    }
+
+    /// [`LogWriter::write`] with a number other than the next one.
+    ///
+    /// # Errors
+    /// As [`LogWriter::write`].
+    pub fn write_numbered(&mut self, channel: &str, t_ns: i64, number: i64, data: &[u8]) -> Result<(), Error> {
+        let t = self.check(channel, t_ns, data)?;
+        let written = match &mut self.sink {
+            Sink::EventLog(out) => {
+                out.write(channel, t_ns, number, data).map_err(|source| io_error(&self.path, source))
+            }
+            Sink::Mcap(out, types) => {
+                types.learn_run_info(channel, data);
+                let schema = |fingerprint| types.schema(channel, fingerprint);
+                out.write(channel, t, number, data, schema).map_err(|source| mcap_error(&self.path, source))
+            }
+        };
+        self.failed = written.is_err();
+        self.events += u64::from(written.is_ok());
+        written
+    }
+
+    /// Copies an event of another log, its number and what that file says of its type included.
+    ///
+    /// # Errors
+    /// As [`LogWriter::write`].
+    pub fn copy(&mut self, event: &EventRef<'_>) -> Result<(), Error> {
+        if let (Sink::Mcap(_, types), Some(schema)) = (&mut self.sink, event.schema) {
+            types.learn_schema(schema);
+        }
+        self.write_numbered(event.channel, event.t_ns, event.number, event.data)
+    }
+
+    /// The time, if an event can be written.
+    fn check(&self, channel: &str, t_ns: i64, data: &[u8]) -> Result<u64, Error> {
         if self.failed {
             return Err(Error::WriterFailed { path: self.path.clone() });
         }
         if channel.is_empty() || channel.len() > MAX_CHANNEL || channel.contains('\0') {
             return Err(Error::ChannelName { path: self.path.clone(), channel: channel.into() });
         }
-        let Ok(t) = u64::try_from(t_ns) else {
-            return Err(Error::NegativeTime { path: self.path.clone(), channel: channel.into(), t_ns });
-        };
         if data.len() > MAX_MESSAGE {
             return Err(Error::MessageTooLong {
                 path: self.path.clone(),
@@ -81,16 +124,7 @@ impl LogWriter {
                 limit: MAX_MESSAGE,
             });
         }
-        let written = match &mut self.sink {
-            Sink::EventLog(out) => out.write(channel, t_ns, data).map_err(|source| io_error(&self.path, source)),
-            Sink::Mcap(out, schemas) => {
-                let schema = |fingerprint| schemas.of(channel, fingerprint);
-                out.write(channel, t, data, schema).map_err(|source| mcap_error(&self.path, source))
-            }
-        };
-        self.failed = written.is_err();
-        self.events += u64::from(written.is_ok());
-        written
+        u64::try_from(t_ns).map_err(|_| Error::NegativeTime { path: self.path.clone(), channel: channel.into(), t_ns })
     }
 
     /// Hands everything so far to the operating system. In MCAP this ends a chunk: call it a few times a second, not per event.

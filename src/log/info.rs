@@ -1,33 +1,32 @@
-//! `hoof log`: look at logs.
+//! `hoof log info`: a log at a glance.
 
+use super::{LogTypes, loss};
 use crate::{Outcome, say, say_json};
-use clap::Subcommand;
 use replay::log::LogSummary;
 use std::path::PathBuf;
 
-#[derive(Subcommand)]
-pub enum Command {
-    /// Channels, types, counts, rates, and whether anything is damaged or lost
-    #[command(after_help = "Example: hoof log info run.mcap")]
-    Info {
-        /// Log, LCM event log or MCAP; told apart by content
-        log: PathBuf,
-        /// Print JSON
-        #[arg(long)]
-        json: bool,
-    },
+#[derive(clap::Args)]
+#[command(
+    after_help = "Example: hoof log info run.mcap\n         hoof log info other.lcmlog --lcm-types ~/other/lcmtypes --json"
+)]
+pub struct Args {
+    /// Log, LCM event log or MCAP; told apart by content
+    log: PathBuf,
+    #[command(flatten)]
+    types: LogTypes,
+    /// Print JSON
+    #[arg(long)]
+    json: bool,
 }
 
-pub fn run(command: &Command) -> anyhow::Result<Outcome> {
-    let Command::Info { log, json } = command;
-    let summary = LogSummary::read(log)?;
-    if *json {
+pub fn run(args: &Args) -> anyhow::Result<Outcome> {
+    let summary = LogSummary::read_with(&args.log, args.types.read()?)?;
+    if args.json {
         say_json(&summary)?
     } else {
         say(text(&summary))?
     }
-    let loss = summary.damaged > 0 || summary.cut;
-    Ok(if loss { Outcome::DataLoss } else { Outcome::Good })
+    Ok(loss(summary.damaged > 0 || summary.cut))
 }
 
 fn text(s: &LogSummary) -> String {

@@ -1,0 +1,22 @@
+//! Fields that a `plots.toml` names, of any channel, in one panel.
+
+use super::Ask;
+use super::trace::{Curve, Role, Trace, Traces};
+use crate::run::Run;
+
+pub(super) fn traces(run: &Run, ask: &Ask) -> Result<Traces, String> {
+    let mut curves = Vec::new();
+    for (k, field) in ask.fields.iter().enumerate() {
+        let name = field.to_string();
+        let samples = run.fields.get(&name).ok_or_else(|| format!("field {name}"))?;
+        curves.push(Curve { role: Role::Number(k), name, xs: samples.t_s.clone().into(), ys: samples.values.clone() });
+    }
+    let label = if ask.label.is_empty() {
+        ask.fields.first().map(|f| f.path.clone()).unwrap_or_default()
+    } else {
+        ask.label.clone()
+    };
+    let trace = Trace { height: 150.0, ..Trace::new(label, 1e-9, curves) };
+    let caption = ask.fields.iter().map(ToString::to_string).collect::<Vec<_>>().join(", ") + ".";
+    Ok(Traces { sections: vec![(1, vec![trace])], window: ask.whole(run), caption, marks: Vec::new() })
+}

@@ -1,0 +1,32 @@
+//! Travel of feet while they touch the ground.
+
+use serde::Serialize;
+
+use crate::run::{LEGS, Run};
+use crate::stats::Distribution;
+
+/// Travel of one foot's centre while the foot truly touches the ground; rolling of the foot counts.
+#[derive(Clone, Debug, Serialize)]
+pub struct FootSlip {
+    /// Name of the leg.
+    pub leg: &'static str,
+    /// Length of the horizontal travel, m.
+    pub travel_m: f64,
+    /// Horizontal speed, m/s.
+    pub speed: Option<Distribution>,
+}
+
+pub(super) fn of(run: &Run) -> Option<[FootSlip; 4]> {
+    let period_s = run.period_s();
+    run.has("GROUND_TRUTH").then(|| {
+        std::array::from_fn(|leg| {
+            let speeds: Vec<f64> =
+                run.ticks.iter().filter_map(|t| t.truth.as_ref().and_then(|w| w.slip_speed(leg))).collect();
+            FootSlip {
+                leg: LEGS[leg],
+                travel_m: speeds.iter().sum::<f64>() * period_s,
+                speed: Distribution::of(speeds),
+            }
+        })
+    })
+}

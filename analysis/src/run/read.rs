@@ -1,0 +1,268 @@
+//! From the events of a log to a [`Run`], in one pass.
+
+use std::collections::BTreeMap;
+use std::io::Read;
+use std::path::Path;
+
+use lcmtypes::{
+    BaseTracking, ContactEstimate, ControllerInput, ControllerTick, GroundTruth, LegState, Message, RobotCommand,
+    RobotState, RunInfo, Timing, WbcSolution,
+};
+use replay::log::LogReader;
+use sha2::{Digest, Sha256};
+
+use super::joints::Table;
+use super::{Consumed, Joints, Run, TICK_CHANNELS, Tick, Truth};
+use crate::fields::{Field, FieldReader};
+use crate::skeleton::Skeleton;
+use crate::{Error, Progress, Stage};
+
+/// What became of a message.
+enum Taken {
+    Yes,
+    /// It announces another run: reading stops.
+    AnotherRun,
+}
+
+/// What has been read so far.
+#[derive(Default)]
+struct Gathered {
+    info: Option<RunInfo>,
+    events: Vec<lcmtypes::Event>,
+    /// In the order of time.
+    ticks: Vec<Tick>,
+    /// Ticks whose messages came after those of later ticks.
+    stray: Vec<Tick>,
+    truth: Vec<Truth>,
+    joints: Joints,
+    /// Joints by the driver's clock: time and row, for a log without CONTROLLER_INPUT.
+    raw: (Vec<(i64, u32)>, Table),
+}
+
+pub(super) fn read(path: &Path, fields: &[Field], progress: &mut dyn FnMut(Progress)) -> Result<Run, Error> {
+    let log_error = |source| Error::Log { path: path.to_owned(), source };
+    let reader = LogReader::open(path).map_err(log_error)?;
+    let total = reader.bytes();
+    let mut events = reader.events();
+    let mut gathered = Gathered::default();
+    let mut field_reader = FieldReader::new(fields);
+    let mut channels: BTreeMap<String, u64> = BTreeMap::new();
+    let mut notes = Vec::new();
+    let mut unreadable: BTreeMap<String, (u64, String)> = BTreeMap::new();
+    for (number, event) in events.by_ref().enumerate() {
+        let event = event.map_err(log_error)?;
+        if number.is_multiple_of(4096) {
+            progress(Progress { stage: Stage::Read, done: event.offset, total });
+        }
+        match gathered.take(&event.channel, &event.data) {
+            Ok(Taken::Yes) => {
+                field_reader.take(path, &event)?;
+                match channels.get_mut(&*event.channel) {
+                    Some(count) => *count += 1,
+                    None => drop(channels.insert(event.channel.to_string(), 1)),
+                }
+            }
+            Ok(Taken::AnotherRun) => {
+                notes.push(format!("another run begins at byte {}; only the first is reported", event.offset));
+                break;
+            }
+            Err(why) => unreadable.entry(event.channel.to_string()).or_insert((0, why)).0 += 1,
+        }
+    }
+    progress(Progress { stage: Stage::Read, done: total, total });
+    let health = events.health();
+    if let Some(first) = health.damaged.first() {
+        let (stretches, bytes) = (health.damaged.len(), health.bytes_skipped());
+        notes.push(format!(
+            "the log is damaged: {bytes} bytes in {stretches} places are lost; the first, at byte {}: {}",
+            first.offset, first.why
+        ));
+    }
+    if let Some(cut) = &health.cut {
+        notes.push(format!("the log is cut at byte {}: its last {} bytes are no whole message", cut.offset, cut.bytes));
+    }
+    for (channel, (count, why)) in unreadable {
+        notes.push(format!("{count} messages on {channel} could not be read; the first: {why}"));
+    }
+    let (ticks, mut joints, info, events) = gathered.join();
+    let Some(t0_ns) = ticks.first().map(|tick| tick.t_ns) else {
+        return Err(Error::NothingToReport {
+            path: path.to_owned(),
+            messages: channels.values().sum(),
+            expected: TICK_CHANNELS.join(", "),
+        });
+    };
+    let skeleton = info.as_ref().and_then(|info| Skeleton::parse(&info.urdf));
+    let named = skeleton.as_ref().map(|s| s.movable().map(|joint| joint.name.clone()).collect::<Vec<_>>());
+    let count = joints.in_messages();
+    joints.names = named
+        .filter(|names| names.len() == count)
+        .unwrap_or_else(|| (0..count).map(|joint| format!("joint {joint}")).collect());
+    let fields = field_reader.finish(t0_ns);
+    let sha256 = sha256(path)?;
+    Ok(Run { path: path.to_owned(), sha256, info, skeleton, events, ticks, joints, fields, channels, notes })
+}
+
+impl Gathered {
+    /// Takes one message in; the error says why it could not be decoded.
+    fn take(&mut self, channel: &str, data: &[u8]) -> Result<Taken, String> {
+        match channel {
+            "RUN_INFO" => {
+                let info = decode::<RunInfo>(data)?;
+                match &self.info {
+                    Some(first) if *first != info => return Ok(Taken::AnotherRun),
+                    Some(_) => {}
+                    None => self.info = Some(info),
+                }
+            }
+            "EVENT" => self.events.push(decode(data)?),
+            "BASE_TRACKING" => {
+                let m = decode::<BaseTracking>(data)?;
+                let tick = self.at(m.t_ns);
+                tick.base = Some(m);
+            }
+            "LEG_STATE" => {
+                let m = decode::<LegState>(data)?;
+                let tick = self.at(m.t_ns);
+                tick.legs = Some(m.into());
+            }
+            "CONTACT_ESTIMATE" => {
+                let m = decode::<ContactEstimate>(data)?;
+                let tick = self.at(m.t_ns);
+                tick.contact = Some(m.into());
+            }
+            "WBC_SOLUTION" => {
+                let m = decode::<WbcSolution>(data)?;
+                let tick = self.at(m.t_ns);
+                tick.wbc = Some(m.into());
+            }
+            "CONTROLLER_TICK" => {
+                let m = decode::<ControllerTick>(data)?;
+                let tick = self.at(m.t_ns);
+                tick.status = Some(m.into());
+            }
+            "TIMING" => {
+                let m = decode::<Timing>(data)?;
+                let tick = self.at(m.t_ns);
+                tick.timing = Some(m);
+            }
+            "CONTROLLER_INPUT" => {
+                let m = decode::<ControllerInput>(data)?;
+                let row = self.joints.measured.push_state(&m.state)?;
+                let age_s = (m.t_ns - m.state.t_ns) as f64 / 1e9;
+                let tick = self.at(m.t_ns);
+                tick.consumed = Some(Consumed { tick: m.tick, seq: m.state.seq, age_s });
+                tick.joint_rows[0] = Some(row);
+            }
+            "ROBOT_COMMAND" => {
+                let m = decode::<RobotCommand>(data)?;
+                let row = self.joints.commanded.push_command(&m)?;
+                self.at(m.t_ns).joint_rows[1] = Some(row);
+            }
+            "ROBOT_STATE" => {
+                let m = decode::<RobotState>(data)?;
+                let row = self.raw.1.push_state(&m)?;
+                self.raw.0.push((m.t_ns, row));
+            }
+            "GROUND_TRUTH" => {
+                let message = decode::<GroundTruth>(data)?;
+                let n_feet = message.n_feet;
+                self.truth.push(Truth::of(&message).ok_or_else(|| format!("{n_feet} feet, expected 4"))?);
+            }
+            _ => {}
+        }
+        Ok(Taken::Yes)
+    }
+
+    /// The tick of a time, made if need be.
+    fn at(&mut self, t_ns: i64) -> &mut Tick {
+        let fresh = || Tick { t_ns, ..Tick::default() };
+        let last = self.ticks.last().map(|tick| tick.t_ns);
+        if last.is_none_or(|last| last < t_ns) {
+            self.ticks.push(fresh());
+        }
+        let end = self.ticks.len() - 1;
+        if self.ticks[end].t_ns == t_ns {
+            return &mut self.ticks[end];
+        }
+        match self.ticks.binary_search_by_key(&t_ns, |tick| tick.t_ns) {
+            Ok(found) => &mut self.ticks[found],
+            Err(_) => {
+                self.stray.push(fresh());
+                let end = self.stray.len() - 1;
+                &mut self.stray[end]
+            }
+        }
+    }
+
+    /// Ticks at every time that a message of the controller carries, or at the times of truth when there is none.
+    fn join(mut self) -> (Vec<Tick>, Joints, Option<RunInfo>, Vec<lcmtypes::Event>) {
+        self.truth.sort_by_key(|m| m.t_ns);
+        let mut ticks = self.ticks;
+        if ticks.is_empty() && self.stray.is_empty() {
+            ticks.extend(self.truth.iter().map(|m| Tick { t_ns: m.t_ns, ..Tick::default() }));
+            ticks.dedup_by_key(|tick| tick.t_ns);
+        }
+        if !self.stray.is_empty() {
+            ticks.append(&mut self.stray);
+            ticks.sort_by_key(|tick| tick.t_ns);
+            ticks.dedup_by(|later, kept| {
+                let same = later.t_ns == kept.t_ns;
+                if same {
+                    kept.absorb(std::mem::take(later));
+                }
+                same
+            });
+        }
+        let t0_ns = ticks.first().map_or(0, |tick| tick.t_ns);
+        let tolerance_ns = period_ns(&ticks) / 2;
+        let consumed = ticks.iter().any(|tick| tick.joint_rows[0].is_some());
+        let (mut raw, table) = self.raw;
+        raw.sort_unstable();
+        for tick in &mut ticks {
+            tick.t_s = (tick.t_ns - t0_ns) as f64 / 1e9;
+            tick.truth = nearest(&self.truth, |m| m.t_ns, tick.t_ns, tolerance_ns).cloned();
+            if !consumed {
+                tick.joint_rows[0] = nearest(&raw, |m| m.0, tick.t_ns, tolerance_ns).map(|&(_, row)| row);
+            }
+        }
+        if !consumed {
+            self.joints.measured = table;
+        }
+        (ticks, self.joints, self.info, self.events)
+    }
+}
+
+fn decode<M: Message>(data: &[u8]) -> Result<M, String> {
+    M::decode(data).map_err(|e| e.to_string())
+}
+
+/// The message nearest in time, if it is within the tolerance; `messages` are in the order of time.
+fn nearest<T>(messages: &[T], time: impl Fn(&T) -> i64, t_ns: i64, tolerance_ns: i64) -> Option<&T> {
+    let after = messages.partition_point(|m| time(m) < t_ns);
+    let candidates = messages.get(after.saturating_sub(1)..)?.iter().take(2);
+    let distance = |m: &&T| time(m).abs_diff(t_ns);
+    candidates.min_by_key(distance).filter(|m| distance(m) <= tolerance_ns.unsigned_abs())
+}
+
+/// Median step of ticks in the order of time, ns; 0 for fewer than two.
+pub(super) fn period_ns(ticks: &[Tick]) -> i64 {
+    let mut steps: Vec<i64> = ticks.windows(2).map(|pair| pair[1].t_ns - pair[0].t_ns).collect();
+    let middle = steps.len() / 2;
+    if steps.is_empty() { 0 } else { *steps.select_nth_unstable(middle).1 }
+}
+
+/// SHA-256 of a file.
+fn sha256(path: &Path) -> Result<String, Error> {
+    let failed = |source| Error::ReadFile { path: path.to_owned(), source };
+    let mut file = std::fs::File::open(path).map_err(failed)?;
+    let (mut hash, mut block) = (Sha256::new(), vec![0; 1 << 16]);
+    loop {
+        let read = file.read(&mut block).map_err(failed)?;
+        if read == 0 {
+            break;
+        }
+        hash.update(&block[..read]);
+    }
+    Ok(hash.finalize().iter().map(|byte| format!("{byte:02x}")).collect())
+}

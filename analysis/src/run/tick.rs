@@ -1,0 +1,261 @@
+//! One control period: what the log holds of it, cut down to what figures and metrics are made of.
+//!
+//! Ten minutes are 600 000 of these, so digests, repeated numbers of the tick and what nobody draws are left out.
+
+use lcmtypes::{BaseTracking, ContactEstimate, ControllerTick, GroundTruth, LegState, Timing, WbcSolution};
+
+use crate::math::{Vec3, from_w_to_h, rpy_of_quaternion};
+
+/// What the simulator knew at a tick; frames and units as in `ground_truth_t`.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Truth {
+    /// Simulation time, ns.
+    pub t_ns: i64,
+    /// Origin of the base in W, m.
+    pub p_WB: Vec3,
+    /// Roll, pitch, yaw, rad: `R_WB = Rz(yaw) Ry(pitch) Rx(roll)`.
+    pub rpy: Vec3,
+    /// Velocity of the base in W, m/s.
+    pub v_WB: Vec3,
+    /// Angular velocity of the base in W, rad/s.
+    pub w_WB_W: Vec3,
+    /// Contact point of each foot in W, m.
+    pub p_WF: [Vec3; 4],
+    /// Velocity of each foot's centre in W, m/s.
+    pub v_WF: [Vec3; 4],
+    /// Force of the ground on each foot in W, N.
+    pub f_F_W: [Vec3; 4],
+    /// The foot touches the ground.
+    pub contact: [bool; 4],
+    /// A scenario pushes the base.
+    pub pushed: bool,
+}
+
+impl Truth {
+    /// `None` when the message has fewer than four feet.
+    pub(super) fn of(message: &GroundTruth) -> Option<Self> {
+        let four = |v: &[[f64; 3]]| Some([*v.first()?, *v.get(1)?, *v.get(2)?, *v.get(3)?]);
+        let contact = &message.contact;
+        Some(Self {
+            t_ns: message.t_ns,
+            p_WB: message.p_WB,
+            rpy: rpy_of_quaternion(message.q_WB_wxyz),
+            v_WB: message.v_WB,
+            w_WB_W: message.w_WB_W,
+            p_WF: four(&message.p_WF)?,
+            v_WF: four(&message.v_WF)?,
+            f_F_W: four(&message.f_F_W)?,
+            contact: [*contact.first()?, *contact.get(1)?, *contact.get(2)?, *contact.get(3)?],
+            pushed: message.f_push_W.iter().chain(&message.tau_push_W).any(|&x| x != 0.0),
+        })
+    }
+
+    /// Horizontal speed of a foot's centre, m/s, while the foot touches the ground.
+    pub fn slip_speed(&self, leg: usize) -> Option<f64> {
+        self.contact[leg].then(|| self.v_WF[leg][0].hypot(self.v_WF[leg][1]))
+    }
+
+    /// Foot relative to the base in H: the base's origin, z up, the base's heading.
+    pub fn p_BF_H(&self, leg: usize) -> Vec3 {
+        let p_BF_W = std::array::from_fn(|k| self.p_WF[leg][k] - self.p_WB[k]);
+        from_w_to_h(self.rpy[2], p_BF_W)
+    }
+}
+
+/// Gait and swing of the four legs; as in `leg_state_t`.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Legs {
+    /// Gait, `operator_command_t` `GAIT_*`.
+    pub gait: i8,
+    /// `leg_state_t` `STATE_*` of each leg.
+    pub state: [i8; 4],
+    /// Foot reference in H from the base, m.
+    pub p_BF_H_des: [Vec3; 4],
+    /// Foot from the encoders, m.
+    pub p_BF_H_est: [Vec3; 4],
+}
+
+impl From<LegState> for Legs {
+    fn from(m: LegState) -> Self {
+        Self { gait: m.gait, state: m.state, p_BF_H_des: m.p_BF_H_des, p_BF_H_est: m.p_BF_H_est }
+    }
+}
+
+/// Contact forces and flags; as in `contact_estimate_t`.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Contact {
+    /// Estimated force on each foot in W, N.
+    pub f_F_W: [Vec3; 4],
+    /// Its component along the terrain normal, N.
+    pub f_normal: [f64; 4],
+    /// The foot is judged to touch the ground.
+    pub contact: [bool; 4],
+    /// Terrain normal in W.
+    pub n_W: Vec3,
+}
+
+impl From<ContactEstimate> for Contact {
+    fn from(m: ContactEstimate) -> Self {
+        Self { f_F_W: m.f_F_W, f_normal: m.f_normal, contact: m.contact, n_W: m.n_W }
+    }
+}
+
+/// Record of the quadratic program; as in `wbc_solution_t`.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Wbc {
+    /// `STATUS_*`.
+    pub status: i8,
+    /// Iterations of all levels.
+    pub iterations: i32,
+    /// Variables.
+    pub n_var: i32,
+    /// Equality rows of the last level.
+    pub n_eq: i32,
+    /// Inequality rows.
+    pub n_ineq: i32,
+    /// Inequality rows that hold with equality.
+    pub n_active: i32,
+    /// Torques limited after the solve.
+    pub n_clamped: i32,
+    /// Residual of contact (m/s²), trunk (rad/s²) and posture (rad/s²).
+    pub residual: [f64; 3],
+    /// Largest violation of the floating-base dynamics, N or N m.
+    pub base_residual: f64,
+    /// Contact force commanded on each foot in W, N.
+    pub f_F_W: [Vec3; 4],
+}
+
+impl From<WbcSolution> for Wbc {
+    fn from(m: WbcSolution) -> Self {
+        let WbcSolution {
+            status,
+            iterations,
+            n_var,
+            n_eq,
+            n_ineq,
+            n_active,
+            n_clamped,
+            residual,
+            base_residual,
+            f_F_W,
+            ..
+        } = m;
+        Self { status, iterations, n_var, n_eq, n_ineq, n_active, n_clamped, residual, base_residual, f_F_W }
+    }
+}
+
+/// Mode and fault of the controller; as in `controller_tick_t`.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Status {
+    /// Number of the tick.
+    pub tick: i64,
+    /// `MODE_*`.
+    pub mode: i8,
+    /// `FAULT_*`.
+    pub fault: i32,
+    /// Joint, leg or row, -1 = none.
+    pub fault_index: i32,
+    /// What the fault found.
+    pub fault_value: f64,
+}
+
+impl From<ControllerTick> for Status {
+    fn from(m: ControllerTick) -> Self {
+        Self { tick: m.tick, mode: m.mode, fault: m.fault, fault_index: m.fault_index, fault_value: m.fault_value }
+    }
+}
+
+/// What the controller consumed, joints apart.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Consumed {
+    /// Number of the tick.
+    pub tick: i64,
+    /// `seq` of the robot's state: the same twice is a state that came late, a jump one that was lost.
+    pub seq: i64,
+    /// Age of the state, s.
+    pub age_s: f64,
+}
+
+/// One control period: whatever the log holds of it.
+#[derive(Clone, Debug, Default)]
+pub struct Tick {
+    /// Time of the tick, controller clock, ns.
+    pub t_ns: i64,
+    /// Time since the first tick of the run, s.
+    pub t_s: f64,
+    /// References and estimates of the base.
+    pub base: Option<BaseTracking>,
+    /// What the simulator knew.
+    pub truth: Option<Truth>,
+    /// Gait and swing.
+    pub legs: Option<Legs>,
+    /// Contact estimate.
+    pub contact: Option<Contact>,
+    /// The quadratic program's record.
+    pub wbc: Option<Wbc>,
+    /// Mode and fault of the controller.
+    pub status: Option<Status>,
+    /// Wall-clock times.
+    pub timing: Option<Timing>,
+    /// What the controller consumed.
+    pub consumed: Option<Consumed>,
+    /// Rows of [`Joints`](super::Joints): measured, commanded.
+    pub(super) joint_rows: [Option<u32>; 2],
+}
+
+impl Tick {
+    /// Fills what is missing from another record of the same period.
+    pub(super) fn absorb(&mut self, other: Self) {
+        let Self { t_ns: _, t_s: _, base, truth, legs, contact, wbc, status, timing, consumed, joint_rows } = other;
+        self.base = self.base.take().or(base);
+        self.truth = self.truth.take().or(truth);
+        self.legs = self.legs.or(legs);
+        self.contact = self.contact.or(contact);
+        self.wbc = self.wbc.or(wbc);
+        self.status = self.status.or(status);
+        self.timing = self.timing.take().or(timing);
+        self.consumed = self.consumed.or(consumed);
+        for (own, row) in self.joint_rows.iter_mut().zip(joint_rows) {
+            *own = own.or(row);
+        }
+    }
+
+    /// Number of the tick; `None` when no message of it tells.
+    pub fn number(&self) -> Option<i64> {
+        let told = self.status.map(|s| s.tick).or_else(|| self.consumed.map(|c| c.tick));
+        told.or_else(|| self.base.as_ref().map(|b| b.tick)).or_else(|| self.timing.as_ref().map(|t| t.tick))
+    }
+
+    /// The leg swings along its ellipse (going up or down).
+    pub fn swings(&self, leg: usize) -> bool {
+        self.legs
+            .as_ref()
+            .is_some_and(|l| matches!(l.state[leg], LegState::STATE_SWING_UP | LegState::STATE_SWING_DOWN))
+    }
+
+    /// The controller commands the leg to stand; `None` when the log does not say.
+    pub fn stands(&self, leg: usize) -> Option<bool> {
+        self.legs.as_ref().map(|l| l.state[leg] == LegState::STATE_STANCE)
+    }
+
+    /// The controller balances: it stands or walks. A log without controller status counts as balancing throughout.
+    pub fn balances(&self) -> bool {
+        self.status.as_ref().is_none_or(|s| matches!(s.mode, ControllerTick::MODE_STANCE | ControllerTick::MODE_WALK))
+    }
+
+    /// True height of the base above the mean contact point of its stance feet, along the vertical, m. Stance is what the controller
+    /// commands, or true contact where the log does not say; `None` without truth or without a stance foot.
+    pub fn true_height(&self) -> Option<f64> {
+        let truth = self.truth.as_ref()?;
+        let stance = (0..4).filter(|&leg| self.stands(leg).unwrap_or(truth.contact[leg]));
+        let (count, sum) = stance.fold((0_u32, 0.0), |(n, z), leg| (n + 1, z + truth.p_WF[leg][2]));
+        (count > 0).then(|| truth.p_WB[2] - sum / f64::from(count))
+    }
+
+    /// Normal component of the true force on a foot, N, along the normal that the controller believes in (vertical if it is not logged).
+    pub fn true_normal_force(&self, leg: usize) -> Option<f64> {
+        let f = self.truth.as_ref()?.f_F_W[leg];
+        let n = self.contact.as_ref().map_or([0.0, 0.0, 1.0], |c| c.n_W);
+        Some(f[0] * n[0] + f[1] * n[1] + f[2] * n[2])
+    }
+}

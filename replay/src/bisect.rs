@@ -1,0 +1,387 @@
+//! The first revision of the source tree that replays a log otherwise, and what in it did.
+//!
+//! Each revision is checked out into a work tree of its own, the replay of golden logs is built there (`replay_golden`, without simulator and
+//! analysis) and run on the log. What it says is the revision's *outcome*; a revision whose outcome is not that of the good one is bad.
+//! Parameters and inputs come out of the log, so only the revision can have changed a bit.
+
+use crate::Error;
+use crate::corpus::Corpus;
+use std::path::{Path, PathBuf};
+use std::process::Command;
+
+/// What to look for, and where.
+#[derive(Debug, Clone)]
+pub struct Options {
+    /// Log to replay.
+    pub log: PathBuf,
+    /// Root of the source tree, a git repository.
+    pub repository: PathBuf,
+    /// Revision that replays it as it should.
+    pub good: String,
+    /// Later revision that does not.
+    pub bad: String,
+    /// Folder for work tree and builds; what is there from the last time is used again.
+    pub work: PathBuf,
+    /// Shell command to run in each work tree instead of build and replay, with the log's path in `$LOG`: 0 good, 125 cannot be judged, else bad.
+    pub run: Option<String>,
+}
+
+/// What was found out about a revision.
+#[derive(Debug, Clone, PartialEq, Eq, serde::Serialize)]
+pub struct Outcome {
+    /// Commit.
+    pub revision: String,
+    /// First line of its message.
+    pub subject: String,
+    /// Its verdict.
+    pub verdict: Verdict,
+    /// What the replay said.
+    pub said: String,
+}
+
+/// How a revision is judged.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Verdict {
+    /// As the good one.
+    Good,
+    /// Otherwise.
+    Bad,
+    /// It cannot be built.
+    Skipped,
+}
+
+/// What in a revision can change a bit.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, serde::Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Cause {
+    /// Compiler, flags, dependencies: `Cargo.toml`, `Cargo.lock`, `rust-toolchain.toml`, `.cargo`, `build.rs`.
+    Build,
+    /// Parameters and their defaults: `robots`, `scenarios`, `controller/src/params`.
+    Configuration,
+    /// A message that the log does not hold as it is wanted now: `lcmtypes/*.lcm`, or the replay says that inputs are missing.
+    MissingInput,
+    /// Everything else.
+    Code,
+}
+
+/// The result of a search.
+#[derive(Debug, Clone, PartialEq, Eq, serde::Serialize)]
+pub struct Found {
+    /// The first bad revision; several, if those before it cannot be built.
+    pub first_bad: Vec<Outcome>,
+    /// What in it did: those of its changes that alone make the good revision before it bad; all of them if only together.
+    pub causes: Vec<Cause>,
+    /// Revisions between good and bad, the bad one included.
+    pub revisions: usize,
+    /// Revisions that were tried, in the order in which they were.
+    pub tried: Vec<Outcome>,
+}
+
+/// Searches. `progress` is told each outcome and how many revisions are left.
+///
+/// # Errors
+/// [`Error::Command`] if git refuses, [`Error::Bisect`] if good and bad do not differ or are in no line, and what stops reading the log.
+pub fn bisect(options: &Options, progress: &mut dyn FnMut(&Outcome, usize)) -> Result<Found, Error> {
+    let tree = WorkTree::new(options)?;
+    let found = search(options, &tree, progress);
+    tree.remove();
+    found
+}
+
+fn search(options: &Options, tree: &WorkTree, progress: &mut dyn FnMut(&Outcome, usize)) -> Result<Found, Error> {
+    let failed = |why: String| Error::Bisect { path: options.log.clone(), why };
+    let good = tree.resolve(&options.good)?;
+    let bad = tree.resolve(&options.bad)?;
+    let line = git(&options.repository, &["rev-list", "--reverse", "--first-parent", &format!("{good}..{bad}")])?;
+    let revisions: Vec<&str> = line.lines().collect();
+    if revisions.is_empty() {
+        return Err(failed(format!("{} is not behind {}: no revision lies between them", options.bad, options.good)));
+    }
+    let mut tried = Vec::new();
+    let reference = tree.outcome(&good, None)?;
+    progress(&reference, revisions.len());
+    if reference.verdict == Verdict::Skipped {
+        return Err(failed(format!("the good revision {} cannot be judged: {}", options.good, reference.said)));
+    }
+    if options.run.is_some() && reference.verdict == Verdict::Bad {
+        return Err(failed(format!("the good revision {} is bad: {}", options.good, reference.said)));
+    }
+    let reference = Outcome { verdict: Verdict::Good, ..reference };
+    tried.push(reference.clone());
+    let mut judge = |i: usize, left: usize| {
+        let outcome = tree.outcome(revisions[i], Some(&reference))?;
+        progress(&outcome, left);
+        tried.push(outcome.clone());
+        Ok::<_, Error>(outcome)
+    };
+    let last = judge(revisions.len() - 1, revisions.len())?;
+    if last.verdict != Verdict::Bad {
+        return Err(failed(format!("{} does what {} does: {}", options.bad, options.good, last.said)));
+    }
+    let (before, first_bad) = halve(revisions.len(), last, &mut judge)?;
+    let causes = match &first_bad[..] {
+        [only] => {
+            let before = before.map_or(good.as_str(), |i| revisions[i]);
+            tree.causes(before, only, &reference)?
+        }
+        _ => Vec::new(),
+    };
+    Ok(Found { first_bad, causes, revisions: revisions.len(), tried })
+}
+
+/// Halves the stretch between the last revision known as good (`None`: the one before all) and the first known as bad, around those that cannot be
+/// judged. Gives the last good one, and the bad one behind the revisions that could not be judged, which come first.
+fn halve<E>(
+    count: usize,
+    last: Outcome,
+    judge: &mut dyn FnMut(usize, usize) -> Result<Outcome, E>,
+) -> Result<(Option<usize>, Vec<Outcome>), E> {
+    let mut good: Option<usize> = None;
+    let (mut bad, mut bad_outcome) = (count - 1, last);
+    let mut skipped: Vec<(usize, Outcome)> = Vec::new();
+    loop {
+        let first = good.map_or(0, |good| good + 1);
+        let middle = first + (bad - first) / 2;
+        let open = (first..bad).filter(|i| skipped.iter().all(|(skipped, _)| skipped != i));
+        // The open one nearest to the middle.
+        let Some(next) = open.min_by_key(|i| i.abs_diff(middle)) else { break };
+        let outcome = judge(next, bad - first)?;
+        match outcome.verdict {
+            Verdict::Good => good = Some(next),
+            Verdict::Bad => (bad, bad_outcome) = (next, outcome),
+            Verdict::Skipped => skipped.push((next, outcome)),
+        }
+    }
+    let first = good.map_or(0, |good| good + 1);
+    skipped.retain(|(i, _)| (first..bad).contains(i));
+    skipped.sort_by_key(|(i, _)| *i);
+    Ok((good, skipped.into_iter().map(|(_, outcome)| outcome).chain([bad_outcome]).collect()))
+}
+
+/// The work tree, and a corpus with the log alone.
+struct WorkTree<'o> {
+    options: &'o Options,
+    dir: PathBuf,
+    corpus: PathBuf,
+}
+
+impl<'o> WorkTree<'o> {
+    fn new(options: &'o Options) -> Result<Self, Error> {
+        let io = |path: &Path| {
+            let path = path.to_owned();
+            move |source| Error::Io { path, source }
+        };
+        std::fs::create_dir_all(&options.work).map_err(io(&options.work))?;
+        let work = options.work.canonicalize().map_err(io(&options.work))?;
+        let (dir, corpus) = (work.join("tree"), work.join("corpus"));
+        if options.run.is_none() {
+            if corpus.exists() {
+                std::fs::remove_dir_all(&corpus).map_err(io(&corpus))?;
+            }
+            std::fs::create_dir(&corpus).map_err(io(&corpus))?;
+            Corpus::open_with(&corpus, controller::load)?.add(&options.log, "log", "bisect", &ALL_OUTPUTS)?;
+        }
+        let tree = WorkTree { options, dir, corpus };
+        tree.remove();
+        let dir = tree.dir.display().to_string();
+        git(&options.repository, &["worktree", "add", "--force", "--detach", &dir, &options.good])?;
+        Ok(tree)
+    }
+
+    /// Without it the repository is as it was; what is not there need not be removed.
+    fn remove(&self) {
+        let dir = self.dir.display().to_string();
+        let _ = git(&self.options.repository, &["worktree", "remove", "--force", &dir]);
+        let _ = git(&self.options.repository, &["worktree", "prune"]);
+    }
+
+    fn resolve(&self, revision: &str) -> Result<String, Error> {
+        git(&self.options.repository, &["rev-parse", "--verify", &format!("{revision}^{{commit}}")])
+    }
+
+    /// Checks a revision out and judges it against the good one's outcome.
+    fn outcome(&self, revision: &str, good: Option<&Outcome>) -> Result<Outcome, Error> {
+        git(&self.dir, &["checkout", "--quiet", "--force", "--detach", revision])?;
+        git(&self.dir, &["clean", "--quiet", "--force", "-d"])?;
+        let subject = git(&self.dir, &["show", "--no-patch", "--format=%s", revision])?;
+        let (verdict, said) = self.judge(good)?;
+        Ok(Outcome { revision: revision.to_owned(), subject, verdict, said })
+    }
+
+    /// Judges what the work tree holds.
+    fn judge(&self, good: Option<&Outcome>) -> Result<(Verdict, String), Error> {
+        if let Some(command) = &self.options.run {
+            let log = self.options.log.canonicalize().unwrap_or_else(|_| self.options.log.clone());
+            let mut shell = Command::new("sh");
+            let (code, said) = run(shell.args(["-c", command]).env("LOG", log).current_dir(&self.dir))?;
+            let verdict = match code {
+                Some(0) => Verdict::Good,
+                Some(125) | None => Verdict::Skipped,
+                Some(_) => Verdict::Bad,
+            };
+            return Ok((verdict, said));
+        }
+        let target = self.options.work.join("target");
+        let mut build = Command::new("cargo");
+        build.args([
+            "build",
+            "--quiet",
+            "--release",
+            "--package",
+            "replay",
+            "--example",
+            "replay_golden",
+            "--target-dir",
+        ]);
+        let (code, said) = run(build.arg(&target).env_remove("CARGO_TARGET_DIR").current_dir(&self.dir))?;
+        if code != Some(0) {
+            return Ok((Verdict::Skipped, format!("does not build: {said}")));
+        }
+        let mut replay = Command::new(target.join("release/examples/replay_golden"));
+        let (code, said) = run(replay.arg(&self.corpus).current_dir(&self.dir))?;
+        let verdict = match (code, good) {
+            (Some(0 | 1), None) => Verdict::Good,
+            (Some(0 | 1), Some(good)) if good.said == said => Verdict::Good,
+            (Some(0 | 1), Some(_)) => Verdict::Bad,
+            _ => Verdict::Skipped,
+        };
+        Ok((verdict, said))
+    }
+
+    /// Which of a revision's changes alone make the revision before it bad.
+    fn causes(&self, before: &str, bad: &Outcome, good: &Outcome) -> Result<Vec<Cause>, Error> {
+        let names = git(&self.dir, &["diff", "--name-only", before, &bad.revision])?;
+        let mut kinds: Vec<Cause> = names.lines().map(cause_of).collect();
+        kinds.sort_unstable();
+        kinds.dedup();
+        if says_missing(&bad.said) {
+            return Ok(vec![Cause::MissingInput]);
+        }
+        if kinds.len() < 2 {
+            return Ok(kinds);
+        }
+        let mut causes = Vec::new();
+        for kind in &kinds {
+            let files = names.lines().filter(|name| cause_of(name) == *kind);
+            git(&self.dir, &["checkout", "--quiet", "--force", "--detach", before])?;
+            git(&self.dir, &["clean", "--quiet", "--force", "-d"])?;
+            for file in files {
+                // A file that the revision takes away is taken away.
+                if git(&self.dir, &["checkout", "--quiet", &bad.revision, "--", file]).is_err() {
+                    git(&self.dir, &["rm", "--quiet", "--force", "--", file])?;
+                }
+            }
+            if self.judge(Some(good))?.0 == Verdict::Bad {
+                causes.push(*kind);
+            }
+        }
+        Ok(if causes.is_empty() { kinds } else { causes })
+    }
+}
+
+/// Every output, so that a difference is named by its field and not by its digest alone.
+const ALL_OUTPUTS: [&str; 5] = {
+    use lcmtypes::channels::{BASE_TRACKING, CONTACT_ESTIMATE, LEG_STATE, ROBOT_COMMAND, WBC_SOLUTION};
+    [CONTACT_ESTIMATE, BASE_TRACKING, LEG_STATE, WBC_SOLUTION, ROBOT_COMMAND]
+};
+
+/// What a change of a file is a change of.
+fn cause_of(file: &str) -> Cause {
+    let name = file.rsplit('/').next().unwrap_or(file);
+    let starts = |prefixes: &[&str]| prefixes.iter().any(|prefix| file.starts_with(prefix));
+    match name {
+        "Cargo.toml" | "Cargo.lock" | "rust-toolchain.toml" | "build.rs" => Cause::Build,
+        _ if file.starts_with(".cargo/") => Cause::Build,
+        _ if name.ends_with(".lcm") => Cause::MissingInput,
+        _ if starts(&["robots/", "scenarios/", "controller/src/params"]) => Cause::Configuration,
+        _ => Cause::Code,
+    }
+}
+
+/// Whether a replay complains of what the log does not hold.
+fn says_missing(said: &str) -> bool {
+    ["another type version", "no RUN_INFO", "no CONTROLLER_INPUT", "lacks inputs"]
+        .iter()
+        .any(|text| said.contains(text))
+}
+
+fn git(dir: &Path, args: &[&str]) -> Result<String, Error> {
+    let mut command = Command::new("git");
+    // A hook or an alias of who called us is not meant for this.
+    command
+        .arg("-C")
+        .arg(dir)
+        .args(args)
+        .env_remove("GIT_DIR")
+        .env_remove("GIT_WORK_TREE")
+        .env_remove("GIT_INDEX_FILE");
+    match run(&mut command)? {
+        (Some(0), said) => Ok(said),
+        (_, said) => Err(Error::Command { command: format!("git {}", args.join(" ")), said }),
+    }
+}
+
+/// Runs a command: its exit code, and the last lines of what it said.
+fn run(command: &mut Command) -> Result<(Option<i32>, String), Error> {
+    let name = command.get_program().to_string_lossy().into_owned();
+    let output = command
+        .stdin(std::process::Stdio::null())
+        .output()
+        .map_err(|source| Error::Command { command: name, said: source.to_string() })?;
+    let text = if output.stdout.is_empty() { &output.stderr } else { &output.stdout };
+    Ok((output.status.code(), String::from_utf8_lossy(text).trim().to_owned()))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn outcome(i: usize, verdict: Verdict) -> Outcome {
+        Outcome { revision: i.to_string(), subject: String::new(), verdict, said: String::new() }
+    }
+
+    /// Every place of the first bad revision among 20, with every one of the others skipped once.
+    #[test]
+    fn the_first_bad_revision_is_found_around_those_that_cannot_be_judged() {
+        let count = 20;
+        for first_bad in 0..count {
+            for broken in (0..count - 1).map(Some).chain([None]) {
+                let mut asked = 0;
+                let judge = &mut |i: usize, _: usize| {
+                    asked += 1;
+                    let verdict = match i {
+                        i if Some(i) == broken => Verdict::Skipped,
+                        i if i >= first_bad => Verdict::Bad,
+                        _ => Verdict::Good,
+                    };
+                    Ok::<_, ()>(outcome(i, verdict))
+                };
+                let (good, found) = halve(count, outcome(count - 1, Verdict::Bad), judge).unwrap();
+                let found: Vec<usize> = found.iter().map(|outcome| outcome.revision.parse().unwrap()).collect();
+                // A broken one right before the first bad one, or in its place, cannot be told from it.
+                let expected: Vec<usize> = match broken {
+                    Some(broken) if broken + 1 == first_bad => vec![broken, first_bad],
+                    Some(broken) if broken == first_bad => vec![broken, broken + 1],
+                    _ => vec![first_bad],
+                };
+                assert_eq!(found, expected, "bad from {first_bad} on, broken {broken:?}");
+                assert_eq!(good, expected[0].checked_sub(1));
+                assert!(asked <= 7, "{asked} asked");
+            }
+        }
+    }
+
+    #[test]
+    fn files_belong_to_causes() {
+        let causes = [
+            "replay/Cargo.toml",
+            ".cargo/config.toml",
+            "robots/hyq/hyq.toml",
+            "lcmtypes/event_t.lcm",
+            "controller/src/quadruped/gait.rs",
+        ];
+        let expected = [Cause::Build, Cause::Build, Cause::Configuration, Cause::MissingInput, Cause::Code];
+        assert_eq!(causes.map(cause_of), expected);
+    }
+}

@@ -1,0 +1,59 @@
+//! The log of a replay: what the replayed log holds, with the outputs of the replay.
+
+use super::ticks::Tick;
+use crate::Error;
+use crate::log::{Event, LogWriter};
+use lcmtypes::{Message, RunInfo, TextFile, channels};
+use std::path::Path;
+
+/// A log that is written while another is replayed.
+pub(super) struct Out {
+    log: LogWriter,
+    info: Vec<u8>,
+    bytes: Vec<u8>,
+}
+
+impl Out {
+    /// Creates the file.
+    pub fn create(path: &Path, info: &RunInfo) -> Result<Self, Error> {
+        // The outputs are of today's types, and so are the texts that explain them.
+        let text_file = |(name, text): &(&str, &str)| TextFile { name: (*name).into(), text: (*text).into() };
+        let lcm_types: Vec<_> = lcmtypes::SOURCES.iter().map(text_file).collect();
+        let info = RunInfo { num_lcm_types: lcm_types.len() as i32, lcm_types, ..info.clone() };
+        let mut bytes = Vec::new();
+        encode(path, &info, &mut bytes)?;
+        Ok(Out { log: LogWriter::create(path)?, info: bytes, bytes: Vec::new() })
+    }
+
+    /// What stands before a tick's input, the input, and what the controller made of it.
+    pub fn tick(&mut self, tick: &mut Tick, outbox: Option<&controller::Outbox>) -> Result<(), Error> {
+        self.rest(std::mem::take(&mut tick.others))?;
+        if let Some(input) = &tick.input {
+            self.bytes.clear();
+            encode(Path::new(channels::CONTROLLER_INPUT), input, &mut self.bytes)?;
+            self.log.write(channels::CONTROLLER_INPUT, tick.t_log_ns, &self.bytes)?;
+        }
+        for (channel, bytes) in outbox.iter().flat_map(|outbox| outbox.iter()) {
+            self.log.write(channel, tick.t_log_ns, bytes)?;
+        }
+        Ok(())
+    }
+
+    /// Messages that are nobody's output.
+    pub fn rest(&mut self, events: Vec<Event>) -> Result<(), Error> {
+        for event in events {
+            let is_info = *event.channel == *channels::RUN_INFO;
+            self.log.write(&event.channel, event.t_ns, if is_info { &self.info } else { &event.data })?;
+        }
+        Ok(())
+    }
+
+    /// Completes the file.
+    pub fn finish(self) -> Result<(), Error> {
+        self.log.finish().map(drop)
+    }
+}
+
+fn encode(path: &Path, message: &impl Message, out: &mut Vec<u8>) -> Result<(), Error> {
+    message.encode(out).map_err(|source| Error::Encode { path: path.into(), source: source.into() })
+}

@@ -1,0 +1,92 @@
+//! Which ticks of a log are replayed, and the state from which.
+
+use super::Options;
+use super::ticks::{Beside, Tick, Ticks};
+use crate::Error;
+use std::path::Path;
+
+/// The part of a log that is to be replayed.
+#[derive(Debug, Default)]
+pub(super) struct Stretch {
+    /// Tick whose snapshot the replay starts from.
+    pub start: Option<i64>,
+    /// Time behind which it ends, ns since the first tick.
+    pub to_ns: Option<i64>,
+    /// Time of the first tick of the log, ns.
+    pub first_t_ns: Option<i64>,
+}
+
+impl Stretch {
+    /// With [`Options::from_s`] the log is read once more, up to there.
+    ///
+    /// # Errors
+    /// [`Error::BeyondEnd`] if it ends before.
+    pub fn find(path: &Path, options: &Options) -> Result<Self, Error> {
+        let nanoseconds = |s: f64| (s * 1e9).round() as i64;
+        let to_ns = options.to_s.map(nanoseconds);
+        let Some(from_s) = options.from_s else { return Ok(Stretch { to_ns, ..Stretch::default() }) };
+        let from_ns = nanoseconds(from_s);
+        let mut ticks = Ticks::open(path, Beside::Nothing)?;
+        let (mut start, mut first, mut last_ns) = (None, None, 0);
+        while let Some(tick) = ticks.next()? {
+            let Some(t_ns) = tick.input.as_ref().map(|input| input.t_ns) else { continue };
+            last_ns = t_ns.saturating_sub(*first.get_or_insert(t_ns));
+            if last_ns > from_ns {
+                return Ok(Stretch { start, to_ns, first_t_ns: None });
+            }
+            if tick.snapshot().is_some() {
+                start = Some(tick.tick);
+            }
+        }
+        match first {
+            Some(_) if last_ns < from_ns => {
+                Err(Error::BeyondEnd { path: path.into(), from_s, last_s: last_ns as f64 * 1e-9 })
+            }
+            _ => Ok(Stretch { start, to_ns, first_t_ns: None }),
+        }
+    }
+}
+
+/// What a runner is given.
+pub(super) enum Part {
+    /// Take over the state that was recorded after a tick.
+    Start(i64, Vec<u8>),
+    /// Go on by a tick.
+    Tick(Box<Tick>),
+}
+
+/// The parts of the stretch that is to be replayed.
+pub(super) struct Feed<'f> {
+    pub ticks: &'f mut Ticks,
+    pub stretch: &'f mut Stretch,
+    pub progress: &'f mut dyn FnMut(f64),
+    /// Length of the file.
+    pub bytes: u64,
+}
+
+impl Feed<'_> {
+    /// The next part, or `None` behind the last.
+    pub fn next(&mut self) -> Result<Option<Part>, Error> {
+        while let Some(mut tick) = self.ticks.next()? {
+            let t_ns = tick.input.as_ref().map(|input| input.t_ns);
+            self.stretch.first_t_ns = self.stretch.first_t_ns.or(t_ns);
+            let since = t_ns.zip(self.stretch.first_t_ns).map(|(t, first)| t.saturating_sub(first));
+            tick.since_ns = since;
+            if since.zip(self.stretch.to_ns).is_some_and(|(since, to)| since > to) {
+                return Ok(None);
+            }
+            if tick.tick % 1024 == 0 {
+                (self.progress)(self.ticks.offset as f64 / self.bytes.max(1) as f64);
+            }
+            match self.stretch.start {
+                Some(start) if tick.tick < start => {}
+                Some(start) if tick.tick == start => {
+                    return Ok(tick.snapshot().map(|snapshot| Part::Start(start, snapshot.to_vec())));
+                }
+                _ => return Ok(Some(Part::Tick(Box::new(tick)))),
+            }
+        }
+        (self.progress)(1.0);
+        Ok(None)
+    }
+}

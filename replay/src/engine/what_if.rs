@@ -1,0 +1,183 @@
+//! How far a changed controller goes from the one that ran, on the same inputs.
+//!
+//! The robot in the log obeyed the recorded command, not the new one. So what a what-if replay says holds as long as the two commands
+//! are close; from the first tick on at which a joint's torques part by more than a bound, the inputs answer another controller.
+
+use lcmtypes::{ControllerTick, Message, RobotCommand, WbcSolution, channels};
+
+/// Difference of a joint's torques, N m, above which the recorded inputs no longer stand for the new controller.
+pub const DEFAULT_BOUND: f64 = 20.0;
+
+/// A parameter that changes on the way.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Change {
+    /// From when on.
+    pub when: When,
+    /// Dotted key.
+    pub key: String,
+    /// TOML value.
+    pub value: String,
+}
+
+/// A moment of a log.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum When {
+    /// The tick of this number.
+    Tick(i64),
+    /// The first tick at or after this time, s since the first tick of the log.
+    Seconds(f64),
+}
+
+impl When {
+    /// Whether a tick is there, or behind.
+    pub(super) fn has_come(self, tick: i64, since_s: f64) -> bool {
+        match self {
+            When::Tick(at) => tick >= at,
+            When::Seconds(at) => since_s >= at,
+        }
+    }
+}
+
+/// What a what-if replay found. Quantities of the new controller, up to the departure if there is one.
+#[derive(Debug, Clone, PartialEq, serde::Serialize)]
+pub struct WhatIf {
+    /// The bound, N m.
+    pub bound: f64,
+    /// Where the commands part by more than the bound; `None` if they never do, or the log holds no ROBOT_COMMAND.
+    pub departure: Option<Departure>,
+    /// Ticks that the following is made of.
+    pub ticks: u64,
+    /// Largest difference of a joint's torques, N m.
+    pub tau_difference_max: f64,
+    /// Root mean square of the differences of all joints, N m.
+    pub tau_difference_rms: f64,
+    /// Root mean square of the new torques of all joints, N m.
+    pub tau_rms: f64,
+    /// Ticks in which the new quadratic program had no solution.
+    pub qp_failed_ticks: u64,
+    /// Mean iterations of its solver.
+    pub qp_iterations: f64,
+    /// Mean residuals of contact (m/s²), trunk and posture (rad/s²).
+    pub residuals: [f64; 3],
+    /// Ticks in which the new controller damped the joints.
+    pub damped_ticks: u64,
+    /// A sample a tick, of the whole replay.
+    #[serde(skip)]
+    pub samples: Vec<Sample>,
+}
+
+/// Where recorded inputs stop to stand for the new controller.
+#[derive(Debug, Clone, Copy, PartialEq, serde::Serialize)]
+pub struct Departure {
+    /// Tick.
+    pub tick: i64,
+    /// Its time, ns.
+    pub t_ns: i64,
+    /// Joint, URDF order.
+    pub joint: usize,
+    /// New torque minus recorded one, N m.
+    pub by: f64,
+}
+
+/// Torques of a tick, by joint, N m.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Sample {
+    /// Time of the tick, ns.
+    pub t_ns: i64,
+    /// As recorded; empty if the log does not say.
+    pub recorded: Vec<f32>,
+    /// As computed now.
+    pub replayed: Vec<f32>,
+}
+
+/// Collects [`WhatIf`] tick by tick.
+pub(super) struct Collector {
+    bound: f64,
+    departure: Option<Departure>,
+    ticks: u64,
+    max: f64,
+    sum_difference: f64,
+    sum_tau: f64,
+    values: u64,
+    compared: u64,
+    failed: u64,
+    iterations: f64,
+    residuals: [f64; 3],
+    damped: u64,
+    samples: Vec<Sample>,
+}
+
+impl Collector {
+    pub fn new(bound: f64) -> Self {
+        Collector {
+            bound,
+            departure: None,
+            ticks: 0,
+            max: 0.0,
+            sum_difference: 0.0,
+            sum_tau: 0.0,
+            values: 0,
+            compared: 0,
+            failed: 0,
+            iterations: 0.0,
+            residuals: [0.0; 3],
+            damped: 0,
+            samples: Vec::new(),
+        }
+    }
+
+    /// Takes a tick: the recorded command, if there is one, and what the controller put out now.
+    pub fn tick(&mut self, tick: i64, t_ns: i64, recorded: Option<&[u8]>, outbox: &controller::Outbox) {
+        let command = |bytes: Option<&[u8]>| bytes.and_then(|bytes| RobotCommand::decode(bytes).ok());
+        let recorded = command(recorded).map(|command| command.tau).unwrap_or_default();
+        let Some(new) = command(outbox.get(channels::ROBOT_COMMAND)) else { return };
+        #[expect(clippy::cast_possible_truncation, reason = "samples are for figures")]
+        let samples = |tau: &[f64]| tau.iter().map(|tau| *tau as f32).collect();
+        self.samples.push(Sample { t_ns, recorded: samples(&recorded), replayed: samples(&new.tau) });
+        if self.departure.is_some() {
+            return;
+        }
+        let differences = new.tau.iter().zip(&recorded).map(|(new, old)| new - old);
+        let largest = differences.clone().enumerate().max_by(|(_, a), (_, b)| a.abs().total_cmp(&b.abs()));
+        if let Some((joint, by)) = largest
+            && by.abs() > self.bound
+        {
+            self.departure = Some(Departure { tick, t_ns, joint, by });
+            return;
+        }
+        self.ticks += 1;
+        self.max = self.max.max(largest.map_or(0.0, |(_, by)| by.abs()));
+        for by in differences {
+            self.sum_difference += by * by;
+            self.compared += 1;
+        }
+        self.sum_tau += new.tau.iter().map(|tau| tau * tau).sum::<f64>();
+        self.values += new.tau.len() as u64;
+        if let Some(Ok(wbc)) = outbox.get(channels::WBC_SOLUTION).map(WbcSolution::decode) {
+            let failed = [WbcSolution::STATUS_FAILED, WbcSolution::STATUS_INFEASIBLE].contains(&wbc.status);
+            self.failed += u64::from(failed);
+            self.iterations += f64::from(wbc.iterations);
+            self.residuals.iter_mut().zip(wbc.residual).for_each(|(sum, residual)| *sum += residual);
+        }
+        if let Some(Ok(status)) = outbox.get(channels::CONTROLLER_TICK).map(ControllerTick::decode) {
+            self.damped += u64::from(status.mode == ControllerTick::MODE_DAMPING);
+        }
+    }
+
+    pub fn finish(self) -> WhatIf {
+        let mean = |sum: f64, n: u64| if n > 0 { sum / n as f64 } else { 0.0 };
+        WhatIf {
+            bound: self.bound,
+            departure: self.departure,
+            ticks: self.ticks,
+            tau_difference_max: self.max,
+            tau_difference_rms: mean(self.sum_difference, self.compared).sqrt(),
+            tau_rms: mean(self.sum_tau, self.values).sqrt(),
+            qp_failed_ticks: self.failed,
+            qp_iterations: mean(self.iterations, self.ticks),
+            residuals: self.residuals.map(|sum| mean(sum, self.ticks)),
+            damped_ticks: self.damped,
+            samples: self.samples,
+        }
+    }
+}

@@ -1,0 +1,152 @@
+//! The end of an MCAP file: closing magic, footer, and the channels that the summary repeats.
+
+use super::chunk::{MAX_RECORD, PREFIX};
+use super::source::Source;
+use crate::Error;
+use mcap::MAGIC;
+use mcap::read::parse_record;
+use mcap::records::{Footer, Record, op};
+
+/// Length of the body of a footer: two offsets and a CRC.
+pub(super) const FOOTER: u64 = 20;
+/// Length of the body of a data end: a CRC.
+pub(super) const DATA_END: u64 = 4;
+
+/// Bytes that are handed to a CRC at a time.
+pub(super) const STRETCH: u64 = 1 << 16;
+
+/// Opcode and length of the record at `at`, if the file holds that much.
+pub(super) fn prefix(source: &mut Source, at: u64) -> Result<Option<(u8, u64)>, Error> {
+    let bytes = source.bytes(at, PREFIX as usize)?;
+    let Some((&opcode, length)) = bytes.split_first() else {
+        return Ok(None);
+    };
+    Ok(length.first_chunk().map(|length| (opcode, u64::from_le_bytes(*length))))
+}
+
+/// Whether the file ends as a complete MCAP does.
+pub(super) fn ends_with_magic(source: &mut Source) -> Result<bool, Error> {
+    let at = source.len().saturating_sub(MAGIC.len() as u64);
+    Ok(source.bytes(at, MAGIC.len())? == MAGIC)
+}
+
+/// The footer in front of the closing magic, and where it stands.
+pub(super) fn footer(source: &mut Source) -> Result<Option<(u64, Footer)>, Error> {
+    let Some(at) = source.len().checked_sub(PREFIX + FOOTER + MAGIC.len() as u64) else {
+        return Ok(None);
+    };
+    if prefix(source, at)? != Some((op::FOOTER, FOOTER)) {
+        return Ok(None);
+    }
+    let body = source.bytes(at + PREFIX, FOOTER as usize)?;
+    Ok(match parse_record(op::FOOTER, body) {
+        Ok(Record::Footer(footer)) => Some((at, footer)),
+        _ => None,
+    })
+}
+
+/// The schemas and channels that the summary of the last MCAP of the file repeats. Empty if there is no sound summary.
+pub(super) fn summary_records(source: &mut Source, base: u64) -> Result<Vec<Record<'static>>, Error> {
+    let mut records = Vec::new();
+    let Some((end, footer)) = footer(source)? else {
+        return Ok(records);
+    };
+    let Some(mut at) = start(source, base, end, &footer)? else {
+        return Ok(records);
+    };
+    while at < end
+        && let Some((opcode, length)) = prefix(source, at)?
+        && length <= MAX_RECORD.min(end - at)
+    {
+        if matches!(opcode, op::SCHEMA | op::CHANNEL)
+            && let Ok(record) = parse_record(opcode, source.bytes(at + PREFIX, length as usize)?)
+        {
+            records.push(record.into_owned());
+        }
+        at += PREFIX + length;
+    }
+    Ok(records)
+}
+
+/// Where the summary begins: behind the end of the data. Where bytes are missing or too many in front of it, its offset is wrong, but
+/// its CRC tells it.
+fn start(source: &mut Source, base: u64, footer_at: u64, footer: &Footer) -> Result<Option<u64>, Error> {
+    let behind = PREFIX + DATA_END;
+    let is_sound = |source: &mut Source, at: u64| -> Result<bool, Error> {
+        let data_end = at.checked_sub(behind).map(|before| prefix(source, before)).transpose()?;
+        let is_behind = data_end == Some(Some((op::DATA_END, DATA_END)));
+        let end = footer_at + PREFIX + FOOTER - 4;
+        Ok(is_behind && (footer.summary_crc == 0 || crc(source, at, end)? == footer.summary_crc))
+    };
+    let told = base.checked_add(footer.summary_start).filter(|&at| footer.summary_start != 0 && at <= footer_at);
+    if let Some(at) = told
+        && is_sound(source, at)?
+    {
+        return Ok(told);
+    }
+    // The footer may be that of another MCAP behind the one at hand.
+    let other = source.find(MAGIC, base + MAGIC.len() as u64)?;
+    if footer.summary_crc == 0 || other.is_some_and(|at| at < footer_at) {
+        return Ok(None);
+    }
+    let mut pattern = [0; PREFIX as usize];
+    (pattern[0], pattern[1]) = (op::DATA_END, DATA_END as u8);
+    let mut from = base;
+    while let Some(at) = source.find(&pattern, from)?.filter(|at| at + behind <= footer_at) {
+        if is_sound(source, at + behind)? {
+            return Ok(Some(at + behind));
+        }
+        from = at + 1;
+    }
+    Ok(None)
+}
+
+/// Whether the parts of a record, by the lengths in it, are as long as the record. A wrong length may end where another record begins.
+pub(super) fn has_its_length(source: &mut Source, opcode: u8, body: u64, end: u64) -> Result<bool, Error> {
+    // Fixed parts by their length; `s`: what a u32 in front counts; `d`: what a u64 in front counts.
+    let parts: &[u8] = match opcode {
+        op::HEADER => b"ss",
+        op::SCHEMA => b"2sss",
+        op::CHANNEL => b"22sss",
+        op::MESSAGE_INDEX => b"2s",
+        op::CHUNK_INDEX => b"8888s8s88",
+        op::ATTACHMENT => b"88ssd4",
+        op::ATTACHMENT_INDEX => b"88888ss",
+        op::STATISTICS => b"82444488s",
+        op::METADATA => b"ss",
+        op::METADATA_INDEX => b"88s",
+        op::SUMMARY_OFFSET => b"188",
+        op::DATA_END => b"4",
+        _ => return Ok(true),
+    };
+    let mut at = body;
+    for part in parts {
+        let width = match part {
+            b's' => 4,
+            b'd' => 8,
+            fixed => {
+                at += u64::from(fixed - b'0');
+                continue;
+            }
+        };
+        let length = source.bytes(at, width)?.iter().rev().fold(0, |n, &byte| n << 8 | u64::from(byte));
+        at = (at + width as u64).saturating_add(length);
+        if at > end {
+            return Ok(false);
+        }
+    }
+    Ok(at == end)
+}
+
+fn crc(source: &mut Source, mut from: u64, to: u64) -> Result<u32, Error> {
+    let mut crc = crc32fast::Hasher::new();
+    while from < to {
+        let bytes = source.bytes(from, (to - from).min(STRETCH) as usize)?;
+        if bytes.is_empty() {
+            break;
+        }
+        crc.update(bytes);
+        from += bytes.len() as u64;
+    }
+    Ok(crc.finalize())
+}

@@ -1,0 +1,191 @@
+//! Which type a message has, and the text that explains it.
+
+use super::{EventRef, FileSchema};
+use crate::Error;
+use lcm_idl::{Type, TypeSet};
+use lcmtypes::{Message, RunInfo, channels};
+use std::collections::{BTreeMap, BTreeSet};
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+/// What is known of the types of a log: from `.lcm` texts that the user gives, from the log itself (its RUN_INFO, the schemas of an
+/// MCAP), and our own; in this order where they contradict each other.
+#[derive(Default)]
+pub struct Types {
+    given: Vec<Texts>,
+    of_log: Vec<Texts>,
+    /// Schemas of the file by the fingerprint of their type.
+    schemas: BTreeMap<u64, Arc<FileSchema>>,
+    /// Schemas that were looked at, whatever came of them.
+    seen: Vec<Arc<FileSchema>>,
+}
+
+/// `.lcm` texts that belong together, and the types in them.
+struct Texts {
+    types: TypeSet,
+    texts: BTreeMap<String, String>,
+}
+
+impl Types {
+    /// Types from `.lcm` files, and from the `.lcm` files in folders and the folders in them.
+    ///
+    /// # Errors
+    /// [`Error::Io`]; [`Error::NoTypes`] for a folder without a `.lcm` file; [`Error::Types`] if a text cannot be used.
+    pub fn from_files(paths: &[PathBuf]) -> Result<Self, Error> {
+        let mut types = Types::default();
+        let mut sources = Vec::new();
+        for path in paths {
+            let before = sources.len();
+            read_texts(path, &mut sources)?;
+            if sources.len() == before {
+                return Err(Error::NoTypes { path: path.clone() });
+            }
+        }
+        // A file may be named twice, by itself and by its folder.
+        sources.sort();
+        sources.dedup();
+        if let Some(first) = paths.first() {
+            types.add(first, &sources)?;
+        }
+        Ok(types)
+    }
+
+    /// Takes more texts, given as (name, text).
+    pub(super) fn add(&mut self, path: &Path, sources: &[(String, String)]) -> Result<(), Error> {
+        let texts = Texts::new(sources).map_err(|source| Error::Types { path: path.into(), source: source.into() })?;
+        self.given.push(texts);
+        Ok(())
+    }
+
+    /// Takes what an event says of types: its channel's schema, or the texts in a RUN_INFO. What cannot be used is passed over.
+    pub fn learn(&mut self, event: &EventRef<'_>) {
+        if let Some(schema) = event.schema {
+            self.learn_schema(schema);
+        }
+        self.learn_run_info(event.channel, event.data);
+    }
+
+    #[inline]
+    pub(super) fn learn_run_info(&mut self, channel: &str, data: &[u8]) {
+        if channel == channels::RUN_INFO {
+            self.run_info(data);
+        }
+    }
+
+    #[cold]
+    fn run_info(&mut self, data: &[u8]) {
+        let Ok(info) = RunInfo::decode(data) else { return };
+        let ours = lcmtypes::SOURCES.iter().copied();
+        if info.lcm_types.iter().map(|file| (&*file.name, &*file.text)).eq(ours) {
+            return;
+        }
+        let sources: Vec<_> = info.lcm_types.into_iter().map(|file| (file.name, file.text)).collect();
+        if let Ok(texts) = Texts::new(&sources) {
+            self.of_log.insert(0, texts);
+        }
+    }
+
+    #[inline]
+    pub(super) fn learn_schema(&mut self, schema: &Arc<FileSchema>) {
+        if !self.seen.iter().any(|seen| Arc::ptr_eq(seen, schema)) {
+            self.schema_of_file(schema);
+        }
+    }
+
+    #[cold]
+    fn schema_of_file(&mut self, schema: &Arc<FileSchema>) {
+        self.seen.push(Arc::clone(schema));
+        let Some(text) = schema.lcm_text() else { return };
+        let Ok(texts) = Texts::new(&[(schema.name.clone(), text.to_owned())]) else { return };
+        let Some(ty) = texts.types.by_name(&schema.name) else { return };
+        let fingerprint = ty.fingerprint();
+        self.schemas.entry(fingerprint).or_insert_with(|| Arc::clone(schema));
+        self.of_log.push(texts);
+    }
+
+    /// The type of a message.
+    pub fn of_message(&self, channel: &str, message: &[u8]) -> Option<Type<'_>> {
+        self.find(channel, super::fingerprint(message)?).map(|(ty, _)| ty)
+    }
+
+    /// The type with this fingerprint: among types that differ in name only, that of the channel.
+    pub fn of(&self, channel: &str, fingerprint: u64) -> Option<Type<'_>> {
+        self.find(channel, fingerprint).map(|(ty, _)| ty)
+    }
+
+    /// The type, and the texts that it stands in; `None` for our own.
+    fn find(&self, channel: &str, fingerprint: u64) -> Option<(Type<'_>, Option<&Texts>)> {
+        let name = channels::find(channel).filter(|c| c.fingerprint == fingerprint).map(|c| c.type_name);
+        for texts in self.given.iter().chain(&self.of_log) {
+            if let Some(ty) = among(&texts.types, name, fingerprint) {
+                return Some((ty, Some(texts)));
+            }
+        }
+        among(lcmtypes::types(), name, fingerprint).map(|ty| (ty, None))
+    }
+
+    /// What an MCAP file is to say of a type: what the file says that the message is from, else the text of the type, followed by
+    /// those of the types inside it.
+    pub(super) fn schema(&self, channel: &str, fingerprint: u64) -> Option<Arc<FileSchema>> {
+        if let Some(schema) = self.schemas.get(&fingerprint) {
+            return Some(Arc::clone(schema));
+        }
+        let (ty, texts) = self.find(channel, fingerprint)?;
+        let mut inner = BTreeSet::new();
+        files_inside(ty, &mut BTreeSet::from([ty.name()]), &mut inner);
+        inner.remove(ty.file());
+        let text = |file| match texts {
+            Some(texts) => texts.texts.get(file).map(String::as_str),
+            None => lcmtypes::SOURCES.iter().find(|(name, _)| *name == file).map(|(_, text)| *text),
+        };
+        let texts: Vec<_> = std::iter::once(ty.file()).chain(inner).filter_map(text).collect();
+        let schema =
+            FileSchema { name: ty.name().to_owned(), encoding: "lcm".into(), data: texts.join("\n").into_bytes() };
+        Some(schema.into())
+    }
+}
+
+impl Texts {
+    fn new(sources: &[(String, String)]) -> Result<Self, lcm_idl::Error> {
+        let types = TypeSet::parse(sources.iter().map(|(name, text)| (name.as_str(), text.as_str())))?;
+        Ok(Texts { types, texts: sources.iter().cloned().collect() })
+    }
+}
+
+/// The type of this name if it has the fingerprint, else the first one that has it.
+fn among<'t>(types: &'t TypeSet, name: Option<&str>, fingerprint: u64) -> Option<Type<'t>> {
+    let named = name.and_then(|name| types.by_name(name)).filter(|ty| ty.fingerprint() == fingerprint);
+    named.or_else(|| types.by_fingerprint(fingerprint))
+}
+
+/// Files of all types inside a type. A type may hold itself.
+fn files_inside<'a>(ty: Type<'a>, seen: &mut BTreeSet<&'a str>, files: &mut BTreeSet<&'a str>) {
+    for inner in (0..ty.def().fields.len()).filter_map(|field| ty.element(field)) {
+        files.insert(inner.file());
+        if seen.insert(inner.name()) {
+            files_inside(inner, seen, files);
+        }
+    }
+}
+
+/// Reads a `.lcm` file, or those in a folder and the folders in it.
+fn read_texts(path: &Path, sources: &mut Vec<(String, String)>) -> Result<(), Error> {
+    let io = |source| Error::Io { path: path.into(), source };
+    if !path.is_dir() {
+        let text = std::fs::read_to_string(path).map_err(io)?;
+        sources.push((path.display().to_string(), text));
+        return Ok(());
+    }
+    let mut entries = std::fs::read_dir(path)
+        .and_then(|entries| entries.map(|entry| entry.map(|entry| entry.path())).collect::<Result<Vec<_>, _>>())
+        .map_err(io)?;
+    entries.sort();
+    for entry in entries {
+        // A link to a folder may lead in a circle.
+        let is_folder = entry.is_dir() && !entry.is_symlink();
+        if is_folder || entry.extension().is_some_and(|ending| ending == "lcm") {
+            read_texts(&entry, sources)?;
+        }
+    }
+    Ok(())
+}

@@ -1,0 +1,45 @@
+//! A run that proves itself: before its log is completed, it is replayed, and the verdict becomes the log's last message.
+
+use crate::Error;
+use crate::engine::{Options, Replay, ReplayReport};
+use crate::log::LogWriter;
+use lcmtypes::{Event, Message, channels};
+use std::path::Path;
+
+/// Who signs the verdict, [`Event::source`].
+pub const SOURCE: &str = "proof";
+
+/// Replays what a writer has written so far, and appends the verdict as an EVENT.
+///
+/// - `path`: the file that `log` writes. What is written is handed to the system first; a reader takes a log without its end for one that
+///   is cut, which is no fault here.
+/// - `jobs`: threads of the replay.
+///
+/// # Errors
+/// Those of [`LogWriter`] and of [`Replay::run`].
+pub fn prove(path: &Path, log: &mut LogWriter, jobs: usize) -> Result<ReplayReport, Error> {
+    log.flush()?;
+    let report = Replay::open(path)?.run(&Options { jobs, ..Options::default() }, &mut |_| {})?;
+    let proved = is_proof(&report);
+    let text = match &report.first_divergence {
+        _ if proved => format!("replays bit for bit: {} ticks, {} messages", report.ticks, report.messages_compared),
+        Some(d) => format!(
+            "does not replay: differs from tick {} on, first in stage {}: {} {}",
+            d.tick, d.stage, d.channel, d.field
+        ),
+        None => format!("replays in part only: {} ticks, {} not computed", report.ticks, report.skipped_ticks),
+    };
+    let level = if proved { Event::LEVEL_INFO } else { Event::LEVEL_ERROR };
+    let t_ns = report.last_t_ns.unwrap_or_default();
+    let event = Event { t_ns, tick: -1, level, source: SOURCE.to_owned(), text };
+    let mut bytes = Vec::new();
+    event.encode(&mut bytes).map_err(|source| Error::Encode { path: path.into(), source: source.into() })?;
+    log.write(channels::EVENT, t_ns, &bytes)?;
+    Ok(report)
+}
+
+/// Whether a replay proves its log: every tick was computed, and all of its bits came out again.
+pub fn is_proof(report: &ReplayReport) -> bool {
+    let whole = report.missing_input_ticks == 0 && report.skipped_ticks == 0 && report.unverifiable_ticks == 0;
+    report.identical && whole && report.damaged == 0
+}

@@ -1,0 +1,150 @@
+//! What keys do.
+
+use super::events::{self, Kind};
+use super::view::Screen;
+use anyhow::Context;
+use crossterm::event::{Event as Input, KeyCode, KeyEventKind, KeyModifiers, poll, read};
+use lcmtypes::RunInfo;
+use ratatui::DefaultTerminal;
+use replay::engine::{Cursor, Moment};
+use std::time::Duration;
+
+/// Ticks that are looked through before a key is asked for that ends the search.
+const AT_A_TIME: u64 = 500;
+
+/// Shows ticks until the person has seen enough.
+pub fn interact(log: &str, info: &RunInfo, cursor: &mut Cursor, moment: Moment) -> anyhow::Result<()> {
+    let terminal = ratatui::try_init().context("no terminal to draw on (--once prints a single tick)")?;
+    let shown = Session { log, info, cursor, moment, terminal, message: String::new() }.run();
+    ratatui::restore();
+    shown
+}
+
+struct Session<'a, 'r> {
+    log: &'a str,
+    info: &'a RunInfo,
+    cursor: &'a mut Cursor<'r>,
+    moment: Moment,
+    terminal: DefaultTerminal,
+    message: String,
+}
+
+impl Session<'_, '_> {
+    fn run(mut self) -> anyhow::Result<()> {
+        loop {
+            self.draw()?;
+            let Input::Key(key) = read()? else { continue };
+            if key.kind != KeyEventKind::Press {
+                continue;
+            }
+            self.message.clear();
+            let tick = self.moment.tick;
+            match key.code {
+                KeyCode::Char('c') if key.modifiers.contains(KeyModifiers::CONTROL) => return Ok(()),
+                KeyCode::Char('q') | KeyCode::Esc => return Ok(()),
+                KeyCode::Right | KeyCode::Char('l') => self.go_to(tick + 1)?,
+                KeyCode::Left | KeyCode::Char('h') => self.go_to(tick - 1)?,
+                KeyCode::Down | KeyCode::Char('j') => self.go_to(tick + 10)?,
+                KeyCode::Up | KeyCode::Char('k') => self.go_to(tick - 10)?,
+                KeyCode::PageDown => self.go_to(tick + 100)?,
+                KeyCode::PageUp => self.go_to(tick - 100)?,
+                KeyCode::Home => self.go_to(self.cursor.first_tick())?,
+                KeyCode::End => self.go_to(self.cursor.last_tick())?,
+                KeyCode::Char('b') => self.go_to_state(|state| state < tick, true)?,
+                KeyCode::Char('s') => self.go_to_state(|state| state > tick, false)?,
+                KeyCode::Char('n') => self.search(None)?,
+                KeyCode::Char('N') => self.back()?,
+                KeyCode::Char('t') => self.search(Some(Kind::Touchdown))?,
+                KeyCode::Char('f') => self.search(Some(Kind::QpFailure))?,
+                KeyCode::Char('m') => self.search(Some(Kind::MissedDeadline))?,
+                KeyCode::Char('d') => self.search(Some(Kind::Divergence))?,
+                KeyCode::Char('e') => self.search(Some(Kind::Event))?,
+                KeyCode::Char('g') => self.ask()?,
+                _ => {}
+            }
+        }
+    }
+
+    fn draw(&mut self) -> anyhow::Result<()> {
+        let events = events::at(self.cursor, &self.moment)?;
+        let last_tick = self.cursor.last_tick();
+        let Session { log, info, moment, message, terminal, .. } = self;
+        let screen = Screen { log, info, last_tick, moment, events: &events, message };
+        terminal.draw(|frame| screen.draw(frame))?;
+        Ok(())
+    }
+
+    /// Goes to a tick, or the first or last one if there is none so far.
+    fn go_to(&mut self, tick: i64) -> anyhow::Result<()> {
+        let tick = tick.clamp(self.cursor.first_tick(), self.cursor.last_tick());
+        match self.cursor.go_to(tick) {
+            Ok(moment) => self.moment = moment,
+            Err(error @ (replay::Error::NoSuchTick { .. } | replay::Error::StateUnknown { .. })) => {
+                self.message = error.to_string();
+            }
+            Err(error) => return Err(error.into()),
+        }
+        Ok(())
+    }
+
+    fn go_to_state(&mut self, wanted: impl Fn(i64) -> bool, last: bool) -> anyhow::Result<()> {
+        let mut states = self.cursor.snapshots().iter().copied().filter(|state| wanted(*state));
+        match if last { states.next_back() } else { states.next() } {
+            Some(state) => self.go_to(state),
+            None => {
+                "no recorded state there".clone_into(&mut self.message);
+                Ok(())
+            }
+        }
+    }
+
+    fn search(&mut self, kind: Option<Kind>) -> anyhow::Result<()> {
+        let what = kind.map_or("event", Kind::name);
+        let mut from = self.moment.tick;
+        while from < self.cursor.last_tick() {
+            if let Some(moment) = events::next(self.cursor, from, kind, AT_A_TIME)? {
+                self.moment = moment;
+                return Ok(());
+            }
+            from = from.saturating_add_unsigned(AT_A_TIME);
+            if poll(Duration::ZERO)? {
+                self.message = format!("stopped at tick {from}: no {what} so far");
+                return Ok(());
+            }
+            self.message = format!("looking for the next {what}: tick {from} (any key stops)");
+            self.draw()?;
+        }
+        self.message = format!("no {what} behind this tick");
+        Ok(())
+    }
+
+    fn back(&mut self) -> anyhow::Result<()> {
+        match events::previous(self.cursor, self.moment.tick)? {
+            Some(moment) => self.moment = moment,
+            None => "no event before this tick".clone_into(&mut self.message),
+        }
+        Ok(())
+    }
+
+    /// Asks for the number of a tick.
+    fn ask(&mut self) -> anyhow::Result<()> {
+        let mut digits = String::new();
+        loop {
+            self.message = format!("go to tick: {digits}");
+            self.draw()?;
+            let Input::Key(key) = read()? else { continue };
+            match key.code {
+                KeyCode::Char(c) if c.is_ascii_digit() && digits.len() < 18 => digits.push(c),
+                KeyCode::Backspace => drop(digits.pop()),
+                KeyCode::Enter => break,
+                KeyCode::Esc => {
+                    digits.clear();
+                    break;
+                }
+                _ => {}
+            }
+        }
+        self.message.clear();
+        digits.parse().map_or(Ok(()), |tick| self.go_to(tick))
+    }
+}

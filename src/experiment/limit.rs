@@ -1,0 +1,145 @@
+//! How much a robot survives: bisection over a key of a scenario.
+
+use super::bench::{Bench, Spec, count};
+use super::scenario_edit::Change;
+use crate::{Outcome, say, say_json};
+use std::path::PathBuf;
+
+#[derive(clap::Args)]
+#[command(
+    after_help = "Example: hoof experiment limit --scenario scenarios/push_trot.toml --key 'push[0].force_W[1]' --from 0 --to 400 --step 10\n\n\
+    A value is survived if the robot neither falls nor gives up with any seed."
+)]
+pub struct Args {
+    /// Scenario (TOML)
+    #[arg(long)]
+    scenario: PathBuf,
+    /// Key to vary, such as terrain.step_height_m or 'push[0].force_W[1]'
+    #[arg(long)]
+    key: String,
+    /// Value that should be survived
+    #[arg(long, allow_hyphen_values = true)]
+    from: f64,
+    /// Value at which the search ends
+    #[arg(long, allow_hyphen_values = true)]
+    to: f64,
+    /// How exactly the limit is to be known
+    #[arg(long)]
+    step: f64,
+    /// Name of a robot in robots/, or its TOML file
+    #[arg(long, default_value = "hyq")]
+    robot: String,
+    /// Seeds of terrain and noise that a value is tried with
+    #[arg(long, default_value_t = 1, value_parser = clap::value_parser!(i64).range(1..=1000))]
+    seeds: i64,
+    /// Change another key of the scenario; may be repeated
+    #[arg(long, value_name = "KEY=VALUE")]
+    with: Vec<String>,
+    /// Set a parameter of the controller; may be repeated
+    #[arg(long, value_name = "KEY=VALUE")]
+    set: Vec<String>,
+    /// Folder for logs and scenarios; made if need be
+    #[arg(long, value_name = "DIR", default_value = "logs/runs/experiments/limit")]
+    out: PathBuf,
+    /// Print JSON
+    #[arg(long)]
+    json: bool,
+}
+
+/// A search along one key.
+pub struct Sweep<'a> {
+    /// The run, but for the key.
+    pub spec: Spec,
+    /// Key of the scenario.
+    pub key: &'a str,
+    /// Value that should be survived.
+    pub from: f64,
+    /// Value at which the search ends.
+    pub to: f64,
+    /// How exactly the limit is to be known.
+    pub step: f64,
+    /// What is changed besides from seed to seed, such as the time of a push, so that it meets the gait in other phases.
+    pub vary: Option<&'a (dyn Fn(i64) -> Change + Sync)>,
+}
+
+/// A value that was tried.
+#[derive(Debug, serde::Serialize)]
+pub struct Tried {
+    /// The value.
+    pub value: f64,
+    /// Part of the seeds that survived it.
+    pub survived: f64,
+}
+
+/// The largest value that every seed survives, not a number if `from` is not survived; and all that was tried, in the order of the values.
+pub fn largest(bench: &Bench, sweep: &Sweep) -> anyhow::Result<(f64, Vec<Tried>)> {
+    let mut tried = Vec::new();
+    let mut survives = |value: f64| -> anyhow::Result<bool> {
+        let one = |seed: i64| {
+            let name = format!("{}_{}", sweep.spec.name, text(value).replace('-', "minus"));
+            let spec = sweep.spec.clone().named(name).with(sweep.key, text(value)).seed(seed);
+            match sweep.vary {
+                Some(vary) => {
+                    let (key, value) = vary(seed);
+                    spec.with(&key, value)
+                }
+                None => spec,
+            }
+        };
+        let samples = bench.all(&format!("{} {value:.3}", sweep.key), bench.seeds().map(one).collect())?;
+        let survivors = samples.iter().filter(|sample| !sample.failed()).count();
+        tried.push(Tried { value, survived: count(survivors) / count(samples.len()) });
+        Ok(survivors == samples.len())
+    };
+    let mut good = if survives(sweep.from)? { sweep.from } else { f64::NAN };
+    if good == sweep.from {
+        if survives(sweep.to)? {
+            good = sweep.to;
+        } else {
+            let mut bad = sweep.to;
+            while (bad - good).abs() > 1.5 * sweep.step.abs() {
+                // On the grid of steps, so that the same values turn up again.
+                let middle = sweep.from + ((0.5 * (good + bad) - sweep.from) / sweep.step).round() * sweep.step;
+                *(if survives(middle)? { &mut good } else { &mut bad }) = middle;
+            }
+        }
+    }
+    tried.sort_by(|a, b| a.value.total_cmp(&b.value));
+    Ok((good, tried))
+}
+
+/// A TOML float, short.
+fn text(value: f64) -> String {
+    let rounded = (value * 1e6).round() / 1e6;
+    if rounded == rounded.trunc() { format!("{rounded:.1}") } else { format!("{rounded}") }
+}
+
+pub fn run(args: &Args) -> anyhow::Result<Outcome> {
+    let Args { scenario, key, from, to, step, robot, seeds, with, set, out, json } = args;
+    anyhow::ensure!(*step > 0.0, "--step {step}: expected a positive number");
+    anyhow::ensure!(from.is_finite() && to.is_finite() && from != to, "--from {from} --to {to}: expected two numbers");
+    let bench = Bench::new(robot, *seeds, out)?;
+    let mut spec = Spec::of(&scenario.display().to_string());
+    for change in with {
+        let Some((key, value)) = change.split_once('=') else { anyhow::bail!("--with {change}: expected KEY=VALUE") };
+        spec = spec.with(key.trim(), value.trim());
+    }
+    for (key, value) in crate::robot::overrides(set)? {
+        spec = spec.set(&key, value);
+    }
+    let sweep = Sweep { spec, key, from: *from, to: *to, step: step.copysign(to - from), vary: None };
+    let (limit, tried) = largest(&bench, &sweep)?;
+    if *json {
+        say_json(&serde_json::json!({ "key": key, "limit": (!limit.is_nan()).then_some(limit), "tried": tried }))?;
+    } else {
+        for Tried { value, survived } in &tried {
+            say(format!("{key} = {:<10} {:>4.0} % of {seeds} seeds survive", text(*value), 100.0 * survived))?;
+        }
+        if limit.is_nan() {
+            say(format!("\n{key}: not even {} is survived", text(*from)))?;
+        } else {
+            say(format!("\n{key}: {} is survived, {} beyond it is not", text(limit), text(step.abs())))?;
+        }
+    }
+    Ok(Outcome::failed_if(limit.is_nan()))
+}

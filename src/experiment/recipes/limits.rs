@@ -1,0 +1,72 @@
+//! The highest step and the largest push, by bisection.
+
+use crate::experiment::bench::{Bench, Spec};
+use crate::experiment::limit::{Sweep, Tried, largest};
+use crate::experiment::table::Row;
+use analysis::figures::Curves;
+
+/// Steps up and pushes from the side and from the front, both on a trot.
+pub fn limits(bench: &Bench) -> anyhow::Result<Vec<Row>> {
+    let walk = "[{ t_s = 0.0, mode = \"stand\" }, { t_s = 1.0, mode = \"walk\" }, { t_s = 2.0, v_x = 0.25 }, { t_s = 13.0, v_x = 0.0 }]";
+    let steps = Spec::of("flat_trot")
+        .named("steps")
+        .with("duration_s", "14.0")
+        .with("operator", walk)
+        .with("noise", "{ velocity = 0.01, orientation = 0.001, gyro = 0.002 }")
+        .with("terrain", "{ kind = \"steps\", step_height_m = 0.02, step_length_m = 10.0, flat_radius_m = 0.8, extent_m = [12.0, 4.0] }");
+    let push = Spec::of("flat_trot")
+        .named("push")
+        .with("duration_s", "8.0")
+        .with("operator", "[{ t_s = 0.0, mode = \"stand\" }, { t_s = 1.0, mode = \"walk\" }]")
+        .with("push", "[{ t_s = 4.0, duration_s = 0.2, force_W = [0.0, 0.0, 0.0] }]");
+    // A fifth of a stride later with each seed.
+    let later = |seed: i64| ("push[0].t_s".to_owned(), format!("{:.3}", 4.0 + 0.111 * f64::from(seed as i32)));
+    let sweeps = [
+        (
+            "highest step up",
+            "m",
+            Sweep { spec: steps, key: "terrain.step_height_m", from: 0.02, to: 0.2, step: 0.01, vary: None },
+        ),
+        (
+            "largest push from the side, 0.2 s",
+            "N",
+            Sweep {
+                spec: push.clone().named("push_side"),
+                key: "push[0].force_W[1]",
+                from: 50.0,
+                to: 800.0,
+                step: 25.0,
+                vary: Some(&later),
+            },
+        ),
+        (
+            "largest push from behind, 0.2 s",
+            "N",
+            Sweep {
+                spec: push.named("push_behind"),
+                key: "push[0].force_W[0]",
+                from: 50.0,
+                to: 800.0,
+                step: 25.0,
+                vary: Some(&later),
+            },
+        ),
+    ];
+    let mut rows = Vec::new();
+    for (name, unit, sweep) in &sweeps {
+        let (limit, tried) = largest(bench, sweep)?;
+        rows.push(Row::noted(*name, limit, unit).at_least(sweep.from));
+        let points: Vec<(f64, f64)> =
+            tried.iter().map(|Tried { value, survived }| (*value, 100.0 * survived)).collect();
+        let curves = Curves {
+            x: format!("{name} [{unit}]"),
+            y: "seeds that survive [%]".to_owned(),
+            logarithmic: false,
+            series: vec![(bench.robot().to_owned(), points)],
+            limit: None,
+        };
+        let file = name.split(',').next().unwrap_or(name).replace(' ', "_");
+        bench.write(&curves.figure(&file))?;
+    }
+    Ok(rows)
+}

@@ -1,0 +1,176 @@
+//! `hoof log cat`: messages with every field decoded.
+
+use super::{LogTypes, Part, loss};
+use crate::Outcome;
+use anyhow::Context;
+use lcm_idl::{Leaf, Value};
+use replay::log::{EventRef, Health, LogReader, Types};
+use std::fmt::Write as _;
+use std::io::Write;
+use std::path::PathBuf;
+use std::time::Duration;
+
+/// Time between two looks at a log that is being written.
+const LOOK: Duration = Duration::from_millis(20);
+
+#[derive(clap::Args)]
+#[command(after_help = "Example: hoof log cat run.mcap --channels EVENT\n         \
+    hoof log cat run.lcmlog --json --channels ROBOT_STATE --from 10 --to 10.5\n         \
+    hoof log cat other.lcmlog --lcm-types ~/other/lcmtypes | head\n         \
+    hoof log cat recording.mcap --follow --channels EVENT\n\n\
+    A JSON line has the keys t_ns, number, channel, type and fields; of a message of no known type, bytes (hexadecimal) in the \
+    place of fields. Numbers that JSON does not have are the texts \"NaN\", \"Infinity\" and \"-Infinity\".")]
+pub struct Args {
+    /// Log to read
+    log: PathBuf,
+    #[command(flatten)]
+    part: Part,
+    /// Go on when more is written to the log, until interrupted or until an MCAP is complete
+    #[arg(long)]
+    follow: bool,
+    #[command(flatten)]
+    types: LogTypes,
+    /// Print JSON, one line a message
+    #[arg(long)]
+    json: bool,
+}
+
+pub fn run(args: &Args) -> anyhow::Result<Outcome> {
+    let (mut selection, mut types) = (args.part.selection()?, args.types.read()?);
+    let mut reader = if args.follow { LogReader::open_growing(&args.log)? } else { LogReader::open(&args.log)? };
+    let mut out = std::io::BufWriter::new(std::io::stdout().lock());
+    let (mut health, mut first, mut line) = (Health::default(), None, String::new());
+    loop {
+        let Some(item) = reader.read()? else {
+            if !args.follow || reader.is_complete() {
+                break;
+            }
+            out.flush().context("standard output")?;
+            std::thread::sleep(LOOK);
+            continue;
+        };
+        let Some(event) = health.note(item) else { continue };
+        types.learn(&event);
+        let since = event.t_ns.saturating_sub(*first.get_or_insert(event.t_ns));
+        if !selection.wants(&event) {
+            continue;
+        }
+        line.clear();
+        if args.json {
+            json_line(&event, &types, &mut line);
+        } else {
+            text_line(&event, since, &types, &mut line);
+        }
+        line.push('\n');
+        out.write_all(line.as_bytes()).context("standard output")?;
+    }
+    out.flush().context("standard output")?;
+    drop(out);
+    for damaged in &health.damaged {
+        eprintln!(
+            "{}: damaged at byte {}, {} bytes: {}",
+            args.log.display(),
+            damaged.offset,
+            damaged.bytes,
+            damaged.why
+        );
+    }
+    if let Some(cut) = &health.cut {
+        eprintln!("{}: cut at byte {}, {} bytes of a record", args.log.display(), cut.offset, cut.bytes);
+    }
+    Ok(loss(!health.is_good()))
+}
+
+/// Writing to a string cannot fail.
+const STRING: &str = "a string takes everything";
+
+fn text_line(event: &EventRef<'_>, since_ns: i64, types: &Types, line: &mut String) {
+    let (s, ns) = (since_ns.div_euclid(1_000_000_000), since_ns.rem_euclid(1_000_000_000));
+    write!(line, "{s}.{ns:09} {} ", event.channel).expect(STRING);
+    match types.of_message(event.channel, event.data).map(|ty| ty.decode(event.data)) {
+        Some(Ok(value)) => write!(line, "{value}").expect(STRING),
+        Some(Err(error)) => write!(line, "[{} bytes: {error}]", event.data.len()).expect(STRING),
+        None => {
+            let named = event.schema.map_or("of no known type", |schema| &schema.name);
+            write!(line, "[{} bytes {named}]", event.data.len()).expect(STRING);
+        }
+    }
+}
+
+fn json_line(event: &EventRef<'_>, types: &Types, line: &mut String) {
+    write!(line, "{{\"t_ns\":{},\"number\":{},\"channel\":", event.t_ns, event.number).expect(STRING);
+    json_text(event.channel, line);
+    let ty = types.of_message(event.channel, event.data);
+    let name = ty.map(|ty| ty.name()).or(event.schema.map(|schema| schema.name.as_str()));
+    line.push_str(",\"type\":");
+    match name {
+        Some(name) => json_text(name, line),
+        None => line.push_str("null"),
+    }
+    match ty.map(|ty| ty.decode(event.data)) {
+        Some(Ok(value)) => {
+            line.push_str(",\"fields\":");
+            json_value(&value, line);
+        }
+        other => {
+            if let Some(Err(error)) = other {
+                line.push_str(",\"error\":");
+                json_text(&error.to_string(), line);
+            }
+            line.push_str(",\"bytes\":\"");
+            for byte in event.data {
+                write!(line, "{byte:02x}").expect(STRING);
+            }
+            line.push('"');
+        }
+    }
+    line.push('}');
+}
+
+/// A value as JSON, fields in the order of the wire.
+fn json_value(value: &Value, line: &mut String) {
+    let comma = |line: &mut String, place: usize| {
+        if place > 0 {
+            line.push(',');
+        }
+    };
+    match value {
+        Value::Struct(fields) => {
+            line.push('{');
+            for (place, (name, value)) in fields.iter().enumerate() {
+                comma(line, place);
+                json_text(name, line);
+                line.push(':');
+                json_value(value, line);
+            }
+            line.push('}');
+        }
+        Value::Array(items) => {
+            line.push('[');
+            for (place, item) in items.iter().enumerate() {
+                comma(line, place);
+                json_value(item, line);
+            }
+            line.push(']');
+        }
+        leaf => match leaf.as_leaf() {
+            Some(Leaf::String(text)) => json_text(text, line),
+            Some(Leaf::Double(v)) if !v.is_finite() => json_text(infinite(v), line),
+            Some(Leaf::Float(v)) if !v.is_finite() => json_text(infinite(v.into()), line),
+            Some(other) => write!(line, "{other}").expect(STRING),
+            None => {}
+        },
+    }
+}
+
+fn infinite(v: f64) -> &'static str {
+    match v {
+        v if v.is_nan() => "NaN",
+        v if v > 0.0 => "Infinity",
+        _ => "-Infinity",
+    }
+}
+
+fn json_text(text: &str, line: &mut String) {
+    line.push_str(&serde_json::to_string(text).expect("a text is JSON"));
+}

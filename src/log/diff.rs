@@ -1,0 +1,85 @@
+//! `hoof log diff`: two logs, channel by channel.
+
+use super::{LogTypes, Part};
+use crate::progress::Progress;
+use crate::{Outcome, say, say_json};
+use replay::log::{ChannelDiff, LogDiff};
+use std::path::PathBuf;
+
+#[derive(clap::Args)]
+#[command(after_help = "Example: hoof log diff before.mcap after.mcap --exclude TIMING\n\n\
+    TIMING holds the wall clock, so it differs between any two runs. Exit code 0: identical; 1: they differ; 3: a log is damaged \
+    or cut, and what can be read is identical.")]
+pub struct Args {
+    /// First log
+    left: PathBuf,
+    /// Second log
+    right: PathBuf,
+    #[command(flatten)]
+    part: Part,
+    #[command(flatten)]
+    types: LogTypes,
+    /// Print JSON
+    #[arg(long)]
+    json: bool,
+}
+
+pub fn run(args: &Args) -> anyhow::Result<Outcome> {
+    let (selection, types) = (args.part.selection()?, args.types.read()?);
+    let bar = Progress::new("diff");
+    let diff = replay::log::diff(&args.left, &args.right, &selection, types, &mut |part| bar.set(part))?;
+    drop(bar);
+    if args.json {
+        say_json(&diff)?;
+    } else {
+        say(text(&diff))?;
+    }
+    let differs = diff.channels.iter().any(|channel| !channel.identical);
+    Ok(match (differs, diff.damaged) {
+        (true, _) => Outcome::Failed,
+        (false, 0) => Outcome::Good,
+        (false, _) => Outcome::DataLoss,
+    })
+}
+
+fn text(d: &LogDiff) -> String {
+    let (same, other): (Vec<_>, Vec<_>) = d.channels.iter().partition(|channel| channel.identical);
+    let verdict = if other.is_empty() { "identical" } else { "different" };
+    let mut text = format!("{verdict}: {} and {} events", d.left_events, d.right_events);
+    if d.damaged > 0 {
+        text += &format!("\n{} stretches are damaged or cut", d.damaged);
+    }
+    for channel in other {
+        text += &channel_text(channel);
+    }
+    if !same.is_empty() {
+        let names: Vec<_> = same.iter().map(|channel| &*channel.name).collect();
+        text += &format!("\n\nidentical: {}", names.join(", "));
+    }
+    text
+}
+
+fn channel_text(c: &ChannelDiff) -> String {
+    let mut text = format!("\n\n{}: {} and {} messages", c.name, c.left, c.right);
+    for (n, what) in [
+        (c.different, "differ"),
+        (c.times_different, "differ only in the log's time"),
+        (c.left_only, "only in the first log"),
+        (c.right_only, "only in the second log"),
+    ] {
+        if n > 0 {
+            text += &format!("; {n} {what}");
+        }
+    }
+    if let Some(first) = &c.first {
+        let ulp = first.ulp.map_or(String::new(), |ulp| format!(", {ulp} ulp apart"));
+        #[expect(clippy::cast_precision_loss, reason = "a time for a person to read")]
+        let t_s = first.t_ns as f64 * 1e-9;
+        let field = if first.field.is_empty() { "the whole message" } else { &first.field };
+        text += &format!(
+            "\n  first at t = {t_s:.6} s, number {}: {field}{ulp}\n    {}\n    {}",
+            first.number, first.left, first.right
+        );
+    }
+    text
+}

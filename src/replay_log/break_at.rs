@@ -1,0 +1,60 @@
+//! `hoof replay LOG --break TICK`: every quantity of a tick.
+
+use crate::progress::Progress;
+use crate::{Outcome, say, say_json};
+use controller::dump::Quantity;
+use replay::engine::{Cursor, Moment, Options, Replay, lines, of_bytes};
+use std::path::Path;
+
+pub fn run(log: &Path, options: &Options, tick: i64, json: bool) -> anyhow::Result<Outcome> {
+    let replay = Replay::open(log)?;
+    let bar = Progress::new("to the tick");
+    let moment = Cursor::open(&replay, options, &mut |part| bar.set(part))?.go_to(tick)?;
+    drop(bar);
+    let tree = tree(&moment);
+    if json {
+        say_json(&tree)?
+    } else {
+        say(lines(&tree).join("\n"))?
+    }
+    Ok(Outcome::failed_if(moment.divergence.is_some()))
+}
+
+/// A moment as a tree of quantities: time, difference, input, stages, then what was recorded.
+pub fn tree(moment: &Moment) -> Quantity {
+    let mut tree = Quantity::group()
+        .with("tick", moment.tick)
+        .with("t_ns", moment.t_ns)
+        .with("since_s", moment.since_s)
+        .with("agrees", moment.divergence.is_none());
+    if let Some(d) = &moment.divergence {
+        let mut difference = Quantity::group()
+            .with("stage", d.stage)
+            .with("channel", d.channel.as_str())
+            .with("field", d.field.as_str())
+            .with("recorded", d.recorded.as_str())
+            .with("replayed", d.replayed.as_str());
+        if let Some(index) = &d.index {
+            difference = difference.with("index", serde_json::to_string(index).unwrap_or_default());
+        }
+        tree = tree.with("difference", difference);
+    }
+    if let Some(input) = moment.input_quantities() {
+        tree = tree.with("input", input);
+    }
+    if let Quantity::Group(stages) = &moment.dump.0 {
+        for (name, stage) in stages {
+            tree = tree.with(name, stage.clone());
+        }
+    }
+    let messages = |messages: &mut dyn Iterator<Item = (&str, &[u8])>| {
+        messages.fold(Quantity::group(), |group, (channel, bytes)| {
+            let quantity =
+                of_bytes(bytes).unwrap_or_else(|| format!("{} bytes of an unknown type", bytes.len()).into());
+            group.with(channel, quantity)
+        })
+    };
+    tree.with("recorded", messages(&mut moment.recorded.iter().map(|(c, bytes)| (&**c, &bytes[..]))))
+        .with("replayed", messages(&mut moment.replayed.iter().map(|(c, bytes)| (*c, &bytes[..]))))
+        .with("beside", messages(&mut moment.beside.iter().map(|event| (&*event.channel, &event.data[..]))))
+}

@@ -1,0 +1,92 @@
+//! Parameters that change on the way, from a file.
+
+use crate::robot::read;
+use anyhow::{Context, ensure};
+use replay::engine::{Change, When};
+use serde::Deserialize;
+use std::path::Path;
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct File {
+    change: Vec<Entry>,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Entry {
+    tick: Option<i64>,
+    t_s: Option<f64>,
+    set: toml::Table,
+}
+
+/// Reads the changes, which must stand in the order of time.
+pub fn read_file(path: &Path) -> anyhow::Result<Vec<Change>> {
+    parse(&read(path)?).with_context(|| path.display().to_string())
+}
+
+fn parse(text: &str) -> anyhow::Result<Vec<Change>> {
+    let file: File = toml::from_str(text)?;
+    let by_tick = file.change.first().is_some_and(|entry| entry.tick.is_some());
+    let mut changes = Vec::new();
+    let mut last = f64::NEG_INFINITY;
+    for (number, entry) in (1..).zip(&file.change) {
+        let when = match (entry.tick, entry.t_s) {
+            (Some(tick), None) if by_tick => When::Tick(tick),
+            (None, Some(t_s)) if !by_tick => When::Seconds(t_s),
+            _ => anyhow::bail!("change {number}: expected either `tick` or `t_s`, the same in every change"),
+        };
+        #[expect(clippy::cast_precision_loss, reason = "ticks of a log are far below 2^53")]
+        let at = match when {
+            When::Tick(tick) => tick as f64,
+            When::Seconds(t_s) => t_s,
+        };
+        ensure!(at.is_finite() && at >= last, "change {number}: at {at}, but the one before it is at {last}");
+        last = at;
+        flatten("", &entry.set, &mut |key, value| changes.push(Change { when, key, value }));
+    }
+    Ok(changes)
+}
+
+/// `set = { wbc.friction = 0.6 }` and `set = { "wbc.friction" = 0.6 }` say the same.
+fn flatten(prefix: &str, table: &toml::Table, found: &mut dyn FnMut(String, String)) {
+    for (name, value) in table {
+        let key = if prefix.is_empty() { name.clone() } else { format!("{prefix}.{name}") };
+        match value {
+            toml::Value::Table(inner) => flatten(&key, inner, found),
+            value => found(key, value.to_string()),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn changes_are_read_in_their_order() {
+        let text = "[[change]]\nt_s = 1.5\nset = { wbc.friction = 0.6, \"trunk.kp\" = [1.0, 2.0, 3.0] }\n[[change]]\nt_s = 2\nset.wbc.friction = 0.7";
+        let changes = parse(text).unwrap();
+        let found: Vec<(When, &str, &str)> = changes.iter().map(|c| (c.when, &*c.key, &*c.value)).collect();
+        let (first, second) = (When::Seconds(1.5), When::Seconds(2.0));
+        let mut expected = vec![
+            (first, "trunk.kp", "[1.0, 2.0, 3.0]"),
+            (first, "wbc.friction", "0.6"),
+            (second, "wbc.friction", "0.7"),
+        ];
+        expected.sort_by(|a, b| a.1.cmp(b.1));
+        let mut found = found;
+        found.sort_by(|a, b| a.1.cmp(b.1));
+        assert_eq!(found, expected);
+    }
+
+    #[test]
+    fn what_is_no_order_of_time_is_refused() {
+        let error = |text: &str| format!("{:#}", parse(text).unwrap_err());
+        let late = "[[change]]\ntick = 5\nset = {}\n[[change]]\ntick = 4\nset = {}";
+        assert_eq!(error(late), "change 2: at 4, but the one before it is at 5");
+        let mixed = "[[change]]\ntick = 5\nset = {}\n[[change]]\nt_s = 6.0\nset = {}";
+        assert!(error(mixed).starts_with("change 2: expected either `tick` or `t_s`"));
+        assert!(error("[[change]]\ntick = 5\nat = 3\nset = {}").contains("unknown field `at`"));
+    }
+}

@@ -1,0 +1,166 @@
+//! `hoof replay`: the log's inputs through the log's controller, every bit compared, and what else a replay is good for.
+
+pub mod bisect;
+mod break_at;
+mod changes;
+mod resim;
+mod sweep;
+mod text;
+
+use crate::progress::Progress;
+use crate::robot::{overrides, read};
+use crate::sim::Stack;
+use crate::{Outcome, run_info, say, say_json};
+use replay::engine::{DEFAULT_BOUND, Options, Replay, ReplayReport};
+use std::path::{Path, PathBuf};
+
+pub use break_at::tree as moment_tree;
+pub use text::{divergence_text, text};
+
+#[derive(clap::Args)]
+#[command(
+    args_conflicts_with_subcommands = true,
+    subcommand_negates_reqs = true,
+    after_help = "Example: hoof replay run.mcap\n         hoof replay run.mcap --from 12 --to 15 --json\n         \
+    hoof replay run.mcap --set wbc.friction=0.6 --out what_if.mcap\n         \
+    hoof replay run.mcap --break 4812\n         \
+    hoof replay run.mcap --sweep posture.stance_kp=300:700:5 --plot sweep.svg\n         \
+    hoof replay run.mcap --set trunk.kp='[800, 800, 800]' --resim closed_loop.mcap\n         \
+    hoof replay bisect run.mcap --good v1 --bad HEAD"
+)]
+pub struct Args {
+    #[command(subcommand)]
+    command: Option<Command>,
+    /// Log to replay
+    #[arg(required = true)]
+    log: Option<PathBuf>,
+    /// Change a parameter: what would the controller have done on the same inputs? May be repeated
+    #[arg(long, value_name = "KEY=VALUE")]
+    set: Vec<String>,
+    /// Parameters that change on the way: TOML of [[change]] tables, each with `tick` or `t_s` and a table `set`
+    #[arg(long, value_name = "FILE")]
+    changes: Option<PathBuf>,
+    /// Another stack of tasks
+    #[arg(long, value_enum)]
+    stack: Option<Stack>,
+    /// Another URDF, with the joints of the log's
+    #[arg(long, value_name = "FILE")]
+    urdf: Option<PathBuf>,
+    /// Replay with several values of a parameter, on all cores: FROM:TO:COUNT, or values separated by |
+    #[arg(long, value_name = "KEY=FROM:TO:COUNT", conflicts_with_all = ["out", "resim"])]
+    sweep: Option<String>,
+    /// Draw the torques of what-if replays over the recorded ones, grey from the departure on (.svg or .png)
+    #[arg(long, value_name = "FILE")]
+    plot: Option<PathBuf>,
+    /// Largest difference of a joint's torques up to which the recorded inputs stand for a changed controller, N m
+    #[arg(long, value_name = "NM", default_value_t = DEFAULT_BOUND)]
+    bound: f64,
+    /// Simulate again into this log, closed loop, with the log's scenario, seed and operator commands and the changes above
+    #[arg(long, value_name = "LOG2", conflicts_with = "changes")]
+    resim: Option<PathBuf>,
+    /// Show every quantity of a tick: inputs, results of each stage, constraints that contradict each other if the solver failed
+    #[arg(long = "break", value_name = "TICK", conflicts_with_all = ["sweep", "resim", "out", "plot", "changes", "from", "to"])]
+    at: Option<i64>,
+    /// Begin at the last snapshot at or before this time, s since the log's first tick
+    #[arg(long, value_name = "S")]
+    from: Option<f64>,
+    /// End behind the last tick at or before this time
+    #[arg(long, value_name = "S")]
+    to: Option<f64>,
+    /// Threads, 1 to 256, all cores unless given; the result does not depend on it
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=256))]
+    jobs: Option<u16>,
+    /// Write a log with the replayed outputs in the place of the recorded ones
+    #[arg(long, value_name = "LOG2")]
+    out: Option<PathBuf>,
+    /// Print JSON
+    #[arg(long)]
+    json: bool,
+}
+
+#[derive(clap::Subcommand)]
+enum Command {
+    /// Find the first revision that changes an output bit of a log, and what in it did
+    Bisect(bisect::Args),
+}
+
+pub fn run(args: &Args) -> anyhow::Result<Outcome> {
+    if let Some(Command::Bisect(args)) = &args.command {
+        return bisect::run(args);
+    }
+    let Some(log) = &args.log else { anyhow::bail!("a log to replay is missing") };
+    let options = options(args)?;
+    if let Some(tick) = args.at {
+        return break_at::run(log, &options, tick, args.json);
+    }
+    if let Some(sweep) = &args.sweep {
+        return sweep::run(log, &options, sweep, args.plot.as_deref(), args.json);
+    }
+    if let Some(out) = &args.resim {
+        return resim::run(log, &options, out, args.json);
+    }
+    let report = replay(log, &options)?;
+    if let (Some(path), Some(what_if)) = (&args.plot, &report.what_if) {
+        sweep::plot(path, &[("replayed".to_owned(), what_if)])?;
+    }
+    anyhow::ensure!(
+        args.plot.is_none() || report.what_if.is_some(),
+        "--plot: nothing is changed, so there is nothing to draw"
+    );
+    if args.json {
+        say_json(&report)?
+    } else {
+        say(text(&report))?
+    }
+    Ok(outcome(&report))
+}
+
+fn options(args: &Args) -> anyhow::Result<Options> {
+    for (name, time) in [("--from", args.from), ("--to", args.to)] {
+        if let Some(t) = time {
+            anyhow::ensure!((0.0..1e9).contains(&t), "{name} {t}: expected a time in s from 0 to 1e9");
+        }
+    }
+    if let (Some(from), Some(to)) = (args.from, args.to) {
+        anyhow::ensure!(from <= to, "--from {from} is after --to {to}");
+    }
+    anyhow::ensure!(args.bound > 0.0, "--bound {}: expected a torque above 0 N m", args.bound);
+    let mut set = overrides(&args.set)?;
+    if let Some(stack) = args.stack {
+        set.insert(0, ("stack.formula".to_owned(), stack.formula().to_owned()));
+    }
+    Ok(Options {
+        set,
+        changes: args.changes.as_deref().map(changes::read_file).transpose()?.unwrap_or_default(),
+        urdf: args.urdf.as_deref().map(read).transpose()?,
+        bound: Some(args.bound),
+        here: Some(run_info::build()),
+        from_s: args.from,
+        to_s: args.to,
+        jobs: args.jobs.map_or_else(threads, usize::from),
+        out: args.out.clone(),
+    })
+}
+
+/// Threads of this machine.
+pub fn threads() -> usize {
+    std::thread::available_parallelism().map_or(1, usize::from)
+}
+
+/// Replays with a progress bar.
+pub fn replay(log: &Path, options: &Options) -> anyhow::Result<ReplayReport> {
+    let replay = Replay::open(log)?;
+    let bar = Progress::new("replay");
+    Ok(replay.run(options, &mut |part| bar.set(part))?)
+}
+
+/// How a replay counts: differences before losses.
+pub fn outcome(report: &ReplayReport) -> Outcome {
+    if !report.identical {
+        Outcome::Failed
+    } else if report.damaged > 0 || report.cut || report.missing_input_ticks > 0 {
+        Outcome::DataLoss
+    } else {
+        Outcome::Good
+    }
+}

@@ -1,0 +1,194 @@
+//! `hoof replay LOG --sweep KEY=FROM:TO:COUNT`: one log, several values of a parameter, on all cores.
+
+use crate::progress::Progress;
+use crate::{Outcome, say, say_json};
+use anyhow::{Context, ensure};
+use replay::engine::{Options, Replay, ReplayReport, WhatIf};
+use serde::Serialize;
+use std::path::Path;
+use std::sync::atomic::{AtomicUsize, Ordering};
+
+/// Most values of a sweep.
+const MOST: usize = 200;
+
+/// A line of the table.
+#[derive(Serialize)]
+struct Row {
+    value: String,
+    identical: bool,
+    first_tick: Option<i64>,
+    first_stage: Option<&'static str>,
+    #[serde(flatten)]
+    what_if: WhatIf,
+}
+
+pub fn run(
+    log: &Path,
+    options: &Options,
+    sweep: &str,
+    plot_file: Option<&Path>,
+    json: bool,
+) -> anyhow::Result<Outcome> {
+    let (key, spec) = sweep.split_once('=').with_context(|| format!("--sweep {sweep}: expected KEY=FROM:TO:COUNT"))?;
+    let values = values(spec).with_context(|| format!("--sweep {sweep}"))?;
+    let params = &Replay::open(log)?.info().params.clone();
+    let as_found = |value: &String| filled(params, key, value);
+    let settings: Vec<String> = values.iter().map(as_found).collect();
+    let reports = replay_all(log, options, key, &settings)?;
+    let mut rows = Vec::new();
+    for (value, report) in values.iter().zip(reports) {
+        let what_if = report.what_if.context("a replay with another parameter is a what-if")?;
+        let first = report.first_divergence;
+        rows.push(Row {
+            value: value.clone(),
+            identical: report.identical,
+            first_tick: first.as_ref().map(|first| first.tick),
+            first_stage: first.map(|first| first.stage),
+            what_if,
+        });
+    }
+    if let Some(path) = plot_file {
+        let curves: Vec<(String, &WhatIf)> = rows.iter().map(|row| (row.value.clone(), &row.what_if)).collect();
+        plot(path, &curves)?;
+    }
+    if json {
+        say_json(&serde_json::json!({ "key": key, "bound": rows[0].what_if.bound, "rows": rows }))?;
+    } else {
+        say(table(key, &rows))?;
+    }
+    Ok(Outcome::Good)
+}
+
+/// `300:700:5` is 300, 400, …, 700; `a|b` is what stands there.
+fn values(spec: &str) -> anyhow::Result<Vec<String>> {
+    let parts: Vec<&str> = spec.split(':').collect();
+    let values: Vec<String> = match parts[..] {
+        [from, to, count] => {
+            let number = |text: &str| text.trim().parse::<f64>().with_context(|| format!("\"{text}\" is no number"));
+            let (from, to) = (number(from)?, number(to)?);
+            let count: u16 = count.trim().parse().with_context(|| format!("\"{count}\" is no number of values"))?;
+            ensure!(count >= 2, "expected at least 2 values, found {count}");
+            let step = (to - from) / f64::from(count - 1);
+            // Of 0.1 + 0.2 nobody wants to see the seventeenth digit.
+            (0..count).map(|i| format!("{:?}", ((from + step * f64::from(i)) * 1e9).round() / 1e9)).collect()
+        }
+        _ => spec.split('|').map(|value| value.trim().to_owned()).collect(),
+    };
+    ensure!(values.len() <= MOST, "{} values, at most {MOST} are replayed at once", values.len());
+    ensure!(values.iter().all(|value| !value.is_empty()), "expected FROM:TO:COUNT, or values separated by |");
+    Ok(values)
+}
+
+/// One number for a parameter that is an array stands for all of its elements.
+fn filled(params: &str, key: &str, value: &str) -> String {
+    let table: toml::Table = params.parse().unwrap_or_default();
+    let (mut path, mut at) = (key.split('.'), None);
+    if let Some(first) = path.next() {
+        at = table.get(first);
+    }
+    match path.fold(at, |at, name| at?.get(name)) {
+        Some(toml::Value::Array(items)) if value.parse::<f64>().is_ok() => {
+            format!("[{}]", vec![value; items.len()].join(", "))
+        }
+        _ => value.to_owned(),
+    }
+}
+
+/// Replays every value, as many at a time as there are threads.
+fn replay_all(log: &Path, options: &Options, key: &str, settings: &[String]) -> anyhow::Result<Vec<ReplayReport>> {
+    let (next, done) = (AtomicUsize::new(0), AtomicUsize::new(0));
+    let bar = Progress::new(format!("{} replays", settings.len()));
+    let threads = options.jobs.clamp(1, settings.len());
+    let work = || {
+        let mut found = Vec::new();
+        loop {
+            let i = next.fetch_add(1, Ordering::Relaxed);
+            let Some(value) = settings.get(i) else { return Ok(found) };
+            let mut options = Options { jobs: 1, ..options.clone() };
+            options.set.push((key.to_owned(), value.clone()));
+            found.push((i, Replay::open(log)?.run(&options, &mut |_| {})?));
+            #[expect(clippy::cast_precision_loss, reason = "a part for a progress bar")]
+            bar.set((done.fetch_add(1, Ordering::Relaxed) + 1) as f64 / settings.len() as f64);
+        }
+    };
+    let mut reports = std::thread::scope(|scope| {
+        let threads: Vec<_> = (0..threads).map(|_| scope.spawn(work)).collect();
+        let mut reports: Vec<(usize, ReplayReport)> = Vec::new();
+        for thread in threads {
+            let found: Result<Vec<_>, replay::Error> =
+                thread.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic));
+            reports.extend(found?);
+        }
+        Ok::<_, replay::Error>(reports)
+    })?;
+    reports.sort_by_key(|(i, _)| *i);
+    Ok(reports.into_iter().map(|(_, report)| report).collect())
+}
+
+fn table(key: &str, rows: &[Row]) -> String {
+    let bound = rows[0].what_if.bound;
+    let mut text = format!(
+        "{key}; up to the tick at which a torque leaves the record by more than {bound} N m\n\n\
+         {:>12} {:>10} {:>8} {:>10} {:>10} {:>8} {:>6} {:>9} {:>9} {:>9} {:>7}  {}",
+        "value",
+        "leaves (s)",
+        "ticks",
+        "max (N m)",
+        "rms (N m)",
+        "tau rms",
+        "QP it.",
+        "contact",
+        "trunk",
+        "posture",
+        "no sol.",
+        "changes first"
+    );
+    for Row { value, identical, first_tick, first_stage, what_if } in rows {
+        #[expect(clippy::cast_precision_loss, reason = "a time for a person to read")]
+        let leaves = what_if.departure.map_or("-".to_owned(), |d| format!("{:.3}", d.t_ns as f64 * 1e-9));
+        let first = match (first_tick, first_stage) {
+            (Some(tick), Some(stage)) => format!("tick {tick}, {stage}"),
+            _ if *identical => "nothing".to_owned(),
+            _ => "nothing to compare".to_owned(),
+        };
+        let [contact, trunk, posture] = what_if.residuals;
+        text += &format!(
+            "\n{value:>12} {leaves:>10} {:>8} {:>10.3} {:>10.3} {:>8.3} {:>6.1} {contact:>9.2e} {trunk:>9.2e} {posture:>9.2e} {:>7}  {first}",
+            what_if.ticks,
+            what_if.tau_difference_max,
+            what_if.tau_difference_rms,
+            what_if.tau_rms,
+            what_if.qp_iterations,
+            what_if.qp_failed_ticks
+        );
+    }
+    text
+}
+
+/// Draws what-if replays, each with its name.
+pub fn plot(path: &Path, replays: &[(String, &WhatIf)]) -> anyhow::Result<()> {
+    Ok(analysis::figures::what_if(replays).write_file(path)?)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_range_is_spread_evenly_and_a_list_taken_as_it_is() {
+        assert_eq!(values("300:700:5").unwrap(), ["300.0", "400.0", "500.0", "600.0", "700.0"]);
+        assert_eq!(values("0.1:0.3:3").unwrap(), ["0.1", "0.2", "0.3"]);
+        assert_eq!(values("true|false").unwrap(), ["true", "false"]);
+        for wrong in ["1:2:1", "1:x:3", "1:2:x", "", "1:2:300", "a|"] {
+            assert!(values(wrong).is_err(), "{wrong}");
+        }
+    }
+
+    #[test]
+    fn one_number_fills_an_array() {
+        let params = "[posture]\nstance_kp = [500.0, 500.0, 500.0]\n[wbc]\nfriction = 0.8";
+        assert_eq!(filled(params, "posture.stance_kp", "300.0"), "[300.0, 300.0, 300.0]");
+        assert_eq!(filled(params, "wbc.friction", "0.6"), "0.6");
+        assert_eq!(filled(params, "posture.stance_kp", "[1, 2, 3]"), "[1, 2, 3]");
+    }
+}

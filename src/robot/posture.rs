@@ -1,0 +1,221 @@
+//! A standing posture for legs of three joints: feet level and below the hips, knees bent the way their limits allow.
+
+use super::legs::Leg;
+use anyhow::Context;
+use controller::model::{BaseState, FrameId, Kinematics, Model, UrdfTree, point_jacobian_linear};
+use nalgebra::{DMatrix, Matrix3, Vector3};
+use std::f64::consts::PI;
+
+/// Distance of hip and foot over the length of the stretched leg.
+const STRETCH: f64 = 0.85;
+/// Half of the distance between left and right feet over the height of the hips, at least.
+const HALF_WIDTH: f64 = 0.4;
+/// Distance that joints keep from their limits, rad.
+const MARGIN: f64 = 0.05;
+/// Error of a foot's place that counts as none, m.
+const THERE: f64 = 1e-9;
+
+/// A posture, and what was decided on the way.
+#[derive(Debug)]
+pub struct Posture {
+    /// Joint positions, in the order of the model, rad.
+    pub q: Vec<f64>,
+    /// Base over the feet's centres, m.
+    pub height: f64,
+    /// Length of the shortest stretched leg from its second joint, m.
+    pub leg_length: f64,
+    /// The knees could have been bent either way.
+    pub either_way: bool,
+}
+
+/// Finds a posture.
+///
+/// # Errors
+/// A leg that cannot reach the ground below its hip with its joints inside their limits.
+pub fn stand(tree: &UrdfTree, model: &Model, legs: &[Leg; 4]) -> anyhow::Result<Posture> {
+    let mut body = Body::new(model);
+    let zero = vec![0.0; model.nj()];
+    let frame = |link: usize| model.frame(&tree.links[link].name);
+    let mut plans = Vec::with_capacity(4);
+    for leg in legs {
+        let [hip, knee] = [frame(leg.links[1])?, frame(leg.links[2])?];
+        let foot = frame(leg.foot)?;
+        body.at(&zero);
+        let (p_hip, p_foot) = (body.kin.p_WF(model, hip), body.kin.p_WF(model, foot));
+        let length = stretched(&mut body, leg, hip, foot);
+        plans.push(Plan { leg, hip, knee, foot, p_hip, p_foot, length });
+    }
+    let leg_length = plans.iter().map(|plan| plan.length).fold(f64::INFINITY, f64::min);
+    let drop = STRETCH * leg_length;
+    let ground = plans.iter().map(|plan| plan.p_hip.z).sum::<f64>() / 4.0 - drop;
+
+    let (mut q, mut either_way) = (zero, true);
+    for plan in &plans {
+        let mut there = Vec::new();
+        // Broad if the limits allow it, else as broad as the leg hangs.
+        for half_width in [HALF_WIDTH * drop, 0.0] {
+            there = plan.solutions(&mut body, &plan.goal(ground, half_width));
+            if !there.is_empty() {
+                break;
+            }
+        }
+        let name = &tree.links[plan.leg.foot].name;
+        let best = plan.best(&mut body, &there).with_context(|| {
+            let joints = plan.leg.joints.map(|j| model.joints[j].name.as_str()).join(", ");
+            format!("{name} cannot be put {drop:.3} m below its hip with {joints} inside their limits")
+        })?;
+        either_way &= plan.both_ways(&mut body, &there);
+        for (joint, value) in plan.leg.joints.into_iter().zip(best) {
+            q[joint] = round(value);
+        }
+    }
+    Ok(Posture { q, height: -ground, leg_length, either_way })
+}
+
+/// To a tenth of a millirad: a person is to read it.
+fn round(x: f64) -> f64 {
+    (x * 1e4).round() / 1e4 + 0.0
+}
+
+/// The robot at some posture, base at the origin.
+struct Body<'m> {
+    model: &'m Model,
+    kin: Kinematics,
+    J: DMatrix<f64>,
+    q: Vec<f64>,
+    rest: Vec<f64>,
+}
+
+impl<'m> Body<'m> {
+    fn new(model: &'m Model) -> Self {
+        let (nv, nj) = (model.nv(), model.nj());
+        Body { model, kin: Kinematics::new(model), J: DMatrix::zeros(3, nv), q: vec![0.0; nj], rest: vec![0.0; nj] }
+    }
+
+    fn at(&mut self, q: &[f64]) {
+        self.kin.update(self.model, &BaseState::identity(), q, &self.rest);
+    }
+
+    /// All joints at zero but those of a leg.
+    fn at_leg(&mut self, leg: &Leg, q: &[f64; 3]) {
+        self.q.fill(0.0);
+        for (joint, value) in leg.joints.into_iter().zip(q) {
+            self.q[joint] = *value;
+        }
+        self.kin.update(self.model, &BaseState::identity(), &self.q, &self.rest);
+    }
+
+    fn range(&self, joint: usize) -> (f64, f64) {
+        let joint = &self.model.joints[joint];
+        (joint.lower.max(-PI) + MARGIN, joint.upper.min(PI) - MARGIN)
+    }
+}
+
+/// The longest distance of hip and foot that the knee allows, m.
+fn stretched(body: &mut Body, leg: &Leg, hip: FrameId, foot: FrameId) -> f64 {
+    let (lower, upper) = body.range(leg.joints[2]);
+    let mut longest = 0.0_f64;
+    for k in 0..=200 {
+        body.at_leg(leg, &[0.0, 0.0, lower + (upper - lower) * f64::from(k) / 200.0]);
+        let p = body.kin.p_WF(body.model, foot) - body.kin.p_WF(body.model, hip);
+        longest = longest.max(p.norm());
+    }
+    longest
+}
+
+/// A leg and where it hangs at zero.
+struct Plan<'l> {
+    leg: &'l Leg,
+    hip: FrameId,
+    knee: FrameId,
+    foot: FrameId,
+    p_hip: Vector3<f64>,
+    p_foot: Vector3<f64>,
+    length: f64,
+}
+
+impl Plan<'_> {
+    /// Below the hip, aside where the leg hangs at zero, or farther out.
+    fn goal(&self, ground: f64, half_width: f64) -> Vector3<f64> {
+        let Plan { p_hip, p_foot, length, .. } = self;
+        let hangs = if (p_foot.y - p_hip.y).abs() < 0.5 * length { p_foot.y } else { p_hip.y };
+        Vector3::new(p_hip.x, hangs.abs().max(half_width).copysign(p_hip.y), ground)
+    }
+
+    /// All postures of the leg that put its foot at `goal`, found from many beginnings.
+    fn solutions(&self, body: &mut Body, goal: &Vector3<f64>) -> Vec<[f64; 3]> {
+        let ranges = self.leg.joints.map(|joint| body.range(joint));
+        let grid = |k: usize, n: u32| {
+            let (lower, upper) = ranges[k];
+            (0..=n).map(move |i| lower + (upper - lower) * f64::from(i) / f64::from(n))
+        };
+        let mut found: Vec<[f64; 3]> = Vec::new();
+        for q0 in grid(0, 6) {
+            for q1 in grid(1, 8) {
+                for q2 in grid(2, 8) {
+                    let Some(q) = self.descend(body, goal, [q0, q1, q2], &ranges) else { continue };
+                    let known = |other: &[f64; 3]| q.iter().zip(other).all(|(a, b)| (a - b).abs() < 1e-4);
+                    if !found.iter().any(known) {
+                        found.push(q);
+                    }
+                }
+            }
+        }
+        found
+    }
+
+    /// Damped Gauss-Newton steps inside the ranges.
+    fn descend(
+        &self,
+        body: &mut Body,
+        goal: &Vector3<f64>,
+        from: [f64; 3],
+        ranges: &[(f64, f64); 3],
+    ) -> Option<[f64; 3]> {
+        let mut q = from;
+        for _ in 0..60 {
+            body.at_leg(self.leg, &q);
+            let e = goal - body.kin.p_WF(body.model, self.foot);
+            if e.norm() < THERE {
+                return Some(q);
+            }
+            point_jacobian_linear(body.model, &body.kin, self.foot, &Vector3::zeros(), body.J.as_view_mut());
+            let J = Matrix3::from_fn(|row, k| body.J[(row, 6 + self.leg.joints[k])]);
+            let damping = 1e-2 * e.norm() * e.norm();
+            let step = (J.transpose() * J + Matrix3::identity() * damping).try_inverse()? * J.transpose() * e;
+            let step = step * (0.5 / step.norm().max(0.5));
+            for k in 0..3 {
+                q[k] = (q[k] + step[k]).clamp(ranges[k].0, ranges[k].1);
+            }
+        }
+        None
+    }
+
+    /// The posture with the knee below the hip and towards the middle of the body, if there is one, and with the smallest angles.
+    fn best(&self, body: &mut Body, solutions: &[[f64; 3]]) -> Option<[f64; 3]> {
+        let mut rated: Vec<_> = solutions.iter().map(|q| (self.rate(body, q), *q)).collect();
+        rated.sort_by(|(a, _), (b, _)| (a.0, a.1).cmp(&(b.0, b.1)).then(a.2.total_cmp(&b.2)));
+        rated.first().map(|(_, q)| *q)
+    }
+
+    /// The smaller the better: knee not below the hip or leg folded sideways, knee outward, size of the angles.
+    fn rate(&self, body: &mut Body, q: &[f64; 3]) -> (bool, bool, f64) {
+        body.at_leg(self.leg, q);
+        let [hip, knee, foot] = [self.hip, self.knee, self.foot].map(|frame| body.kin.p_WF(body.model, frame));
+        let folded = knee.z > hip.z || foot.z > knee.z || q[0].abs() > 1.0;
+        (folded, self.bend(&hip, &knee, &foot) > 0.0, q.iter().map(|x| x * x).sum())
+    }
+
+    /// How far the knee is off the line from hip to foot, outward from the middle of the body, m.
+    fn bend(&self, hip: &Vector3<f64>, knee: &Vector3<f64>, foot: &Vector3<f64>) -> f64 {
+        let share = (knee.z - hip.z) / (foot.z - hip.z);
+        (knee.x - (hip.x + share * (foot.x - hip.x))) * self.p_hip.x.signum()
+    }
+
+    /// Whether unfolded postures bend the knee in both directions.
+    fn both_ways(&self, body: &mut Body, solutions: &[[f64; 3]]) -> bool {
+        let outward: Vec<bool> =
+            solutions.iter().map(|q| self.rate(body, q)).filter(|rate| !rate.0).map(|rate| rate.1).collect();
+        outward.contains(&true) && outward.contains(&false)
+    }
+}

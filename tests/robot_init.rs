@@ -1,0 +1,145 @@
+//! `hoof robot init`: a URDF alone becomes a robot that stands and trots.
+#![allow(non_snake_case, clippy::unwrap_used, missing_docs)]
+
+mod common;
+
+use common::{folder, hoof};
+use serde_json::{Value, json};
+use std::path::{Path, PathBuf};
+
+const PONY: &str = include_str!("data/pony.urdf");
+
+/// Writes a first file for a URDF; gives it as TOML, with its path.
+fn init(urdf: &str, out: &Path) -> (toml::Table, PathBuf) {
+    let report = hoof(&format!("robot init {urdf} --out {} --json", out.display())).exits(0).json();
+    let path = PathBuf::from(report["toml"].as_str().unwrap());
+    (std::fs::read_to_string(&path).unwrap().parse().unwrap(), path)
+}
+
+/// Stands for a second, then trots forward.
+fn trots(toml: &Path, out: &Path, name: &str) {
+    let scenario = out.join(format!("{name}_walk.toml"));
+    let text = "duration_s = 5.0\n[terrain]\nkind = \"flat\"\n[[operator]]\nt_s = 0.0\nmode = \"stand\"\n\
+                [[operator]]\nt_s = 1.0\nmode = \"walk\"\nv_x = 0.2\n";
+    std::fs::write(&scenario, format!("name = \"{name}_walk\"\n{text}")).unwrap();
+    let log = out.join(format!("{name}.mcap"));
+    let (toml, scenario) = (toml.display(), scenario.display());
+    let run = hoof(&format!("sim --robot {toml} --scenario {scenario} --log {} --json", log.display())).exits(0).json();
+    assert_eq!((&run["fell"], &run["safe_state"]), (&json!(false), &json!(null)), "{run}");
+    assert!(run["distance_m"].as_f64().unwrap() > 0.4, "{run}");
+}
+
+#[test]
+fn a_robot_with_other_names_axes_and_order_stands_and_trots() {
+    let out = folder("pony");
+    let (toml, path) = init("tests/data/pony.urdf", &out);
+    let robot = &toml["robot"];
+    assert_eq!(path.file_name().unwrap(), "pony_1.toml");
+    let toes = ["front_left_toe", "front_right_toe", "rear_left_toe", "rear_right_toe"];
+    assert_eq!(robot["feet"].as_array().unwrap().iter().map(|foot| foot.as_str().unwrap()).collect::<Vec<_>>(), toes);
+    assert_eq!((robot["imu_link"].as_str(), robot["foot_radius"].as_float()), (Some("imu_sensor"), Some(0.02)));
+    assert_eq!(std::fs::read_to_string(out.join("pony.urdf")).unwrap(), PONY);
+
+    // The knee is straightest 0.05 rad inside its limit of 0.9: 85 % of 0.4 m cos(0.475) below the hips, which are 0.13 m to the side.
+    let q: Value = serde_json::to_value(&robot["posture"]).unwrap();
+    let state = out.join("state.json");
+    std::fs::write(&state, json!({ "base": null, "q": q }).to_string()).unwrap();
+    let frames = hoof(&format!("robot eval {} --state {}", path.display(), state.display())).exits(0).json();
+    for (toe, (x, y)) in toes.iter().zip([(0.18, 0.13), (0.18, -0.13), (-0.18, 0.13), (-0.18, -0.13)]) {
+        let p = &frames["frames"][toe]["position_m"];
+        let expected = [x, y, -0.85 * 0.4 * 0.475_f64.cos()];
+        for k in 0..3 {
+            // Angles are rounded to 0.1 mrad.
+            assert!((p[k].as_f64().unwrap() - expected[k]).abs() < 1e-4, "{toe}: {p}, expected {expected:?}");
+        }
+    }
+    trots(&path, &out, "pony");
+}
+
+#[test]
+fn hyq_and_anymal_are_found_as_their_files_say() {
+    for name in ["hyq", "anymal_b"] {
+        let out = folder(name);
+        let (guessed, path) = init(&format!("robots/{name}/{name}.urdf"), &out);
+        let shipped: toml::Table =
+            std::fs::read_to_string(format!("robots/{name}/{name}.toml")).unwrap().parse().unwrap();
+        for key in ["name", "urdf", "feet", "foot_radius", "imu_link"] {
+            assert_eq!(guessed["robot"][key], shipped["robot"][key], "{name}: {key}");
+        }
+        // Knees and thighs bend to the same side; where hips abduct is a matter of taste.
+        for (joint, angle) in shipped["robot"]["posture"].as_table().unwrap() {
+            let bends = ["hfe", "kfe"].iter().any(|kind| joint.to_lowercase().contains(kind));
+            let (ours, theirs) = (guessed["robot"]["posture"][joint].as_float().unwrap(), angle.as_float().unwrap());
+            assert!(!bends || (ours - theirs).abs() < 0.4, "{name}: {joint} is {ours}, shipped {theirs}");
+        }
+        trots(&path, &out, name);
+    }
+}
+
+#[test]
+fn what_is_missing_is_named() {
+    let out = folder("errors");
+    let error = |name: &str, urdf: &str| {
+        let path = out.join(name);
+        std::fs::write(&path, urdf).unwrap();
+        hoof(&format!("robot init {}", path.display())).exits(2).stderr
+    };
+    let leg_fixed = ["abduct", "swing", "bend"].iter().fold(PONY.to_owned(), |urdf, joint| {
+        urdf.replace(
+            &format!("\"rear_left_{joint}\" type=\"revolute\""),
+            &format!("\"rear_left_{joint}\" type=\"fixed\""),
+        )
+    });
+    let three = error("three.urdf", &leg_fixed);
+    assert!(
+        three.contains("a quadruped has four legs, this robot has 3 chains of movable joints: (rear_right_abduct, "),
+        "{three}"
+    );
+
+    let neck =
+        PONY.replace("<joint name=\"camera_mount\" type=\"fixed\">", "<joint name=\"neck\" type=\"continuous\">");
+    let neck = error("neck.urdf", &neck);
+    assert!(
+        neck.contains("these joints belong to none of the four lowest chains, the legs: neck; make them fixed"),
+        "{neck}"
+    );
+
+    let ankle = PONY.replace("\"front_left_toe_fixed\" type=\"fixed\"", "\"front_left_ankle\" type=\"continuous\"");
+    let ankle = error("ankle.urdf", &ankle);
+    assert!(ankle.contains("front_left_bend, front_left_ankle has 4 of them, expected 3"), "{ankle}");
+
+    let stub = error(
+        "stub.urdf",
+        &PONY.replace(
+            "xyz=\"0 0 -0.2\"/>\n    <parent link=\"rear_right_lower\"",
+            "/>\n    <parent link=\"rear_right_lower\"",
+        ),
+    );
+    assert!(stub.contains("rear_right_bend"), "{stub}");
+
+    let turned = PONY.replace("xyz=\"-0.18 0.05 0\"", "xyz=\"0.19 0.05 0\"");
+    let turned = error("turned.urdf", &turned);
+    assert!(
+        turned.contains(
+            "the legs of front_left_toe and rear_left_toe are both left front: x of the root link must point forward"
+        ),
+        "{turned}"
+    );
+
+    let stiff = PONY
+        .replace("lower=\"0.9\" upper=\"2.7\"", "lower=\"2.5\" upper=\"2.7\"")
+        .replace("lower=\"-1\" upper=\"4\"", "lower=\"-1\" upper=\"-0.5\"");
+    let stiff = error("stiff.urdf", &stiff);
+    assert!(stiff.contains("below its hip with") && stiff.contains("inside their limits"), "{stiff}");
+}
+
+#[test]
+fn a_file_that_is_there_is_not_replaced() {
+    let out = folder("twice");
+    let (_, path) = init("tests/data/pony.urdf", &out);
+    std::fs::write(&path, "mine").unwrap();
+    let again = hoof(&format!("robot init tests/data/pony.urdf --out {}", out.display())).exits(2).stderr;
+    assert!(again.contains("pony_1.toml is there already; --force replaces it"), "{again}");
+    assert_eq!(std::fs::read_to_string(&path).unwrap(), "mine");
+    hoof(&format!("robot init tests/data/pony.urdf --out {} --force", out.display())).exits(0);
+}
