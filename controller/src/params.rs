@@ -7,6 +7,7 @@
 mod check;
 mod overrides;
 
+pub use check::{DUTY, STEP_HEIGHT, SWING_FREQUENCY};
 pub use overrides::apply_overrides;
 
 use crate::qp::QpParams;
@@ -77,6 +78,12 @@ pub struct Params {
     /// Contact estimation.
     #[serde(default)]
     pub contact: ContactParams,
+    /// Terrain estimation.
+    #[serde(default)]
+    pub terrain: TerrainParams,
+    /// Reactions to what was not planned.
+    #[serde(default)]
+    pub recovery: RecoveryParams,
     /// Trunk orientation and height.
     #[serde(default)]
     pub trunk: TrunkParams,
@@ -151,7 +158,8 @@ impl Default for SensorParams {
     }
 }
 
-/// Timing of the gaits. Source: Raiola, Fig. 4 and Table 2.
+/// Timing of the gaits. Source: Raiola, Fig. 4 and Table 2, but for the crawl: with the 0.80 and 2 Hz printed the weight has to go from one support
+/// triangle to the next in 0.125 s, and it falls where the feet do not stand as planned; here it has 0.36 s.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct GaitParams {
@@ -206,10 +214,10 @@ impl Default for GaitParams {
                 velocity_gain: 1.0,
             },
             crawl: GaitTiming {
-                duty: 0.80,
-                swing_frequency: 2.0,
+                duty: 0.88,
+                swing_frequency: 3.0,
                 lift_off_phase: [0.0, 0.5, 0.75, 0.25],
-                sway: 0.15,
+                sway: 0.25,
                 residual_load: 0.05,
                 ramp: 0.5,
                 velocity_gain: 1.0,
@@ -295,6 +303,63 @@ impl Default for ContactParams {
     }
 }
 
+/// Terrain estimation. Source: Raiola, section 3.4, which leaves the estimator to other work.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct TerrainParams {
+    /// Take the plane through the last contact points as the ground: it tilts the base, the swing plane and the friction cones. Without it the
+    /// ground counts as level, and the height of the feet under a tilted base follows the base: a stack without the trunk's roll and pitch
+    /// (`trunk[2]`) then lets the posture bring the base parallel to the ground.
+    pub estimator: bool,
+    /// Time constant of the plane's filter, s.
+    pub time_constant: f64,
+    /// Steepest ground that is believed, rise over run.
+    pub max_gradient: f64,
+}
+
+impl Default for TerrainParams {
+    fn default() -> Self {
+        TerrainParams { estimator: true, time_constant: 0.5, max_gradient: 0.4 }
+    }
+}
+
+/// Reactions to what was not planned: pushes, steps that the swing runs into, ground that gives way. Beyond Raiola.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct RecoveryParams {
+    /// Move footholds by the capture point, `√(h/g) (v - v_cmd)`.
+    pub capture_point: bool,
+    /// Part of it that is taken.
+    pub capture_gain: f64,
+    /// Largest shift of a foothold by it, m.
+    pub max_capture: f64,
+    /// Time constant of the velocity estimate's filter, s.
+    pub velocity_time_constant: f64,
+    /// Lift a foot anew from where it has run into something in the first half of its swing.
+    pub step_reflex: bool,
+    /// Force against the step that counts as running into something, N.
+    pub reflex_force: f64,
+    /// How far the foot is drawn back by it, m.
+    pub reflex_retraction: f64,
+    /// A standing foot that carries nothing for this long searches for the ground, s; 0 = it stays where it is.
+    pub lost_contact_time: f64,
+}
+
+impl Default for RecoveryParams {
+    fn default() -> Self {
+        RecoveryParams {
+            capture_point: true,
+            capture_gain: 1.0,
+            max_capture: 0.15,
+            velocity_time_constant: 0.05,
+            step_reflex: true,
+            reflex_force: 50.0,
+            reflex_retraction: 0.03,
+            lost_contact_time: 0.05,
+        }
+    }
+}
+
 /// Trunk orientation task and height. Source: Raiola, eqs. (8), (16)-(17), (31)-(32), section 5.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
@@ -303,7 +368,7 @@ pub struct TrunkParams {
     pub kp: [f64; 3],
     /// Damping, 1/s.
     pub kd: [f64; 3],
-    /// Gain of the height integrator, 1/s.
+    /// Gain of the height integrator, 1/s. The source has 10, at which the base begins to bounce where feet land at different heights.
     pub height_gain: f64,
     /// Limit of the height integral, m.
     pub max_height_correction: f64,
@@ -322,7 +387,7 @@ impl Default for TrunkParams {
         TrunkParams {
             kp: [1000.0; 3],
             kd: [100.0; 3],
-            height_gain: 10.0,
+            height_gain: 2.0,
             max_height_correction: 0.1,
             max_orientation_rate: 0.5,
             max_orientation: 0.35,
@@ -344,7 +409,7 @@ pub struct PostureParams {
     pub swing_inertia: bool,
     /// Stance stiffness: 1/s², or N m/rad with [`PostureParams::stance_inertia`].
     pub stance_kp: [f64; 3],
-    /// Stance damping: 1/s, or N m s/rad.
+    /// Stance damping: 1/s, or N m s/rad. Critical at the source's stiffness; its own 20 lets the base bounce with the trot's half stride.
     pub stance_kd: [f64; 3],
     /// Stance gains are torques, as [`PostureParams::swing_inertia`].
     pub stance_inertia: bool,
@@ -359,9 +424,9 @@ impl Default for PostureParams {
             swing_kd: [8.0, 12.0, 5.0],
             swing_inertia: true,
             stance_kp: [500.0; 3],
-            stance_kd: [20.0; 3],
+            stance_kd: [45.0; 3],
             stance_inertia: false,
-            blend_time_constant: 0.1,
+            blend_time_constant: 0.25,
         }
     }
 }

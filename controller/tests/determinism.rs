@@ -257,6 +257,24 @@ fn situations() -> Vec<Situation> {
     in_the_air.encode(&mut bytes).unwrap();
     situations.push(Situation { overrides: &[], snapshot: bytes, inputs: inputs.clone() });
 
+    // Feet that have just run into something, whichever way they go.
+    for heading in [0.0, std::f64::consts::PI] {
+        in_the_air.t_leg = [0.06; 4];
+        (in_the_air.step_heading, in_the_air.reflexes) = ([heading; 4], [1; 4]);
+        let mut bytes = Vec::new();
+        in_the_air.encode(&mut bytes).unwrap();
+        let overrides = &[("recovery.reflex_force", "1e-9")];
+        situations.push(Situation { overrides, snapshot: bytes, inputs: inputs.clone() });
+    }
+
+    // Feet that are about to be missed.
+    let mut missing = QuadrupedState::decode(&snapshot).unwrap();
+    (missing.leg_state, missing.t_unloaded, missing.t_leg) = ([LegState::STATE_STANCE; 4], [0.045; 4], [1.0; 4]);
+    let mut bytes = Vec::new();
+    missing.encode(&mut bytes).unwrap();
+    let overrides = &[("contact.threshold", "1e6"), ("recovery.lost_contact_time", "0.05")];
+    situations.push(Situation { overrides, snapshot: bytes, inputs: inputs.clone() });
+
     let overrides = &[("contact.threshold", "1e4")];
     let (standing, then) = (situations[0].snapshot.clone(), situations[0].inputs.clone());
     situations.push(Situation { overrides, snapshot: standing, inputs: then });

@@ -51,6 +51,7 @@ fn foot_references_are_kept_while_the_base_turns() {
     let start = feet(&robot, &input, &robot.q_nominal);
     for leg in Leg::ALL {
         state.p_lift_H[leg] = start[leg] + Vector3::z() * params.swing.height;
+        state.step_height[leg] = params.swing.height;
     }
     let w = Vector3::new(0.3, -0.2, 0.4);
     let mut R_WB = Matrix3::identity();
@@ -87,7 +88,7 @@ fn joint_references_end_at_the_foot_references() {
     state.height = robot.nominal_height;
     state.q_des = robot.q_nominal.iter().map(|q| q + 0.1 * rng.symmetric()).collect();
     let q = input.state.q.clone();
-    for _ in 0..2000 {
+    for _ in 0..6000 {
         references.update(&robot, &params, &estimate, &q, &Transitions::default(), &mut state, DT);
     }
     let reached = feet(&robot, &input, &state.q_des);

@@ -20,11 +20,15 @@ use nalgebra::{DVector, Matrix3, Vector3};
 const UNDER: &str = "<< base_dynamics << friction << joint_acceleration << force_bounds";
 
 fn with_formula(tasks: &str) -> Quadruped {
-    hyq_with(&[("stack.formula", &format!("{tasks} {UNDER}"))])
+    // A Cartesian task knows nothing of the ground that the trunk task follows.
+    hyq_with(&[("stack.formula", &format!("{tasks} {UNDER}")), ("terrain.estimator", "false")])
 }
 
 /// Tasks of one's own, as they stand in a robot's file.
 const TASKS: &str = r#"
+[terrain]
+estimator = false
+
 [stack.tasks.lean]
 type = "cartesian"
 link = "trunk"

@@ -73,10 +73,11 @@ fn every_solution_keeps_the_dynamics_the_friction_pyramid_and_the_bounds() {
         if tick % 100 < 10 {
             puppet.input.state.w_WI_I[tick % 3] += 1.0;
         }
+        let ground = controller.state().gradient_W;
         controller.step(&puppet.input, &mut out);
         let (wbc, legs): (_, LegState) = (wbc_of(&out), common::get(&out, channels::LEG_STATE));
         assert_eq!(wbc.status, WbcSolution::STATUS_SOLVED, "tick {tick}");
-        estimate.update(controller.robot(), &puppet.input.state);
+        estimate.update_at(controller.robot(), &puppet.input.state, &BasePlace::default(), ground);
 
         let (J, F) = (stacked(&estimate), stacked_forces(&wbc));
         let vd = DVector::from_row_slice(&wbc.vd);
@@ -97,10 +98,13 @@ fn every_solution_keeps_the_dynamics_the_friction_pyramid_and_the_bounds() {
                 continue;
             }
             let slack = 1e-4;
-            let limit = c * f[2] + slack;
-            assert!(f[0].abs() < limit && f[1].abs() < limit, "tick {tick}: force {f:?} leaves the pyramid");
-            assert!(f[2] > legs.f_z_min[i] - slack && f[2] < legs.f_z_max[i] + slack, "tick {tick}: {f:?}");
-            on_pyramid += usize::from(f[0].abs().max(f[1].abs()) > c * f[2] - 0.01);
+            let f = Vector3::from(*f);
+            let n = Vector3::new(-ground[0], -ground[1], 1.0).normalize();
+            let t1 = Vector3::new(n.z, 0.0, -n.x).normalize();
+            let (normal, side) = (n.dot(&f), t1.dot(&f).abs().max(n.cross(&t1).dot(&f).abs()));
+            assert!(side < c * normal + slack, "tick {tick}: force {f:?} leaves the pyramid");
+            assert!(normal > legs.f_z_min[i] - slack && f.z < legs.f_z_max[i] + slack, "tick {tick}: {f:?}");
+            on_pyramid += usize::from(side > c * normal - 0.01);
         }
         puppet.react(&out);
     }

@@ -105,6 +105,7 @@ struct Run {
     /// Time since each leg was told to lift, s, 0 in stance; known if there are false touches.
     t_swing: [f64; 4],
     mode: i8,
+    fault: i32,
     fell_at: Option<i64>,
     safe_state: Option<String>,
     last_p_WB: Option<[f64; 3]>,
@@ -128,6 +129,7 @@ impl Run {
             clock: StageClock::default(),
             t_swing: [0.0; 4],
             mode: ControllerTick::MODE_IDLE,
+            fault: ControllerTick::FAULT_NONE,
             fell_at: None,
             safe_state: None,
             last_p_WB: None,
@@ -203,11 +205,14 @@ impl Run {
         }
     }
 
-    /// Says in the log when the controller changes its mode, and why it gave up.
+    /// Says in the log when the controller changes its mode, what it refuses of the operator, and why it gave up.
     fn watch_mode(&mut self, log: &mut dyn EventSink, t_ns: i64, tick: i64) -> Result<(), DriverError> {
         let Some(bytes) = self.outbox.get(channels::CONTROLLER_TICK) else { return Ok(()) };
         let ControllerTick { mode, fault, fault_index, fault_value, .. } = ControllerTick::decode(bytes)?;
-        if mode == self.mode {
+        let fault_before = std::mem::replace(&mut self.fault, fault);
+        let refused =
+            fault != fault_before && fault != ControllerTick::FAULT_NONE && mode != ControllerTick::MODE_DAMPING;
+        if mode == self.mode && !refused {
             return Ok(());
         }
         self.mode = mode;
@@ -215,6 +220,13 @@ impl Run {
             |table: &[&'static str], i: i64| usize::try_from(i).ok().and_then(|i| table.get(i)).copied().unwrap_or("?");
         let mut text = format!("controller is in {}", name(&MODES, mode.into()));
         let mut level = Event::LEVEL_INFO;
+        if refused {
+            level = Event::LEVEL_WARNING;
+            text += &format!(" and refuses: {}, value {fault_value}", name(&FAULTS, fault.into()));
+            if fault == ControllerTick::FAULT_OPERATOR_RANGE {
+                text += &format!(" of {}", name(&["swing_frequency", "duty", "step_height"], fault_index.into()));
+            }
+        }
         if mode == ControllerTick::MODE_DAMPING {
             level = Event::LEVEL_ERROR;
             text += &format!(": {}, value {fault_value}", name(&FAULTS, fault.into()));
@@ -267,7 +279,7 @@ impl Run {
 }
 
 const MODES: [&str; 4] = ["IDLE", "STANCE", "WALK", "DAMPING"];
-const FAULTS: [&str; 10] = [
+const FAULTS: [&str; 11] = [
     "no fault",
     "input of wrong size",
     "input not finite",
@@ -278,6 +290,7 @@ const FAULTS: [&str; 10] = [
     "QP failed too often (ticks)",
     "operator asked for it",
     "operator command not finite",
+    "operator command out of range",
 ];
 
 fn put(

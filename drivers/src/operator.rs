@@ -21,6 +21,9 @@ pub(crate) struct OperatorKey {
     roll: Option<f64>,
     pitch: Option<f64>,
     height_offset: Option<f64>,
+    swing_frequency: Option<f64>,
+    duty: Option<f64>,
+    step_height: Option<f64>,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Deserialize)]
@@ -47,6 +50,9 @@ impl OperatorKey {
             ("roll", self.roll, 1.0),
             ("pitch", self.pitch, 1.0),
             ("height_offset", self.height_offset, 1.0),
+            ("swing_frequency", self.swing_frequency, 100.0),
+            ("duty", self.duty, 1.0),
+            ("step_height", self.step_height, 1.0),
         ];
         keys.iter().try_for_each(|(key, value, limit)| check_range(key, value.as_slice(), -limit..=*limit))
     }
@@ -81,6 +87,9 @@ impl OperatorScript {
             roll: 0.0,
             pitch: 0.0,
             height_offset: 0.0,
+            swing_frequency: 0.0,
+            duty: 0.0,
+            step_height: 0.0,
         };
         let set = |slot: &mut f64, value: Option<f64>| *slot = value.unwrap_or(*slot);
         let mut commands = Vec::with_capacity(keys.len());
@@ -103,6 +112,9 @@ impl OperatorScript {
             set(&mut command.roll, key.roll);
             set(&mut command.pitch, key.pitch);
             set(&mut command.height_offset, key.height_offset);
+            set(&mut command.swing_frequency, key.swing_frequency);
+            set(&mut command.duty, key.duty);
+            set(&mut command.step_height, key.step_height);
             commands.push(command.clone());
         }
         OperatorScript { commands, begun: 0, next_seq: 0, next_heartbeat_ns: i64::MIN, recorded: false }
@@ -166,6 +178,9 @@ mod tests {
             roll: 0.1,
             pitch: 0.0,
             height_offset: 0.0,
+            swing_frequency: 0.0,
+            duty: 0.0,
+            step_height: 0.0,
         };
         assert_eq!(sent[5], last);
         assert_eq!((sent[1].mode, sent[1].v_H), (OperatorCommand::MODE_STAND, [0.0, 0.0]));

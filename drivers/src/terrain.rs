@@ -22,7 +22,7 @@ const PLANE_DEPTH: f64 = 0.01;
 pub enum TerrainKind {
     /// A plane at height 0.
     Flat,
-    /// Smooth undulation with stones on it.
+    /// Smooth undulation with stones on it, and plates if asked for.
     Rough,
     /// A ramp along x.
     Slope,
@@ -46,6 +46,8 @@ pub struct TerrainParams {
     pub height_m: Option<[f64; 2]>,
     /// `rough`: rise over run of a stone's side where it is steepest. Default 0.6: a foot slides off rather than wedges.
     pub stone_slope: Option<f64>,
+    /// `rough`: smallest and largest height of the plates that lie between the stones, m. Default: no plates.
+    pub plate_height_m: Option<[f64; 2]>,
     /// `slope`: angle of the ramp, rad. Default 0.17.
     pub angle_rad: Option<f64>,
     /// `steps`: rise of a step, m. Default 0.05.
@@ -71,6 +73,7 @@ impl TerrainParams {
             flat_radius_m: None,
             height_m: None,
             stone_slope: None,
+            plate_height_m: None,
             angle_rad: None,
             step_height_m: None,
             step_length_m: None,
@@ -82,12 +85,14 @@ impl TerrainParams {
         use TerrainKind::{Flat, Rough, Slope, Steps};
         let [extent_x, extent_y] = self.extent();
         let [stone_min, stone_max] = self.stone_height();
+        let [plate_min, plate_max] = self.plate_height_m.unwrap_or_default();
         let field = self.kind != Flat;
-        let keys: [(_, _, _, &[f64], _); 8] = [
+        let keys: [(_, _, _, &[f64], _); 9] = [
             ("extent_m", self.extent_m.is_some(), field, &[extent_x, extent_y], 1.0..=40.0),
             ("cell_m", self.cell_m.is_some(), field, &[self.cell()], 0.01..=0.2),
             ("flat_radius_m", self.flat_radius_m.is_some(), field, &[self.flat_radius()], 0.0..=20.0),
             ("height_m", self.height_m.is_some(), self.kind == Rough, &[stone_min, stone_max], 0.0..=0.3),
+            ("plate_height_m", self.plate_height_m.is_some(), self.kind == Rough, &[plate_min, plate_max], 0.0..=0.3),
             ("stone_slope", self.stone_slope.is_some(), self.kind == Rough, &[self.stone_slope()], 0.05..=3.0),
             ("angle_rad", self.angle_rad.is_some(), self.kind == Slope, &[self.angle()], -0.6..=0.6),
             ("step_height_m", self.step_height_m.is_some(), self.kind == Steps, &[self.step_height()], -0.3..=0.3),
@@ -100,9 +105,11 @@ impl TerrainParams {
             }
             check_range(key, values, range)?;
         }
-        if stone_min > stone_max {
-            let found = format!("[{stone_min}, {stone_max}]");
-            return Err(BadKey { key: "height_m", found, expected: "the smaller height first".to_owned() });
+        for (key, [min, max]) in [("height_m", [stone_min, stone_max]), ("plate_height_m", [plate_min, plate_max])] {
+            if min > max {
+                let found = format!("[{min}, {max}]");
+                return Err(BadKey { key, found, expected: "the smaller height first".to_owned() });
+            }
         }
         Ok(())
     }

@@ -3,6 +3,16 @@
 use super::{Params, ParamsError, RobotConfig};
 use crate::stack::Formula;
 
+/// What a number must fulfil, and how to say it. Those here hold for the parameters and for what the operator sets while walking.
+type Range = (fn(f64) -> bool, &'static str);
+
+/// Range of a duty factor.
+pub const DUTY: Range = (|x| (0.5..1.0).contains(&x), "at least 0.5 and below 1");
+/// Range of a swing frequency, Hz.
+pub const SWING_FREQUENCY: Range = (|x| (0.5..=10.0).contains(&x), "0.5 to 10");
+/// Range of a step height, m.
+pub const STEP_HEIGHT: Range = (|x| (0.01..=0.25).contains(&x), "0.01 to 0.25");
+
 impl Params {
     /// # Errors
     /// The first value out of its range, by its key.
@@ -10,16 +20,16 @@ impl Params {
         Formula::parse(&self.stack.formula)?;
         let positive = [
             ("robot.foot_radius", self.robot.foot_radius),
-            ("gait.trot.swing_frequency", self.gait.trot.swing_frequency),
-            ("gait.crawl.swing_frequency", self.gait.crawl.swing_frequency),
             ("gait.trot.velocity_gain", self.gait.trot.velocity_gain),
             ("gait.crawl.velocity_gain", self.gait.crawl.velocity_gain),
             ("foothold.max_step_length", self.foothold.max_step_length),
             ("foothold.command_time_constant", self.foothold.command_time_constant),
             ("foothold.max_acceleration", self.foothold.max_acceleration),
-            ("swing.height", self.swing.height),
             ("swing.clik_gain", self.swing.clik_gain),
             ("contact.threshold", self.contact.threshold),
+            ("terrain.time_constant", self.terrain.time_constant),
+            ("recovery.velocity_time_constant", self.recovery.velocity_time_constant),
+            ("recovery.reflex_force", self.recovery.reflex_force),
             ("posture.blend_time_constant", self.posture.blend_time_constant),
             ("wbc.regularization", self.wbc.regularization),
             ("wbc.friction", self.wbc.friction),
@@ -36,8 +46,8 @@ impl Params {
             within(key, &[found], "a positive number", |x| x > 0.0 && x.is_finite())?;
         }
         let RobotConfig { sensors, posture, .. } = &self.robot;
-        let Params { gait, foothold, swing, contact, trunk, posture: p, wbc, safety, .. } = self;
-        let not_negative: [(_, &[f64]); 22] = [
+        let Params { gait, foothold, swing, contact, terrain, recovery, trunk, posture: p, wbc, safety, .. } = self;
+        let not_negative: [(_, &[f64]); 26] = [
             ("robot.sensors.position", &[sensors.position]),
             ("robot.sensors.velocity", &[sensors.velocity]),
             ("robot.sensors.torque", &[sensors.torque]),
@@ -48,6 +58,10 @@ impl Params {
             ("foothold.max_yaw_rate", &[foothold.max_yaw_rate]),
             ("contact.release", &[contact.release]),
             ("contact.min_jacobian_det", &[contact.min_jacobian_det]),
+            ("recovery.capture_gain", &[recovery.capture_gain]),
+            ("recovery.max_capture", &[recovery.max_capture]),
+            ("recovery.reflex_retraction", &[recovery.reflex_retraction]),
+            ("recovery.lost_contact_time", &[recovery.lost_contact_time]),
             ("trunk.kp", &trunk.kp),
             ("trunk.kd", &trunk.kd),
             ("trunk.height_gain", &[trunk.height_gain]),
@@ -67,9 +81,14 @@ impl Params {
         for &q in posture.values() {
             within("robot.posture", &[q], "a finite angle", f64::is_finite)?;
         }
-        for (key, found) in [("gait.trot.duty", gait.trot.duty), ("gait.crawl.duty", gait.crawl.duty)] {
-            within(key, &[found], "at least 0.5 and below 1", |x| (0.5..1.0).contains(&x))?;
+        for (key, row) in [("gait.trot.duty", &gait.trot), ("gait.crawl.duty", &gait.crawl)] {
+            within(key, &[row.duty], DUTY.1, DUTY.0)?;
         }
+        for (key, row) in [("gait.trot.swing_frequency", &gait.trot), ("gait.crawl.swing_frequency", &gait.crawl)] {
+            within(key, &[row.swing_frequency], SWING_FREQUENCY.1, SWING_FREQUENCY.0)?;
+        }
+        within("swing.height", &[swing.height], STEP_HEIGHT.1, STEP_HEIGHT.0)?;
+        within("terrain.max_gradient", &[terrain.max_gradient], "0 to 0.6", |x| (0.0..=0.6).contains(&x))?;
         for (key, found) in [
             ("gait.trot.lift_off_phase", &gait.trot.lift_off_phase),
             ("gait.crawl.lift_off_phase", &gait.crawl.lift_off_phase),

@@ -6,6 +6,7 @@
 use super::leg::{Leg, PerLeg};
 use super::robot::Robot;
 use super::state::State;
+use super::terrain;
 use crate::math::{Rz, rpy_of};
 use crate::model::{
     BaseState, Kinematics, Pose, bias_force, frame_bias_acceleration, mass_matrix, point_jacobian_linear,
@@ -45,6 +46,8 @@ pub struct BasePlace {
 pub struct LegEstimate {
     /// Contact point of the foot from the base origin, in W axes, m.
     pub p_BF_W: Vector3<f64>,
+    /// Its velocity over the base origin, in W axes, m/s.
+    pub v_BF_W: Vector3<f64>,
     /// HAA joint from the base origin, in W axes, m.
     pub p_hip_W: Vector3<f64>,
     /// Velocity of the contact point of the foot, 3 x nv: `v_WF = J v`.
@@ -79,6 +82,7 @@ impl Estimate {
         let nan3 = Matrix3::from_element(f64::NAN);
         let leg = LegEstimate {
             p_BF_W: nan,
+            v_BF_W: nan,
             p_hip_W: nan,
             J: DMatrix::from_element(3, nv, f64::NAN),
             J_leg: nan3,
@@ -101,20 +105,21 @@ impl Estimate {
         }
     }
 
-    /// Base, kinematics and dynamics from one measurement, the base at the origin and without linear velocity.
+    /// Base, kinematics and dynamics from one measurement, the base at the origin and without linear velocity, on level ground.
     pub fn update(&mut self, robot: &Robot, measured: &RobotState) {
-        self.update_at(robot, measured, &BasePlace::default());
+        self.update_at(robot, measured, &BasePlace::default(), [0.0; 2]);
     }
 
-    /// [`Estimate::update`] with the base taken to be somewhere else: all that follows is the same but for rounding.
-    pub fn update_at(&mut self, robot: &Robot, measured: &RobotState, place: &BasePlace) {
+    /// [`Estimate::update`] on ground that rises by `gradient_W` along x and y, with the base taken to be somewhere else: that makes no difference
+    /// but for rounding.
+    pub fn update_at(&mut self, robot: &Robot, measured: &RobotState, place: &BasePlace, gradient_W: [f64; 2]) {
         self.base = base_estimate(robot, measured);
         let BasePlace { p_WB, v_WB } = *place;
         let base = BaseState { p_WB, R_WB: self.base.R_WB, v_WB, w_WB_W: self.base.w_WB_W };
         self.kin.update(&robot.model, &base, &measured.q, &measured.qd);
         mass_matrix(&robot.model, &self.kin, &mut self.M);
         bias_force(&robot.model, &self.kin, &mut self.h);
-        self.n_W = Vector3::z();
+        self.n_W = terrain::normal(gradient_W);
         let p_FC_W = self.n_W * -robot.foot_radius;
         for leg in Leg::ALL {
             let (of_robot, estimate) = (&robot.legs[leg], &mut self.legs[leg]);
@@ -125,7 +130,12 @@ impl Estimate {
                     estimate.J_leg[(row, k)] = estimate.J[(row, 6 + joint)];
                 }
             }
+            let mut qd = Vector3::zeros();
+            for (k, &joint) in of_robot.joints.iter().enumerate() {
+                qd[k] = measured.qd[joint];
+            }
             estimate.p_BF_W = self.kin.p_WF(&robot.model, of_robot.foot) - p_WB + p_FC_W;
+            estimate.v_BF_W = self.base.w_WB_W.cross(&estimate.p_BF_W) + estimate.J_leg * qd;
             estimate.p_hip_W = self.kin.p_WF(&robot.model, of_robot.hip) - p_WB;
             // A sphere that rolls without slip accelerates its contact point by w x (w x p_FC) towards its centre; the same term
             // stands in the bias of the material point, so it cancels and the lever of the angular bias remains.
@@ -175,14 +185,14 @@ impl Estimate {
     /// Height of the base above the stance feet; without any, the last one is kept.
     ///
     /// ```text
-    /// h_b = -(1/N) Σ_stance (R_HB p_BF).z
+    /// h_b = -(1/N) Σ_stance ( (R_HB p_BF).z - g·(x, y) )            g: gradient of the ground
     /// ```
-    /// Source: Raiola et al. 2020, eqs. (16)-(17).
+    /// Source: Raiola et al. 2020, eqs. (16)-(17), which have no slope: on one, the mean of the feet depends on which of them stand.
     pub fn height(&self, state: &mut State) {
         let (mut sum, mut count) = (0.0, 0.0);
         for (leg, estimate) in self.legs.iter() {
             if state.leg_phase[leg].is_stance() {
-                sum -= estimate.p_BF_W.z;
+                sum += terrain::rise(state.gradient_W, &estimate.p_BF_W) - estimate.p_BF_W.z;
                 count += 1.0;
             }
         }

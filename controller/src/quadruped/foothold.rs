@@ -13,6 +13,8 @@ use nalgebra::Vector3;
 pub struct Query {
     /// Velocity at which a standing foot is to go backward, m/s.
     pub v_H: [f64; 2],
+    /// What the capture point adds, m.
+    pub capture_H: [f64; 2],
     /// Yaw rate command, rad/s.
     pub yaw_rate: f64,
     /// Stance time, s.
@@ -43,9 +45,9 @@ pub struct Step {
 /// L_s = |D|,  ψ_s = atan2(D.y, D.x)               xy only
 /// ```
 pub fn plan(query: &Query) -> Step {
-    let Query { v_H, yaw_rate, T_st, p_hip_H, p_virtual_H, p_lift_H, max_length } = query;
-    let dx = 0.5 * T_st * (v_H[0] - yaw_rate * p_hip_H.y) + p_virtual_H.x - p_lift_H.x;
-    let dy = 0.5 * T_st * (v_H[1] + yaw_rate * p_hip_H.x) + p_virtual_H.y - p_lift_H.y;
+    let Query { v_H, capture_H, yaw_rate, T_st, p_hip_H, p_virtual_H, p_lift_H, max_length } = query;
+    let dx = 0.5 * T_st * (v_H[0] - yaw_rate * p_hip_H.y) + capture_H[0] + p_virtual_H.x - p_lift_H.x;
+    let dy = 0.5 * T_st * (v_H[1] + yaw_rate * p_hip_H.x) + capture_H[1] + p_virtual_H.y - p_lift_H.y;
     let length = (dx * dx + dy * dy).sqrt();
     Step { length: length.min(*max_length), heading: (length >= 1e-3).then(|| atan2(dy, dx)) }
 }
@@ -56,6 +58,7 @@ mod tests {
 
     const QUERY: Query = Query {
         v_H: [0.0, 0.0],
+        capture_H: [0.0, 0.0],
         yaw_rate: 0.0,
         T_st: 1.0,
         p_hip_H: Vector3::new(0.37, 0.2, 0.0),

@@ -6,7 +6,9 @@
 //! | phase | leaves when | to |
 //! |---|---|---|
 //! | stance | the clock passes the leg's phase | swing up |
+//! | | it has carried nothing for a while, and was to | reach |
 //! | swing up | t ≥ T_sw/2; contact is ignored | swing down |
+//! | | it runs into something | swing up, anew |
 //! | swing down | contact | stance |
 //! | | t ≥ T_sw | reach |
 //! | reach | contact | stance |
@@ -17,7 +19,8 @@
 //! is never broken and a late foot is not left alone in the air.
 
 use super::leg::{Leg, LegPhase, PerLeg};
-use super::state::{Gait, Mode, State};
+use super::recovery::Surprises;
+use super::state::{Cadence, Gait, Mode, State};
 use crate::model::GRAVITY;
 use crate::params::{GaitTiming, Params};
 
@@ -42,11 +45,17 @@ pub struct Timing {
 }
 
 impl Timing {
-    /// Timing of `gait`.
-    pub fn of(gait: Gait, params: &Params) -> Self {
+    /// Timing in use.
+    pub fn of(state: &State, params: &Params) -> Self {
+        Self::at(state.gait, state.cadence, params)
+    }
+
+    /// Timing of `gait` at a cadence.
+    pub fn at(gait: Gait, cadence: Cadence, params: &Params) -> Self {
         let row = row_of(gait, params);
-        let T_sw = 1.0 / row.swing_frequency;
-        let T = T_sw / (1.0 - row.duty);
+        let chosen = |commanded: f64, of_row: f64| if commanded > 0.0 { commanded } else { of_row };
+        let T_sw = 1.0 / chosen(cadence.swing_frequency, row.swing_frequency);
+        let T = T_sw / (1.0 - chosen(cadence.duty, row.duty));
         let lift_off = PerLeg(row.lift_off_phase.map(|phase| phase * T));
         let T_ramp = (row.ramp * all_stance_time(&lift_off, T, T_sw)).max(0.002);
         let lead_in = if row.sway > 0.0 { SWAY_LEAD_IN } else { T_ramp };
@@ -95,8 +104,12 @@ pub fn time_to_lift_off(state: &State, timing: &Timing, leg: Leg) -> f64 {
 pub struct Transitions {
     /// Legs that have just left the ground by command.
     pub lift_off: PerLeg<bool>,
+    /// Legs that begin a swing, or a search for the ground, from where they are.
+    pub anew: PerLeg<bool>,
     /// Legs that have just landed.
     pub touchdown: PerLeg<bool>,
+    /// Height of the swings that begin, m; 0 = each as high as the leg's last.
+    pub step_height: f64,
     /// The robot has just begun to walk, or to walk in another gait.
     pub gait_begins: bool,
     /// It has just come to stand.
@@ -110,22 +123,34 @@ pub struct Wish {
     pub walk: bool,
     /// Which gait, from the next instant on in which all feet stand.
     pub gait: Gait,
+    /// How fast, from then on too.
+    pub cadence: Cadence,
+    /// Height of the swings that begin now, m; 0 = each as high as the leg's last.
+    pub step_height: f64,
 }
 
-/// One tick of clock and legs.
+/// One tick of clock and legs; `met`: what the legs have run into.
 ///
 /// Starts the clock when walking is wished and all feet stand; stops it, and the walk, when standing is wished and they do.
-pub fn update(state: &mut State, params: &Params, wish: Wish, dt: f64) -> Transitions {
-    let mut transitions = Transitions::default();
+pub fn update(state: &mut State, params: &Params, wish: Wish, met: &Surprises, dt: f64) -> Transitions {
+    let mut transitions = Transitions { step_height: wish.step_height, ..Transitions::default() };
     for leg in Leg::ALL {
         state.t_leg[leg] += dt;
-        let timing = Timing::of(state.gait, params);
+        let timing = Timing::of(state, params);
         let (next, landed) = leg_transition(state, params, &timing, leg);
         if landed {
             state.t_leg[leg] = 0.0;
         }
         transitions.touchdown[leg] = landed;
         state.leg_phase[leg] = next;
+        if met.struck[leg] && next == LegPhase::SwingUp {
+            (state.t_leg[leg], state.reflexes[leg]) = (0.0, state.reflexes[leg].saturating_add(1));
+            transitions.anew[leg] = true;
+        } else if met.lost[leg] && next.is_stance() {
+            (state.leg_phase[leg], state.t_leg[leg], state.t_unloaded[leg]) = (LegPhase::Reach, timing.T_sw, 0.0);
+            state.step_length[leg] = 0.0;
+            transitions.anew[leg] = true;
+        }
     }
 
     let all_stand = state.leg_phase.0.iter().all(|phase| phase.is_stance());
@@ -134,19 +159,28 @@ pub fn update(state: &mut State, params: &Params, wish: Wish, dt: f64) -> Transi
         state.mode = Mode::Stance;
         transitions.gait_ends = true;
     }
-    if all_stand && wish.walk && (!state.gait_running || wish.gait != state.gait) {
+    // One that sways begins anew with another cadence: its base is somewhere else in each.
+    let sways = row_of(state.gait, params).sway > 0.0;
+    let other = wish.gait != state.gait || (sways && wish.cadence != state.cadence);
+    if all_stand && wish.walk && (!state.gait_running || other) {
         // A gait that follows another waits until the sway of both is at rest.
         transitions.gait_begins = true;
-        let after = if state.gait_running { Timing::of(state.gait, params).lead_in } else { 0.0 };
+        let after = if state.gait_running { Timing::of(state, params).lead_in } else { 0.0 };
         state.mode = Mode::Walk;
-        state.gait = wish.gait;
+        (state.gait, state.cadence) = (wish.gait, wish.cadence);
         state.gait_running = true;
         // The first lift-off is at time 0.
-        state.gait_clock = -Timing::of(state.gait, params).lead_in.max(after);
+        state.gait_clock = -Timing::of(state, params).lead_in.max(after);
+    } else if all_stand && wish.walk && wish.cadence != state.cadence {
+        // A trot goes on where it is in its stride, between the same two lift-offs.
+        let before = Timing::of(state, params).T;
+        state.cadence = wish.cadence;
+        state.gait_clock *= Timing::of(state, params).T / before;
     }
 
     if state.gait_running {
-        advance(state, params, wish.walk && wish.gait == state.gait, dt, &mut transitions);
+        let as_wished = wish.gait == state.gait && wish.cadence == state.cadence;
+        advance(state, params, wish.walk && as_wished, dt, &mut transitions);
     }
     transitions
 }
@@ -154,14 +188,18 @@ pub fn update(state: &mut State, params: &Params, wish: Wish, dt: f64) -> Transi
 /// Advances the clock over `dt`, lifting the legs whose phase it passes; stands still while one of them is not ready or a leg is late, and
 /// before any lift-off unless one `may_lift`.
 fn advance(state: &mut State, params: &Params, may_lift: bool, dt: f64, transitions: &mut Transitions) {
-    let timing = Timing::of(state.gait, params);
+    let timing = Timing::of(state, params);
     let (before, after) = (state.gait_clock, state.gait_clock + dt);
     // Passed once and once only: `before` is outside, `after` inside, and the next tick's `before` is this `after`.
     let passes = |at: f64| before < at && at <= after;
     let due = timing.lift_off.0.map(|at| passes(at) || passes(at + timing.T));
     let waits = |leg: Leg| match state.leg_phase[leg] {
         LegPhase::Stance => false,
-        LegPhase::SwingUp | LegPhase::SwingDown => due[leg as usize],
+        // A swing that was begun anew may still be in the air when others are due.
+        LegPhase::SwingUp | LegPhase::SwingDown => {
+            due[leg as usize]
+                || (due.contains(&true) && cyclic(after - timing.lift_off[leg], timing.T) > timing.T_sw + 1e-9)
+        }
         LegPhase::Reach | LegPhase::FaultHold => due.contains(&true),
     };
     if Leg::ALL.into_iter().any(waits) || (!may_lift && due.contains(&true)) {
@@ -171,6 +209,7 @@ fn advance(state: &mut State, params: &Params, may_lift: bool, dt: f64, transiti
         if due[leg as usize] {
             state.leg_phase[leg] = LegPhase::SwingUp;
             state.t_leg[leg] = 0.0;
+            state.reflexes[leg] = 0;
             transitions.lift_off[leg] = true;
         }
     }
@@ -202,7 +241,7 @@ pub fn force_bounds(state: &State, params: &Params, mass: f64, leg: Leg) -> (f64
     if !state.leg_phase[leg].is_stance() {
         return (0.0, 0.0);
     }
-    let timing = Timing::of(state.gait, params);
+    let timing = Timing::of(state, params);
     let upper = params.wbc.f_z_max * loaded_part(state, &timing, leg);
     let residual = (row_of(state.gait, params).residual_load * mass * GRAVITY - params.wbc.f_z_min).max(0.0);
     let lower = params.wbc.f_z_min + residual * (1.0 - loaded_part(state, &timing, leg.opposite()));
@@ -210,7 +249,7 @@ pub fn force_bounds(state: &State, params: &Params, mass: f64, leg: Leg) -> (f64
 }
 
 /// How much of its full load a foot may carry, 0 to 1.
-fn loaded_part(state: &State, timing: &Timing, leg: Leg) -> f64 {
+pub fn loaded_part(state: &State, timing: &Timing, leg: Leg) -> f64 {
     if !state.leg_phase[leg].is_stance() {
         return 0.0;
     }
@@ -240,13 +279,19 @@ mod tests {
     fn walk(params: &Params, gait: Gait, late: f64, ticks: i64) -> (State, Vec<(i64, Leg)>) {
         let mut state = State::new(12);
         state.mode = Mode::Stance;
-        let timing = Timing::of(gait, params);
+        let timing = Timing::at(gait, Cadence::default(), params);
         let mut lifts = Vec::new();
         for tick in 0..ticks {
             for leg in Leg::ALL {
                 state.contact[leg] = state.leg_phase[leg].is_stance() || state.t_leg[leg] >= timing.T_sw + late;
             }
-            let changes = update(&mut state, params, Wish { walk: true, gait }, 1e-3);
+            let changes = update(
+                &mut state,
+                params,
+                Wish { walk: true, gait, cadence: Cadence::default(), step_height: 0.1 },
+                &Surprises::default(),
+                1e-3,
+            );
             lifts.extend(Leg::ALL.into_iter().filter(|&leg| changes.lift_off[leg]).map(|leg| (tick, leg)));
         }
         (state, lifts)
@@ -255,9 +300,9 @@ mod tests {
     #[test]
     fn timing_is_that_of_the_source() {
         let params = params();
-        let trot = Timing::of(Gait::Trot, &params);
+        let trot = Timing::at(Gait::Trot, Cadence::default(), &params);
         assert!((trot.T - 1.111).abs() < 1e-3 && (trot.T_ramp - 0.0278).abs() < 1e-4, "{trot:?}");
-        let crawl = Timing::of(Gait::Crawl, &params);
+        let crawl = Timing::at(Gait::Crawl, Cadence { swing_frequency: 2.0, duty: 0.8 }, &params);
         assert!((crawl.T - 2.5).abs() < 1e-9 && (crawl.T_ramp - 0.0625).abs() < 1e-9, "{crawl:?}");
     }
 
@@ -270,7 +315,7 @@ mod tests {
         let half = lifts[2].0 - lifts[0].0;
         assert!((half - 556).abs() <= 1, "half a stride is {half} ticks");
 
-        let (_, lifts) = walk(&params(), Gait::Crawl, -0.01, 3400);
+        let (_, lifts) = walk(&params(), Gait::Crawl, -0.01, 3700);
         let legs: Vec<Leg> = lifts.iter().map(|l| l.1).collect();
         assert_eq!(legs, [Leg::LF, Leg::RH, Leg::RF, Leg::LH, Leg::LF]);
     }
@@ -294,10 +339,10 @@ mod tests {
         state.leg_phase[Leg::LF] = LegPhase::SwingUp;
         state.t_leg = PerLeg::default();
         state.contact = PerLeg([true; 4]);
-        let wish = Wish { walk: true, gait: Gait::Trot };
+        let wish = Wish { walk: true, gait: Gait::Trot, cadence: Cadence::default(), step_height: 0.1 };
         let mut landed_at = None;
         for tick in 0..400 {
-            if update(&mut state, &params, wish, 1e-3).touchdown[Leg::LF] {
+            if update(&mut state, &params, wish, &Surprises::default(), 1e-3).touchdown[Leg::LF] {
                 landed_at = Some(tick);
                 break;
             }
@@ -322,7 +367,13 @@ mod tests {
             for leg in Leg::ALL {
                 state.contact[leg] = state.t_leg[leg] >= 0.49;
             }
-            let changes = update(&mut state, &params, Wish { walk: false, gait: Gait::Trot }, 1e-3);
+            let changes = update(
+                &mut state,
+                &params,
+                Wish { walk: false, gait: Gait::Trot, cadence: Cadence::default(), step_height: 0.1 },
+                &Surprises::default(),
+                1e-3,
+            );
             assert_eq!(changes.lift_off, PerLeg::default());
         }
         assert_eq!((state.mode, state.gait_running), (Mode::Stance, false));
@@ -333,14 +384,14 @@ mod tests {
         let params = params();
         let mut state = State::new(12);
         state.mode = Mode::Stance;
-        let wish = Wish { walk: true, gait: Gait::Trot };
+        let wish = Wish { walk: true, gait: Gait::Trot, cadence: Cadence::default(), step_height: 0.1 };
         let mut last = 1000.0;
         let step = 1000.0 / 27.0;
         for _ in 0..1000 {
             for leg in Leg::ALL {
                 state.contact[leg] = state.t_leg[leg] >= 0.49;
             }
-            update(&mut state, &params, wish, 1e-3);
+            update(&mut state, &params, wish, &Surprises::default(), 1e-3);
             let (lower, upper) = force_bounds(&state, &params, 80.0, Leg::LF);
             assert!(lower <= upper && (upper - last).abs() < step, "{last} to {upper}");
             last = upper;

@@ -7,11 +7,14 @@
 //! contacts, [`gait`] moves the legs' state machines, [`mod@reference`] plans footholds and joint references, [`wbc`] builds and solves
 //! the quadratic programs of the stack of [`tasks`], [`wire`] writes the messages.
 
+mod digests;
 mod dump;
 pub mod estimation;
 pub mod foothold;
 pub mod gait;
 pub mod leg;
+mod operator;
+pub mod recovery;
 pub mod reference;
 pub mod robot;
 pub mod safety;
@@ -19,23 +22,22 @@ pub mod state;
 pub mod sway;
 pub mod swing;
 pub mod tasks;
+pub mod terrain;
 pub mod wbc;
 pub mod wire;
 
 use crate::digest::Digest;
-use crate::math::{Rx, Ry, Rz, low_pass, ramp, wrap_angle};
 use crate::params::Params;
 use crate::qp::NamedViolation;
 use crate::{Controller, LoadError, Outbox, Probe, RestoreError, Stage};
+use digests::Digests;
 use estimation::{BasePlace, Estimate};
-use gait::{Transitions, Wish};
-use lcmtypes::{ControllerInput, ControllerTick, Message, OperatorCommand, QuadrupedState, channels};
-use leg::Leg;
+use lcmtypes::{ControllerInput, ControllerTick, Message, QuadrupedState, channels};
 use nalgebra::Vector3;
 use reference::References;
 use robot::Robot;
 use safety::{fault, seconds};
-use state::{Fault, Gait, Mode, State};
+use state::{Fault, Mode, State};
 use wbc::{TrunkReference, Wbc};
 use wire::Messages;
 
@@ -45,8 +47,6 @@ pub const NAME: &str = "quadruped";
 pub const SNAPSHOT_TICKS: i64 = 1000;
 /// Longest time step that integrators see, s: a late tick must not throw references.
 const MAX_DT: f64 = 0.01;
-/// Largest lead of the heading reference over the heading, rad.
-const MAX_HEADING_LEAD: f64 = 0.3;
 
 /// The controller: parameters and robot, state, scratch.
 pub struct Quadruped {
@@ -78,10 +78,6 @@ impl Scratch {
         })
     }
 }
-
-/// Digests of a tick, by stage.
-#[derive(Default)]
-struct Digests([i64; 6]);
 
 impl Quadruped {
     /// Builds the controller from the text of a URDF and of the parameters.
@@ -135,30 +131,35 @@ impl Quadruped {
         let Quadruped { params, robot, state, place, scratch, messages } = self;
         let Scratch { estimate, references, wbc, trunk } = scratch;
 
-        estimate.update_at(robot, &input.state, place);
+        estimate.update_at(robot, &input.state, place, state.gradient_W);
         if let Some(fault) = safety::check_tilt(params, &estimate.base.rpy) {
             return Some(fault);
         }
         estimate.contact_forces(robot, params, &input.state.tau, state);
+        let gradient_before = state.gradient_W;
+        terrain::update(params, estimate, state, dt);
         estimate.height(state);
-        digests.0[Stage::Estimation as usize] = digest_estimation(estimate, state);
+        digests.0[Stage::Estimation as usize] = digests::estimation(estimate, state);
         probe.stage_done(Stage::Estimation);
 
+        let rate =
+            |now: [f64; 2], before: [f64; 2]| [0, 1].map(|k| if dt > 0.0 { (now[k] - before[k]) / dt } else { 0.0 });
         let rp_before = state.rp_des;
-        let op = follow_operator(params, estimate, state, &input.op, dt);
-        let rp_rate = [0, 1].map(|k| if dt > 0.0 { (state.rp_des[k] - rp_before[k]) / dt } else { 0.0 });
-        *trunk = trunk_reference(state, rp_rate);
-        let changes: Transitions = gait::update(state, params, op, dt);
+        let wish = operator::follow(params, estimate, state, &input.op, dt);
+        let rp_rate = rate(state.rp_des, rp_before);
+        *trunk = operator::trunk_reference(state, rp_rate, rate(state.gradient_W, gradient_before));
+        let met = recovery::surprises(params, estimate, state, dt);
+        let changes = gait::update(state, params, wish, &met, dt);
         references.update(robot, params, estimate, &input.state.q, &changes, state, dt);
-        digests.0[Stage::Gait as usize] = digest_gait(references, state);
+        digests.0[Stage::Gait as usize] = digests::gait(references, state);
         probe.stage_done(Stage::Gait);
 
         wbc.build(robot, params, &input.state, estimate, trunk, references, state);
-        digests.0[Stage::Tasks as usize] = digest_tasks(wbc);
+        digests.0[Stage::Tasks as usize] = digests::tasks(wbc);
         probe.stage_done(Stage::Tasks);
 
         wbc.solve(estimate, state);
-        digests.0[Stage::Qp as usize] = digest_qp(wbc);
+        digests.0[Stage::Qp as usize] = digests::qp(wbc);
         probe.stage_done(Stage::Qp);
 
         let n_clamped = take_torques(params, robot, wbc, state);
@@ -218,7 +219,7 @@ impl Controller for Quadruped {
 
     fn step_probed(&mut self, input: &ControllerInput, out: &mut Outbox, probe: &mut dyn Probe) {
         let mut digests = Digests::default();
-        digests.0[Stage::Input as usize] = digest_input(input);
+        digests.0[Stage::Input as usize] = digests::input(input);
         let found = safety::check_input(&self.robot, &self.params, &self.state, input)
             .or_else(|| safety::check_operator(&input.op));
         let dt = if self.state.started {
@@ -287,70 +288,6 @@ fn start(robot: &Robot, state: &mut State, input: &ControllerInput) {
     state.height = robot.nominal_height;
 }
 
-/// Ramps and filters the operator's numbers into the state; says what is wished of the gait.
-///
-/// A command that is not a number counts as the wish to stand, and the tick's fault code says so. A mode without meaning counts as the
-/// wish to stand too, a gait without meaning as the present one: they come from a newer operator, not from a broken one.
-fn follow_operator(params: &Params, estimate: &Estimate, state: &mut State, op: &OperatorCommand, dt: f64) -> Wish {
-    let usable = safety::operator_is_finite(op);
-    state.fault = if usable {
-        Fault::default()
-    } else {
-        Fault { code: ControllerTick::FAULT_OPERATOR_NOT_FINITE, index: -1, value: 0.0 }
-    };
-    let none = OperatorCommand::default();
-    let op = if usable { op } else { &none };
-    let walk = op.mode == OperatorCommand::MODE_WALK;
-    let steps = walk && state.gait_running && state.gait_clock >= 0.0;
-
-    let limits = &params.foothold;
-    let mut v = if steps { op.v_H } else { [0.0; 2] };
-    let speed = (v[0] * v[0] + v[1] * v[1]).sqrt();
-    if speed > limits.max_speed {
-        // In this order a speed too large to be squared gives 0, not NaN.
-        let part = limits.max_speed / speed;
-        v = v.map(|x| x * part);
-    }
-    let yaw_rate = if steps { op.yaw_rate.clamp(-limits.max_yaw_rate, limits.max_yaw_rate) } else { 0.0 };
-    for (v_des, v) in state.v_H_des.iter_mut().zip(v) {
-        let filtered = low_pass(*v_des, v, limits.command_time_constant, dt);
-        *v_des = ramp(*v_des, filtered, limits.max_acceleration * dt);
-    }
-    state.yaw_rate_des = low_pass(state.yaw_rate_des, yaw_rate, limits.command_time_constant, dt);
-    // The heading reference waits for the robot rather than winding up against a base that cannot turn.
-    let yaw = estimate.base.rpy[2];
-    let ahead = wrap_angle(state.yaw_des + state.yaw_rate_des * dt - yaw);
-    state.yaw_des = yaw + ahead.clamp(-MAX_HEADING_LEAD, MAX_HEADING_LEAD);
-
-    let trunk = &params.trunk;
-    for (k, wished) in [op.roll, op.pitch].into_iter().enumerate() {
-        let wished = wished.clamp(-trunk.max_orientation, trunk.max_orientation);
-        state.rp_des[k] = ramp(state.rp_des[k], wished, trunk.max_orientation_rate * dt);
-    }
-    let wished = op.height_offset.clamp(-trunk.max_height_offset, trunk.max_height_offset);
-    state.height_offset = ramp(state.height_offset, wished, trunk.max_height_rate * dt);
-
-    let gait = match op.gait {
-        OperatorCommand::GAIT_TROT => Gait::Trot,
-        OperatorCommand::GAIT_CRAWL => Gait::Crawl,
-        _ => state.gait,
-    };
-    Wish { walk, gait }
-}
-
-/// `R_des = Rz(yaw_des) Ry(pitch_des) Rx(roll_des)`, turning at the commanded yaw rate and with the ramps of roll and pitch.
-fn trunk_reference(state: &State, rp_rate: [f64; 2]) -> TrunkReference {
-    let [roll, pitch] = state.rp_des;
-    let R_yaw = Rz(state.yaw_des);
-    let R_pitch = R_yaw * Ry(pitch);
-    TrunkReference {
-        R_WB: R_pitch * Rx(roll),
-        w_WB_W: R_pitch * Vector3::x() * rp_rate[0]
-            + R_yaw * Vector3::y() * rp_rate[1]
-            + Vector3::z() * state.yaw_rate_des,
-    }
-}
-
 /// Takes over the torques of a good solution, limited to the joints' effort; repeats the last ones when there is none.
 fn take_torques(params: &Params, robot: &Robot, wbc: &Wbc, state: &mut State) -> i32 {
     if !wbc.solved() {
@@ -365,101 +302,4 @@ fn take_torques(params: &Params, robot: &Robot, wbc: &Wbc, state: &mut State) ->
         state.tau_last[j] = limited;
     }
     n_clamped
-}
-
-fn digest_input(input: &ControllerInput) -> i64 {
-    let ControllerInput { t_ns, tick, state, op } = input;
-    let mut d = Digest::default();
-    for word in [t_ns, tick, &state.t_ns, &state.seq, &op.t_ns, &op.seq] {
-        d.word(word.cast_unsigned());
-    }
-    for values in [&state.q, &state.qd, &state.tau] {
-        d.f64s(values);
-    }
-    d.f64s(&state.q_WI_wxyz);
-    d.f64s(&state.w_WI_I);
-    d.f64s(&state.a_I);
-    d.word(u64::from(op.mode.cast_unsigned()));
-    d.word(u64::from(op.gait.cast_unsigned()));
-    d.f64s(&op.v_H);
-    d.f64s(&[op.yaw_rate, op.roll, op.pitch, op.height_offset]);
-    d.finish()
-}
-
-fn digest_estimation(estimate: &Estimate, state: &State) -> i64 {
-    let mut d = Digest::default();
-    d.mat3(&estimate.base.R_WB);
-    d.vec3(&estimate.base.w_WB_W);
-    d.f64s(&estimate.base.rpy);
-    d.f64(estimate.base.yaw_rate);
-    d.dmat(&estimate.M);
-    d.dvec(&estimate.h);
-    d.vec3(&estimate.n_W);
-    for (leg, of_leg) in estimate.legs.iter() {
-        d.vec3(&of_leg.p_BF_W);
-        d.vec3(&of_leg.p_hip_W);
-        d.dmat(&of_leg.J);
-        d.vec3(&of_leg.a_bias_W);
-        d.vec3(&state.f_F_W[leg]);
-        d.word(u64::from(state.contact[leg]));
-    }
-    d.f64(state.height);
-    d.finish()
-}
-
-fn digest_gait(references: &References, state: &State) -> i64 {
-    let mut d = Digest::default();
-    d.f64s(&[state.gait_clock, state.yaw_des, state.height_offset, state.zeta, state.yaw_rate_des]);
-    d.f64s(&state.rp_des);
-    d.f64s(&state.v_H_des);
-    d.f64s(&state.sway_H);
-    d.word(state.gait as u64);
-    d.word(state.mode as u64);
-    for leg in Leg::ALL {
-        d.word(state.leg_phase[leg] as u64);
-        d.f64s(&[state.t_leg[leg], state.step_length[leg], state.step_heading[leg]]);
-        d.vec3(&references.p_BF_H[leg]);
-        d.vec3(&references.v_BF_H[leg]);
-        d.vec3(&references.foothold_H[leg]);
-    }
-    d.f64s(&state.q_des);
-    d.f64s(&state.qd_des);
-    d.f64s(&state.qdd_des);
-    d.finish()
-}
-
-fn digest_tasks(wbc: &Wbc) -> i64 {
-    let mut d = Digest::default();
-    for level in wbc.stack.built() {
-        for matrix in [&level.qp.H, &level.qp.A, &level.qp.C] {
-            d.dmat(matrix);
-        }
-        for vector in [&level.qp.g, &level.qp.b, &level.qp.d, &level.qp.lower, &level.qp.upper] {
-            d.dvec(vector);
-        }
-    }
-    // Of levels whose programs are not built the rows of the tasks are all there is.
-    if wbc.stack.built().len() < wbc.stack.levels.len() {
-        for rows in &wbc.tasks.rows {
-            d.dmat(&rows.A);
-            d.dvec(&rows.b);
-        }
-    }
-    d.vec3(&wbc.tasks.e_o_W);
-    d.vec3(&wbc.tasks.wd_trunk);
-    d.dvec(&wbc.tasks.qdd_posture);
-    d.finish()
-}
-
-fn digest_qp(wbc: &Wbc) -> i64 {
-    let mut d = Digest::default();
-    for level in &wbc.stack.levels {
-        if let Some(info) = level.info {
-            d.word(info.status as u64);
-            d.word(u64::from(info.iterations));
-        }
-        d.dvec(&level.x);
-    }
-    d.dvec(&wbc.tau);
-    d.finish()
 }

@@ -22,6 +22,7 @@ use super::robot::Robot;
 use super::state::{Mode, State};
 use super::sway;
 use super::swing::swing_point;
+use super::{recovery, terrain};
 use crate::math::Rz;
 use crate::model::{BaseState, Kinematics, point_jacobian_linear};
 use crate::params::Params;
@@ -72,16 +73,18 @@ impl References {
         dt: f64,
     ) {
         let R_HW = estimate.base.R_WH.transpose();
+        let slope_H = terrain::presumed_gradient_H(params, &estimate.base, state);
         let zeta_dot = height_integral(robot, params, state, dt);
         sway::update(robot, params, changes, state, dt);
         let sway_dot = state.sway_rate_H;
         let halted = state.leg_phase.0.contains(&LegPhase::FaultHold);
         for leg in Leg::ALL {
-            if changes.lift_off[leg] {
-                state.p_lift_H[leg] = R_HW * estimate.legs[leg].p_BF_W;
-                for joint in robot.legs[leg].joints {
-                    state.q_des[joint] = q[joint];
-                }
+            if changes.lift_off[leg] || changes.anew[leg] {
+                lift(robot, params, estimate, q, changes, state, leg);
+            }
+            if changes.anew[leg] && state.leg_phase[leg] == LegPhase::SwingUp {
+                let back = Rz(state.step_heading[leg]) * Vector3::x() * params.recovery.reflex_retraction;
+                state.p_lift_H[leg] -= back;
             }
             if state.leg_phase[leg].is_stance() {
                 let p_virtual = virtual_foothold(robot, state, leg);
@@ -94,10 +97,12 @@ impl References {
                 let [x, y] = state.p_stance_H[leg];
                 let v = if halted { [0.0; 2] } else { velocity_at([x, y], robot, params, state) };
                 state.p_stance_H[leg] = [x - v[0] * dt, y - v[1] * dt];
-                let [x, y] = state.p_stance_H[leg];
-                self.p_BF_H[leg] = Vector3::new(x - state.sway_H[0], y - state.sway_H[1], p_virtual.z);
-                self.v_BF_H[leg] = Vector3::new(-v[0] - sway_dot[0], -v[1] - sway_dot[1], zeta_dot);
-                self.foothold_H[leg] = p_virtual;
+                let xy = [0, 1].map(|k| state.p_stance_H[leg][k] - state.sway_H[k]);
+                let vxy = [0, 1].map(|k| -v[k] - sway_dot[k]);
+                let on_slope = |[x, y]: [f64; 2], z: f64| Vector3::new(x, y, z + slope_H[0] * x + slope_H[1] * y);
+                self.p_BF_H[leg] = on_slope(xy, p_virtual.z);
+                self.v_BF_H[leg] = on_slope(vxy, zeta_dot);
+                self.foothold_H[leg] = on_slope([p_virtual.x, p_virtual.y], p_virtual.z);
             } else {
                 self.swing(robot, params, estimate, state, leg);
             }
@@ -106,7 +111,7 @@ impl References {
     }
 
     fn swing(&mut self, robot: &Robot, params: &Params, estimate: &Estimate, state: &mut State, leg: Leg) {
-        let timing = Timing::of(state.gait, params);
+        let timing = Timing::of(state, params);
         let t = state.t_leg[leg];
         let R_HW = estimate.base.R_WH.transpose();
         let mut p_virtual_H = virtual_foothold(robot, state, leg);
@@ -117,6 +122,7 @@ impl References {
         if t < timing.T_sw * (1.0 - params.foothold.freeze_fraction) {
             let step = foothold::plan(&Query {
                 v_H: sweep_velocity(robot, params, state),
+                capture_H: recovery::capture(robot, params, state),
                 yaw_rate: state.yaw_rate_des,
                 T_st: timing.T_st,
                 p_hip_H: R_HW * estimate.legs[leg].p_hip_W,
@@ -128,13 +134,15 @@ impl References {
             state.step_heading[leg] = step.heading.unwrap_or(state.step_heading[leg]);
         }
         let length = state.step_length[leg];
-        let s = swing_point(t, timing.T_sw, length, params.swing.height, params.swing.reach_time);
-        let R_HS = Rz(state.step_heading[leg]);
+        let s = swing_point(t, timing.T_sw, length, state.step_height[leg], params.swing.reach_time);
         let held = state.leg_phase[leg] == LegPhase::FaultHold;
-        let sd = if held { Vector3::zeros() } else { Vector3::new(s.xd, 0.0, s.zd) };
-        self.p_BF_H[leg] = state.p_lift_H[leg] + R_HS * Vector3::new(s.x, 0.0, s.z);
-        self.v_BF_H[leg] = R_HS * sd;
-        self.foothold_H[leg] = state.p_lift_H[leg] + R_HS * Vector3::new(length, 0.0, 0.0);
+        let n_H = R_HW * estimate.n_W;
+        let forward = Rz(state.step_heading[leg]) * Vector3::x();
+        // Up or down the slope as far as the ground rises over the step.
+        let along = forward - Vector3::z() * (n_H.dot(&forward) / n_H.z);
+        self.p_BF_H[leg] = state.p_lift_H[leg] + along * s.x + n_H * s.z;
+        self.v_BF_H[leg] = if held { Vector3::zeros() } else { along * s.xd + n_H * s.zd };
+        self.foothold_H[leg] = state.p_lift_H[leg] + along * length;
     }
 
     fn clik(
@@ -151,7 +159,7 @@ impl References {
             BaseState { p_WB: Vector3::zeros(), R_WB: base.R_WB, v_WB: Vector3::zeros(), w_WB_W: Vector3::zeros() };
         self.kin.update(&robot.model, &at_reference, &state.q_des, &self.zeros);
         let p_FC_W = estimate.n_W * -robot.foot_radius;
-        let blend_in_stance = BLEND_PART * Timing::of(state.gait, params).T_st;
+        let blend_in_stance = BLEND_PART * Timing::of(state, params).T_st;
         let turn_W = Vector3::z() * base.yaw_rate;
         for leg in Leg::ALL {
             let of_robot = &robot.legs[leg];
@@ -181,13 +189,34 @@ impl References {
                 let free = moved > limits.lower && moved < limits.upper;
                 let qd_des = if free { qd[k] } else { 0.0 };
                 // At the lift-off the reference jumps, from one of stance to one of swing.
-                let smooth = !stance && !changes.lift_off[leg] && dt > 0.0;
+                let smooth = !stance && !changes.lift_off[leg] && !changes.anew[leg] && dt > 0.0;
                 state.qdd_des[joint] = if smooth { (qd_des - state.qd_des[joint]) / dt } else { 0.0 };
                 state.qd_des[joint] = qd_des;
                 self.qd_des[joint] = qd_des;
                 state.q_des[joint] = moved;
             }
         }
+    }
+}
+
+/// A swing begins where the foot is.
+fn lift(
+    robot: &Robot,
+    params: &Params,
+    estimate: &Estimate,
+    q: &[f64],
+    changes: &Transitions,
+    state: &mut State,
+    leg: Leg,
+) {
+    state.p_lift_H[leg] = estimate.base.R_WH.transpose() * estimate.legs[leg].p_BF_W;
+    if changes.step_height > 0.0 {
+        state.step_height[leg] = changes.step_height;
+    } else if state.step_height[leg] == 0.0 {
+        state.step_height[leg] = params.swing.height;
+    }
+    for joint in robot.legs[leg].joints {
+        state.q_des[joint] = q[joint];
     }
 }
 
@@ -224,9 +253,10 @@ fn stance_start(
     if gait::row_of(state.gait, params).sway > 0.0 {
         return [landed.x + state.sway_H[0], landed.y + state.sway_H[1]];
     }
-    let T_st = Timing::of(state.gait, params).T_st;
+    let T_st = Timing::of(state, params).T_st;
     let v = velocity_at([p_virtual.x, p_virtual.y], robot, params, state);
-    [p_virtual.x + 0.5 * T_st * v[0], p_virtual.y + 0.5 * T_st * v[1]]
+    let capture = recovery::capture(robot, params, state);
+    [p_virtual.x + capture[0] + 0.5 * T_st * v[0], p_virtual.y + capture[1] + 0.5 * T_st * v[1]]
 }
 
 /// Speed, in H, at which a standing foot goes backward under the base for the robot to move as commanded, m/s; zero unless walking.

@@ -63,7 +63,8 @@ pub fn check_operator(op: &OperatorCommand) -> Option<Fault> {
 
 /// Whether every number of a command is one.
 pub fn operator_is_finite(op: &OperatorCommand) -> bool {
-    let numbers = [op.v_H[0], op.v_H[1], op.yaw_rate, op.roll, op.pitch, op.height_offset];
+    let OperatorCommand { v_H, yaw_rate, roll, pitch, height_offset, swing_frequency, duty, step_height, .. } = op;
+    let numbers = [v_H[0], v_H[1], *yaw_rate, *roll, *pitch, *height_offset, *swing_frequency, *duty, *step_height];
     numbers.iter().all(|x| x.is_finite())
 }
 

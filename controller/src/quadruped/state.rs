@@ -43,6 +43,15 @@ impl Gait {
     pub const ALL: [Gait; 2] = [Gait::Trot, Gait::Crawl];
 }
 
+/// Timing of the gait as the operator has set it. 0 = as in the parameters.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Cadence {
+    /// Swing frequency, Hz.
+    pub swing_frequency: f64,
+    /// Duty factor.
+    pub duty: f64,
+}
+
 /// Why the controller is in the safe state: a code of `controller_tick_t`, what it names and what was found there.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Fault {
@@ -97,6 +106,13 @@ pub struct State {
     pub zeta: f64,
     pub v_H_des: [f64; 2],
     pub yaw_rate_des: f64,
+    pub cadence: Cadence,
+    pub step_height: PerLeg<f64>,
+    pub reflexes: PerLeg<i32>,
+    pub t_unloaded: PerLeg<f64>,
+    pub v_H_est: [f64; 2],
+    pub p_ground_W: PerLeg<Vector3<f64>>,
+    pub gradient_W: [f64; 2],
 }
 
 impl State {
@@ -137,6 +153,13 @@ impl State {
             zeta: 0.0,
             v_H_des: [0.0; 2],
             yaw_rate_des: 0.0,
+            cadence: Cadence::default(),
+            step_height: PerLeg::default(),
+            reflexes: PerLeg::default(),
+            t_unloaded: PerLeg::default(),
+            v_H_est: [0.0; 2],
+            p_ground_W: PerLeg::default(),
+            gradient_W: [0.0; 2],
         }
     }
 
@@ -176,6 +199,13 @@ impl State {
             zeta,
             v_H_des,
             yaw_rate_des,
+            cadence: Cadence { swing_frequency, duty },
+            step_height,
+            reflexes,
+            t_unloaded,
+            v_H_est,
+            p_ground_W,
+            gradient_W,
         } = self;
         m.t_ns = *t_ns;
         m.tick = *tick;
@@ -213,6 +243,14 @@ impl State {
         m.zeta = *zeta;
         m.v_H_des = *v_H_des;
         m.yaw_rate_des = *yaw_rate_des;
+        m.swing_frequency = *swing_frequency;
+        m.duty = *duty;
+        m.step_height = step_height.0;
+        m.reflexes = reflexes.0;
+        m.t_unloaded = t_unloaded.0;
+        m.v_H_est = *v_H_est;
+        m.p_ground_W = p_ground_W.0.map(Into::into);
+        m.gradient_W = *gradient_W;
     }
 
     /// The state that [`State::write`] took apart.
@@ -223,7 +261,7 @@ impl State {
         if m.q_des.len() != nj {
             return Err(RestoreError::Joints { found: m.q_des.len(), expected: nj });
         }
-        let numbers: [(_, &[f64]); 21] = [
+        let numbers: [(_, &[f64]); 28] = [
             ("gait_clock", &[m.gait_clock]),
             ("f_F_W", m.f_F_W.as_flattened()),
             ("p_lift_H", m.p_lift_H.as_flattened()),
@@ -245,6 +283,13 @@ impl State {
             ("zeta", &[m.zeta]),
             ("v_H_des", &m.v_H_des),
             ("yaw_rate_des", &[m.yaw_rate_des]),
+            ("swing_frequency", &[m.swing_frequency]),
+            ("duty", &[m.duty]),
+            ("step_height", &m.step_height),
+            ("t_unloaded", &m.t_unloaded),
+            ("v_H_est", &m.v_H_est),
+            ("p_ground_W", m.p_ground_W.as_flattened()),
+            ("gradient_W", &m.gradient_W),
         ];
         for (field, values) in numbers {
             if values.iter().any(|x| !x.is_finite()) {
@@ -293,6 +338,13 @@ impl State {
             zeta: m.zeta,
             v_H_des: m.v_H_des,
             yaw_rate_des: m.yaw_rate_des,
+            cadence: Cadence { swing_frequency: m.swing_frequency, duty: m.duty },
+            step_height: PerLeg(m.step_height),
+            reflexes: PerLeg(m.reflexes),
+            t_unloaded: PerLeg(m.t_unloaded),
+            v_H_est: m.v_H_est,
+            p_ground_W: PerLeg(m.p_ground_W.map(Into::into)),
+            gradient_W: m.gradient_W,
         })
     }
 }

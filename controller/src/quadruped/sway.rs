@@ -68,7 +68,7 @@ pub fn at_clock(robot: &Robot, params: &Params, state: &State, clock: f64) -> [f
     if part == 0.0 {
         return [0.0; 2];
     }
-    let timing = Timing::of(state.gait, params);
+    let timing = Timing::of(state, params);
     let k = (GRAVITY / robot.nominal_height).sqrt();
     let risen = (1.0 + clock / timing.lead_in).clamp(0.0, 1.0);
     let risen = risen * risen * (3.0 - 2.0 * risen);

@@ -79,7 +79,7 @@ impl Messages {
         let m = &mut self.legs;
         (m.t_ns, m.tick) = (state.t_ns, state.tick);
         m.gait = state.gait as i8;
-        let T = Timing::of(state.gait, params).T;
+        let T = Timing::of(state, params).T;
         m.gait_phase = gait::cyclic(state.gait_clock, T) / T;
         let R_HW = estimate.base.R_WH.transpose();
         for leg in Leg::ALL {

@@ -12,7 +12,7 @@ use controller::quadruped::estimation::Estimate;
 use controller::quadruped::gait::Timing;
 use controller::quadruped::leg::Leg;
 use controller::quadruped::robot::Robot;
-use controller::quadruped::state::Gait;
+use controller::quadruped::state::{Cadence, Gait};
 use controller::{Controller, Outbox};
 use lcmtypes::{
     BaseTracking, ControllerInput, ControllerTick, LegState, Message, OperatorCommand, RobotCommand, WbcSolution,
@@ -130,6 +130,10 @@ pub fn operator_at(tick: i64) -> OperatorCommand {
         roll: 0.04,
         pitch: -0.03,
         height_offset: 0.02,
+        // Another cadence and height from the middle of the trot on.
+        swing_frequency: if tick < 400 { 0.0 } else { 3.5 },
+        duty: if tick < 400 { 0.0 } else { 0.6 },
+        step_height: if tick < 400 { 0.0 } else { 0.08 },
     }
 }
 
@@ -214,7 +218,7 @@ impl Puppet {
     /// The weight, shared by the feet that have found ground: most a little early, some late, the third very late.
     fn forces(&mut self, legs: &LegState) -> [Vector3<f64>; 4] {
         let gait = Gait::ALL[usize::try_from(legs.gait).unwrap()];
-        let T_sw = Timing::of(gait, &self.params).T_sw;
+        let T_sw = Timing::at(gait, Cadence::default(), &self.params).T_sw;
         let mut loaded = [true; 4];
         for (i, loaded) in loaded.iter_mut().enumerate() {
             let stance = legs.state[i] == LegState::STATE_STANCE;

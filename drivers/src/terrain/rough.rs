@@ -1,4 +1,4 @@
-//! Rough ground: undulation with stones on it, which are boxes with rounded corners, flat tops and smooth sides.
+//! Rough ground: undulation with stones on it, which are boxes with rounded corners, flat tops and smooth sides; plates are wide stones.
 
 use super::{HeightField, TerrainParams};
 use crate::rng::Rng;
@@ -7,8 +7,14 @@ use std::f64::consts::TAU;
 /// How densely stones lie; they may overlap.
 const STONES_PER_M2: f64 = 14.0;
 
-/// Half the longest side of a stone's top, m.
-const STONE_HALF_SIDE: f64 = 0.12;
+/// Half the shortest and the longest side of a stone's top, m.
+const STONE_HALF_SIDE: [f64; 2] = [0.01, 0.12];
+
+/// How densely plates lie: a fifth of the ground is covered.
+const PLATES_PER_M2: f64 = 0.25;
+
+/// Half the shortest and the longest side of a plate's top, m.
+const PLATE_HALF_SIDE: [f64; 2] = [0.25, 0.6];
 
 /// The height field of a seed.
 pub(super) fn rough(params: &TerrainParams, seed: i64) -> HeightField {
@@ -18,7 +24,13 @@ pub(super) fn rough(params: &TerrainParams, seed: i64) -> HeightField {
 
     let [extent_x, extent_y] = params.extent();
     let count = (extent_x * extent_y * STONES_PER_M2) as usize;
-    let stones: Vec<Stone> = (0..count).map(|_| Stone::random(&mut rng, params)).collect();
+    let mut stones: Vec<Stone> =
+        (0..count).map(|_| Stone::random(&mut rng, params, params.stone_height(), STONE_HALF_SIDE)).collect();
+    if let Some(height) = params.plate_height_m {
+        let mut rng = Rng::new(seed, "plates");
+        let count = (extent_x * extent_y * PLATES_PER_M2) as usize;
+        stones.extend((0..count).map(|_| Stone::random(&mut rng, params, height, PLATE_HALF_SIDE)));
+    }
     let bins = StoneBins::new(&stones, params.extent());
 
     let start = params.flat_radius();
@@ -67,15 +79,19 @@ struct Stone {
 }
 
 impl Stone {
-    fn random(rng: &mut Rng, params: &TerrainParams) -> Self {
+    fn random(
+        rng: &mut Rng,
+        params: &TerrainParams,
+        [height_min, height_max]: [f64; 2],
+        [side_min, side_max]: [f64; 2],
+    ) -> Self {
         let [extent_x, extent_y] = params.extent();
-        let [height_min, height_max] = params.stone_height();
         let turn = rng.uniform(0.0, TAU);
         let height = rng.uniform(height_min, height_max);
         Stone {
             centre: [rng.uniform(-0.5, 0.5) * extent_x, rng.uniform(-0.5, 0.5) * extent_y],
             axis: [libm::cos(turn), libm::sin(turn)],
-            half_top: [rng.uniform(0.01, STONE_HALF_SIDE), rng.uniform(0.01, STONE_HALF_SIDE)],
+            half_top: [rng.uniform(side_min, side_max), rng.uniform(side_min, side_max)],
             height,
             side_width: 1.5 * height / params.stone_slope(),
         }

@@ -1,0 +1,105 @@
+//! The ground as the feet have found it: the plane through their last contact points.
+//!
+//! ```text
+//! z = c + g_x x + g_y y        least squares over the four points, low-passed
+//! n = (-g_x, -g_y, 1)/|.|      normal: friction cones, contact threshold, swing plane, inclination of the base
+//! ```
+//! Everything is relative to the base origin in W axes, so no base position is needed: a standing foot's point is where the foot is now, that of
+//! a swinging one is carried along against the base velocity that the standing legs measure. W axes, so that a turn of the base
+//! does not turn the filtered plane. Source: Raiola et al. 2020, section 3.4, which leaves the estimator to other work.
+
+use super::estimation::{BaseEstimate, Estimate};
+use super::leg::Leg;
+use super::state::State;
+use crate::math::{Rx, Ry, Rz, atan2, low_pass};
+use crate::params::Params;
+use nalgebra::{Matrix3, Vector3};
+
+/// Upward normal of a ground that rises by `gradient` along x and y.
+pub fn normal(gradient: [f64; 2]) -> Vector3<f64> {
+    Vector3::new(-gradient[0], -gradient[1], 1.0).normalize()
+}
+
+/// How much higher the ground is below `p` than below the origin, m.
+pub fn rise(gradient: [f64; 2], p: &Vector3<f64>) -> f64 {
+    gradient[0] * p.x + gradient[1] * p.y
+}
+
+/// A gradient, seen in axes turned by `yaw`.
+pub fn turned(gradient: [f64; 2], yaw: f64) -> [f64; 2] {
+    let g = Rz(-yaw) * Vector3::new(gradient[0], gradient[1], 0.0);
+    [g.x, g.y]
+}
+
+/// Orientation of the ground's axes in the horizontal ones: `R_HT = Ry(θ) Rx(φ)`, whose z axis is the normal.
+pub fn inclination(gradient_H: [f64; 2]) -> Matrix3<f64> {
+    let n = normal(gradient_H);
+    let theta = atan2(n.x, n.z);
+    let phi = -atan2(n.y, (n.x * n.x + n.z * n.z).sqrt());
+    Ry(theta) * Rx(phi)
+}
+
+/// The gradient that standing legs are to fit, in H: that of the estimator, or without it that under which the base has the tilt commanded,
+/// so that the posture asks for no other tilt than the base has.
+pub fn presumed_gradient_H(params: &Params, base: &BaseEstimate, state: &State) -> [f64; 2] {
+    if params.terrain.estimator {
+        return turned(state.gradient_W, base.rpy[2]);
+    }
+    let [roll, pitch] = state.rp_des;
+    let n_H = base.R_HB * (Ry(pitch) * Rx(roll)).transpose() * Vector3::z();
+    let limit = params.terrain.max_gradient;
+    [n_H.x, n_H.y].map(|n| (-n / n_H.z).clamp(-limit, limit))
+}
+
+/// Moves contact points, velocity estimate and gradient on.
+pub fn update(params: &Params, estimate: &Estimate, state: &mut State, dt: f64) {
+    let v_WB = base_velocity(estimate, state);
+    for leg in Leg::ALL {
+        if state.leg_phase[leg].is_stance() {
+            state.p_ground_W[leg] = estimate.legs[leg].p_BF_W;
+        } else {
+            state.p_ground_W[leg] -= v_WB * dt;
+        }
+    }
+    let v_H = estimate.base.R_WH.transpose() * v_WB;
+    for (est, v) in state.v_H_est.iter_mut().zip([v_H.x, v_H.y]) {
+        *est = low_pass(*est, v, params.recovery.velocity_time_constant, dt);
+    }
+    if !params.terrain.estimator {
+        return;
+    }
+    let limit = params.terrain.max_gradient;
+    if let Some(plane) = fit(&state.p_ground_W.0) {
+        for (g, found) in state.gradient_W.iter_mut().zip(plane) {
+            *g = low_pass(*g, found.clamp(-limit, limit), params.terrain.time_constant, dt);
+        }
+    }
+}
+
+/// Velocity of the base over the feet that stand, m/s in W: the mean of what each leg sees; zero without any.
+fn base_velocity(estimate: &Estimate, state: &State) -> Vector3<f64> {
+    let (mut sum, mut count) = (Vector3::zeros(), 0.0);
+    for (leg, of_leg) in estimate.legs.iter() {
+        if state.leg_phase[leg].is_stance() {
+            sum -= of_leg.v_BF_W;
+            count += 1.0;
+        }
+    }
+    if count > 0.0 { sum / count } else { sum }
+}
+
+/// Gradient of the least-squares plane; `None` through points that are (nearly) in line.
+fn fit(points: &[Vector3<f64>; 4]) -> Option<[f64; 2]> {
+    let mean = points.iter().fold(Vector3::zeros(), |sum, p| sum + p) / 4.0;
+    let (mut xx, mut xy, mut yy, mut xz, mut yz) = (0.0, 0.0, 0.0, 0.0, 0.0);
+    for p in points {
+        let d = p - mean;
+        xx += d.x * d.x;
+        xy += d.x * d.y;
+        yy += d.y * d.y;
+        xz += d.x * d.z;
+        yz += d.y * d.z;
+    }
+    let det = xx * yy - xy * xy;
+    (det > 1e-4).then(|| [(xz * yy - yz * xy) / det, (yz * xx - xz * xy) / det])
+}
