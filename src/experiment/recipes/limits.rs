@@ -13,7 +13,7 @@ pub fn limits(bench: &Bench) -> anyhow::Result<Vec<Row>> {
         .with("duration_s", "14.0")
         .with("operator", walk)
         .with("noise", "{ velocity = 0.01, orientation = 0.001, gyro = 0.002 }")
-        .with("terrain", "{ kind = \"steps\", step_height_m = 0.02, step_length_m = 10.0, flat_radius_m = 0.8, extent_m = [12.0, 4.0] }");
+        .with("terrain", "{ kind = \"steps\", step_height_m = 0.02, step_length_m = 5.0, flat_radius_m = 0.8, extent_m = [12.0, 4.0] }");
     let push = Spec::of("flat_trot")
         .named("push")
         .with("duration_s", "8.0")
