@@ -240,6 +240,10 @@ pub struct FootholdParams {
     pub max_speed: f64,
     /// Largest commanded yaw rate, rad/s.
     pub max_yaw_rate: f64,
+    /// Gain of the integral that trims the commanded velocity until the base goes as commanded, 1/s; 0 = none.
+    pub speed_trim_gain: f64,
+    /// Largest trim, m/s.
+    pub max_speed_trim: f64,
     /// Part of the swing, at its end, in which step length and heading are kept.
     pub freeze_fraction: f64,
 }
@@ -252,6 +256,8 @@ impl Default for FootholdParams {
             max_acceleration: 0.5,
             max_speed: 0.6,
             max_yaw_rate: 0.8,
+            speed_trim_gain: 0.4,
+            max_speed_trim: 0.1,
             freeze_fraction: 0.2,
         }
     }
@@ -335,7 +341,7 @@ pub struct RecoveryParams {
     pub max_capture: f64,
     /// Time constant of the velocity estimate's filter, s.
     pub velocity_time_constant: f64,
-    /// Lift a foot anew from where it has run into something in the first half of its swing.
+    /// Lift a foot anew from where it has run into something in the first half of its swing. Off: on stairs of 0.10 m it has cost more than it saved.
     pub step_reflex: bool,
     /// Force against the step that counts as running into something, N.
     pub reflex_force: f64,
@@ -352,7 +358,7 @@ impl Default for RecoveryParams {
             capture_gain: 1.0,
             max_capture: 0.15,
             velocity_time_constant: 0.05,
-            step_reflex: true,
+            step_reflex: false,
             reflex_force: 50.0,
             reflex_retraction: 0.03,
             lost_contact_time: 0.05,
@@ -413,6 +419,8 @@ pub struct PostureParams {
     pub stance_kd: [f64; 3],
     /// Stance gains are torques, as [`PostureParams::swing_inertia`].
     pub stance_inertia: bool,
+    /// Largest lead of a standing leg's joint reference over the joint, rad.
+    pub max_stance_lead: f64,
     /// Time constant with which the reference of a landed leg goes from its touchdown value to the nominal posture, s.
     pub blend_time_constant: f64,
 }
@@ -426,6 +434,7 @@ impl Default for PostureParams {
             stance_kp: [500.0; 3],
             stance_kd: [45.0; 3],
             stance_inertia: false,
+            max_stance_lead: 0.15,
             blend_time_constant: 0.25,
         }
     }

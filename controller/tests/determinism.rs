@@ -263,7 +263,7 @@ fn situations() -> Vec<Situation> {
         (in_the_air.step_heading, in_the_air.reflexes) = ([heading; 4], [1; 4]);
         let mut bytes = Vec::new();
         in_the_air.encode(&mut bytes).unwrap();
-        let overrides = &[("recovery.reflex_force", "1e-9")];
+        let overrides = &[("recovery.reflex_force", "1e-9"), ("recovery.step_reflex", "true")];
         situations.push(Situation { overrides, snapshot: bytes, inputs: inputs.clone() });
     }
 

@@ -30,6 +30,7 @@ impl Params {
             ("terrain.time_constant", self.terrain.time_constant),
             ("recovery.velocity_time_constant", self.recovery.velocity_time_constant),
             ("recovery.reflex_force", self.recovery.reflex_force),
+            ("posture.max_stance_lead", self.posture.max_stance_lead),
             ("posture.blend_time_constant", self.posture.blend_time_constant),
             ("wbc.regularization", self.wbc.regularization),
             ("wbc.friction", self.wbc.friction),
@@ -47,7 +48,7 @@ impl Params {
         }
         let RobotConfig { sensors, posture, .. } = &self.robot;
         let Params { gait, foothold, swing, contact, terrain, recovery, trunk, posture: p, wbc, safety, .. } = self;
-        let not_negative: [(_, &[f64]); 26] = [
+        let not_negative: [(_, &[f64]); 28] = [
             ("robot.sensors.position", &[sensors.position]),
             ("robot.sensors.velocity", &[sensors.velocity]),
             ("robot.sensors.torque", &[sensors.torque]),
@@ -58,6 +59,8 @@ impl Params {
             ("foothold.max_yaw_rate", &[foothold.max_yaw_rate]),
             ("contact.release", &[contact.release]),
             ("contact.min_jacobian_det", &[contact.min_jacobian_det]),
+            ("foothold.speed_trim_gain", &[foothold.speed_trim_gain]),
+            ("foothold.max_speed_trim", &[foothold.max_speed_trim]),
             ("recovery.capture_gain", &[recovery.capture_gain]),
             ("recovery.max_capture", &[recovery.max_capture]),
             ("recovery.reflex_retraction", &[recovery.reflex_retraction]),

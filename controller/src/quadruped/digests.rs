@@ -64,6 +64,7 @@ pub fn gait(references: &References, state: &State) -> i64 {
     d.f64s(&[state.gait_clock, state.yaw_des, state.height_offset, state.zeta, state.yaw_rate_des]);
     d.f64s(&state.rp_des);
     d.f64s(&state.v_H_des);
+    d.f64s(&state.v_trim_H);
     d.f64s(&state.sway_H);
     d.word(state.gait as u64);
     d.word(state.mode as u64);

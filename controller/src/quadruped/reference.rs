@@ -76,6 +76,7 @@ impl References {
         let slope_H = terrain::presumed_gradient_H(params, &estimate.base, state);
         let zeta_dot = height_integral(robot, params, state, dt);
         sway::update(robot, params, changes, state, dt);
+        trim(params, state, dt);
         let sway_dot = state.sway_rate_H;
         let halted = state.leg_phase.0.contains(&LegPhase::FaultHold);
         for leg in Leg::ALL {
@@ -107,7 +108,7 @@ impl References {
                 self.swing(robot, params, estimate, state, leg);
             }
         }
-        self.clik(robot, params, estimate, changes, state, dt);
+        self.clik(robot, params, estimate, q, changes, state, dt);
     }
 
     fn swing(&mut self, robot: &Robot, params: &Params, estimate: &Estimate, state: &mut State, leg: Leg) {
@@ -150,6 +151,7 @@ impl References {
         robot: &Robot,
         params: &Params,
         estimate: &Estimate,
+        q: &[f64],
         changes: &Transitions,
         state: &mut State,
         dt: f64,
@@ -185,8 +187,13 @@ impl References {
             let qd = damped_inverse(&J_leg) * rd_W;
             for (k, joint) in of_robot.joints.into_iter().enumerate() {
                 let limits = &robot.model.joints[joint];
-                let moved = (state.q_des[joint] + qd[k] * dt).clamp(limits.lower, limits.upper);
+                let mut moved = (state.q_des[joint] + qd[k] * dt).clamp(limits.lower, limits.upper);
                 let free = moved > limits.lower && moved < limits.upper;
+                if stance {
+                    // A base that has sunk or been thrown is to be brought back, not hurled.
+                    let lead = params.posture.max_stance_lead;
+                    moved = q[joint] + (moved - q[joint]).clamp(-lead, lead);
+                }
                 let qd_des = if free { qd[k] } else { 0.0 };
                 // At the lift-off the reference jumps, from one of stance to one of swing.
                 let smooth = !stance && !changes.lift_off[leg] && !changes.anew[leg] && dt > 0.0;
@@ -270,8 +277,23 @@ fn velocity_at(p_H: [f64; 2], robot: &Robot, params: &Params, state: &State) -> 
 
 /// The part of it that is the same for all feet.
 fn sweep_velocity(robot: &Robot, params: &Params, state: &State) -> [f64; 2] {
-    let gain = gait::row_of(state.gait, params).velocity_gain;
-    [0, 1].map(|k| gain * robot.sweep[k] * state.v_H_des[k])
+    let row = gait::row_of(state.gait, params);
+    let trim = if row.sway > 0.0 { [0.0; 2] } else { state.v_trim_H };
+    [0, 1].map(|k| row.velocity_gain * robot.sweep[k] * (state.v_H_des[k] + trim[k]))
+}
+
+/// Moves the trim of the commanded velocity on: a slow integral of what the legs see of the base's speed, so that the robot goes as fast as
+/// commanded whatever its feet and the ground take off. A base that sways by a plan is left to it: there the integral makes it fall.
+fn trim(params: &Params, state: &mut State, dt: f64) {
+    let sways = gait::row_of(state.gait, params).sway > 0.0;
+    if state.mode != Mode::Walk || state.gait_clock < 0.0 || sways {
+        return;
+    }
+    let limit = params.foothold.max_speed_trim;
+    for k in 0..2 {
+        let error = state.v_H_des[k] - state.v_H_est[k];
+        state.v_trim_H[k] = (state.v_trim_H[k] + params.foothold.speed_trim_gain * error * dt).clamp(-limit, limit);
+    }
 }
 
 /// `J⁻¹`, or the damped least-squares inverse `Jᵀ (J Jᵀ + 1e-4 I)⁻¹` near a singularity.

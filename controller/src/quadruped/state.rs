@@ -111,6 +111,7 @@ pub struct State {
     pub reflexes: PerLeg<i32>,
     pub t_unloaded: PerLeg<f64>,
     pub v_H_est: [f64; 2],
+    pub v_trim_H: [f64; 2],
     pub p_ground_W: PerLeg<Vector3<f64>>,
     pub gradient_W: [f64; 2],
 }
@@ -158,6 +159,7 @@ impl State {
             reflexes: PerLeg::default(),
             t_unloaded: PerLeg::default(),
             v_H_est: [0.0; 2],
+            v_trim_H: [0.0; 2],
             p_ground_W: PerLeg::default(),
             gradient_W: [0.0; 2],
         }
@@ -204,6 +206,7 @@ impl State {
             reflexes,
             t_unloaded,
             v_H_est,
+            v_trim_H,
             p_ground_W,
             gradient_W,
         } = self;
@@ -249,6 +252,7 @@ impl State {
         m.reflexes = reflexes.0;
         m.t_unloaded = t_unloaded.0;
         m.v_H_est = *v_H_est;
+        m.v_trim_H = *v_trim_H;
         m.p_ground_W = p_ground_W.0.map(Into::into);
         m.gradient_W = *gradient_W;
     }
@@ -261,7 +265,7 @@ impl State {
         if m.q_des.len() != nj {
             return Err(RestoreError::Joints { found: m.q_des.len(), expected: nj });
         }
-        let numbers: [(_, &[f64]); 28] = [
+        let numbers: [(_, &[f64]); 29] = [
             ("gait_clock", &[m.gait_clock]),
             ("f_F_W", m.f_F_W.as_flattened()),
             ("p_lift_H", m.p_lift_H.as_flattened()),
@@ -288,6 +292,7 @@ impl State {
             ("step_height", &m.step_height),
             ("t_unloaded", &m.t_unloaded),
             ("v_H_est", &m.v_H_est),
+            ("v_trim_H", &m.v_trim_H),
             ("p_ground_W", m.p_ground_W.as_flattened()),
             ("gradient_W", &m.gradient_W),
         ];
@@ -343,6 +348,7 @@ impl State {
             reflexes: PerLeg(m.reflexes),
             t_unloaded: PerLeg(m.t_unloaded),
             v_H_est: m.v_H_est,
+            v_trim_H: m.v_trim_H,
             p_ground_W: PerLeg(m.p_ground_W.map(Into::into)),
             gradient_W: m.gradient_W,
         })

@@ -173,7 +173,8 @@ impl Tasks {
         }
     }
 
-    /// `qdd = K_P (q_des - q) + K_D (qd_des - qd)`, premultiplied by the leg's inverse inertia if asked. Source: eq. (9), appendix A.
+    /// `qdd = qdd_des + K_P (q_des - q) + K_D (qd_des - qd)`, gains premultiplied by the leg's inverse inertia if asked. Source: eq. (9), appendix A,
+    /// which has no `qdd_des`; it is that of the swing reference, 0 in stance, and takes the feet from 3.5 to 1 mm off theirs.
     fn posture(
         &mut self,
         robot: &Robot,
@@ -199,8 +200,9 @@ impl Tasks {
                 u = M_leg.try_inverse().map_or(Vector3::zeros(), |inverse| inverse * u);
             }
             for k in 0..3 {
-                self.qdd_posture[joints[k]] = u[k];
-                self.rows[POSTURE].b[joints[k]] = u[k];
+                let qdd = u[k] + state.qdd_des[joints[k]];
+                self.qdd_posture[joints[k]] = qdd;
+                self.rows[POSTURE].b[joints[k]] = qdd;
             }
         }
     }

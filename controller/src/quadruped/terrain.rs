@@ -103,3 +103,32 @@ fn fit(points: &[Vector3<f64>; 4]) -> Option<[f64; 2]> {
     let det = xx * yy - xy * xy;
     (det > 1e-4).then(|| [(xz * yy - yz * xy) / det, (yz * xx - xz * xy) / det])
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_plane_through_four_points_is_found_wherever_they_lie() {
+        let at = |x: f64, y: f64| Vector3::new(x, y, 0.4 + 0.17 * x - 0.05 * y);
+        let [gx, gy] = fit(&[at(0.4, 0.3), at(0.5, -0.2), at(-0.3, 0.35), at(-0.4, -0.3)]).unwrap();
+        assert!((gx - 0.17).abs() < 1e-12 && (gy + 0.05).abs() < 1e-12, "{gx} {gy}");
+        // One foot 4 cm high, the others on a square of 0.8 by 0.6 m: by hand, 0.04/4 over half a side.
+        let mut square = [(0.4, 0.3), (0.4, -0.3), (-0.4, 0.3), (-0.4, -0.3)].map(|(x, y)| Vector3::new(x, y, 0.0));
+        square[0].z = 0.04;
+        let [gx, gy] = fit(&square).unwrap();
+        assert!((gx - 0.01 / 0.4).abs() < 1e-12 && (gy - 0.01 / 0.3).abs() < 1e-12, "{gx} {gy}");
+        assert_eq!(fit(&[0.1, 0.2, 0.3, 0.4].map(|x| Vector3::new(x, x, 0.0))), None);
+    }
+
+    #[test]
+    fn the_axes_of_the_ground_stand_on_it() {
+        for gradient in [[0.2, 0.0], [0.0, -0.15], [-0.1, 0.25]] {
+            let R_HT = inclination(gradient);
+            let off = R_HT * Vector3::z() - normal(gradient);
+            assert!(off.norm() < 1e-12, "{gradient:?}: {off}");
+        }
+        // Uphill ahead pitches the nose up, which is negative about y.
+        assert!((crate::math::rpy_of(&inclination([0.2, 0.0]))[1] + libm::atan(0.2)).abs() < 1e-12);
+    }
+}

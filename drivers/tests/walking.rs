@@ -1,0 +1,189 @@
+//! The controller in the simulator: ramps, pushes, rough ground, settings changed while walking.
+#![allow(non_snake_case, clippy::unwrap_used, missing_docs)]
+
+use controller::Outbox;
+use controller::model::UrdfTree;
+use controller::params::{Params, apply_overrides};
+use drivers::{MujocoSim, Scenario, SimParams, Simulator, Terrain};
+use lcmtypes::{
+    BaseTracking, ContactEstimate, ControllerInput, ControllerTick, GroundTruth, LegState, Message, RobotCommand,
+    RobotState, RunInfo, channels,
+};
+use std::path::Path;
+
+/// What a test may look at in a tick.
+struct Tick {
+    t_s: f64,
+    truth: GroundTruth,
+    base: BaseTracking,
+    contact: ContactEstimate,
+    legs: LegState,
+    status: ControllerTick,
+}
+
+/// Walks a scenario of the project and shows every tick; panics where the robot falls or gives up.
+fn walk(
+    robot: &str,
+    scenario: &str,
+    edit: impl Fn(String) -> String,
+    set: &[(&str, &str)],
+    mut look: impl FnMut(&Tick),
+) {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR")).parent().unwrap();
+    let read = |path: String| std::fs::read_to_string(root.join(path)).unwrap();
+    let set: Vec<_> = set.iter().map(|(k, v)| ((*k).to_owned(), (*v).to_owned())).collect();
+    let text = apply_overrides(&read(format!("robots/{robot}/{robot}.toml")), &set).unwrap();
+    let params = Params::from_toml(&text, robot).unwrap();
+    let urdf = read(format!("robots/{robot}/{}", params.robot.urdf));
+    let scenario = Scenario::parse(&edit(read(format!("scenarios/{scenario}.toml"))), scenario).unwrap();
+    let info = RunInfo {
+        controller: "quadruped".to_owned(),
+        robot: robot.to_owned(),
+        urdf,
+        params: text,
+        ..RunInfo::default()
+    };
+    let mut controller = controller::load(&info).unwrap();
+    let tree = UrdfTree::parse(&info.urdf, robot).unwrap();
+    let terrain = Terrain::new(&scenario.terrain, scenario.seed);
+    let mut sim = MujocoSim::new(&tree, &params.robot, terrain, SimParams::of(&scenario)).unwrap();
+    let (mut operator, mut input, mut out) = (scenario.operator.clone(), ControllerInput::default(), Outbox::new());
+    let (mut state, mut truth) = (RobotState::default(), GroundTruth::default());
+    input.op.seq = -1;
+    for tick in 0..scenario.duration_ns() / sim.period_ns() {
+        let t_ns = tick * sim.period_ns();
+        input.op = operator.operator_at(t_ns).unwrap_or(input.op);
+        sim.robot_state(t_ns, tick, &mut state);
+        sim.ground_truth(t_ns, &mut truth);
+        input.state.clone_from(&state);
+        (input.t_ns, input.tick) = (t_ns, tick);
+        controller.step(&input, &mut out);
+        let seen = Tick {
+            t_s: t_ns as f64 * 1e-9,
+            truth: truth.clone(),
+            base: BaseTracking::decode(out.get(channels::BASE_TRACKING).unwrap()).unwrap(),
+            contact: ContactEstimate::decode(out.get(channels::CONTACT_ESTIMATE).unwrap()).unwrap(),
+            legs: LegState::decode(out.get(channels::LEG_STATE).unwrap()).unwrap(),
+            status: ControllerTick::decode(out.get(channels::CONTROLLER_TICK).unwrap()).unwrap(),
+        };
+        assert_ne!(seen.status.mode, ControllerTick::MODE_DAMPING, "{robot} gave up: {:?}", seen.status);
+        assert!(!sim.fallen(), "{robot} fell at {} s", seen.t_s);
+        look(&seen);
+        sim.apply(&RobotCommand::decode(out.get(channels::ROBOT_COMMAND).unwrap()).unwrap()).unwrap();
+        sim.clear_pushes();
+        for push in scenario.pushes_at(t_ns) {
+            sim.add_push(push.link.as_deref(), push.f_W, push.tau_W).unwrap();
+        }
+        sim.step().unwrap();
+    }
+}
+
+#[test]
+fn both_robots_walk_up_across_and_down_a_ramp_and_know_its_slope() {
+    for robot in ["hyq", "anymal_b"] {
+        let (mut on_ramp, mut pitch) = (0, 0.0_f64);
+        walk(
+            robot,
+            "slope",
+            |s| s,
+            &[],
+            |tick| {
+                // Well on the ramp, two seconds after the last foot has stepped on it.
+                if (9.0..12.0).contains(&tick.t_s) {
+                    let [x, _, z] = tick.contact.n_W;
+                    assert!(
+                        (libm::atan2(-x, z) - 0.1745).abs() < 0.02,
+                        "{robot} at {} s: n {:?}",
+                        tick.t_s,
+                        tick.contact.n_W
+                    );
+                    pitch = pitch.min(tick.base.rpy_est[1]);
+                    on_ramp += 1;
+                }
+            },
+        );
+        assert!(on_ramp == 3000 && pitch < -0.16, "{robot}: the base follows the ramp, least pitch {pitch}");
+    }
+}
+
+#[test]
+fn the_height_over_flat_ground_is_known_to_a_few_millimetres() {
+    let mut errors = Vec::new();
+    walk("hyq", "flat_trot", |s| s, &[], |tick| errors.push(tick.base.height_est - tick.truth.p_WB[2]));
+    let n = errors.len() as f64;
+    let mean = errors.iter().sum::<f64>() / n;
+    let std = (errors.iter().map(|e| (e - mean) * (e - mean)).sum::<f64>() / n).sqrt();
+    // A8 of the paper's experiments: below 5 mm.
+    assert!(std < 5e-3 && mean.abs() < 5e-3, "mean {mean} m, std {std} m");
+}
+
+#[test]
+fn a_pushed_robot_stays_where_it_is_with_the_capture_point_and_runs_away_without() {
+    let hard = |s: String| s.replace("300.0", "600.0");
+    let way = |on: &str| {
+        let mut last = [0.0; 3];
+        walk("hyq", "push", hard, &[("recovery.capture_point", on)], |tick| last = tick.truth.p_WB);
+        libm::hypot(last[0], last[1])
+    };
+    let (with, without) = (way("true"), way("false"));
+    assert!(with < 0.3 && without > 1.0, "{with} m with, {without} m without");
+}
+
+#[test]
+fn both_robots_cross_the_beginning_of_the_rough_track() {
+    for robot in ["hyq", "anymal_b"] {
+        let (mut x, mut late) = (0.0, 0);
+        walk(
+            robot,
+            "rough_track",
+            |s| s.replace("duration_s = 45.0", "duration_s = 16.0"),
+            &[],
+            |tick| {
+                x = tick.truth.p_WB[0];
+                late += usize::from(tick.legs.state.contains(&LegState::STATE_REACH));
+            },
+        );
+        assert!(x > 3.0 && late > 100, "{robot}: x {x} m, {late} ticks with a late foot");
+    }
+}
+
+#[test]
+fn cadence_and_step_height_change_while_walking_and_nonsense_is_refused() {
+    let settings = "
+[[operator]]
+t_s = 4.0
+swing_frequency = 5.0
+step_height = 0.06
+
+[[operator]]
+t_s = 5.0
+duty = 0.65
+
+[[operator]]
+t_s = 6.0
+swing_frequency = 50.0
+";
+    let (mut lift_offs, mut before, mut refused) = ([0; 8], [0; 4], Vec::new());
+    let edit = |s: String| {
+        let (head, tail) = s.split_at(s.find("[[operator]]\nt_s = 7.0").unwrap());
+        let tail = &tail[tail.find("[[push]]").unwrap()..];
+        format!("{head}{settings}\n{}", tail.replace("300.0", "0.0"))
+    };
+    walk("hyq", "push", edit, &[], |tick| {
+        for leg in 0..4 {
+            let lifts = before[leg] == LegState::STATE_STANCE && tick.legs.state[leg] != LegState::STATE_STANCE;
+            lift_offs[tick.t_s as usize] += usize::from(lifts);
+        }
+        before = tick.legs.state;
+        if tick.status.fault == ControllerTick::FAULT_OPERATOR_RANGE {
+            assert_eq!((tick.status.fault_index, tick.status.fault_value), (0, 50.0));
+            refused.push(tick.t_s);
+        }
+    });
+    // Four legs a stride of T_sw/(1 - duty): 7.2 a second at 4 Hz and 0.55, then 9, then 7; and 7 again, since 50 Hz is refused.
+    for (second, expected) in [(3, 7.2), (4, 9.0), (5, 7.0), (6, 7.0), (7, 7.0)] {
+        let found = lift_offs[second] as f64;
+        assert!((found - expected).abs() <= 2.0, "second {second}: {found} lift-offs, expected {expected}");
+    }
+    assert_eq!(refused.first(), Some(&6.0));
+}
