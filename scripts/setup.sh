@@ -39,6 +39,7 @@ install_packages() {
     command -v lcm-logger >/dev/null || missing+=(liblcm-bin)
     command -v ip >/dev/null || missing+=(iproute2)
     command -v valgrind >/dev/null || missing+=(valgrind)
+    command -v qemu-x86_64 >/dev/null || missing+=(qemu-user)
     mujoco_present || python3 -m pip --version >/dev/null 2>&1 || missing+=(python3 python3-pip)
     [ ${#missing[@]} -gt 0 ] || return 0
 

@@ -3,15 +3,19 @@
 //! A folder holds the logs, `corpus.toml` that lists them, and a `README.md` made from it. A golden log is trimmed to what a replay
 //! needs to start ([`CHANNELS`]) and to judge: the digests of every tick stand for all other outputs.
 //!
+//! A log of the field becomes a small regression test: [`Part`] cuts out the ticks around an incident, with the recorded state before them.
+//!
 //! [`check`] replays all of them. When a change of behaviour is meant, [`accept`] replays the inputs of one and writes today's outputs
 //! into it; the commit then shows the log, the reason, and the first place where it changed.
 
 use crate::Error;
+use crate::engine::ticks::{Beside, Ticks, integer_at};
 use crate::engine::{Divergence, Options, Replay};
-use crate::log::{LogReader, LogWriter};
+use crate::log::{Event, LogReader, LogWriter};
 use controller::{Controller, LoadError};
 use lcmtypes::channels::{self, Class};
 use lcmtypes::{ControllerInput, Message, RunInfo};
+use sha2::{Digest, Sha256};
 use std::collections::BTreeSet;
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
@@ -39,8 +43,21 @@ pub struct CorpusResult {
     pub ticks: u64,
     /// Where replay and record part first.
     pub first_divergence: Option<Divergence>,
+    /// Largest distance of two floats anywhere, in floats; of a log that keeps digests alone only the states tell.
+    pub largest_ulp: Option<u64>,
+    /// The file is not the one that was added or accepted last: its SHA-256 is not that of the manifest.
+    pub altered: bool,
     /// Why the log could not be replayed.
     pub error: Option<String>,
+}
+
+/// A part of a log, for a small regression test.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Part {
+    /// Middle of what must be in it, s since the first tick of the log.
+    pub around_s: f64,
+    /// How much of the log must be in it at least, s; it begins behind a recorded state, so it may be more.
+    pub span_s: f64,
 }
 
 /// What [`accept`] has done.
@@ -68,6 +85,9 @@ struct Golden {
     name: String,
     file: String,
     bytes: u64,
+    /// SHA-256 of the file, hexadecimal.
+    #[serde(default)]
+    sha256: String,
     /// What the log is for, or why it was recorded anew.
     why: String,
 }
@@ -101,6 +121,21 @@ pub fn accept(dir: impl AsRef<Path>, name: &str, why: &str) -> Result<Accepted, 
 /// [`Error::Manifest`] if the name is taken, or what stops reading or writing.
 pub fn add(dir: impl AsRef<Path>, log: &Path, name: &str, why: &str, more: &[&str]) -> Result<u64, Error> {
     Corpus::open_with(dir, controller::load)?.add(log, name, why, more)
+}
+
+/// As [`add`], of a part of the run only.
+///
+/// # Errors
+/// As [`add`]; [`Error::BeyondEnd`] if the log ends before the part.
+pub fn add_part(
+    dir: impl AsRef<Path>,
+    log: &Path,
+    part: Part,
+    name: &str,
+    why: &str,
+    more: &[&str],
+) -> Result<u64, Error> {
+    Corpus::open_with(dir, controller::load)?.add_part(log, Some(part), name, why, more)
 }
 
 /// Copies of a log what a golden log keeps: [`CHANNELS`] and `more`. Gives back the number of events.
@@ -163,7 +198,7 @@ impl<'a> Corpus<'a> {
         leftover.map_or(Ok(()), |source| Err(io(&self.dir, source)))?;
         let bytes = length(&path)?;
         let golden = &mut self.manifest.log[place];
-        (golden.bytes, golden.why) = (bytes, why.to_owned());
+        (golden.bytes, golden.sha256, golden.why) = (bytes, sha256(&path)?, why.to_owned());
         self.write()?;
         Ok(Accepted { before, bytes_before, bytes })
     }
@@ -173,6 +208,21 @@ impl<'a> Corpus<'a> {
     /// # Errors
     /// As [`add`].
     pub fn add(&mut self, log: &Path, name: &str, why: &str, more: &[&str]) -> Result<u64, Error> {
+        self.add_part(log, None, name, why, more)
+    }
+
+    /// [`add`], or [`add_part`].
+    ///
+    /// # Errors
+    /// As those.
+    pub fn add_part(
+        &mut self,
+        log: &Path,
+        part: Option<Part>,
+        name: &str,
+        why: &str,
+        more: &[&str],
+    ) -> Result<u64, Error> {
         if self.manifest.log.iter().any(|golden| golden.name == name) {
             return Err(manifest_error(&self.dir.join(MANIFEST), format!("a log named \"{name}\" is there")));
         }
@@ -183,9 +233,12 @@ impl<'a> Corpus<'a> {
         }
         let file = format!("{name}.mcap");
         let path = self.dir.join(&file);
-        trim_to_golden(log, &path, more)?;
-        let bytes = length(&path)?;
-        self.manifest.log.push(Golden { name: name.into(), file, bytes, why: why.into() });
+        match part {
+            None => trim_to_golden(log, &path, more)?,
+            Some(part) => copy_part(log, &path, part, more)?,
+        };
+        let (bytes, sha256) = (length(&path)?, sha256(&path)?);
+        self.manifest.log.push(Golden { name: name.into(), file, bytes, sha256, why: why.into() });
         self.manifest.log.sort_by(|a, b| a.name.cmp(&b.name));
         self.write()?;
         Ok(bytes)
@@ -203,6 +256,7 @@ impl<'a> Corpus<'a> {
     fn check_one(&self, golden: &Golden, jobs: usize) -> CorpusResult {
         let options = Options { jobs, ..Options::default() };
         let path = self.dir.join(&golden.file);
+        let altered = !golden.sha256.is_empty() && sha256(&path).is_ok_and(|found| found != golden.sha256);
         let report = Replay::open_with(path, &*self.load).and_then(|replay| replay.run(&options, &mut |_| {}));
         let name = golden.name.clone();
         match report {
@@ -212,10 +266,16 @@ impl<'a> Corpus<'a> {
                     report.damaged == 0 && !report.cut && report.skipped_ticks == 0 && report.missing_input_ticks == 0;
                 CorpusResult {
                     name,
-                    identical: report.identical && whole,
+                    identical: report.identical && whole && !altered,
                     ticks: report.ticks,
+                    largest_ulp: report.largest_ulp,
+                    altered,
+                    error: match whole {
+                        false => Some("the log is damaged, cut, or lacks inputs".to_owned()),
+                        true if altered && report.identical => Some("not the file that was accepted".to_owned()),
+                        true => None,
+                    },
                     first_divergence: report.first_divergence,
-                    error: (!whole).then(|| "the log is damaged, cut, or lacks inputs".to_owned()),
                 }
             }
             Err(error) => CorpusResult {
@@ -223,9 +283,32 @@ impl<'a> Corpus<'a> {
                 identical: false,
                 ticks: 0,
                 first_divergence: None,
+                largest_ulp: None,
+                altered,
                 error: Some(error.to_string()),
             },
         }
+    }
+
+    /// File of a golden log.
+    pub fn file(&self, name: &str) -> Option<PathBuf> {
+        self.manifest.log.iter().find(|golden| golden.name == name).map(|golden| self.dir.join(&golden.file))
+    }
+
+    /// Replays the inputs of a golden log into a log with all outputs of today's controller.
+    ///
+    /// # Errors
+    /// [`Error::UnknownGolden`], or what stops the replay.
+    pub fn today(&self, name: &str, out: &Path) -> Result<(), Error> {
+        let unknown =
+            || Error::UnknownGolden { path: self.dir.join(MANIFEST), name: name.into(), known: String::new() };
+        let path = self.file(name).ok_or_else(unknown)?;
+        let inputs = out.with_extension("inputs.mcap");
+        copy_inputs(&path, &inputs)?;
+        let options = Options { out: Some(out.into()), ..Options::default() };
+        let replayed = Replay::open_with(&inputs, &*self.load).and_then(|replay| replay.run(&options, &mut |_| {}));
+        std::fs::remove_file(&inputs).map_err(|source| io(&inputs, source))?;
+        replayed.map(drop)
     }
 
     fn write(&self) -> Result<(), Error> {
@@ -246,16 +329,49 @@ impl<'a> Corpus<'a> {
 
 /// Copies the events of some channels.
 fn copy(log: &Path, out: &Path, mut keep: impl FnMut(&str) -> bool) -> Result<u64, Error> {
+    copy_events(log, out, |event| keep(&event.channel))
+}
+
+fn copy_events(log: &Path, out: &Path, mut keep: impl FnMut(&Event) -> bool) -> Result<u64, Error> {
     Error::unless_apart(log, out)?;
     let events = LogReader::open(log)?.events();
     let mut out = LogWriter::create(out)?;
     for event in events {
         let event = event?;
-        if keep(&event.channel) {
+        if keep(&event) {
             out.write(&event.channel, event.t_ns, &event.data)?;
         }
     }
     out.finish()
+}
+
+/// Copies the ticks around an incident: RUN_INFO, the recorded state before them, and of every tick what a golden log keeps.
+fn copy_part(log: &Path, out: &Path, part: Part, more: &[&str]) -> Result<u64, Error> {
+    let (from_s, to_s) = (part.around_s - 0.5 * part.span_s, part.around_s + 0.5 * part.span_s);
+    let (mut first_t_ns, mut start, mut last) = (None, None, None);
+    let mut ticks = Ticks::open(log, Beside::Nothing)?;
+    while let Some(tick) = ticks.next()? {
+        let Some(input) = &tick.input else { continue };
+        let since_s = input.t_ns.saturating_sub(*first_t_ns.get_or_insert(input.t_ns)) as f64 * 1e-9;
+        if since_s > to_s {
+            break;
+        }
+        last = Some((tick.tick, since_s));
+        if tick.snapshot().is_some() && since_s < from_s {
+            start = Some(tick.tick);
+        }
+    }
+    let Some((last, last_s)) = last else { return Err(Error::NoInput { path: log.into() }) };
+    if last_s < part.around_s {
+        return Err(Error::BeyondEnd { path: log.into(), from_s: part.around_s, last_s });
+    }
+    let within = |tick: i64| start.is_none_or(|start| tick > start) && tick <= last;
+    copy_events(log, out, |event| {
+        let tick = integer_at(&event.data, 16);
+        let is_start = *event.channel == *channels::CONTROLLER_SNAPSHOT && start.is_some() && tick == start;
+        let kept = CHANNELS.contains(&&*event.channel) || more.contains(&&*event.channel);
+        *event.channel == *channels::RUN_INFO || is_start || kept && tick.is_some_and(within)
+    })
 }
 
 /// Copies what does not come from the controller, so that a changed output type does not stand in the way. A log that begins
@@ -279,6 +395,12 @@ fn copy_inputs(log: &Path, out: &Path) -> Result<BTreeSet<String>, Error> {
         }
     })?;
     Ok(kept)
+}
+
+/// SHA-256 of a file, hexadecimal.
+fn sha256(path: &Path) -> Result<String, Error> {
+    let bytes = std::fs::read(path).map_err(|source| io(path, source))?;
+    Ok(Sha256::digest(bytes).iter().map(|byte| format!("{byte:02x}")).collect())
 }
 
 fn length(path: &Path) -> Result<u64, Error> {

@@ -22,7 +22,7 @@ mod report;
 mod runner;
 mod shared;
 mod stretch;
-mod ticks;
+pub(crate) mod ticks;
 mod what_if;
 
 pub(crate) use compare::show;

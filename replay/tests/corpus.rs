@@ -6,7 +6,7 @@ mod common;
 use common::toy::{self, Toy};
 use lcmtypes::channels::{self, Stage};
 use replay::Error;
-use replay::corpus::{self, Corpus};
+use replay::corpus::{self, Corpus, Part};
 use replay::log::LogSummary;
 use std::path::{Path, PathBuf};
 
@@ -118,4 +118,39 @@ fn what_the_manifest_does_not_know_is_refused() {
     std::fs::write(dir.join("corpus.toml"), "[[log]]\nname = 3").unwrap();
     assert!(matches!(corpus::check(&dir, 1), Err(Error::Manifest { .. })));
     assert!(matches!(corpus::check(dir.join("nowhere"), 1), Err(Error::Io { .. })));
+}
+
+/// A part from the middle: the recorded state before it, then its ticks; it is checked and accepted as any other.
+#[test]
+fn a_part_of_a_field_log_becomes_a_golden_log() {
+    let dir = folder("part");
+    let run = common::path("part.mcap");
+    let part = Part { around_s: 0.36, span_s: 0.04 };
+    let mut corpus = open(&dir, |toy| toy);
+    corpus.add_part(&run, Some(part), "stumble", "the field bug", &[]).unwrap();
+    let of = |corpus: &Corpus| corpus.check(2).into_iter().find(|result| result.name == "stumble").unwrap();
+    // From behind the state of tick 299 to tick 380.
+    let result = of(&corpus);
+    assert_eq!((result.identical, result.ticks, result.error), (true, 81, None));
+    let late = |toy: Toy| Toy { mutant: Some((Stage::Gait, 350)), ..toy };
+    let mut changed = open(&dir, late);
+    let first = of(&changed).first_divergence.unwrap();
+    assert_eq!((first.tick, first.stage, first.last_agreed_tick), (350, "gait", Some(349)));
+    changed.accept("stumble", "meant").unwrap();
+    assert!(of(&changed).identical);
+    assert_eq!(of(&open(&dir, |toy| toy)).first_divergence.unwrap().tick, 350);
+
+    let beyond = Part { around_s: 3.0, span_s: 1.0 };
+    let error = corpus.add_part(&run, Some(beyond), "late", "", &[]).unwrap_err();
+    assert!(matches!(error, Error::BeyondEnd { .. }), "{error}");
+}
+
+#[test]
+fn a_golden_log_that_was_exchanged_is_noticed() {
+    let dir = folder("exchanged");
+    std::fs::copy(dir.join("crawl.mcap"), dir.join("trot.mcap")).unwrap();
+    let [crawl, trot] = &open(&dir, |toy| toy).check(1)[..] else { panic!("two logs") };
+    assert!(crawl.identical && !crawl.altered);
+    assert_eq!((trot.identical, trot.altered), (false, true));
+    assert_eq!(trot.error.as_deref(), Some("not the file that was accepted"));
 }

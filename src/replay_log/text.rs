@@ -82,12 +82,11 @@ pub fn divergence_text(d: &Divergence) -> String {
         }
     };
     let ulp = d.ulp.map_or(String::new(), |ulp| format!(", {ulp} ulp apart"));
-    let agreed =
-        d.last_agreed_tick.map_or("no tick agreed before".to_owned(), |tick| format!("last that agreed: {tick}"));
+    let agreed = d.last_agreed_tick.map_or("none".to_owned(), |tick| tick.to_string());
     #[expect(clippy::cast_precision_loss, reason = "a time for a person to read")]
     let t_s = d.t_ns as f64 * 1e-9;
     format!(
-        "differs from tick {} (t = {t_s:.3} s; {agreed}) on, first in stage {}: {} {}{index}{ulp}\n  recorded {}\n  replayed {}",
+        "differs from tick {} (t = {t_s:.3} s) on, first in stage {}: {} {}{index}{ulp}\n  recorded {}\n  replayed {}\n  last tick that agreed: {agreed}",
         d.tick, d.stage, d.channel, d.field, d.recorded, d.replayed
     )
 }

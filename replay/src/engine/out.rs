@@ -1,6 +1,6 @@
 //! The log of a replay: what the replayed log holds, with the outputs of the replay.
 
-use super::ticks::Tick;
+use super::ticks::{Tick, integer_at};
 use crate::Error;
 use crate::log::{Event, LogWriter};
 use lcmtypes::{Message, RunInfo, TextFile, channels};
@@ -32,6 +32,11 @@ impl Out {
             self.bytes.clear();
             encode(Path::new(channels::CONTROLLER_INPUT), input, &mut self.bytes)?;
             self.log.write(channels::CONTROLLER_INPUT, tick.t_log_ns, &self.bytes)?;
+        }
+        // What could not be computed leaves the state from which the replay goes on.
+        if let (None, Some(state)) = (outbox, tick.snapshot()) {
+            let t_ns = integer_at(state, 8).unwrap_or(tick.t_log_ns);
+            self.log.write(channels::CONTROLLER_SNAPSHOT, t_ns, state)?;
         }
         for (channel, bytes) in outbox.iter().flat_map(|outbox| outbox.iter()) {
             self.log.write(channel, tick.t_log_ns, bytes)?;

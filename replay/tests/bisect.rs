@@ -1,0 +1,110 @@
+//! The first revision that changes a bit, found in a repository of 20 revisions. What judges a revision is a command; build and replay are one too.
+#![allow(clippy::unwrap_used, reason = "a test may")]
+
+mod common;
+
+use replay::Error;
+use replay::bisect::{Cause, Found, Options, Verdict, bisect};
+use std::path::{Path, PathBuf};
+use std::process::Command;
+
+fn git(dir: &Path, args: &[&str]) -> String {
+    let mut command = Command::new("git");
+    command
+        .arg("-C")
+        .arg(dir)
+        .args(["-c", "user.name=t", "-c", "user.email=t@t", "-c", "commit.gpgsign=false"])
+        .args(args);
+    let output = command.env_remove("GIT_DIR").env_remove("GIT_INDEX_FILE").output().unwrap();
+    assert!(output.status.success(), "git {args:?}: {}", String::from_utf8_lossy(&output.stderr));
+    String::from_utf8(output.stdout).unwrap().trim().to_owned()
+}
+
+/// Revisions 0 to 20; in number 13 the code changes a bit, and so does nothing else, though parameters and flags change with it.
+fn repository(name: &str) -> (PathBuf, Vec<String>) {
+    let dir = common::path(name);
+    let _ = std::fs::remove_dir_all(&dir);
+    std::fs::create_dir_all(dir.join("controller")).unwrap();
+    std::fs::create_dir_all(dir.join("robots")).unwrap();
+    git(&dir, &["init", "--quiet"]);
+    let revisions = (0..=20).map(|i| {
+        std::fs::write(dir.join("controller/step.rs"), if i < 13 { "tau = 1.0" } else { "tau = 1.0000000000000002" })
+            .unwrap();
+        std::fs::write(dir.join("notes.md"), format!("revision {i}")).unwrap();
+        if i == 13 {
+            std::fs::write(dir.join("robots/a.toml"), "friction = 0.8").unwrap();
+            std::fs::write(dir.join("Cargo.toml"), "opt-level = 3").unwrap();
+        }
+        if i == 8 {
+            std::fs::write(dir.join("broken"), "").unwrap();
+        } else if i == 9 {
+            std::fs::remove_file(dir.join("broken")).unwrap();
+        }
+        git(&dir, &["add", "--all"]);
+        git(&dir, &["commit", "--quiet", "--message", &format!("revision {i}")]);
+        git(&dir, &["rev-parse", "HEAD"])
+    });
+    let revisions = revisions.collect();
+    (dir, revisions)
+}
+
+fn search(name: &str, repository: &Path, good: &str, bad: &str, run: &str) -> Result<Found, Error> {
+    let options = Options {
+        log: common::path("any.mcap"),
+        repository: repository.into(),
+        good: good.into(),
+        bad: bad.into(),
+        work: common::path(&format!("{name}_work")),
+        run: Some(run.into()),
+    };
+    bisect(&options, &mut |_, _| {})
+}
+
+#[test]
+fn a_seeded_change_is_found_among_twenty_revisions() {
+    let (dir, revisions) = repository("twenty");
+    let run = "test -e broken && exit 125; grep -q 'tau = 1.0$' controller/step.rs";
+    let found = search("twenty", &dir, &revisions[0], "HEAD", run).unwrap();
+    let [bad] = &found.first_bad[..] else { panic!("{found:?}") };
+    assert_eq!((&bad.revision, &*bad.subject), (&revisions[13], "revision 13"));
+    assert_eq!(found.revisions, 20);
+    assert_eq!(found.causes, [Cause::Code]);
+    // Both ends, and 20 revisions halved.
+    assert!(found.tried.len() <= 2 + 5, "{:?}", found.tried);
+    // The repository is as it was.
+    assert_eq!(git(&dir, &["worktree", "list"]).lines().count(), 1);
+}
+
+#[test]
+fn what_in_a_revision_did_it_is_told_apart() {
+    let (dir, revisions) = repository("causes");
+    let causes = |run: &str| search("causes", &dir, &revisions[12], &revisions[13], run).unwrap().causes;
+    assert_eq!(causes("! test -e Cargo.toml"), [Cause::Build]);
+    assert_eq!(causes("! test -e robots/a.toml"), [Cause::Configuration]);
+    assert_eq!(causes("grep -q 'tau = 1.0$' controller/step.rs"), [Cause::Code]);
+    // Only together: nothing can be left out.
+    assert_eq!(
+        causes("! test -e Cargo.toml || ! test -e robots/a.toml"),
+        [Cause::Build, Cause::Configuration, Cause::Code]
+    );
+    assert_eq!(causes("test -e Cargo.toml || exit 0; echo no CONTROLLER_INPUT; exit 1"), [Cause::MissingInput]);
+}
+
+#[test]
+fn revisions_that_cannot_be_judged_are_named_with_the_first_bad_one() {
+    let (dir, revisions) = repository("skipped");
+    let run = "test -e broken && exit 125; ! grep -q -E ' (9|1[0-9]|20)$' notes.md";
+    let found = search("skipped", &dir, &revisions[0], &revisions[20], run).unwrap();
+    let verdicts: Vec<(&str, Verdict)> = found.first_bad.iter().map(|o| (&*o.subject, o.verdict)).collect();
+    assert_eq!(verdicts, [("revision 8", Verdict::Skipped), ("revision 9", Verdict::Bad)]);
+}
+
+#[test]
+fn where_there_is_nothing_to_find_it_says_so() {
+    let (dir, revisions) = repository("nothing");
+    let error = |good: &str, bad: &str, run: &str| search("nothing", &dir, good, bad, run).unwrap_err().to_string();
+    assert!(error(&revisions[0], &revisions[5], "true").contains("does what"));
+    assert!(error(&revisions[0], &revisions[5], "echo sorry; false").contains("is bad: sorry"));
+    assert!(error(&revisions[5], &revisions[0], "true").contains("no revision lies between them"));
+    assert!(error("nowhere", &revisions[0], "true").contains("git"));
+}
