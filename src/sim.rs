@@ -86,6 +86,8 @@ pub struct Job<'a> {
 pub struct Setup {
     /// Name of the robot.
     pub robot: String,
+    /// What errors call it: its name or file, as it was given.
+    pub called: String,
     /// Text of its URDF.
     pub urdf: String,
     /// What errors call it.
@@ -200,6 +202,7 @@ fn setup(job: &Job) -> anyhow::Result<Setup> {
     scenario.seed = job.seed.unwrap_or(scenario.seed);
     Ok(Setup {
         robot: params.robot.name,
+        called: job.robot.to_owned(),
         urdf_name: files.urdf_path.display().to_string(),
         urdf: files.urdf,
         params: params_text,
@@ -211,7 +214,7 @@ fn setup(job: &Job) -> anyhow::Result<Setup> {
 
 /// As [`simulate`], of what has been read before.
 pub fn simulate_setup(setup: Setup, log_path: &Path, progress: &mut dyn FnMut(f64)) -> anyhow::Result<Summary> {
-    let Setup { robot, urdf, urdf_name, params: params_text, scenario, scenario_text, prove } = setup;
+    let Setup { robot, called, urdf, urdf_name, params: params_text, scenario, scenario_text, prove } = setup;
     let params = Params::from_toml(&params_text, &robot)?;
     let seed = scenario.seed;
     let info = run_info::lockstep(&Run {
@@ -223,7 +226,7 @@ pub fn simulate_setup(setup: Setup, log_path: &Path, progress: &mut dyn FnMut(f6
     });
     let terrain = Terrain::new(&scenario.terrain, seed);
     let tree = UrdfTree::parse(&urdf, &urdf_name)?;
-    let mut controller = controller::load(&info).with_context(|| robot.clone())?;
+    let mut controller = controller::load(&info).context(called)?;
     let mut sim = MujocoSim::new(&tree, &params.robot, terrain, SimParams::of(&scenario))?;
     if let Some(folder) = log_path.parent() {
         std::fs::create_dir_all(folder).with_context(|| folder.display().to_string())?;
@@ -232,7 +235,14 @@ pub fn simulate_setup(setup: Setup, log_path: &Path, progress: &mut dyn FnMut(f6
     let outcome = lockstep::run(&scenario, &info, &mut sim, controller.as_mut(), &mut log, &mut |t_s| {
         progress(t_s / scenario.duration_s);
     });
-    let outcome = outcome?;
+    let outcome = match outcome {
+        // The thread that writes the log has met something: it says what.
+        Err(error @ DriverError::Log(replay::Error::WriterFailed { .. })) => {
+            log.finish()?;
+            return Err(error.into());
+        }
+        outcome => outcome?,
+    };
     let proved = if prove {
         Some(replay::prove::is_proof(&replay::prove::prove(log_path, &mut log, crate::replay_log::threads())?))
     } else {

@@ -150,7 +150,7 @@ fn parameters() {
         ("wbc.friction=", "parameter wbc.friction: found ``, expected a value like `0.8` (float)"),
         ("wbc.friction=-1", "parameter wbc.friction is -1, expected a positive number"),
         ("wbc.friction=nan", "parameter wbc.friction is NaN, expected a positive number"),
-        ("wbc.max_iterations=2.5", "parameter wbc.max_iterations: found `2.5`, expected a value like `50` (integer)"),
+        ("wbc.max_iterations=2.5", "parameter wbc.max_iterations: found `2.5`, expected a value like `200` (integer)"),
         (
             "posture.stance_kp=[1,2]",
             "parameter posture.stance_kp: found `[1,2]`, expected a value like `[500.0, 500.0, 500.0]`",

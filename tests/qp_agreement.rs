@@ -16,7 +16,7 @@ const ALLOWED: f64 = 1e-6;
 /// Tolerances of Clarabel, one after the other until it agrees. Where forces are decided by the regularization alone it stops up to 1e-2 away at
 /// 1e-8 and 1e-4 at 1e-11; at 1e-14 it seldom says that it has solved, and its point is mostly good, but now and then one on which it gave up early.
 /// The active set's own points are off by 1e-14 where exact ones are known (`controller/tests/qp_solutions.rs`).
-const TOLERANCES: [f64; 4] = [1e-12, 1e-13, 1e-14, 1e-11];
+const TOLERANCES: [f64; 7] = [1e-12, 1e-13, 1e-14, 1e-11, 3e-13, 3e-14, 1e-15];
 const MAX_ITERATIONS: u32 = 200;
 /// Violation of a row or bound that rounding may leave, in their units.
 const VIOLATION: f64 = 1e-9;

@@ -6,7 +6,12 @@ mod common;
 use common::{folder, hoof};
 use std::path::Path;
 
-const GOLDEN: &str = "logs/golden/flat_trot.mcap";
+/// A run of two seconds in a test's folder, `NAME.mcap`.
+fn run(folder: &Path, name: &str) -> String {
+    let log = folder.join(format!("{name}.mcap")).display().to_string();
+    hoof(&format!("sim --robot hyq --scenario scenarios/short_flat.toml --log {log}")).exits(0);
+    log
+}
 
 /// A file in a test's folder, and its path as text.
 fn file(folder: &Path, name: &str, text: &str) -> String {
@@ -18,46 +23,46 @@ fn file(folder: &Path, name: &str, text: &str) -> String {
 #[test]
 fn the_printed_list_of_figures_can_be_read_back() {
     let folder = folder("print_plots");
+    let log = run(&folder, "flat_trot");
     let printed = hoof("report --print-plots").exits(0).stdout;
     assert_eq!(printed.matches("\n[[figure]]\n").count(), 15);
     let quick = printed.replace("[\"svg\", \"pdf\", \"png\"]", "[\"svg\"]");
     let plots = file(&folder, "plots.toml", &quick);
     let out = folder.join("out");
-    let ran = hoof(&format!("report {GOLDEN} --plots {plots} --out {}", out.display())).exits(0);
+    let ran = hoof(&format!("report {log} --plots {plots} --out {}", out.display())).exits(0);
     assert!(ran.stdout.contains("Tracking error: reference - ground truth"), "{}", ran.stdout);
     for name in ["report.html", "walk.svg", "joint_torque.svg", "timing.tex", "happenings.json"] {
         assert!(out.join(name).exists(), "{name}");
     }
     let unknown = file(&folder, "unknown.toml", &quick.replace("png_dpi", "dpi"));
-    let ran = hoof(&format!("report {GOLDEN} --plots {unknown} --out {}", out.display())).exits(2);
+    let ran = hoof(&format!("report {log} --plots {unknown} --out {}", out.display())).exits(2);
     assert!(ran.stderr.contains("unknown.toml") && ran.stderr.contains("unknown field `dpi`"), "{}", ran.stderr);
 }
 
 #[test]
 fn limits_decide_the_exit_code() {
     let folder = folder("limits");
+    let log = run(&folder, "flat_trot");
     let kept =
         file(&folder, "kept.toml", "[limits]\n\"tracking.pitch.std\" = 0.02\n\"safety.fell\" = { equals = false }\n");
-    let ran = hoof(&format!("report {GOLDEN} --check {kept}")).exits(0);
+    let ran = hoof(&format!("report {log} --check {kept}")).exits(0);
     assert!(ran.stdout.starts_with("flat_trot: 2 of 2 limits kept\n  pass safety.fell = false"), "{}", ran.stdout);
     let strict = file(&folder, "strict.toml", "[limits]\n\"tracking.pitch.std\" = 0.0\n");
-    let ran = hoof(&format!("report {GOLDEN} --check {strict} --json")).exits(1);
+    let ran = hoof(&format!("report {log} --check {strict} --json")).exits(1);
     let json = ran.json();
     assert_eq!((json["pass"].as_bool(), json["check"][0]["limits"][0]["pass"].as_bool()), (Some(false), Some(false)));
     let typed = file(&folder, "typed.toml", "[limits]\n\"tracking.pich.std\" = 0.0\n");
-    let ran = hoof(&format!("report {GOLDEN} --check {typed}")).exits(2);
+    let ran = hoof(&format!("report {log} --check {typed}")).exits(2);
     assert!(ran.stderr.contains("unknown key `tracking.pich.std`; near: `tracking.pitch.std`"), "{}", ran.stderr);
 }
 
 #[test]
 fn two_logs_are_set_side_by_side() {
     let folder = folder("two");
+    let (log, other) = (run(&folder, "one"), run(&folder, "other"));
     let plots = file(&folder, "plots.toml", "formats = [\"svg\"]\n[[figure]]\nkind = \"base_tracking\"\n");
     let out = folder.join("out");
-    let arguments = format!(
-        "report {GOLDEN} logs/golden/rough_trot.mcap --name flat --name rough --plots {plots} --out {}",
-        out.display()
-    );
+    let arguments = format!("report {log} {other} --name flat --name rough --plots {plots} --out {}", out.display());
     let ran = hoof(&format!("{arguments} --json")).exits(0);
     assert_eq!(ran.json()["runs"][1]["name"], "rough");
     let svg = std::fs::read_to_string(out.join("base_tracking.svg")).unwrap();

@@ -471,7 +471,7 @@ impl Default for WbcParams {
             f_z_max: 1000.0,
             f_z_min: 20.0,
             qdd_max: 500.0,
-            max_iterations: 50,
+            max_iterations: 200,
             tolerance: 1e-8,
         }
     }

@@ -344,7 +344,7 @@ mod tests {
         assert_eq!(
             error(&format!("{SMALL}v_z = 1.0\n")),
             "small.toml:8: unknown field `v_z`, expected one of `t_s`, `mode`, `gait`, `v_x`, `v_y`, `yaw_rate`, `roll`, `pitch`, \
-             `height_offset`, in `v_z = 1.0`"
+             `height_offset`, `swing_frequency`, `duty`, `step_height`, in `v_z = 1.0`"
         );
         assert!(
             error(&SMALL.replace("\"flat\"", "\"moon\""))

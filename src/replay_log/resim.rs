@@ -32,6 +32,7 @@ pub fn run(log: &Path, options: &Options, out: &Path, json: bool) -> anyhow::Res
     let urdf = options.urdf.clone().unwrap_or_else(|| recorded.urdf.clone());
     let setup = Setup {
         robot: recorded.robot.clone(),
+        called: recorded.robot.clone(),
         urdf,
         urdf_name: format!("URDF of {}", log.display()),
         params,
