@@ -171,8 +171,8 @@ swing_frequency = 50.0
         format!("{head}{settings}\n{}", tail.replace("300.0", "0.0"))
     };
     walk("hyq", "push", edit, &[], |tick| {
-        for leg in 0..4 {
-            let lifts = before[leg] == LegState::STATE_STANCE && tick.legs.state[leg] != LegState::STATE_STANCE;
+        for (before, now) in before.iter().zip(&tick.legs.state) {
+            let lifts = *before == LegState::STATE_STANCE && *now != LegState::STATE_STANCE;
             lift_offs[tick.t_s as usize] += usize::from(lifts);
         }
         before = tick.legs.state;
