@@ -180,7 +180,12 @@ impl<'o> WorkTree<'o> {
                 std::fs::remove_dir_all(&corpus).map_err(io(&corpus))?;
             }
             std::fs::create_dir(&corpus).map_err(io(&corpus))?;
-            Corpus::open_with(&corpus, controller::load)?.add(&options.log, "log", "bisect", &ALL_OUTPUTS)?;
+            let bytes =
+                Corpus::open_with(&corpus, controller::load)?.add(&options.log, "log", "bisect", &ALL_OUTPUTS)?;
+            // Revisions of any age read it: only the keys that a manifest has always had.
+            let manifest = format!("[[log]]\nname = \"log\"\nfile = \"log.mcap\"\nbytes = {bytes}\nwhy = \"bisect\"\n");
+            let path = corpus.join("corpus.toml");
+            std::fs::write(&path, manifest).map_err(io(&path))?;
         }
         let tree = WorkTree { options, dir, corpus };
         tree.remove();

@@ -122,7 +122,7 @@ impl<'a> Replay<'a> {
     /// - [`Error::Load`]: the controller cannot be built, or a parameter of [`Options::set`] does not exist.
     /// - [`Error::OtherTypeVersion`]: a type has changed since the log was written.
     /// - [`Error::NoInput`], [`Error::SeveralRuns`], [`Error::Decode`], [`Error::Restore`]: the log is not that of one run.
-    /// - [`Error::Io`], [`Error::SameFile`] and what [`LogWriter`] says of [`Options::out`].
+    /// - [`Error::Io`], [`Error::SameFile`] and what [`crate::log::LogWriter`] says of [`Options::out`].
     pub fn run(&self, options: &Options, progress: &mut dyn FnMut(f64)) -> Result<ReplayReport, Error> {
         let begin = Instant::now();
         let info = self.changed(options)?;

@@ -14,7 +14,7 @@ pub struct Args {
     /// Scenario (TOML)
     #[arg(long)]
     scenario: PathBuf,
-    /// Key to vary, such as terrain.step_height_m or 'push[0].force_W[1]'
+    /// Key to vary, such as `terrain.step_height_m` or `push[0].force_W[1]`
     #[arg(long)]
     key: String,
     /// Value that should be survived

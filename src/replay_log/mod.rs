@@ -37,7 +37,7 @@ pub struct Args {
     /// Change a parameter: what would the controller have done on the same inputs? May be repeated
     #[arg(long, value_name = "KEY=VALUE")]
     set: Vec<String>,
-    /// Parameters that change on the way: TOML of [[change]] tables, each with `tick` or `t_s` and a table `set`
+    /// Parameters that change on the way: TOML of `[[change]]` tables, each with `tick` or `t_s` and a table `set`
     #[arg(long, value_name = "FILE")]
     changes: Option<PathBuf>,
     /// Another stack of tasks

@@ -1,7 +1,7 @@
 //! A log as tables of others: CSV, Parquet, MATLAB.
 //!
 //! CSV and Parquet: one file a channel in a folder, one row a message, one column a field ([`Frames`]). MATLAB: one file, one struct a
-//! channel, one matrix a field ([`mat`]). Parquet files carry the units of their columns as JSON under the metadata key `units`. The tables are made in memory: a log of an hour should be filtered first.
+//! channel, one matrix a field (`mat`). Parquet files carry the units of their columns as JSON under the metadata key `units`. The tables are made in memory: a log of an hour should be filtered first.
 
 mod mat;
 

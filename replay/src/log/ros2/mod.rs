@@ -1,6 +1,6 @@
 //! A log for the viewers of others: MCAP with ROS 2 messages, which Foxglove, PlotJuggler and rerun open.
 //!
-//! Every channel of a known type becomes a topic `/CHANNEL` of the same fields ([`generic`]). Beside them stand what viewers draw a
+//! Every channel of a known type becomes a topic `/CHANNEL` of the same fields (`generic`). Beside them stand what viewers draw a
 //! robot from: `/robot_description` (its URDF), `/tf` (100 Hz), `/joint_states`, `/imu`, `/contact/FOOT` (estimated forces) and
 //! `/contact_truth/FOOT` (the simulator's). Times are those of the log.
 
