@@ -39,7 +39,7 @@ pub fn rough_terrain(bench: &Bench) -> anyhow::Result<Vec<Row>> {
 }
 
 fn rough(bench: &Bench, prefix: &str) -> anyhow::Result<Vec<Row>> {
-    let specs = bench.seeds().map(|seed| Spec::of("rough_trot").seed(seed)).collect();
+    let specs = bench.seeds().map(|seed| Spec::of("rough_track").seed(seed)).collect();
     let samples = bench.all("rough terrain", specs)?;
     let mut rows = vec![falls(prefix, &samples)];
     rows.push(Row::noted(format!("{prefix}way, mean"), mean(samples.iter().map(|s| s.summary.distance_m)), "m"));
