@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# Fetches what cargo cannot: liblcm, a multicast route for it, MuJoCo, and valgrind, which counts instructions in a test.
+# Fetches what cargo cannot: liblcm, a multicast route for it, libudev (gamepads), MuJoCo, and valgrind, which counts instructions in a test.
 # Every step asks whether there is anything to do, so a second run takes no time and leaves no stamp behind.
 # Run as root, or as somebody who may use sudo; without either it says what to run instead.
 set -euo pipefail
@@ -37,6 +37,7 @@ install_packages() {
     command -v cc >/dev/null || missing+=(gcc libc6-dev)
     liblcm_present || missing+=(liblcm-dev)
     command -v lcm-logger >/dev/null || missing+=(liblcm-bin)
+    pkg-config --exists libudev 2>/dev/null || missing+=(pkg-config libudev-dev)
     command -v ip >/dev/null || missing+=(iproute2)
     command -v valgrind >/dev/null || missing+=(valgrind)
     command -v qemu-x86_64 >/dev/null || missing+=(qemu-user)

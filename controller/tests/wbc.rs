@@ -191,7 +191,7 @@ fn what_the_trunk_task_asks_for_is_what_the_program_gives() {
 fn nothing_depends_on_the_base_position() {
     // It is not among the inputs: the estimator sets the base to the origin and at rest. What is left to vary is that the model really
     // gives the same at any position and linear velocity, and `model_identities` does that. Here: the input has no field for it.
-    let ControllerInput { t_ns: _, tick: _, state, op: _ } = ControllerInput::default();
+    let ControllerInput { t_ns: _, tick: _, running: _, t_op_ns: _, state, op: _ } = ControllerInput::default();
     let lcmtypes::RobotState { t_ns: _, seq: _, nj: _, q: _, qd: _, tau: _, q_WI_wxyz: _, w_WI_I: _, a_I: _ } = state;
     let at = *Estimate::new(hyq().robot()).kin.base();
     assert_eq!((at.p_WB, at.v_WB), (Vector3::zeros(), Vector3::zeros()));

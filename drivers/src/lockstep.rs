@@ -7,7 +7,7 @@ use crate::{DriverError, Faults, Scenario, Simulator};
 use controller::{Controller, Outbox, Probe, Stage};
 use lcmtypes::{
     ControllerInput, ControllerTick, Event, GroundTruth, LegState, Message, RobotCommand, RobotState, RunInfo, Timing,
-    channels,
+    channels, words,
 };
 use replay::record::EventSink;
 use std::time::{Instant, SystemTime, UNIX_EPOCH};
@@ -115,7 +115,7 @@ struct Run {
 impl Run {
     fn new(scenario: &Scenario, sim: &dyn Simulator) -> Result<Self, DriverError> {
         let mut input = ControllerInput::default();
-        input.op.seq = -1;
+        (input.running, input.op.seq) = (1, -1);
         Ok(Run {
             operator: scenario.operator.clone(),
             faults: Faults::new(&scenario.faults, sim.joints())?,
@@ -151,7 +151,7 @@ impl Run {
         }
         if let Some(op) = self.operator.operator_at(t_ns) {
             self.put(log, channels::OPERATOR_COMMAND, t_ns, &op)?;
-            self.input.op = op;
+            (self.input.t_op_ns, self.input.op) = (t_ns, op);
         }
         sim.robot_state(t_ns, tick, &mut self.measured);
         self.touch_falsely(sim, t_ns);
@@ -216,20 +216,20 @@ impl Run {
             return Ok(());
         }
         self.mode = mode;
-        let name =
-            |table: &[&'static str], i: i64| usize::try_from(i).ok().and_then(|i| table.get(i)).copied().unwrap_or("?");
-        let mut text = format!("controller is in {}", name(&MODES, mode.into()));
+        let mut text = format!("controller is in {}", words::mode(mode));
         let mut level = Event::LEVEL_INFO;
         if refused {
             level = Event::LEVEL_WARNING;
-            text += &format!(" and refuses: {}, value {fault_value}", name(&FAULTS, fault.into()));
+            text += &format!(" and refuses: {}, value {fault_value}", words::fault(fault));
             if fault == ControllerTick::FAULT_OPERATOR_RANGE {
-                text += &format!(" of {}", name(&["swing_frequency", "duty", "step_height"], fault_index.into()));
+                let of =
+                    usize::try_from(fault_index).ok().and_then(|i| ["swing_frequency", "duty", "step_height"].get(i));
+                text += &format!(" of {}", of.unwrap_or(&"?"));
             }
         }
         if mode == ControllerTick::MODE_DAMPING {
             level = Event::LEVEL_ERROR;
-            text += &format!(": {}, value {fault_value}", name(&FAULTS, fault.into()));
+            text += &format!(": {}, value {fault_value}", words::fault(fault));
             if fault_index >= 0 {
                 text += &format!(", index {fault_index}");
             }
@@ -277,21 +277,6 @@ impl Run {
         put(&mut self.bytes, log, channel, t_ns, message)
     }
 }
-
-const MODES: [&str; 4] = ["IDLE", "STANCE", "WALK", "DAMPING"];
-const FAULTS: [&str; 11] = [
-    "no fault",
-    "input of wrong size",
-    "input not finite",
-    "orientation is no unit quaternion",
-    "joint state too old (s)",
-    "clock does not advance (s)",
-    "tilt (rad)",
-    "QP failed too often (ticks)",
-    "operator asked for it",
-    "operator command not finite",
-    "operator command out of range",
-];
 
 fn put(
     bytes: &mut Vec<u8>,

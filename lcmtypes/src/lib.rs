@@ -28,6 +28,8 @@ mod generated {
     include!(concat!(env!("OUT_DIR"), "/types.rs"));
 }
 
+pub mod words;
+
 use std::sync::LazyLock;
 
 pub use generated::hoofprint::*;

@@ -42,7 +42,7 @@ fn a_message_is_fingerprint_and_fields_big_endian() {
 #[test]
 fn nested_messages_and_texts_survive() {
     let op = OperatorCommand { seq: -1, mode: OperatorCommand::MODE_WALK, v_H: [0.5, -0.25], ..Default::default() };
-    let input = ControllerInput { t_ns: 7, tick: 3, state: state(), op };
+    let input = ControllerInput { t_ns: 7, tick: 3, running: 1, t_op_ns: 6, state: state(), op };
     assert_eq!(ControllerInput::decode(&bytes(&input)).unwrap(), input);
 
     let file = TextFile { name: "ä.lcm".into(), text: "a\0b\n".into() };
@@ -94,14 +94,14 @@ fn decode_names_the_field() {
     let input = ControllerInput { state: state(), ..Default::default() };
     let bytes = bytes(&input);
     let error = |bytes: &[u8]| ControllerInput::decode(bytes).unwrap_err().to_string();
-    // The second joint velocity stands at 8 + 16 + 20 + 16 + 8 = 68.
+    // The second joint velocity stands at 8 + 32 + 20 + 16 + 8 = 84.
     assert_eq!(
-        error(&bytes[..40]),
-        "hoofprint.controller_input_t, field state.nj, byte 40: 0 bytes remain, expected at least 4"
+        error(&bytes[..56]),
+        "hoofprint.controller_input_t, field state.nj, byte 56: 0 bytes remain, expected at least 4"
     );
     assert_eq!(
-        error(&bytes[..70]),
-        "hoofprint.controller_input_t, field state.qd, byte 60: 10 bytes remain, expected at least 16"
+        error(&bytes[..86]),
+        "hoofprint.controller_input_t, field state.qd, byte 76: 10 bytes remain, expected at least 16"
     );
     assert_eq!(
         error(&[&bytes[..], &[0]].concat()),

@@ -77,6 +77,8 @@ fn repeating_keeps_the_pace() {
         all.push((number(&player.take(now).unwrap().unwrap().channel), now / MS));
     }
     assert_eq!(all, [(0, 3), (1, 13), (2, 23), (0, 23), (1, 33), (2, 43), (0, 43)]);
+    player.seek(i64::MAX, 0).unwrap();
+    assert_eq!(number(&player.take(0).unwrap().unwrap().channel), 0);
 }
 
 #[test]

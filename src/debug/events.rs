@@ -1,7 +1,7 @@
 //! What is worth stopping at: touchdowns, failures of the solver, missed deadlines, divergences, and what the log itself calls an event.
 
 use controller::dump::Quantity;
-use lcmtypes::{ControllerTick, LegState, Message, Timing, WbcSolution, channels};
+use lcmtypes::{ControllerTick, LegState, Message, Timing, WbcSolution, channels, words};
 use replay::engine::{Cursor, Moment};
 
 const LEGS: [&str; 4] = ["LF", "RF", "LH", "RH"];
@@ -125,8 +125,7 @@ fn found(before: Before, moment: &Moment) -> Vec<Event> {
         add(Kind::QpFailure, format!("no solution: last level solved {}, of {}", wbc.level, wbc.n_levels));
     }
     if before.mode.is_some() && before.mode != now.mode {
-        let name =
-            |mode: Option<i8>| mode.and_then(|m| super::view::MODES.get(usize::try_from(m).ok()?)).unwrap_or(&"?");
+        let name = |mode: Option<i8>| mode.map_or("?", words::mode);
         add(Kind::Event, format!("mode {} becomes {}", name(before.mode), name(now.mode)));
     }
     for event in &moment.beside {

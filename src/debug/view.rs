@@ -10,8 +10,6 @@ use ratatui::text::{Line, Span};
 use ratatui::widgets::{Block, Borders, Paragraph};
 use replay::engine::Moment;
 
-/// Modes of the controller, by their number in `controller_tick_t`.
-pub const MODES: [&str; 4] = ["IDLE", "STANCE", "WALK", "DAMPING"];
 const LEGS: [&str; 4] = ["LF", "RF", "LH", "RH"];
 const HELP: &str =
     "←→ tick  ↑↓ 10  PgUp/Dn 100  b/s state  n/N event  t touchdown  f QP  m late  d differs  e EVENT  g go  q quit";

@@ -1,6 +1,6 @@
 //! How much a robot survives: bisection over a key of a scenario.
 
-use super::bench::{Bench, Spec, count};
+use super::bench::{Bench, Sample, Spec, count};
 use super::scenario_edit::Change;
 use crate::{Outcome, say, say_json};
 use std::path::PathBuf;
@@ -8,7 +8,7 @@ use std::path::PathBuf;
 #[derive(clap::Args)]
 #[command(
     after_help = "Example: hoof experiment limit --scenario scenarios/push_trot.toml --key 'push[0].force_W[1]' --from 0 --to 400 --step 10\n\n\
-    A value is survived if the robot neither falls nor gives up with any seed."
+    A value is survived if the robot neither falls nor gives up with any seed, and comes as far as --way asks."
 )]
 pub struct Args {
     /// Scenario (TOML)
@@ -32,6 +32,9 @@ pub struct Args {
     /// Seeds of terrain and noise that a value is tried with
     #[arg(long, default_value_t = 1, value_parser = clap::value_parser!(i64).range(1..=1000))]
     seeds: i64,
+    /// Distance from its start that the robot must come to, m: a step before which it stops is not climbed
+    #[arg(long, value_name = "M", default_value_t = 0.0)]
+    way: f64,
     /// Change another key of the scenario; may be repeated
     #[arg(long, value_name = "KEY=VALUE")]
     with: Vec<String>,
@@ -58,6 +61,8 @@ pub struct Sweep<'a> {
     pub to: f64,
     /// How exactly the limit is to be known.
     pub step: f64,
+    /// Distance from its start that the robot must come to, m.
+    pub way: f64,
     /// What is changed besides from seed to seed, such as the time of a push, so that it meets the gait in other phases.
     pub vary: Option<&'a (dyn Fn(i64) -> Change + Sync)>,
 }
@@ -87,7 +92,9 @@ pub fn largest(bench: &Bench, sweep: &Sweep) -> anyhow::Result<(f64, Vec<Tried>)
             }
         };
         let samples = bench.all(&format!("{} {value:.3}", sweep.key), bench.seeds().map(one).collect())?;
-        let survivors = samples.iter().filter(|sample| !sample.failed()).count();
+        let arrived = |distance: Option<f64>| distance.is_some_and(|distance| distance >= sweep.way);
+        let survives = |sample: &Sample| !sample.failed() && arrived(sample.metrics.locomotion.distance_m);
+        let survivors = samples.iter().filter(|sample| survives(sample)).count();
         tried.push(Tried { value, survived: count(survivors) / count(samples.len()) });
         Ok(survivors == samples.len())
     };
@@ -115,7 +122,7 @@ fn text(value: f64) -> String {
 }
 
 pub fn run(args: &Args) -> anyhow::Result<Outcome> {
-    let Args { scenario, key, from, to, step, robot, seeds, with, set, out, json } = args;
+    let Args { scenario, key, from, to, step, robot, seeds, way, with, set, out, json } = args;
     anyhow::ensure!(*step > 0.0, "--step {step}: expected a positive number");
     anyhow::ensure!(from.is_finite() && to.is_finite() && from != to, "--from {from} --to {to}: expected two numbers");
     let bench = Bench::new(robot, *seeds, out)?;
@@ -127,7 +134,7 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
     for (key, value) in crate::robot::overrides(set)? {
         spec = spec.set(&key, value);
     }
-    let sweep = Sweep { spec, key, from: *from, to: *to, step: step.copysign(to - from), vary: None };
+    let sweep = Sweep { spec, key, from: *from, to: *to, step: step.copysign(to - from), way: *way, vary: None };
     let (limit, tried) = largest(&bench, &sweep)?;
     if *json {
         say_json(&serde_json::json!({ "key": key, "limit": (!limit.is_nan()).then_some(limit), "tried": tried }))?;
@@ -137,6 +144,8 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
         }
         if limit.is_nan() {
             say(format!("\n{key}: not even {} is survived", text(*from)))?;
+        } else if limit == *to {
+            say(format!("\n{key}: {} is survived too, the limit lies beyond", text(limit)))?;
         } else {
             say(format!("\n{key}: {} is survived, {} beyond it is not", text(limit), text(step.abs())))?;
         }

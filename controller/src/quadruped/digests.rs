@@ -14,9 +14,9 @@ pub struct Digests(pub [i64; 6]);
 
 /// The input as consumed.
 pub fn input(input: &ControllerInput) -> i64 {
-    let ControllerInput { t_ns, tick, state, op } = input;
+    let ControllerInput { t_ns, tick, running, t_op_ns, state, op } = input;
     let mut d = Digest::default();
-    for word in [t_ns, tick, &state.t_ns, &state.seq, &op.t_ns, &op.seq] {
+    for word in [t_ns, tick, running, t_op_ns, &state.t_ns, &state.seq, &op.t_ns, &op.seq] {
         d.word(word.cast_unsigned());
     }
     d.word(u64::from(state.nj.cast_unsigned()));
@@ -50,6 +50,7 @@ pub fn estimation(estimate: &Estimate, state: &State) -> i64 {
         d.dmat(&of_leg.J);
         d.vec3(&of_leg.a_bias_W);
         d.vec3(&state.f_F_W[leg]);
+        d.vec3(&state.p_ground_W[leg]);
         d.word(u64::from(state.contact[leg]));
     }
     d.f64(state.height);
@@ -62,6 +63,7 @@ pub fn estimation(estimate: &Estimate, state: &State) -> i64 {
 pub fn gait(references: &References, state: &State) -> i64 {
     let mut d = Digest::default();
     d.f64s(&[state.gait_clock, state.yaw_des, state.height_offset, state.zeta, state.yaw_rate_des]);
+    d.f64s(&[state.cadence.swing_frequency, state.cadence.duty]);
     d.f64s(&state.rp_des);
     d.f64s(&state.v_H_des);
     d.f64s(&state.v_trim_H);
@@ -70,7 +72,9 @@ pub fn gait(references: &References, state: &State) -> i64 {
     d.word(state.mode as u64);
     for leg in Leg::ALL {
         d.word(state.leg_phase[leg] as u64);
-        d.f64s(&[state.t_leg[leg], state.step_length[leg], state.step_heading[leg], state.step_height[leg]]);
+        d.word(u64::from(state.reflexes[leg].cast_unsigned()));
+        d.f64s(&[state.t_leg[leg], state.t_unloaded[leg]]);
+        d.f64s(&[state.step_length[leg], state.step_heading[leg], state.step_height[leg]]);
         d.vec3(&references.p_BF_H[leg]);
         d.vec3(&references.v_BF_H[leg]);
         d.vec3(&references.foothold_H[leg]);

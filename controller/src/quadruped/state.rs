@@ -2,7 +2,7 @@
 
 use super::leg::{Leg, LegPhase, PerLeg};
 use crate::RestoreError;
-use lcmtypes::{ControllerTick, QuadrupedState};
+use lcmtypes::{ControllerTick, QuadrupedState, words};
 use nalgebra::Vector3;
 
 /// What the controller as a whole does.
@@ -24,7 +24,7 @@ impl Mode {
 
     /// Name as in events: `IDLE`, `STANCE`, `WALK`, `DAMPING`.
     pub fn name(self) -> &'static str {
-        ["IDLE", "STANCE", "WALK", "DAMPING"][self as usize]
+        words::mode(self as i8)
     }
 }
 

@@ -164,11 +164,17 @@ impl Player {
     /// # Errors
     /// Those of [`LogReader`].
     pub fn seek(&mut self, to_ns: i64, now_ns: i64) -> Result<(), Error> {
-        let to_ns = to_ns.max(self.options.from_ns);
+        let mut to_ns = to_ns.max(self.options.from_ns);
         if to_ns < self.position_ns(now_ns) || self.next.is_none() {
             self.go_back()?;
         }
         self.go_on_to(to_ns)?;
+        if self.next.is_none() && self.options.repeat {
+            // Behind the end of a log that repeats lies its beginning.
+            to_ns = self.options.from_ns;
+            self.go_back()?;
+            self.go_on_to(to_ns)?;
+        }
         (self.anchor_ns, self.anchor_log_ns) = (now_ns, to_ns);
         Ok(())
     }

@@ -1,0 +1,40 @@
+//! Constants of the messages as words, for whoever tells a person: one table for events, screens and reports.
+
+use crate::ControllerTick;
+
+/// Name of a `controller_tick_t` MODE_*: `IDLE`, `WALK`, …; `?` of a number without meaning.
+pub fn mode(mode: i8) -> &'static str {
+    match mode {
+        ControllerTick::MODE_IDLE => "IDLE",
+        ControllerTick::MODE_STANCE => "STANCE",
+        ControllerTick::MODE_WALK => "WALK",
+        ControllerTick::MODE_DAMPING => "DAMPING",
+        ControllerTick::MODE_STAND_UP => "STAND_UP",
+        ControllerTick::MODE_SIT => "SIT",
+        _ => "?",
+    }
+}
+
+/// What a `controller_tick_t` FAULT_* says, with the unit of its value.
+pub fn fault(fault: i32) -> &'static str {
+    match fault {
+        ControllerTick::FAULT_NONE => "no fault",
+        ControllerTick::FAULT_INPUT_SIZE => "input of wrong size",
+        ControllerTick::FAULT_INPUT_NOT_FINITE => "input not finite",
+        ControllerTick::FAULT_ORIENTATION => "orientation is no unit quaternion",
+        ControllerTick::FAULT_STATE_STALE => "joint state too old (s)",
+        ControllerTick::FAULT_CLOCK => "clock does not advance (s)",
+        ControllerTick::FAULT_TILT => "tilt (rad)",
+        ControllerTick::FAULT_QP => "QP failed too often (ticks)",
+        ControllerTick::FAULT_OPERATOR => "operator asked for it",
+        ControllerTick::FAULT_OPERATOR_NOT_FINITE => "operator command not finite",
+        ControllerTick::FAULT_OPERATOR_RANGE => "operator command out of range",
+        ControllerTick::FAULT_OPERATOR_STALE => "operator command too old (s)",
+        ControllerTick::FAULT_JOINT_POSITION => "joint position out of range (rad)",
+        ControllerTick::FAULT_JOINT_VELOCITY => "joint velocity too high (rad/s)",
+        ControllerTick::FAULT_JOINT_TORQUE => "joint torque too high (N m)",
+        ControllerTick::FAULT_NO_CONTACT => "no foot on the ground for too long (s)",
+        ControllerTick::FAULT_CONTROLLER => "controller stopped by the executor",
+        _ => "?",
+    }
+}

@@ -1,0 +1,22 @@
+#!/usr/bin/env bash
+# Records the golden logs again, all of them: for a change that alters every one, such as a new field in a message. Commit the code
+# first, so that the logs name a revision that exists; where a change is in the numbers, `hoof corpus accept` says why for each log.
+#
+#     scripts/record_golden.sh HOOF
+set -euo pipefail
+cd "$(dirname "$0")/.."
+hoof=${1:?the command to record with, such as target/release/hoof}
+runs=$(mktemp -d)
+trap 'rm -rf "$runs"' EXIT
+
+record() {  # NAME ROBOT SCENARIO WHY
+    "$hoof" sim --robot "$2" --scenario "scenarios/$3.toml" --log "$runs/$1.mcap"
+    "$hoof" corpus add "$runs/$1.mcap" --name "$1" --why "$4"
+}
+
+rm -f logs/golden/*.mcap logs/golden/corpus.toml
+record flat_trot hyq short_flat "HyQ trots for two seconds on flat ground"
+record rough_trot hyq short_rough "HyQ trots for two seconds on rough ground"
+record crawl_to_trot hyq short_crawl "HyQ crawls, leaning, and changes to a trot while it walks"
+record fault_to_damping hyq short_fault "a weak knee, a lost message, at last an encoder that reads no number: the joints are damped"
+record anymal_trot anymal_b short_rough "ANYmal B trots for two seconds on rough ground"
