@@ -12,15 +12,17 @@ mod bytes;
 mod desk;
 mod disk;
 mod files;
+mod hearing;
 mod pattern;
 mod recorder;
 mod ring;
 mod shed;
 
 pub use account::{Account, Run};
-pub use desk::{Desk, Heard, Status, Tally};
+pub use desk::{Desk, Heard, Status};
 pub use disk::{DiskState, PatientFile};
 pub use files::{Create, Files, Names, Rotation};
+pub use hearing::{Hearing, Message, Tally};
 pub use pattern::{Filter, Pattern};
 pub use recorder::{Progress, RecordOptions, Recorded, Recorder};
 pub use ring::{EventSink, RingOptions, RingWriter, Target, WhenFull};
