@@ -10,6 +10,7 @@ mod overrides;
 pub use check::{DUTY, STEP_HEIGHT, SWING_FREQUENCY};
 pub use overrides::apply_overrides;
 
+use crate::hold::HoldParams;
 use crate::qp::QpParams;
 use crate::stack::StackParams;
 use serde::{Deserialize, Serialize};
@@ -102,6 +103,9 @@ pub struct Params {
     /// When to give up, and how.
     #[serde(default)]
     pub safety: SafetyParams,
+    /// The controller that holds a posture.
+    #[serde(default)]
+    pub hold: HoldParams,
 }
 
 /// The robot: what its URDF does not say.

@@ -31,6 +31,7 @@ use crate::params::Params;
 use crate::qp::NamedViolation;
 use crate::{Controller, LoadError, Outbox, Probe, RestoreError, Stage};
 use digests::Digests;
+pub(crate) use digests::input as digest_of_input;
 use estimation::{BasePlace, Estimate};
 use lcmtypes::{ControllerInput, ControllerTick, Message, QuadrupedState, channels};
 use nalgebra::Vector3;
