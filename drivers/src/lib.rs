@@ -4,6 +4,7 @@
 //! - [`Terrain`]: the ground, made from a seed.
 //! - [`Simulator`]: what the other side of a controller can do; [`MujocoSim`] does it.
 //! - [`Faults`]: what spoils messages on their way.
+//! - [`operators`]: which of several operators a robot follows.
 //! - [`lockstep`]: simulator, controller and log in one process.
 //!
 //! No control is computed here but the joint loop that a drive has, and the controller sees nothing but messages. Nothing
@@ -19,6 +20,7 @@ pub mod lockstep;
 mod mjcf;
 mod mujoco;
 pub mod operator;
+pub mod operators;
 mod rng;
 pub mod scenario;
 mod sensors;
