@@ -4,6 +4,8 @@
 //! - [`Terrain`]: the ground, made from a seed.
 //! - [`Simulator`]: what the other side of a controller can do; [`MujocoSim`] does it.
 //! - [`Faults`]: what spoils messages on their way.
+//! - [`operators`]: which of several operators a robot follows.
+//! - [`teleop`]: a person's keys, pad or lines, made into commands.
 //! - [`lockstep`]: simulator, controller and log in one process.
 //!
 //! No control is computed here but the joint loop that a drive has, and the controller sees nothing but messages. Nothing
@@ -19,10 +21,12 @@ pub mod lockstep;
 mod mjcf;
 mod mujoco;
 pub mod operator;
+pub mod operators;
 mod rng;
 pub mod scenario;
 mod sensors;
 mod simulator;
+pub mod teleop;
 pub mod terrain;
 
 pub use drives::DriveParams;
