@@ -4,6 +4,8 @@
 //! - [`Terrain`]: the ground, made from a seed.
 //! - [`Simulator`]: what the other side of a controller can do; [`MujocoSim`] does it.
 //! - [`Faults`]: what spoils messages on their way.
+//! - [`operators`]: which of several operators a robot follows.
+//! - [`teleop`]: a person's keys, pad or lines, made into commands.
 //! - [`lockstep`]: simulator, controller and log in one process.
 //! - [`live`]: the same controller as processes that meet over LCM: the real-time executor, the hardware under it.
 //!
@@ -21,10 +23,12 @@ pub mod lockstep;
 mod mjcf;
 mod mujoco;
 pub mod operator;
+pub mod operators;
 mod rng;
 pub mod scenario;
 mod sensors;
 mod simulator;
+pub mod teleop;
 pub mod terrain;
 mod watch;
 
