@@ -23,6 +23,7 @@ mod rng;
 pub mod scenario;
 mod sensors;
 mod simulator;
+mod start;
 pub mod terrain;
 
 pub use drives::DriveParams;
@@ -34,4 +35,5 @@ pub use rng::Rng;
 pub use scenario::Scenario;
 pub use sensors::NoiseParams;
 pub use simulator::Simulator;
+pub use start::{StartParams, StartPosture};
 pub use terrain::Terrain;
