@@ -128,7 +128,8 @@ fn a_dead_driver_is_damped_for_and_another_one_is_heard() {
     assert_eq!(is_identical(&log)["ticks"], 3000);
 
     let ticks: Vec<ControllerTick> = messages(&log, CONTROLLER_TICK);
-    let stale = ticks.iter().position(|tick| tick.fault == ControllerTick::FAULT_STATE_STALE).unwrap();
+    let stale = ticks.iter().position(|tick| tick.mode == ControllerTick::MODE_DAMPING).unwrap();
+    assert_eq!(ticks[stale].fault, ControllerTick::FAULT_STATE_STALE);
     let commands: Vec<RobotCommand> = messages(&log, ROBOT_COMMAND);
     let inputs: Vec<ControllerInput> = messages(&log, CONTROLLER_INPUT);
     // The same tick that finds the state too old damps, and no tick before it does.
