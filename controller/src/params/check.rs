@@ -42,6 +42,9 @@ impl Params {
             ("safety.max_tilt", self.safety.max_tilt),
             ("safety.max_state_age", self.safety.max_state_age),
             ("safety.damping", self.safety.damping),
+            ("hold.kp", self.hold.kp),
+            ("hold.kd", self.hold.kd),
+            ("hold.duration", self.hold.duration),
         ];
         for (key, found) in positive {
             within(key, &[found], "a positive number", |x| x > 0.0 && x.is_finite())?;
