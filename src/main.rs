@@ -15,6 +15,7 @@ mod report;
 mod robot;
 mod run_info;
 mod sim;
+mod teleop;
 
 use anyhow::Context;
 use clap::{Parser, Subcommand};
@@ -42,6 +43,7 @@ enum Command {
     Driver(live::DriverArgs),
     /// Feed a log's inputs to its controller again and compare every bit of every output
     Replay(Box<replay_log::Args>),
+    Teleop(teleop::Args),
     /// Step through a log tick by tick in the terminal: legs, forces, tasks, programs, events
     Debug(debug::Args),
     /// Figures, tables, metrics.json and report.html of a log
@@ -86,6 +88,7 @@ fn main() -> ExitCode {
         Command::Controller(args) => live::controller(&args),
         Command::Driver(args) => live::driver(&args),
         Command::Replay(args) => replay_log::run(&args),
+        Command::Teleop(args) => teleop::run(&args),
         Command::Debug(args) => debug::run(&args),
         Command::Report(args) => report::run(&args),
         Command::Experiment(command) => experiment::run(&command),
