@@ -129,7 +129,7 @@ fn seconds(option: &str, s: f64) -> anyhow::Result<Duration> {
 }
 
 /// `log_20261122_080500.mcap`: the time in UTC.
-fn default_name() -> PathBuf {
+pub fn default_name() -> PathBuf {
     let since = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default().as_secs();
     let (days, second) = (since / 86_400, since % 86_400);
     let (year, month, day) = civil(days);
