@@ -23,6 +23,8 @@ pub struct RunFile {
     /// What the controller's side of the network is.
     #[serde(default)]
     pub hardware: Hardware,
+    /// Scenario whose `[[fault]]` lines spoil what passes between controller and hardware.
+    pub faults: Option<PathBuf>,
     /// The controllers, in the order in which they run: the last one that is started has the robot.
     #[serde(default = "quadruped_alone", rename = "controller")]
     pub controllers: Vec<Controller>,
@@ -128,9 +130,11 @@ impl RunFile {
         let mut file: RunFile = toml::from_str(&text)
             .map_err(|error| anyhow::anyhow!("{}", error.to_string().trim_end()))
             .with_context(|| path.display().to_string())?;
+        let folder = path.parent().unwrap_or(Path::new(""));
         if let Some(simulation) = &mut file.simulation {
-            simulation.scenario = path.parent().unwrap_or(Path::new("")).join(&simulation.scenario);
+            simulation.scenario = folder.join(&simulation.scenario);
         }
+        file.faults = file.faults.map(|faults| folder.join(faults));
         file.check().with_context(|| path.display().to_string())?;
         Ok(file)
     }
