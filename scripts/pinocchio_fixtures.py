@@ -4,7 +4,7 @@
     pip install pin==4.1.0
     python3 scripts/pinocchio_fixtures.py
 
-makes controller/tests/data/model_{hyq,anymal_b,arm}.json from the URDFs in this repository, five random states each. Everything is
+makes controller/tests/data/model_{hyq,anymal_b,arm}.json from the URDFs in this repository, six random states each. Everything is
 converted to this project's conventions:
 
 - v = [v_WB; w_WB; qd], base parts in W axes. Pinocchio has the base twist in base axes and sorts joints by name, so with
@@ -28,7 +28,10 @@ ROBOTS = [
     ("anymal_b", ROOT / "robots/anymal_b/anymal_b.urdf", True),
     ("arm", DATA / "arm.urdf", False),
 ]
-STATES = 5
+STATES = 6
+# The last state is far from the origin and fast: nothing but the place itself may lose digits there.
+FAR = np.array([8e2, -5e2, 60.0])
+FAST = np.array([-15.0, 20.0, 3.0])
 WORLD = pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
 
 
@@ -175,8 +178,10 @@ def main():
         rng = np.random.default_rng(20261122)
         robot = Robot(path, floating)
         states = []
-        for _ in range(STATES):
+        for i in range(STATES):
             state = robot.random_state(rng)
+            if i == STATES - 1 and floating:
+                state |= {"p_WB": FAR, "v_WB": FAST}
             states.append({"state": plain(state), "expected": plain(robot.expected(state))})
         content = {
             "made_by": f"scripts/pinocchio_fixtures.py with Pinocchio {pin.__version__}",

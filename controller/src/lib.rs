@@ -10,12 +10,14 @@
 mod dense;
 pub mod digest;
 pub mod dump;
+pub mod hold;
 pub mod math;
 pub mod model;
 pub mod outbox;
 pub mod params;
 pub mod qp;
 pub mod quadruped;
+pub mod sequence;
 pub mod stack;
 
 use lcmtypes::{ControllerInput, RunInfo};
@@ -87,6 +89,14 @@ pub enum RestoreError {
         /// Joints of the model.
         expected: usize,
     },
+    /// A state of another number of controllers.
+    #[error("snapshot holds {found} controllers, the run has {expected}")]
+    Parts {
+        /// Controllers in the snapshot.
+        found: usize,
+        /// Controllers of the run.
+        expected: usize,
+    },
     /// A number that is none, where the control would compute with it.
     #[error("snapshot field {field} is not finite")]
     NotFinite {
@@ -108,7 +118,7 @@ pub enum RestoreError {
 #[non_exhaustive]
 pub enum LoadError {
     /// No controller of this name.
-    #[error("unknown controller \"{found}\", known: quadruped")]
+    #[error("unknown controller \"{found}\", known: quadruped, hold, and several of them as sequence(hold, quadruped)")]
     UnknownController {
         /// Name asked for.
         found: String,
@@ -122,6 +132,12 @@ pub enum LoadError {
     /// The stack of tasks is unusable, or does not fit the robot.
     #[error(transparent)]
     Stack(#[from] stack::StackError),
+    /// Several controllers that cannot be run together.
+    #[error("a sequence of controllers: {what}")]
+    Sequence {
+        /// What is wrong.
+        what: String,
+    },
     /// Robot and parameters do not fit each other.
     #[error("robot \"{robot}\": {what}")]
     Robot {
@@ -139,6 +155,11 @@ pub enum LoadError {
 pub fn load(info: &RunInfo) -> Result<Box<dyn Controller>, LoadError> {
     match info.controller.as_str() {
         quadruped::NAME => Ok(Box::new(quadruped::Quadruped::new(&info.urdf, &info.params)?)),
+        hold::NAME => Ok(Box::new(hold::Hold::new(&info.urdf, &info.params)?)),
+        list if list.starts_with("sequence(") && list.ends_with(')') => {
+            let names = &list["sequence(".len()..list.len() - 1];
+            Ok(Box::new(sequence::Sequence::load(names, info)?))
+        }
         other => Err(LoadError::UnknownController { found: other.to_owned() }),
     }
 }

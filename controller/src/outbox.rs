@@ -36,6 +36,13 @@ impl Outbox {
         Ok(())
     }
 
+    /// Adds a message that is encoded already.
+    pub fn put_bytes(&mut self, channel: &'static str, bytes: &[u8]) {
+        let start = self.bytes.len();
+        self.bytes.extend_from_slice(bytes);
+        self.index.push((channel, start..self.bytes.len()));
+    }
+
     /// The messages: channel and encoded bytes.
     pub fn iter(&self) -> impl ExactSizeIterator<Item = (&'static str, &[u8])> {
         self.index.iter().map(|(channel, range)| (*channel, &self.bytes[range.clone()]))

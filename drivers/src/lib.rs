@@ -4,10 +4,13 @@
 //! - [`Terrain`]: the ground, made from a seed.
 //! - [`Simulator`]: what the other side of a controller can do; [`MujocoSim`] does it.
 //! - [`Faults`]: what spoils messages on their way.
+//! - [`operators`]: which of several operators a robot follows.
+//! - [`teleop`]: a person's keys, pad or lines, made into commands.
 //! - [`lockstep`]: simulator, controller and log in one process.
+//! - [`live`]: the same controller as processes that meet over LCM: the real-time executor, the hardware under it.
 //!
 //! No control is computed here but the joint loop that a drive has, and the controller sees nothing but messages. Nothing
-//! reads a clock: time comes from the caller. Start with `tests/physics.rs`: a robot is put down and held.
+//! outside [`live`] reads a clock: time comes from the caller. Start with `tests/physics.rs`: a robot is put down and held.
 #![allow(non_snake_case, reason = "names carry frames, as in p_WF = p_WB + R_WB * p_BF: see ARCHITECTURE.md")]
 #![cfg_attr(test, allow(clippy::unwrap_used, reason = "a test may panic"))]
 
@@ -15,16 +18,20 @@ mod drives;
 mod error;
 pub mod fault;
 mod floor;
+pub mod live;
 pub mod lockstep;
 mod mjcf;
 mod mujoco;
 pub mod operator;
+pub mod operators;
 mod rng;
 pub mod scenario;
 mod sensors;
 mod simulator;
 mod start;
+pub mod teleop;
 pub mod terrain;
+mod watch;
 
 pub use drives::DriveParams;
 pub use error::DriverError;
@@ -37,3 +44,4 @@ pub use sensors::NoiseParams;
 pub use simulator::Simulator;
 pub use start::{StartParams, StartPosture};
 pub use terrain::Terrain;
+pub use watch::{ModeWatch, Said};

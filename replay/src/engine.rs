@@ -141,16 +141,16 @@ impl<'a> Replay<'a> {
         };
         let mut stretch = Stretch::find(&self.path, options)?;
         let mut ticks = Ticks::open(&self.path, if out.is_some() { Beside::InPlace } else { Beside::Nothing })?;
-        let mut feed = Feed { ticks: &mut ticks, stretch: &mut stretch, progress, bytes: file_length(&self.path)? };
+        let feed = Feed { ticks: &mut ticks, stretch: &mut stretch, bytes: file_length(&self.path)? };
         let alone = own_state || options.jobs < 2;
         let (tally, found) = if alone {
             let collector = what_if.then(|| Collector::new(options.bound.unwrap_or(DEFAULT_BOUND)));
             let later = self.later(&info, &options.changes)?;
             let mut runner = Runner::new(self.controller(&info)?, own_state).then(later).collecting(collector);
-            self.run_alone(&mut feed, &mut runner, out.as_mut())?;
+            self.run_alone(feed, &mut runner, out.as_mut(), progress)?;
             (runner.tally, runner.what_if.map(Collector::finish))
         } else {
-            (self.run_shared(&mut feed, &info, options.jobs)?, None)
+            (self.run_shared(feed, &info, options.jobs, progress)?, None)
         };
         if let Some(mut out) = out {
             out.rest(ticks.rest())?;
@@ -165,14 +165,23 @@ impl<'a> Replay<'a> {
         Ok(report)
     }
 
-    fn run_alone(&self, feed: &mut Feed, runner: &mut Runner, mut out: Option<&mut Out>) -> Result<(), Error> {
+    fn run_alone(
+        &self,
+        mut feed: Feed,
+        runner: &mut Runner,
+        mut out: Option<&mut Out>,
+        progress: &mut dyn FnMut(f64),
+    ) -> Result<(), Error> {
         while let Some(part) = feed.next()? {
             match part {
                 Part::Start(tick, snapshot) => {
-                    runner.restore(tick, &snapshot).map_err(|source| self.restore_error(tick, source))?;
+                    runner.restore(tick, &snapshot).map_err(|source| restore_error(&self.path, tick, source))?;
                 }
                 Part::Tick(mut tick) => {
-                    let outbox = runner.tick(&tick).map_err(|source| self.restore_error(tick.tick, source))?;
+                    if tick.tick % 1024 == 0 {
+                        progress(feed.read());
+                    }
+                    let outbox = runner.tick(&tick).map_err(|source| restore_error(&self.path, tick.tick, source))?;
                     if let Some(out) = &mut out {
                         out.tick(&mut tick, outbox)?;
                     }
@@ -182,26 +191,17 @@ impl<'a> Replay<'a> {
         Ok(())
     }
 
-    /// Deals the stretches between snapshots to threads, in turn.
-    fn run_shared(&self, feed: &mut Feed, info: &RunInfo, jobs: usize) -> Result<Tally, Error> {
-        let controllers = (0..jobs).map(|_| self.controller(info)).collect::<Result<Vec<_>, _>>()?;
-        std::thread::scope(|scope| {
-            let (queues, threads): (Vec<_>, Vec<_>) = controllers
-                .into_iter()
-                .map(|controller| {
-                    let (queue, parts) = shared::queue();
-                    (queue, scope.spawn(move || shared::work(Runner::new(controller, false), &parts)))
-                })
-                .unzip();
-            let dealt = shared::deal(feed, &queues);
-            drop(queues);
-            let mut tally = Tally::default();
-            for thread in threads {
-                let done = thread.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic));
-                tally.add(done.map_err(|(tick, source)| self.restore_error(tick, source))?);
-            }
-            dealt.map(|()| tally)
-        })
+    /// Goes through the stretches between snapshots with several threads.
+    fn run_shared(
+        &self,
+        feed: Feed,
+        info: &RunInfo,
+        jobs: usize,
+        progress: &mut dyn FnMut(f64),
+    ) -> Result<Tally, Error> {
+        let runner = |_| Ok(Runner::new(self.controller(info)?, false));
+        let runners = (0..jobs).map(runner).collect::<Result<_, Error>>()?;
+        shared::run(&self.path, feed, runners, progress)
     }
 
     fn controller(&self, info: &RunInfo) -> Result<Box<dyn Controller>, Error> {
@@ -236,10 +236,10 @@ impl<'a> Replay<'a> {
         }
         Ok(later)
     }
+}
 
-    fn restore_error(&self, tick: i64, source: RestoreError) -> Error {
-        Error::Restore { path: self.path.clone(), tick, source: source.into() }
-    }
+fn restore_error(path: &Path, tick: i64, source: RestoreError) -> Error {
+    Error::Restore { path: path.into(), tick, source: source.into() }
 }
 
 /// Reads on until RUN_INFO is found.

@@ -203,6 +203,46 @@ fn threads_do_not_change_the_report() {
     }
 }
 
+/// No thread can go on where another has not come to a state yet.
+#[test]
+fn a_long_log_without_states_is_replayed_by_any_number_of_threads() {
+    let path = path("stateless.mcap");
+    let mut events = toy::events(5000);
+    events.retain(|(channel, t_ns, _)| channel != channels::CONTROLLER_SNAPSHOT || *t_ns > 4500 * PERIOD_NS);
+    toy::change(&mut events, channels::CONTROLLER_INPUT, 3210, |input: &mut ControllerInput| input.state.q[0] += 1.0);
+    toy::write(&path, &events);
+    let report = |jobs| timeless(replay(&path, &Options { jobs, ..Options::default() }));
+    let serial = report(1);
+    assert_eq!((serial.ticks, serial.first_divergence.as_ref().map(|first| first.tick)), (5000, Some(3210)));
+    for jobs in 2..5 {
+        assert_eq!(report(jobs), serial, "{jobs} threads");
+    }
+}
+
+#[test]
+fn of_several_errors_any_number_of_threads_reports_the_first() {
+    let cut_state = |events: &mut Vec<Message>, tick: i64| {
+        let state =
+            events.iter_mut().find(|(c, t_ns, _)| c == channels::CONTROLLER_SNAPSHOT && *t_ns == tick * PERIOD_NS);
+        state.unwrap().2.truncate(40);
+    };
+    let path = log("errors.mcap", |events| {
+        // Of a state that cannot be taken over the replay only hears where the one before it is unknown.
+        events.retain(|(c, t_ns, _)| c != channels::CONTROLLER_INPUT || ![350, 650].contains(&(t_ns / PERIOD_NS)));
+        cut_state(events, 399);
+        cut_state(events, 699);
+        let input = |(c, t_ns, _): &&mut Message| c == channels::CONTROLLER_INPUT && *t_ns == 980 * PERIOD_NS;
+        events.iter_mut().find(input).unwrap().2.truncate(60);
+    });
+    for jobs in 1..5 {
+        let run = || Replay::open_with(&path, toy::load)?.run(&Options { jobs, ..Options::default() }, &mut |_| {});
+        for _ in 0..10 {
+            let error = run().unwrap_err();
+            assert!(matches!(error, Error::Restore { tick: 399, .. }), "{jobs} threads: {error}");
+        }
+    }
+}
+
 #[test]
 fn what_is_not_in_the_log_is_counted_not_judged() {
     let path = log("trimmed.mcap", |events| {

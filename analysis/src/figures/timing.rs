@@ -145,7 +145,8 @@ pub(super) fn over_time(runs: &[(Named, &Run)], ask: &Ask) -> Result<Chart, Stri
 
 /// Histogram and cumulated share of computation, solve, and jitter of the period; several logs in one figure, as before and after.
 pub(super) fn distribution(runs: &[(Named, &Run)]) -> Result<Chart, String> {
-    let all: Vec<Vec<Times>> = runs.iter().map(|(_, run)| times(run, super::whole(run))).collect::<Result<_, _>>()?;
+    let all: Vec<Vec<Times>> =
+        runs.iter().map(|(_, run)| times(run, super::ask::whole(run))).collect::<Result<_, _>>()?;
     let deadline = runs.first().map_or(1000.0, |(_, run)| deadline_us(run));
     let us = range(all.iter().flatten(), deadline);
     let alone = runs.len() == 1;

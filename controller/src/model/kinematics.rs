@@ -219,8 +219,13 @@ impl Kinematics {
 
     /// Velocity of the origin of a frame, in W, m/s.
     pub fn v_WF(&self, model: &Model, frame: FrameId) -> Vector3<f64> {
+        self.base.v_WB + self.v_BF_W(model, frame)
+    }
+
+    /// Velocity of the origin of a frame over that of the origin of B, in W axes, m/s.
+    pub fn v_BF_W(&self, model: &Model, frame: FrameId) -> Vector3<f64> {
         let r = self.p_BF_W(model, frame);
-        self.base.v_WB + self.bodies[model.frames[frame.index()].body].point_velocity(&r)
+        self.bodies[model.frames[frame.index()].body].point_velocity(&r)
     }
 
     /// Angular velocity of a frame, in W, rad/s.

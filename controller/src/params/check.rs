@@ -51,6 +51,9 @@ impl Params {
             ("stand.rise_speed", self.stand.rise_speed),
             ("stand.max_error", self.stand.max_error),
             ("stand.patience", self.stand.patience),
+            ("hold.kp", self.hold.kp),
+            ("hold.kd", self.hold.kd),
+            ("hold.duration", self.hold.duration),
         ];
         for (key, found) in positive {
             within(key, &[found], "a positive number", |x| x > 0.0 && x.is_finite())?;

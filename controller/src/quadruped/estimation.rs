@@ -1,7 +1,7 @@
 //! What the controller knows of the robot in a tick: base orientation, kinematics, dynamics, contact forces, height.
 //!
-//! Base position and linear velocity are not used: both are set to zero in every tick, which is exact, since neither `Jd v` nor
-//! `h` depends on them in this parametrization. Source: Raiola et al. 2020, sections 2.4.1, 3 and 4.3.
+//! Base position and linear velocity are set to zero in every tick. That is exact, to the bit: the model computes relative to the base, and from it
+//! only quantities relative to the base are read. Source: Raiola et al. 2020, sections 2.4.1, 3 and 4.3.
 
 use super::leg::{Leg, PerLeg};
 use super::robot::Robot;
@@ -111,7 +111,7 @@ impl Estimate {
     }
 
     /// [`Estimate::update`] on ground that rises by `gradient_W` along x and y, with the base taken to be somewhere else: that makes no difference
-    /// but for rounding.
+    /// to anything but `kin`'s own base.
     pub fn update_at(&mut self, robot: &Robot, measured: &RobotState, place: &BasePlace, gradient_W: [f64; 2]) {
         self.base = base_estimate(robot, measured);
         let BasePlace { p_WB, v_WB } = *place;
@@ -134,9 +134,9 @@ impl Estimate {
             for (k, &joint) in of_robot.joints.iter().enumerate() {
                 qd[k] = measured.qd[joint];
             }
-            estimate.p_BF_W = self.kin.p_WF(&robot.model, of_robot.foot) - p_WB + p_FC_W;
+            estimate.p_BF_W = self.kin.p_BF_W(&robot.model, of_robot.foot) + p_FC_W;
             estimate.v_BF_W = self.base.w_WB_W.cross(&estimate.p_BF_W) + estimate.J_leg * qd;
-            estimate.p_hip_W = self.kin.p_WF(&robot.model, of_robot.hip) - p_WB;
+            estimate.p_hip_W = self.kin.p_BF_W(&robot.model, of_robot.hip);
             // A sphere that rolls without slip accelerates its contact point by w x (w x p_FC) towards its centre; the same term
             // stands in the bias of the material point, so it cancels and the lever of the angular bias remains.
             let bias = frame_bias_acceleration(&robot.model, &self.kin, of_robot.foot);

@@ -34,6 +34,7 @@ use crate::params::Params;
 use crate::qp::NamedViolation;
 use crate::{Controller, LoadError, Outbox, Probe, RestoreError, Stage};
 use digests::Digests;
+pub(crate) use digests::input as digest_of_input;
 use estimation::{BasePlace, Estimate};
 use lcmtypes::{ControllerInput, ControllerTick, Message, QuadrupedState, channels};
 use modes::{Asked, Wish};
@@ -121,8 +122,8 @@ impl Quadruped {
         self.scratch.wbc.explain(&self.robot)
     }
 
-    /// Takes the base to be somewhere, and to move, from the next tick on, instead of resting at the origin. No command depends on it, but for
-    /// rounding: that is what experiments feed it for. Not for operation, and no part of the state.
+    /// Takes the base to be somewhere, and to move, from the next tick on, instead of resting at the origin. No bit of a
+    /// message depends on it: that is what experiments feed it for. Not for operation, and no part of the state.
     pub fn take_base_to_be(&mut self, place: BasePlace) {
         self.place = place;
     }

@@ -43,7 +43,8 @@ pub struct Cartesian {
     Y: DMatrix<f64>,
 }
 
-/// Pose, twist and bias acceleration of one frame.
+/// Pose, twist and bias acceleration of one frame, place and velocity over those of the base: of two links only the difference counts,
+/// and for one in the world rows of position have no gains.
 struct Motion {
     p: Vector3<f64>,
     R: Matrix3<f64>,
@@ -57,9 +58,9 @@ impl Motion {
     fn of(model: &Model, kin: &Kinematics, frame: FrameId) -> Self {
         let bias = frame_bias_acceleration(model, kin, frame);
         Motion {
-            p: kin.p_WF(model, frame),
+            p: kin.p_BF_W(model, frame),
             R: kin.R_WF(model, frame),
-            v: kin.v_WF(model, frame),
+            v: kin.v_BF_W(model, frame),
             w: kin.w_WF_W(model, frame),
             a: bias.fixed_rows::<3>(0).into_owned(),
             al: bias.fixed_rows::<3>(3).into_owned(),
@@ -117,7 +118,7 @@ impl Cartesian {
         rows
     }
 
-    /// Writes its rows. For link L and other link R, p = p_WL - p_WR, everything in the axes of R:
+    /// Writes its rows. For link L and other link R, p = p_BL - p_BR, everything in the axes of R:
     ///
     /// ```text
     /// A = Rᵀ [ J_v,L - J_v,R + [p]x J_w,R ;  J_w,L - J_w,R ]

@@ -237,7 +237,7 @@ impl<'r> Cursor<'r> {
         let info = self.replay.changed(&self.options)?;
         let mut runner = Runner::new(self.replay.controller(&info)?, self.options.asks_what_if());
         if let Some((tick, state)) = &page.start {
-            runner.restore(*tick, state).map_err(|source| self.replay.restore_error(*tick, source))?;
+            runner.restore(*tick, state).map_err(|source| super::restore_error(&self.replay.path, *tick, source))?;
         }
         self.runner = runner;
         Ok(())
@@ -246,7 +246,8 @@ impl<'r> Cursor<'r> {
     /// Computes a tick; the moment is put together only if it is looked at.
     fn step(&mut self, tick: &Tick, looked_at: bool) -> Result<Option<Moment>, Error> {
         self.runner.tally = super::Tally::default();
-        let done = self.runner.tick(tick).map_err(|source| self.replay.restore_error(tick.tick, source))?;
+        let done =
+            self.runner.tick(tick).map_err(|source| super::restore_error(&self.replay.path, tick.tick, source))?;
         let (Some(outbox), Some(input), true) = (done, &tick.input, looked_at) else { return Ok(None) };
         let replayed = outbox.iter().map(|(channel, bytes)| (channel, bytes.to_vec())).collect();
         let since_ns = input.t_ns.saturating_sub(self.stretch.first_t_ns.unwrap_or(input.t_ns));

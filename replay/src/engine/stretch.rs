@@ -59,12 +59,16 @@ pub(super) enum Part {
 pub(super) struct Feed<'f> {
     pub ticks: &'f mut Ticks,
     pub stretch: &'f mut Stretch,
-    pub progress: &'f mut dyn FnMut(f64),
     /// Length of the file.
     pub bytes: u64,
 }
 
 impl Feed<'_> {
+    /// Which part of the file has been read, 0 to 1.
+    pub fn read(&self) -> f64 {
+        self.ticks.offset as f64 / self.bytes.max(1) as f64
+    }
+
     /// The next part, or `None` behind the last.
     pub fn next(&mut self) -> Result<Option<Part>, Error> {
         while let Some(mut tick) = self.ticks.next()? {
@@ -75,9 +79,6 @@ impl Feed<'_> {
             if since.zip(self.stretch.to_ns).is_some_and(|(since, to)| since > to) {
                 return Ok(None);
             }
-            if tick.tick % 1024 == 0 {
-                (self.progress)(self.ticks.offset as f64 / self.bytes.max(1) as f64);
-            }
             match self.stretch.start {
                 Some(start) if tick.tick < start => {}
                 Some(start) if tick.tick == start => {
@@ -86,7 +87,6 @@ impl Feed<'_> {
                 _ => return Ok(Some(Part::Tick(Box::new(tick)))),
             }
         }
-        (self.progress)(1.0);
         Ok(None)
     }
 }

@@ -1,0 +1,219 @@
+//! Several controllers as one, run in order, each started and stopped while the others run.
+//!
+//! Which of them are started is part of the input ([`ControllerInput::running`], a bit each), so a replay needs to know nothing more.
+//! The last of those that run has the robot: its messages go out as they are. The messages of the others go out beside it, on channels
+//! with their name in front, `hold/ROBOT_COMMAND`: a controller can be tried on a robot that another one moves. With none started the joints
+//! are damped.
+//!
+//! | from | when | to | what is done |
+//! |---|---|---|---|
+//! | stopped | its bit is set | running | it begins as on the first tick of a run, in the same tick |
+//! | running | its bit is set | running | a step |
+//! | running | its bit is not set | stopped | it keeps its state, which nobody looks at again |
+
+use crate::params::Params;
+use crate::{Controller, LoadError, Outbox, Probe, RestoreError};
+use lcmtypes::channels::{self, CONTROLLER_SNAPSHOT};
+use lcmtypes::{ControllerInput, ControllerState, ControllerTick, Message, RobotCommand, RunInfo, SequenceState};
+use std::collections::BTreeSet;
+use std::sync::{Mutex, PoisonError};
+
+/// Name of the kind; a run names its controllers too: `sequence(hold, quadruped)`.
+pub const NAME: &str = "sequence";
+/// Ticks between two snapshots of the state.
+const SNAPSHOT_TICKS: i64 = 1000;
+/// Controllers that the bits of `running` can tell apart, the sign left alone.
+const MAX_PARTS: usize = 63;
+
+/// Several controllers, in the order in which they run.
+pub struct Sequence {
+    parts: Vec<Part>,
+    /// The bits of the last tick.
+    running: i64,
+    t_ns: i64,
+    tick: i64,
+    of_part: Outbox,
+    damping: RobotCommand,
+    state: SequenceState,
+}
+
+struct Part {
+    controller: Box<dyn Controller>,
+    /// Its state before its first tick.
+    unused: Vec<u8>,
+    /// Channels, and their names while another controller has the robot.
+    aside: Vec<(&'static str, &'static str)>,
+}
+
+impl Sequence {
+    /// Puts controllers together.
+    ///
+    /// - `damping`: what the joints are told while no controller runs.
+    ///
+    /// # Errors
+    /// None or too many of them, or two of one name.
+    pub fn new(controllers: Vec<Box<dyn Controller>>, damping: RobotCommand) -> Result<Self, LoadError> {
+        let wrong = |what: String| LoadError::Sequence { what };
+        if controllers.is_empty() || controllers.len() > MAX_PARTS {
+            return Err(wrong(format!("{} controllers, expected 1 to {MAX_PARTS}", controllers.len())));
+        }
+        let mut names = BTreeSet::new();
+        let mut parts = Vec::with_capacity(controllers.len());
+        for controller in controllers {
+            let name = controller.name();
+            if !names.insert(name) {
+                return Err(wrong(format!("controller \"{name}\" stands there twice")));
+            }
+            let mut unused = Vec::new();
+            controller.snapshot(&mut unused);
+            let aside = channels::CHANNELS.iter().map(|c| (c.name, interned(format!("{name}/{}", c.name)))).collect();
+            parts.push(Part { controller, unused, aside });
+        }
+        let num_parts = i32::try_from(parts.len()).expect("there are few");
+        let state =
+            SequenceState { num_parts, parts: vec![ControllerState::default(); parts.len()], ..Default::default() };
+        Ok(Sequence { parts, running: 0, t_ns: 0, tick: -1, of_part: Outbox::new(), damping, state })
+    }
+
+    /// Builds the controllers that a list such as `hold, quadruped` names, for the robot and with the parameters of the run.
+    ///
+    /// # Errors
+    /// A name that is unknown or stands there twice; what a controller says of the URDF and the parameters.
+    pub fn load(list: &str, info: &RunInfo) -> Result<Self, LoadError> {
+        let build = |name: &str| crate::load(&RunInfo { controller: name.trim().to_owned(), ..info.clone() });
+        let controllers = list.split(',').map(build).collect::<Result<_, _>>()?;
+        let params = Params::from_toml(&info.params, "parameters")?;
+        let nj = params.robot.posture.len();
+        let zeros = || vec![0.0; nj];
+        let damping = RobotCommand {
+            mode: RobotCommand::MODE_DAMPING,
+            nj: i32::try_from(nj).expect("robots have fewer than 2^31 joints"),
+            tau: zeros(),
+            q_des: zeros(),
+            qd_des: zeros(),
+            kp: zeros(),
+            kd: vec![params.safety.damping; nj],
+            ..RobotCommand::default()
+        };
+        Self::new(controllers, damping)
+    }
+
+    /// Names of the controllers, in the order in which they run: bit k of [`ControllerInput::running`] is the k-th.
+    pub fn names(&self) -> impl Iterator<Item = &'static str> {
+        self.parts.iter().map(|part| part.controller.name())
+    }
+
+    fn fill_state(&mut self) {
+        let Sequence { parts, running, t_ns, tick, state, .. } = self;
+        (state.t_ns, state.tick, state.running) = (*t_ns, *tick, *running);
+        for (part, of_part) in parts.iter().zip(&mut state.parts) {
+            of_part.data.clear();
+            part.controller.snapshot(&mut of_part.data);
+            of_part.size = i32::try_from(of_part.data.len()).expect("a state is far below 2 GB");
+        }
+    }
+}
+
+/// The name, kept as long as the process lives, once: a run's messages name their channel without copying it.
+fn interned(name: String) -> &'static str {
+    static NAMES: Mutex<BTreeSet<&'static str>> = Mutex::new(BTreeSet::new());
+    let mut names = NAMES.lock().unwrap_or_else(PoisonError::into_inner);
+    if let Some(known) = names.get(&*name) {
+        return known;
+    }
+    let name: &'static str = name.leak();
+    names.insert(name);
+    name
+}
+
+impl Controller for Sequence {
+    fn name(&self) -> &'static str {
+        NAME
+    }
+
+    fn step_probed(&mut self, input: &ControllerInput, out: &mut Outbox, probe: &mut dyn Probe) {
+        let Sequence { parts, running, of_part, damping, .. } = self;
+        let runs = |bits: i64, k: usize| bits >> k & 1 == 1;
+        let leader = (0..parts.len()).rev().find(|&k| runs(input.running, k));
+        out.clear();
+        let mut put = Ok(());
+        for (k, part) in parts.iter_mut().enumerate() {
+            if !runs(input.running, k) {
+                continue;
+            }
+            if !runs(*running, k) {
+                part.controller.restore(&part.unused).expect("it wrote this state itself");
+            }
+            of_part.clear();
+            let leads = leader == Some(k);
+            if leads {
+                part.controller.step_probed(input, of_part, probe);
+            } else {
+                part.controller.step(input, of_part);
+            }
+            for (channel, bytes) in of_part.iter().filter(|(channel, _)| *channel != CONTROLLER_SNAPSHOT) {
+                let aside = || part.aside.iter().find(|(name, _)| *name == channel).map(|(_, aside)| *aside);
+                let channel = if leads { Some(channel) } else { aside() };
+                out.put_bytes(channel.expect("controllers put their messages on channels of the table"), bytes);
+            }
+        }
+        let ControllerInput { t_ns, tick, .. } = *input;
+        (self.running, self.t_ns, self.tick) = (input.running, t_ns, tick);
+        if leader.is_none() {
+            (damping.t_ns, damping.tick) = (t_ns, tick);
+            let digest_input = crate::quadruped::digest_of_input(input);
+            let status = ControllerTick {
+                t_ns,
+                tick,
+                mode: ControllerTick::MODE_IDLE,
+                fault: ControllerTick::FAULT_CONTROLLER,
+                fault_index: -1,
+                digest_input,
+                ..Default::default()
+            };
+            put = put.and_then(|()| out.put(channels::ROBOT_COMMAND, damping));
+            put = put.and_then(|()| out.put(channels::CONTROLLER_TICK, &status));
+        }
+        if tick % SNAPSHOT_TICKS == 0 {
+            self.fill_state();
+            put = put.and_then(|()| out.put(CONTROLLER_SNAPSHOT, &self.state));
+        }
+        put.expect("every array has the length that its length field says since construction");
+    }
+
+    fn snapshot(&self, out: &mut Vec<u8>) {
+        let parts = self.parts.iter().map(|part| {
+            let mut data = Vec::new();
+            part.controller.snapshot(&mut data);
+            ControllerState { size: i32::try_from(data.len()).expect("a state is far below 2 GB"), data }
+        });
+        let Sequence { running, t_ns, tick, .. } = *self;
+        let state = SequenceState { t_ns, tick, running, num_parts: self.state.num_parts, parts: parts.collect() };
+        state.encode(out).expect("the arrays have just been made");
+    }
+
+    fn restore(&mut self, bytes: &[u8]) -> Result<(), RestoreError> {
+        let state = SequenceState::decode(bytes)?;
+        let (found, expected) = (state.parts.len(), self.parts.len());
+        if found != expected {
+            return Err(RestoreError::Parts { found, expected });
+        }
+        for (part, of_part) in self.parts.iter_mut().zip(&state.parts) {
+            part.controller.restore(&of_part.data)?;
+        }
+        (self.running, self.t_ns, self.tick) = (state.running, state.t_ns, state.tick);
+        Ok(())
+    }
+
+    fn poison_workspace(&mut self) {
+        self.parts.iter_mut().for_each(|part| part.controller.poison_workspace());
+        self.state.parts.iter_mut().for_each(|part| part.data.fill(0xff));
+        self.of_part.clear();
+    }
+
+    /// The quantities of the controller that has the robot.
+    fn dump(&self) -> crate::Dump {
+        let leader = self.parts.iter().enumerate().rev().find(|(k, _)| self.running >> k & 1 == 1);
+        leader.map_or_else(crate::Dump::default, |(_, part)| part.controller.dump())
+    }
+}

@@ -1,0 +1,175 @@
+//! Several controllers in order: who has the robot, starting and stopping, and that a state is the whole state.
+#![allow(non_snake_case, clippy::unwrap_used, missing_docs)]
+
+mod common;
+
+use common::{PARAMS, PERIOD_NS, URDF, command_of, hyq, standing, tick_of};
+use controller::{Controller, Outbox};
+use lcmtypes::{ControllerInput, ControllerTick, RobotCommand, RunInfo, channels};
+use std::sync::LazyLock;
+
+const HOLD: i64 = 1;
+const QUADRUPED: i64 = 2;
+
+fn load(controller: &str) -> Result<Box<dyn Controller>, controller::LoadError> {
+    let info = RunInfo {
+        controller: controller.to_owned(),
+        urdf: URDF.to_owned(),
+        params: PARAMS.to_owned(),
+        ..RunInfo::default()
+    };
+    controller::load(&info)
+}
+
+fn both() -> Box<dyn Controller> {
+    load("sequence(hold, quadruped)").unwrap()
+}
+
+/// A standing HyQ at a tick, with these controllers started.
+fn input(tick: i64, running: i64) -> ControllerInput {
+    static STANDING: LazyLock<ControllerInput> = LazyLock::new(|| standing(hyq().robot()));
+    let mut input = STANDING.clone();
+    (input.t_ns, input.tick, input.running) = (tick * PERIOD_NS, tick, running);
+    input.state.t_ns = input.t_ns;
+    input
+}
+
+fn messages(out: &Outbox) -> Vec<(String, Vec<u8>)> {
+    out.iter().map(|(channel, bytes)| (channel.to_owned(), bytes.to_vec())).collect()
+}
+
+/// Which controllers run in which tick: each alone, both, none, one anew.
+fn schedule(tick: i64) -> i64 {
+    match tick {
+        0..3 => HOLD,
+        3..6 => HOLD | QUADRUPED,
+        6..9 => QUADRUPED,
+        9..11 => 0,
+        _ => HOLD,
+    }
+}
+
+#[test]
+fn the_last_started_has_the_robot_and_the_others_are_heard_beside() {
+    let (mut sequence, mut out) = (both(), Outbox::new());
+    let (mut alone, mut of_alone) = (load("quadruped").unwrap(), Outbox::new());
+    for tick in 0..14 {
+        let input = input(tick, schedule(tick));
+        sequence.step(&input, &mut out);
+        let channels: Vec<_> = out.iter().map(|(channel, _)| channel).collect();
+        let (command, status) = (command_of(&out), tick_of(&out));
+        match schedule(tick) {
+            HOLD => {
+                assert_eq!((command.mode, command.kp[0]), (RobotCommand::MODE_TORQUE, 300.0), "tick {tick}");
+                assert_eq!(status.mode, ControllerTick::MODE_STAND_UP);
+                let snapshot = &[channels::CONTROLLER_SNAPSHOT][..usize::from(tick == 0)];
+                assert_eq!(channels, [&["ROBOT_COMMAND", "CONTROLLER_TICK"], snapshot].concat());
+            }
+            0 => {
+                assert_eq!((command.mode, command.kd[3]), (RobotCommand::MODE_DAMPING, 8.0), "tick {tick}");
+                assert_eq!((status.mode, status.fault), (ControllerTick::MODE_IDLE, ControllerTick::FAULT_CONTROLLER));
+            }
+            started => {
+                alone.step(&input, &mut of_alone);
+                let beside = if started & HOLD > 0 { 2 } else { 0 };
+                assert_eq!(channels[..beside], ["hold/ROBOT_COMMAND", "hold/CONTROLLER_TICK"][..beside]);
+                assert_eq!(messages(&out)[beside..], messages(&of_alone), "tick {tick}");
+            }
+        }
+    }
+}
+
+#[test]
+fn one_that_is_started_anew_begins_as_on_its_first_tick() {
+    let (mut sequence, mut out) = (both(), Outbox::new());
+    for tick in 0..14 {
+        sequence.step(&input(tick, schedule(tick)), &mut out);
+    }
+    let (mut fresh, mut of_fresh) = (both(), Outbox::new());
+    for tick in 11..14 {
+        fresh.step(&input(tick, HOLD), &mut of_fresh);
+    }
+    assert_eq!(messages(&out), messages(&of_fresh));
+}
+
+#[test]
+fn a_state_is_the_whole_state() {
+    for restart in 0..14 {
+        let (mut sequence, mut out) = (both(), Outbox::new());
+        let (mut restarted, mut of_restarted) = (both(), Outbox::new());
+        for tick in 0..20 {
+            sequence.step(&input(tick, schedule(tick)), &mut out);
+            if tick == restart {
+                let mut state = Vec::new();
+                sequence.snapshot(&mut state);
+                restarted.restore(&state).unwrap();
+                restarted.poison_workspace();
+            }
+            if tick > restart {
+                restarted.step(&input(tick, schedule(tick)), &mut of_restarted);
+                assert_eq!(messages(&out), messages(&of_restarted), "tick {tick} after tick {restart}");
+            }
+        }
+    }
+}
+
+#[test]
+fn the_published_state_is_the_one_that_can_be_taken_over() {
+    let (mut sequence, mut out) = (both(), Outbox::new());
+    sequence.step(&input(0, HOLD | QUADRUPED), &mut out);
+    let mut state = Vec::new();
+    sequence.snapshot(&mut state);
+    assert_eq!(out.get(channels::CONTROLLER_SNAPSHOT), Some(&state[..]));
+    let mut alone = Vec::new();
+    load("quadruped").unwrap().snapshot(&mut alone);
+    assert!(both().restore(&alone).is_err());
+    let one = load("sequence(quadruped)").unwrap();
+    alone.clear();
+    one.snapshot(&mut alone);
+    assert_eq!(both().restore(&alone).unwrap_err().to_string(), "snapshot holds 1 controllers, the run has 2");
+}
+
+#[test]
+fn hold_goes_to_the_posture_at_rest_and_damps_when_measurements_stay_away() {
+    let (mut hold, mut out) = (load("hold").unwrap(), Outbox::new());
+    let robot = hyq();
+    let folded: Vec<f64> = robot.robot().q_nominal.iter().map(|q| q + 0.4).collect();
+    let (mut before, mut fastest) = (folded.clone(), 0.0_f64);
+    for tick in 0..3100 {
+        let mut input = input(tick, HOLD);
+        input.state.q.clone_from(&folded);
+        hold.step(&input, &mut out);
+        let command = command_of(&out);
+        for (j, (&now, &before)) in command.q_des.iter().zip(&before).enumerate() {
+            let rate = (now - before) * 1e3;
+            fastest = fastest.max(rate.abs());
+            assert!(
+                (command.qd_des[j] - rate).abs() < 1e-3,
+                "joint {j}, tick {tick}: {} and {rate}",
+                command.qd_des[j]
+            );
+        }
+        before.clone_from(&command.q_des);
+    }
+    assert_eq!(before, robot.robot().q_nominal);
+    // 15/8 of the mean rate: 0.4 rad in 3 s.
+    assert!((fastest - 0.25).abs() < 1e-3, "{fastest}");
+    assert_eq!(tick_of(&out).mode, ControllerTick::MODE_STANCE);
+
+    let mut late = input(3100, HOLD);
+    late.state.t_ns -= 1_000_000_000;
+    hold.step(&late, &mut out);
+    assert_eq!(command_of(&out).mode, RobotCommand::MODE_DAMPING);
+    let status = tick_of(&out);
+    assert_eq!((status.fault, status.fault_value), (ControllerTick::FAULT_STATE_STALE, 1.0));
+    hold.step(&input(3101, HOLD), &mut out);
+    assert_eq!(command_of(&out).mode, RobotCommand::MODE_DAMPING, "it stays damped");
+}
+
+#[test]
+fn a_list_that_cannot_be_run_is_refused_by_name() {
+    let error = |list: &str| load(list).err().unwrap().to_string();
+    assert!(error("sequence(hold, walker)").contains("unknown controller \"walker\""));
+    assert!(error("sequence(hold, hold)").contains("controller \"hold\" stands there twice"));
+    assert!(error("sequence()").contains("unknown controller \"\""));
+}

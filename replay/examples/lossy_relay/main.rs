@@ -1,0 +1,60 @@
+//! Relays the datagrams of one LCM network to another, loses, doubles and delays some, and says which:
+//!
+//! ```text
+//! lossy_relay udpm://239.255.76.67:7667 udpm://239.255.76.67:7668 --drop 0.01 --seed 1 [--duplicate 0.001] [--reorder 0.001] [--count N]
+//! ```
+//! It ends on Ctrl-C or after so many datagrams and prints, as JSON, what it did per channel and per sender. The two networks need different
+//! ports: on Linux, liblcm hears every group of its port. Relayed long messages keep their fragments.
+#![allow(clippy::unwrap_used)]
+
+mod relay;
+
+use relay::{Relay, Shares};
+use replay::udpm::{Listener, Url};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+
+const USAGE: &str =
+    "lossy_relay FROM_URL TO_URL [--drop SHARE] [--duplicate SHARE] [--reorder SHARE] [--seed N] [--count DATAGRAMS]";
+
+fn main() {
+    let mut arguments = std::env::args().skip(1);
+    let (mut urls, mut shares, mut seed, mut count) = (Vec::new(), Shares::default(), 1u64, u64::MAX);
+    while let Some(argument) = arguments.next() {
+        let mut value = || arguments.next().expect(USAGE);
+        match argument.as_str() {
+            "--drop" => shares.drop = value().parse().expect(USAGE),
+            "--duplicate" => shares.duplicate = value().parse().expect(USAGE),
+            "--reorder" => shares.reorder = value().parse().expect(USAGE),
+            "--seed" => seed = value().parse().expect(USAGE),
+            "--count" => count = value().parse().expect(USAGE),
+            url => urls.push(url.parse::<Url>().unwrap_or_else(|error| panic!("{error}\n{USAGE}"))),
+        }
+    }
+    let [from, to] = &urls[..] else { panic!("{USAGE}") };
+    assert!(from.port != to.port, "{from} and {to}: the two networks need different ports");
+
+    let stop = Arc::new(AtomicBool::new(false));
+    for signal in [signal_hook::consts::SIGINT, signal_hook::consts::SIGTERM] {
+        signal_hook::flag::register(signal, Arc::clone(&stop)).unwrap();
+    }
+    let mut listener = Listener::open(from).unwrap();
+    let mut relay = Relay::new(to.clone(), shares, seed);
+    // Whoever starts this waits for the line before it sends.
+    eprintln!("relaying {from} to {to}");
+    let (mut taken, mut kernel_dropped) = (0, 0);
+    while taken < count && !stop.load(Ordering::Relaxed) {
+        match listener.receive().unwrap() {
+            Some(datagram) => {
+                taken += 1;
+                kernel_dropped = datagram.kernel_dropped;
+                relay.datagram(datagram.sender, datagram.bytes).unwrap();
+            }
+            None => relay.flush().unwrap(),
+        }
+    }
+    relay.flush().unwrap();
+    // What never came here is in nobody's account.
+    assert!(kernel_dropped == 0, "the relay itself was too slow for {kernel_dropped} datagrams");
+    println!("{}", serde_json::to_string(&relay.account()).unwrap());
+}
