@@ -10,6 +10,7 @@ mod ground;
 mod limits;
 mod overrides;
 mod robot;
+mod stand;
 mod step;
 mod tasks;
 
@@ -19,6 +20,7 @@ pub use ground::{ContactParams, RecoveryParams, TerrainParams};
 pub use limits::{SafetyParams, StandParams, WbcParams};
 pub use overrides::apply_overrides;
 pub use robot::{RobotConfig, SensorParams};
+pub use stand::StandParams;
 pub use step::{FootholdParams, SwingParams};
 pub use tasks::{PostureParams, TrunkParams};
 
