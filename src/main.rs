@@ -42,6 +42,8 @@ enum Command {
     Controller(live::ControllerArgs),
     /// Simulate a robot in real time, as its driver process on LCM
     Driver(live::DriverArgs),
+    /// Start or stop a controller of a live run
+    Ctl(live::CtlArgs),
     /// Feed a log's inputs to its controller again and compare every bit of every output
     Replay(Box<replay_log::Args>),
     Teleop(teleop::Args),
@@ -89,6 +91,7 @@ fn main() -> ExitCode {
         Command::Run(args) => live::run(&args),
         Command::Controller(args) => live::controller(&args),
         Command::Driver(args) => live::driver(&args),
+        Command::Ctl(args) => live::ctl(&args),
         Command::Replay(args) => replay_log::run(&args),
         Command::Teleop(args) => teleop::run(&args),
         Command::Debug(args) => debug::run(&args),

@@ -22,8 +22,10 @@ const CALLS: usize = 256;
 
 /// What to run.
 pub struct Plan {
-    /// The controller, as RUN_INFO describes it.
+    /// The controllers as one, as RUN_INFO describes it.
     pub controller: Box<dyn Controller>,
+    /// Their names, and whether each starts at once; those that RUN_INFO names, in its order.
+    pub controllers: Vec<(String, bool)>,
     /// The robot.
     pub hardware: Box<dyn Hardware>,
     /// Where messages go to and wishes come from.
@@ -68,13 +70,14 @@ impl Executor {
     /// # Errors
     /// If the bus takes no subscription, or there can be no further thread.
     pub fn start(plan: Plan) -> Result<Self, DriverError> {
-        let Plan { controller, hardware, mut bus, mut info, beat, ticks, realtime } = plan;
+        let Plan { controller, controllers, hardware, mut bus, mut info, beat, ticks, realtime } = plan;
         bus.subscribe(Carrier::CHANNELS)?;
         let stop = Arc::new(AtomicBool::new(false));
         let (ring_in, ring_out) = byte_ring(RING_BYTES);
         let (calls_in, calls_out) = RingBuffer::new(CALLS);
         let (granted_in, granted_out) = mpsc::channel();
-        let mut runner = Runner::new(controller, hardware, calls_out, ring_in, beat);
+        let running = controllers.iter().enumerate().fold(0, |bits, (k, (_, starts))| bits | i64::from(*starts) << k);
+        let mut runner = Runner::new(controller, running, hardware, calls_out, ring_in, beat);
         let runner = spawn("real-time", {
             let stop = stop.clone();
             move || {
@@ -86,7 +89,8 @@ impl Executor {
         })?;
         let granted = granted_out.recv().unwrap_or_default();
         info.realtime = format!("live, every {} us, {}", beat.period_ns / 1000, granted.text());
-        let carrier = Carrier::new(ring_out, calls_in, bus, info, Lateness::new(beat.period_ns));
+        let names = controllers.into_iter().map(|(name, _)| name).collect();
+        let carrier = Carrier::new(ring_out, calls_in, bus, info, names, Lateness::new(beat.period_ns));
         let carrier = spawn("carrier", move || carrier.run())?;
         Ok(Executor { stop, granted, runner: Some(runner), carrier: Some(carrier) })
     }
