@@ -9,6 +9,7 @@ use anyhow::Context;
 use controller::params::Params;
 use drivers::Scenario;
 use drivers::live::{self, Dummy, Executor, LcmRobot, Plan, Summary};
+use drivers::operators::Arbiter;
 use lcmtypes::RunInfo;
 use lcmtypes::bus::LcmBus;
 use replay::udpm::Url;
@@ -40,6 +41,7 @@ pub fn run(args: &ControllerArgs) -> anyhow::Result<Outcome> {
         controller: controller::load(&info).with_context(|| file.robot.clone())?,
         hardware,
         bus: Box::new(LcmBus::open(&url.to_string())?),
+        operators: Arbiter::new(file.operator.clone())?,
         info,
         beat,
         ticks: args.length.ticks(beat.period_ns)?,

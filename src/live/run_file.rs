@@ -4,6 +4,7 @@ use crate::robot::read;
 use anyhow::Context;
 use drivers::live::RealtimeParams;
 use drivers::live::clock::Beat;
+use drivers::operators::{Arbiter, Source, default_sources};
 use serde::Deserialize;
 use std::path::{Path, PathBuf};
 
@@ -23,6 +24,9 @@ pub struct RunFile {
     /// What the controller's side of the network is.
     #[serde(default)]
     pub hardware: Hardware,
+    /// Who may command.
+    #[serde(default = "default_sources")]
+    pub operator: Vec<Source>,
     /// The controller.
     #[serde(default)]
     pub controller: Controller,
@@ -121,6 +125,7 @@ impl RunFile {
             (0..period_us).contains(&phase_us),
             "controller.phase_us is {phase_us}, expected 0 to less than controller.period_us ({period_us})"
         );
+        Arbiter::new(self.operator.clone())?;
         anyhow::ensure!(priority <= 99, "realtime.priority is {priority}, expected 0 (no real-time scheduler) to 99");
         Ok(())
     }
@@ -160,6 +165,7 @@ mod tests {
                 "controller.phase_us is 1000, expected 0 to less than",
             ),
             (format!("{minimal}[realtime]\npriority = 100\n"), "realtime.priority is 100"),
+            (format!("{minimal}[[operator]]\nchannel = \"A B\"\npriority = 1\n"), "[[operator]] \"A B\": a channel is"),
             ("robot = \"hyq\"\n".to_owned(), "missing field `log`"),
         ] {
             let error = format!("{:#}", load(&text).unwrap_err());

@@ -3,6 +3,7 @@
 
 use super::clock::now_ns;
 use super::{Call, Lateness};
+use crate::operators::Arbiter;
 use crate::watch::{ModeWatch, Said};
 use lcmtypes::bus::Bus;
 use lcmtypes::{ControllerTick, Event, Message, OperatorCommand, RunInfo, Timing, channels};
@@ -30,6 +31,7 @@ pub struct Carried {
 pub struct Carrier {
     ring: BytesOut,
     calls: Producer<Call>,
+    arbiter: Arbiter,
     bus: Box<dyn Bus>,
     info: RunInfo,
     info_due_ns: Option<i64>,
@@ -40,11 +42,18 @@ pub struct Carrier {
 }
 
 impl Carrier {
-    /// A carrier between `ring` and `bus`, which has subscribed to [`Carrier::CHANNELS`].
-    pub fn new(ring: BytesOut, calls: Producer<Call>, bus: Box<dyn Bus>, info: RunInfo, lateness: Lateness) -> Self {
+    /// A carrier between the ends of rings towards the real-time thread and `bus`, which has subscribed to what the operators speak on.
+    pub fn new(
+        (ring, calls): (BytesOut, Producer<Call>),
+        bus: Box<dyn Bus>,
+        arbiter: Arbiter,
+        info: RunInfo,
+        lateness: Lateness,
+    ) -> Self {
         Carrier {
             ring,
             calls,
+            arbiter,
             bus,
             info,
             info_due_ns: None,
@@ -54,9 +63,6 @@ impl Carrier {
             done: Carried::default(),
         }
     }
-
-    /// What it listens to, as a pattern.
-    pub const CHANNELS: &str = channels::OPERATOR_COMMAND;
 
     /// Works until the real-time thread is gone and the ring is empty.
     pub fn run(mut self) -> Carried {
@@ -142,13 +148,30 @@ impl Carrier {
             return;
         };
         for message in heard {
-            let t_ns = now_ns();
+            let Some(source) = self.arbiter.source_of(&message.channel) else { continue };
             match OperatorCommand::decode(&message.data) {
                 Ok(command) => {
-                    self.done.not_called += u64::from(self.calls.push(Call::Operator { t_ns, command }).is_err());
+                    self.arbiter.hear(source, now_ns(), &command);
+                    // After each: an emergency stop that is taken back at once was one.
+                    self.follow_operator();
                 }
                 Err(_) => self.done.unreadable += 1,
             }
+        }
+        // Sources run out of time in silence.
+        self.follow_operator();
+    }
+
+    fn follow_operator(&mut self) {
+        let now_ns = now_ns();
+        if let Some(choice) = self.arbiter.news(now_ns) {
+            let call = Call::Operator { t_ns: choice.arrival_ns, command: choice.command.clone() };
+            self.done.not_called += u64::from(self.calls.push(call).is_err());
+        }
+        while let Some(switch) = self.arbiter.switch() {
+            let level = if switch.is_alarming() { Event::LEVEL_WARNING } else { Event::LEVEL_INFO };
+            let text = self.arbiter.text(switch);
+            self.tell(now_ns, -1, level, "operator", text);
         }
     }
 }
