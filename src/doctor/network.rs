@@ -35,9 +35,11 @@ struct Interface {
 /// Every check of the network.
 pub fn checks(system: &System, url: &Url) -> Vec<Check> {
     let interfaces = interfaces();
-    let mut checks = vec![route(url, way_out(url), &interfaces)];
-    // Without a route nothing else can be tried.
-    if checks[0].mend.is_none() || url.ttl > 0 {
+    let way_out = way_out(url);
+    let has_route = way_out.is_ok();
+    let mut checks = vec![route(url, way_out, &interfaces)];
+    // Without a route nothing can be tried, and the library says so at length.
+    if has_route {
         checks.push(heard("datagrams", url, own_sockets(url)));
         checks.push(heard("liblcm", url, through_liblcm(url)));
     }
@@ -46,7 +48,6 @@ pub fn checks(system: &System, url: &Url) -> Vec<Check> {
     checks.push(default_buffer(system));
     checks.push(fragments(system, url));
     checks.push(firewall(&[ask("nft", &["list", "ruleset"]), ask("iptables", &["-S", "INPUT"])].concat(), system));
-    checks.extend(bridges(system));
     checks
 }
 
@@ -259,26 +260,9 @@ fn firewall(rules: &str, system: &System) -> Check {
             "sudo iptables -I INPUT -p udp -d 224.0.0.0/4 -j ACCEPT   (nft: add rule inet filter input ip daddr 224.0.0.0/4 accept)",
         ),
         (true, true) => Check::ok(NAME, "a rule lets 224.0.0.0/4 in"),
-        (false, _) if rules.is_empty() => Check::ok(NAME, "no rules seen (they are shown to root only)"),
+        (false, _) if rules.is_empty() => Check::ok(NAME, "no rules seen (nft and iptables show them to root only)"),
         (false, _) => Check::ok(NAME, "nothing is dropped by default"),
     }
-}
-
-/// Bridges of this machine (virtual machines, containers) that pass multicast on to known members only, while nobody asks who is one.
-fn bridges(system: &System) -> Vec<Check> {
-    let file = |bridge: &str, what: &str| system.number(&format!("/sys/class/net/{bridge}/bridge/multicast_{what}"));
-    let blind = |bridge: &String| file(bridge, "snooping") == Some(1) && file(bridge, "querier") == Some(0);
-    let names = system.names("/sys/class/net");
-    names
-        .iter()
-        .filter(|bridge| blind(bridge))
-        .map(|bridge| {
-            let found = format!(
-                "{bridge} passes multicast on to known members, and nobody asks for them: it ends after minutes"
-            );
-            Check::warn("bridge", found, format!("sudo ip link set dev {bridge} type bridge mcast_querier 1"))
-        })
-        .collect()
 }
 
 #[cfg(test)]
@@ -381,16 +365,5 @@ mod tests {
         assert_eq!(level(""), Level::Ok);
         let ufw = machine("ufw", &[("/etc/ufw/ufw.conf", "# on\nENABLED=yes\n")]);
         assert!(firewall("", &ufw).mend.unwrap().starts_with("sudo ufw allow"));
-    }
-
-    #[test]
-    fn a_bridge_that_forgets_members_is_named() {
-        let bridge = |querier| {
-            let folder = "/sys/class/net/br0/bridge/multicast_";
-            let (a, b) = (format!("{folder}snooping"), format!("{folder}querier"));
-            bridges(&machine("bridge", &[(&a, "1"), (&b, querier), ("/sys/class/net/eth0/mtu", "1500")]))
-        };
-        assert_eq!(bridge("0")[0].mend.as_deref(), Some("sudo ip link set dev br0 type bridge mcast_querier 1"));
-        assert_eq!(bridge("1"), []);
     }
 }
