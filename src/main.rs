@@ -16,6 +16,7 @@ mod report;
 mod robot;
 mod run_info;
 mod sim;
+mod spy;
 mod teleop;
 
 use anyhow::Context;
@@ -53,6 +54,7 @@ enum Command {
     /// Reproduce an experiment of the source documents: measured beside published
     #[command(subcommand)]
     Experiment(experiment::Command),
+    Spy(Box<spy::Args>),
     /// Look at logs
     #[command(subcommand)]
     Log(log::Command),
@@ -95,6 +97,7 @@ fn main() -> ExitCode {
         Command::Debug(args) => debug::run(&args),
         Command::Report(args) => report::run(&args),
         Command::Experiment(command) => experiment::run(&command),
+        Command::Spy(args) => spy::run(&args),
         Command::Log(command) => log::run(&command),
         Command::Corpus(command) => corpus::run(&command),
         Command::Robot(command) => robot::run(&command),

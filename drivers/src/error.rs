@@ -52,6 +52,12 @@ pub enum DriverError {
         /// Names there are.
         known: Vec<String>,
     },
+    /// A robot is to lie on the ground and has no posture for it.
+    #[error("start.posture is \"lying\", and the file of {robot} has no [robot.lying]")]
+    NoLyingPosture {
+        /// Name of the robot.
+        robot: String,
+    },
     /// The simulator refuses its model.
     #[error("MuJoCo refuses the model of {robot}: {error}")]
     Model {

@@ -186,7 +186,10 @@ impl Run {
             sim.add_push(push.link.as_deref(), push.f_W, push.tau_W)?;
         }
         sim.step()?;
-        if self.fell_at.is_none() && sim.fallen() {
+        // A robot that lies, sits or has been damped is low, and has not fallen for that.
+        let upright = matches!(self.mode.mode(), ControllerTick::MODE_STANCE | ControllerTick::MODE_WALK);
+        let fell = if upright { sim.fallen() } else { sim.tipped() };
+        if self.fell_at.is_none() && fell {
             self.fell_at = Some(tick);
             let p = self.truth.p_WB;
             let text = format!("the robot fell at x {:.2} m, y {:.2} m", p[0], p[1]);

@@ -27,6 +27,11 @@ impl Default for ModeWatch {
 }
 
 impl ModeWatch {
+    /// `controller_tick_t` MODE_* of the last tick seen.
+    pub fn mode(&self) -> i8 {
+        self.mode
+    }
+
     /// What is new in a tick, if anything. Ticks in the order of their numbers.
     pub fn see(&mut self, tick: &ControllerTick) -> Option<Said> {
         let ControllerTick { mode, fault, fault_index, fault_value, .. } = *tick;
