@@ -17,7 +17,7 @@ mod tasks;
 pub use check::{DUTY, STEP_HEIGHT, SWING_FREQUENCY};
 pub use gait::{GaitParams, GaitTiming};
 pub use ground::{ContactParams, RecoveryParams, TerrainParams};
-pub use limits::{SafetyParams, StandParams, WbcParams};
+pub use limits::{SafetyParams, WbcParams};
 pub use overrides::apply_overrides;
 pub use robot::{RobotConfig, SensorParams};
 pub use stand::StandParams;

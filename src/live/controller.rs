@@ -9,6 +9,7 @@ use anyhow::Context;
 use controller::params::Params;
 use drivers::Scenario;
 use drivers::live::{self, Dummy, Executor, LcmRobot, Plan, Summary};
+use drivers::operators::Arbiter;
 use lcmtypes::bus::LcmBus;
 use lcmtypes::{RunInfo, channels};
 use replay::udpm::Url;
@@ -41,6 +42,7 @@ pub fn run(args: &ControllerArgs) -> anyhow::Result<Outcome> {
         controllers: file.controllers.iter().map(|controller| (controller.name.clone(), controller.start)).collect(),
         hardware,
         bus: Box::new(LcmBus::open(&url.to_string())?),
+        operators: Arbiter::new(file.operator.clone())?,
         info,
         beat,
         ticks: args.length.ticks(beat.period_ns)?,

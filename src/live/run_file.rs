@@ -4,6 +4,7 @@ use crate::robot::read;
 use anyhow::Context;
 use drivers::live::RealtimeParams;
 use drivers::live::clock::Beat;
+use drivers::operators::{Arbiter, Source, default_sources};
 use serde::Deserialize;
 use std::path::{Path, PathBuf};
 
@@ -23,6 +24,9 @@ pub struct RunFile {
     /// What the controller's side of the network is.
     #[serde(default)]
     pub hardware: Hardware,
+    /// Who may command.
+    #[serde(default = "default_sources")]
+    pub operator: Vec<Source>,
     /// The controllers, in the order in which they run: the last one that is started has the robot.
     #[serde(default = "quadruped_alone", rename = "controller")]
     pub controllers: Vec<Controller>,
@@ -146,6 +150,7 @@ impl RunFile {
             (0..period_us).contains(&phase_us),
             "executor.phase_us is {phase_us}, expected 0 to less than executor.period_us ({period_us})"
         );
+        Arbiter::new(self.operator.clone())?;
         anyhow::ensure!(priority <= 99, "realtime.priority is {priority}, expected 0 (no real-time scheduler) to 99");
         Ok(())
     }
@@ -182,6 +187,7 @@ mod tests {
             (format!("{minimal}[executor]\nperiod_us = 5\n"), "executor.period_us is 5, expected 100 to 100000"),
             (format!("{minimal}[executor]\nphase_us = 1000\n"), "executor.phase_us is 1000, expected 0 to less than"),
             (format!("{minimal}[realtime]\npriority = 100\n"), "realtime.priority is 100"),
+            (format!("{minimal}[[operator]]\nchannel = \"A B\"\npriority = 1\n"), "[[operator]] \"A B\": a channel is"),
             ("robot = \"hyq\"\n".to_owned(), "missing field `log`"),
         ] {
             let error = format!("{:#}", load(&text).unwrap_err());
