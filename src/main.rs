@@ -117,11 +117,11 @@ fn main() -> ExitCode {
     }
 }
 
-/// The error and its causes, without those that the message before them ends with already.
+/// The error and its causes, without those that the message before them says already.
 fn in_words(error: &anyhow::Error) -> String {
     let mut text = error.to_string();
     for cause in error.chain().skip(1).map(ToString::to_string) {
-        if !text.ends_with(&cause) {
+        if !text.contains(&cause) {
             text = format!("{text}: {cause}");
         }
     }
