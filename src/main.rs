@@ -7,6 +7,7 @@ mod corpus;
 mod debug;
 mod demo;
 mod experiment;
+mod live;
 mod log;
 mod progress;
 mod replay_log;
@@ -14,6 +15,8 @@ mod report;
 mod robot;
 mod run_info;
 mod sim;
+mod spy;
+mod teleop;
 
 use anyhow::Context;
 use clap::{Parser, Subcommand};
@@ -33,8 +36,15 @@ enum Command {
     Demo(demo::Args),
     /// Run a robot in simulation, in lockstep with its controller, and log every message
     Sim(sim::Args),
+    /// Run live: recorder, driver and controller as processes over LCM, one log
+    Run(live::RunArgs),
+    /// Run the controller in real time against a driver on LCM
+    Controller(live::ControllerArgs),
+    /// Simulate a robot in real time, as its driver process on LCM
+    Driver(live::DriverArgs),
     /// Feed a log's inputs to its controller again and compare every bit of every output
     Replay(Box<replay_log::Args>),
+    Teleop(teleop::Args),
     /// Step through a log tick by tick in the terminal: legs, forces, tasks, programs, events
     Debug(debug::Args),
     /// Figures, tables, metrics.json and report.html of a log
@@ -42,6 +52,7 @@ enum Command {
     /// Reproduce an experiment of the source documents: measured beside published
     #[command(subcommand)]
     Experiment(experiment::Command),
+    Spy(Box<spy::Args>),
     /// Look at logs
     #[command(subcommand)]
     Log(log::Command),
@@ -75,10 +86,15 @@ fn main() -> ExitCode {
     let result = match Cli::parse().command {
         Command::Demo(args) => demo::run(&args),
         Command::Sim(args) => sim::run(&args),
+        Command::Run(args) => live::run(&args),
+        Command::Controller(args) => live::controller(&args),
+        Command::Driver(args) => live::driver(&args),
         Command::Replay(args) => replay_log::run(&args),
+        Command::Teleop(args) => teleop::run(&args),
         Command::Debug(args) => debug::run(&args),
         Command::Report(args) => report::run(&args),
         Command::Experiment(command) => experiment::run(&command),
+        Command::Spy(args) => spy::run(&args),
         Command::Log(command) => log::run(&command),
         Command::Corpus(command) => corpus::run(&command),
         Command::Robot(command) => robot::run(&command),

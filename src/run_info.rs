@@ -27,8 +27,8 @@ pub fn build() -> Build {
     }
 }
 
-/// The description of a lockstep run by this build on this machine.
-pub fn lockstep(run: &Run) -> RunInfo {
+/// The description of a run by this build on this machine; a live run puts its time and real-time settings in.
+pub fn of(run: &Run) -> RunInfo {
     let lcm_types: Vec<TextFile> = lcmtypes::SOURCES
         .iter()
         .map(|(name, text)| TextFile { name: (*name).to_owned(), text: (*text).to_owned() })

@@ -217,7 +217,7 @@ pub fn simulate_setup(setup: Setup, log_path: &Path, progress: &mut dyn FnMut(f6
     let Setup { robot, called, urdf, urdf_name, params: params_text, scenario, scenario_text, prove } = setup;
     let params = Params::from_toml(&params_text, &robot)?;
     let seed = scenario.seed;
-    let info = run_info::lockstep(&Run {
+    let info = run_info::of(&Run {
         robot: &robot,
         urdf: &urdf,
         params: &params_text,

@@ -16,7 +16,7 @@ mod tasks;
 pub use check::{DUTY, STEP_HEIGHT, SWING_FREQUENCY};
 pub use gait::{GaitParams, GaitTiming};
 pub use ground::{ContactParams, RecoveryParams, TerrainParams};
-pub use limits::{SafetyParams, WbcParams};
+pub use limits::{SafetyParams, StandParams, WbcParams};
 pub use overrides::apply_overrides;
 pub use robot::{RobotConfig, SensorParams};
 pub use step::{FootholdParams, SwingParams};
@@ -111,6 +111,9 @@ pub struct Params {
     /// Limits of the quadratic programs.
     #[serde(default)]
     pub wbc: WbcParams,
+    /// Getting up and sitting down.
+    #[serde(default)]
+    pub stand: StandParams,
     /// When to give up, and how.
     #[serde(default)]
     pub safety: SafetyParams,

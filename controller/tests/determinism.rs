@@ -4,10 +4,13 @@
 mod common;
 
 use common::{Messages, Run, hyq, hyq_with, messages, run_with_puppet};
+use controller::quadruped::Quadruped;
 use controller::quadruped::leg::LegPhase;
+use controller::quadruped::state::MovePhase;
 use controller::stack::{S1, S3};
 use controller::{Controller, Outbox};
 use lcmtypes::{ControllerInput, ControllerTick, LegState, Message, OperatorCommand, QuadrupedState, channels};
+use std::cell::RefCell;
 use std::collections::BTreeSet;
 
 /// Enough for snapshots at ticks 0, 1000 and 2000.
@@ -134,7 +137,7 @@ fn a_restart_in_the_safe_state_is_the_same_run() {
 fn programs_that_could_not_be_solved_leave_no_trace() {
     let run = recorded();
     // Steps of the solver that are enough to trot, and not to make sense of joints at 1e6 rad/s.
-    let hyq = || hyq_with(&[("wbc.max_iterations", "30")]);
+    let hyq = || hyq_with(&[("wbc.max_iterations", "30"), ("safety.velocity_factor", "1e6")]);
     let mut controller = run_to(hyq(), &run.inputs[..300]);
     let mut failures = 0;
     for (input, size) in run.inputs[300..304].iter().zip([1e6, -1e6, 1e5, 1e4]) {
@@ -180,17 +183,22 @@ fn mutant_one_parameter() {
 
 /// A state to go on from, and what comes in then.
 struct Situation {
-    overrides: &'static [(&'static str, &'static str)],
+    /// Takes one state after the other: nothing but the state may matter.
+    controller: RefCell<Quadruped>,
     snapshot: Vec<u8>,
     inputs: Vec<ControllerInput>,
 }
 
 impl Situation {
+    fn new(overrides: &[(&str, &str)], snapshot: Vec<u8>, inputs: Vec<ControllerInput>) -> Self {
+        Situation { controller: RefCell::new(hyq_with(overrides)), snapshot, inputs }
+    }
+
     /// What the controller says from here on, but for snapshots: those would show any field.
     fn outputs(&self, snapshot: &[u8]) -> Option<Vec<Messages>> {
-        let mut controller = hyq_with(self.overrides);
+        let mut controller = self.controller.borrow_mut();
         controller.restore(snapshot).ok()?;
-        let mut outputs = replay(&mut controller, &self.inputs);
+        let mut outputs = replay(&mut *controller, &self.inputs);
         for tick in &mut outputs {
             tick.retain(|(channel, _)| *channel != channels::CONTROLLER_SNAPSHOT);
         }
@@ -244,20 +252,20 @@ fn situations() -> Vec<Situation> {
             let mut snapshot = Vec::new();
             controller.snapshot(&mut snapshot);
             let inputs = run.inputs[tick + 1..][..HORIZON].to_vec();
-            situations.push(Situation { overrides: &[], snapshot, inputs });
+            situations.push(Situation::new(&[], snapshot, inputs));
         }
     }
     let (snapshot, inputs) = (situations[2].snapshot.clone(), situations[2].inputs.clone());
 
     let overrides = &[("contact.min_jacobian_det", "1.0")];
-    situations.push(Situation { overrides, snapshot: snapshot.clone(), inputs: inputs.clone() });
+    situations.push(Situation::new(overrides, snapshot.clone(), inputs.clone()));
 
     let mut in_the_air = QuadrupedState::decode(&snapshot).unwrap();
     in_the_air.leg_state = [LegState::STATE_SWING_UP; 4];
     in_the_air.t_leg = [0.0; 4];
     let mut bytes = Vec::new();
     in_the_air.encode(&mut bytes).unwrap();
-    situations.push(Situation { overrides: &[], snapshot: bytes, inputs: inputs.clone() });
+    situations.push(Situation::new(&[], bytes, inputs.clone()));
 
     // Feet that have just run into something, whichever way they go.
     for heading in [0.0, std::f64::consts::PI] {
@@ -266,7 +274,7 @@ fn situations() -> Vec<Situation> {
         let mut bytes = Vec::new();
         in_the_air.encode(&mut bytes).unwrap();
         let overrides = &[("recovery.reflex_force", "1e-9"), ("recovery.step_reflex", "true")];
-        situations.push(Situation { overrides, snapshot: bytes, inputs: inputs.clone() });
+        situations.push(Situation::new(overrides, bytes, inputs.clone()));
     }
 
     // Feet that are about to be missed.
@@ -275,11 +283,11 @@ fn situations() -> Vec<Situation> {
     let mut bytes = Vec::new();
     missing.encode(&mut bytes).unwrap();
     let overrides = &[("contact.threshold", "1e6"), ("recovery.lost_contact_time", "0.05")];
-    situations.push(Situation { overrides, snapshot: bytes, inputs: inputs.clone() });
+    situations.push(Situation::new(overrides, bytes, inputs.clone()));
 
     let overrides = &[("contact.threshold", "1e4")];
     let (standing, then) = (situations[0].snapshot.clone(), situations[0].inputs.clone());
-    situations.push(Situation { overrides, snapshot: standing, inputs: then });
+    situations.push(Situation::new(overrides, standing, then));
 
     let mut about_to_stop = QuadrupedState::decode(&snapshot).unwrap();
     about_to_stop.leg_state = [LegState::STATE_STANCE; 4];
@@ -289,20 +297,83 @@ fn situations() -> Vec<Situation> {
         let op = OperatorCommand { mode: OperatorCommand::MODE_STAND, ..input.op.clone() };
         ControllerInput { op, ..input.clone() }
     };
-    situations.push(Situation { overrides: &[], snapshot: bytes, inputs: inputs.iter().map(stand).collect() });
+    situations.push(Situation::new(&[], bytes, inputs.iter().map(stand).collect()));
 
     let overrides = &[("qp.solver", "\"clarabel\""), ("wbc.max_iterations", "1")];
-    situations.push(Situation { overrides, snapshot: snapshot.clone(), inputs: inputs.clone() });
+    situations.push(Situation::new(overrides, snapshot.clone(), inputs.clone()));
 
     let mut damping = hyq();
     damping.restore(&snapshot).unwrap();
     damping.step(&damped(&inputs[0]), &mut out);
     let mut snapshot = Vec::new();
     damping.snapshot(&mut snapshot);
-    situations.push(Situation { overrides: &[], snapshot, inputs: inputs[1..].to_vec() });
-    // The rare ones first: they are looked at for few fields, but then for all.
+    situations.push(Situation::new(&[], snapshot.clone(), inputs[1..].to_vec()));
+    // At rest but for a few ticks, with an operator who wants no torque.
+    let mut about_to_idle = QuadrupedState::decode(&snapshot).unwrap();
+    about_to_idle.t_still = 0.49;
+    let mut bytes = Vec::new();
+    about_to_idle.encode(&mut bytes).unwrap();
+    let resting = |input: &ControllerInput| {
+        let mut input = ControllerInput {
+            op: OperatorCommand { mode: OperatorCommand::MODE_IDLE, ..input.op.clone() },
+            ..input.clone()
+        };
+        input.state.qd.fill(0.0);
+        input
+    };
+    situations.push(Situation::new(&[], bytes, inputs[1..].iter().map(resting).collect()));
+
+    // Without a foot on the ground, almost for too long.
+    let mut in_flight = QuadrupedState::decode(&situations[0].snapshot).unwrap();
+    (in_flight.t_no_contact, in_flight.contact) = (0.49, [false; 4]);
+    let mut bytes = Vec::new();
+    in_flight.encode(&mut bytes).unwrap();
+    let overrides = &[("contact.threshold", "1e6"), ("recovery.lost_contact_time", "0.0")];
+    situations.push(Situation::new(overrides, bytes, situations[0].inputs.clone()));
+
+    // The rare ones first: they are looked at for few fields, but then for all. Moves last: most fields make no difference there.
     situations.reverse();
+    situations.extend(moves());
     situations
+}
+
+/// In the middle of every phase of sitting down and standing up, and of one that is about to be given up.
+fn moves() -> Vec<Situation> {
+    let (mut puppet, mut controller, mut out) = (common::Puppet::new(9), hyq(), Outbox::new());
+    puppet.noise = 0.0;
+    let mut found = Vec::new();
+    let mut step = |controller: &mut Quadruped, tick: usize| {
+        let mode = if (100..7000).contains(&tick) { OperatorCommand::MODE_SIT } else { OperatorCommand::MODE_STAND };
+        puppet.input.op = OperatorCommand { mode, seq: 1, ..OperatorCommand::default() };
+        let input = puppet.input.clone();
+        controller.step(&input, &mut out);
+        puppet.react(&out);
+        input
+    };
+    let mut seen = Vec::new();
+    for tick in 0..11_000 {
+        step(&mut controller, tick);
+        let phase = controller.state().motion.phase;
+        let middle = controller.state().motion.progress > 0.3 || phase == MovePhase::Lie;
+        if phase == MovePhase::None || !middle || seen.contains(&phase) {
+            continue;
+        }
+        seen.push(phase);
+        let mut snapshot = Vec::new();
+        controller.snapshot(&mut snapshot);
+        let mut ahead = hyq();
+        ahead.restore(&snapshot).unwrap();
+        let inputs: Vec<_> = (1..=10).map(|later| step(&mut ahead, tick + later)).collect();
+        controller = ahead;
+        found.push(Situation::new(&[], snapshot.clone(), inputs.clone()));
+        let mut stuck = QuadrupedState::decode(&snapshot).unwrap();
+        stuck.t_held = 1.99;
+        let mut bytes = Vec::new();
+        stuck.encode(&mut bytes).unwrap();
+        found.push(Situation::new(&[("stand.max_error", "1e-9")], bytes, inputs));
+    }
+    assert_eq!(seen.len(), MovePhase::ALL.len() - 1);
+    found
 }
 
 /// Other values of the same kind.
@@ -310,10 +381,11 @@ fn otherwise(value: &lcm_idl::Value) -> Vec<lcm_idl::Value> {
     use lcm_idl::Value;
     match *value {
         Value::Boolean(x) => vec![(!x).into()],
-        Value::Int8(x) => (0..5).filter(|y| *y != x).map(Into::into).collect(),
+        Value::Int8(x) => (0..7).filter(|y| *y != x).map(Into::into).collect(),
         Value::Int32(x) => vec![0.into(), (x + 1).into(), (x - 1).into()],
         Value::Int64(x) => vec![(x - 2_500_000).into()],
-        Value::Double(x) if x.is_finite() => vec![(x + 0.01 * (1.0 + x.abs())).into()],
+        // Both ways: a torque at its limit goes no further.
+        Value::Double(x) if x.is_finite() => [0.01, -0.01].map(|part| (x + part * (1.0 + x.abs())).into()).into(),
         Value::Double(_) => vec![0.01.into()],
         _ => panic!("{} in a state", value.kind()),
     }

@@ -154,6 +154,54 @@ fn a_falling_robot_is_damped() {
 }
 
 #[test]
+fn joints_that_are_where_they_cannot_be() {
+    // Limits of lf_hfe_joint: -0.8727 to 1.2217 rad, with 0.2 rad beyond; 12 rad/s, three times; 150 N m, half more.
+    damps(|i| i.state.q[1] = 1.43, Tick::FAULT_JOINT_POSITION, 1, 1.43);
+    damps(|i| i.state.q[1] = -1.08, Tick::FAULT_JOINT_POSITION, 1, -1.08);
+    damps(|i| i.state.tau[11] = 225.1, Tick::FAULT_JOINT_TORQUE, 11, 225.1);
+    goes_on(|i| (i.state.q[1], i.state.qd[7], i.state.tau[11]) = (1.42, -35.9, 224.9));
+    let (mut controller, mut puppet, mut out) = walking();
+    puppet.input.state.qd[7] = -36.1;
+    controller.step(&puppet.input, &mut out);
+    let Tick { mode, fault, fault_index, fault_value, .. } = tick_of(&out);
+    assert_eq!((mode, fault, fault_index, fault_value), (Tick::MODE_DAMPING, Tick::FAULT_JOINT_VELOCITY, 7, -36.1));
+    assert_eq!(command_of(&out).mode, RobotCommand::MODE_DAMPING);
+}
+
+#[test]
+fn a_base_that_is_too_low_is_damped() {
+    // Legs folded, under a robot that walks: 0.33 m over the feet would do, half of the nominal height is 0.29.
+    let fold = |input: &mut ControllerInput, part: f64| {
+        let q = hyq().robot().q_nominal.clone();
+        for leg in 0..4 {
+            input.state.q[3 * leg] = q[3 * leg] - part;
+            input.state.q[3 * leg + 1] = q[3 * leg + 1].signum() * 1.2;
+            input.state.q[3 * leg + 2] = q[3 * leg + 2].signum() * 2.4;
+        }
+    };
+    let (mut controller, mut puppet, mut out) = walking();
+    fold(&mut puppet.input, 0.7);
+    controller.step(&puppet.input, &mut out);
+    let Tick { mode, fault, fault_index, fault_value, .. } = tick_of(&out);
+    assert_eq!((mode, fault, fault_index), (Tick::MODE_DAMPING, Tick::FAULT_HEIGHT, -1));
+    assert!(fault_value > 0.15 && fault_value < 0.29, "{fault_value}");
+    assert_damps(&command_of(&out));
+    goes_on(|i| fold(i, 0.0));
+}
+
+#[test]
+fn damping_too_is_limited_to_the_effort() {
+    let (mut controller, mut puppet, mut out) = walking();
+    puppet.input.op.mode = OperatorCommand::MODE_DAMPING;
+    puppet.input.state.qd[2] = 20.0;
+    puppet.input.state.qd[5] = -15.0;
+    controller.step(&puppet.input, &mut out);
+    // 8 N m s/rad at 20 rad/s would be 160 N m.
+    let expected: Vec<f64> = (0..12).map(|j| if j == 2 { 7.5 } else { 8.0 }).collect();
+    assert_eq!((command_of(&out).mode, command_of(&out).kd), (RobotCommand::MODE_DAMPING, expected));
+}
+
+#[test]
 fn the_operator_can_stop_it() {
     damps(|i| i.op.mode = OperatorCommand::MODE_DAMPING, Tick::FAULT_OPERATOR, -1, 0.0);
 }
@@ -189,14 +237,15 @@ fn an_operator_command_that_is_not_finite_means_to_stand() {
 
 #[test]
 fn unknown_modes_stand_and_unknown_gaits_change_nothing() {
-    for unknown in [3, i8::MAX, -1, i8::MIN] {
+    for unknown in [5, i8::MAX, -1, i8::MIN] {
         let (mut controller, mut puppet, mut out) = goes_on(|i| i.op.mode = unknown);
         for _ in 0..400 {
             puppet.react(&out);
             puppet.input.op.mode = unknown;
             controller.step(&puppet.input, &mut out);
         }
-        assert_eq!((tick_of(&out).mode, tick_of(&out).fault), (Tick::MODE_STANCE, Tick::FAULT_NONE));
+        let Tick { mode, fault, fault_index, .. } = tick_of(&out);
+        assert_eq!((mode, fault, fault_index), (Tick::MODE_STANCE, Tick::FAULT_OPERATOR_REFUSED, unknown.into()));
     }
     for (gait, unknown) in [(OperatorCommand::GAIT_TROT, 2), (OperatorCommand::GAIT_CRAWL, -1)] {
         let (mut controller, mut puppet, mut out) = walking();
@@ -265,16 +314,24 @@ fn before_the_first_good_input_it_waits_and_says_what_for() {
 }
 
 #[test]
-fn a_robot_that_hangs_in_the_air_searches_and_waits() {
-    // No foot loaded for a second: no fault, and finite commands.
+fn a_robot_that_hangs_in_the_air_searches_for_the_ground_and_gives_up() {
     let (mut controller, mut puppet, mut out) = walking();
-    for _ in 0..1000 {
+    let mut lasts = 0;
+    while tick_of(&out).fault == Tick::FAULT_NONE {
+        let legs: LegState = common::get(&out, channels::LEG_STATE);
+        assert!(lasts < 495 || legs.state.contains(&LegState::STATE_FAULT_HOLD), "{lasts} ms without ground");
         puppet.input.state.tau.fill(0.0);
         controller.step(&puppet.input, &mut out);
         assert!(finite(&command_of(&out)));
         puppet.react(&out);
+        lasts += 1;
     }
-    assert_eq!(tick_of(&out).fault, Tick::FAULT_NONE);
-    let legs: LegState = common::get(&out, channels::LEG_STATE);
-    assert!(legs.state.contains(&LegState::STATE_FAULT_HOLD));
+    let Tick { mode, fault, fault_index, fault_value, .. } = tick_of(&out);
+    assert_eq!((mode, fault, fault_index), (Tick::MODE_DAMPING, Tick::FAULT_NO_CONTACT, -1));
+    // safety.max_flight_time is 0.5 s.
+    assert!(
+        (500..=501).contains(&lasts) && (fault_value - 0.5).abs() < 1.1e-3,
+        "after {lasts} ticks, value {fault_value}"
+    );
+    assert_damps(&command_of(&out));
 }

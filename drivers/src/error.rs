@@ -52,6 +52,12 @@ pub enum DriverError {
         /// Names there are.
         known: Vec<String>,
     },
+    /// A robot is to lie on the ground and has no posture for it.
+    #[error("start.posture is \"lying\", and the file of {robot} has no [robot.lying]")]
+    NoLyingPosture {
+        /// Name of the robot.
+        robot: String,
+    },
     /// The simulator refuses its model.
     #[error("MuJoCo refuses the model of {robot}: {error}")]
     Model {
@@ -112,13 +118,32 @@ pub enum DriverError {
         /// The value.
         found: f64,
     },
+    /// A socket of the real-time thread cannot be made.
+    #[error("{url}: no socket to send on: {source}")]
+    Socket {
+        /// Network.
+        url: String,
+        /// What the system says.
+        source: std::io::Error,
+    },
+    /// There can be no further thread.
+    #[error("no thread for the {what}: {source}")]
+    Thread {
+        /// What it was to do.
+        what: &'static str,
+        /// What the system says.
+        source: std::io::Error,
+    },
+    /// The bus refuses.
+    #[error(transparent)]
+    Bus(#[from] lcmtypes::bus::BusError),
     /// A message cannot be encoded.
     #[error(transparent)]
     Encode(#[from] lcmtypes::EncodeError),
     /// A controller's message cannot be decoded.
     #[error(transparent)]
     Decode(#[from] lcmtypes::DecodeError),
-    /// The log cannot be written.
+    /// The log cannot be written, or the network not heard.
     #[error(transparent)]
     Log(#[from] replay::Error),
 }

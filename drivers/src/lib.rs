@@ -7,9 +7,10 @@
 //! - [`operators`]: which of several operators a robot follows.
 //! - [`teleop`]: a person's keys, pad or lines, made into commands.
 //! - [`lockstep`]: simulator, controller and log in one process.
+//! - [`live`]: the same controller as processes that meet over LCM: the real-time executor, the hardware under it.
 //!
 //! No control is computed here but the joint loop that a drive has, and the controller sees nothing but messages. Nothing
-//! reads a clock: time comes from the caller. Start with `tests/physics.rs`: a robot is put down and held.
+//! outside [`live`] reads a clock: time comes from the caller. Start with `tests/physics.rs`: a robot is put down and held.
 #![allow(non_snake_case, reason = "names carry frames, as in p_WF = p_WB + R_WB * p_BF: see ARCHITECTURE.md")]
 #![cfg_attr(test, allow(clippy::unwrap_used, reason = "a test may panic"))]
 
@@ -17,6 +18,7 @@ mod drives;
 mod error;
 pub mod fault;
 mod floor;
+pub mod live;
 pub mod lockstep;
 mod mjcf;
 mod mujoco;
@@ -26,8 +28,10 @@ mod rng;
 pub mod scenario;
 mod sensors;
 mod simulator;
+mod start;
 pub mod teleop;
 pub mod terrain;
+mod watch;
 
 pub use drives::DriveParams;
 pub use error::DriverError;
@@ -38,4 +42,6 @@ pub use rng::Rng;
 pub use scenario::Scenario;
 pub use sensors::NoiseParams;
 pub use simulator::Simulator;
+pub use start::{StartParams, StartPosture};
 pub use terrain::Terrain;
+pub use watch::{ModeWatch, Said};

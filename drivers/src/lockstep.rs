@@ -3,11 +3,12 @@
 //! Everything that a live run sends over the bus goes into the log, stamped with the simulation time, so that two runs of one
 //! scenario and seed give equal logs but for TIMING, which holds the wall clock.
 
+use crate::watch::{ModeWatch, Said};
 use crate::{DriverError, Faults, Scenario, Simulator};
 use controller::{Controller, Outbox, Probe, Stage};
 use lcmtypes::{
     ControllerInput, ControllerTick, Event, GroundTruth, LegState, Message, RobotCommand, RobotState, RunInfo, Timing,
-    channels, words,
+    channels,
 };
 use replay::record::EventSink;
 use std::time::{Instant, SystemTime, UNIX_EPOCH};
@@ -104,8 +105,7 @@ struct Run {
     clock: StageClock,
     /// Time since each leg was told to lift, s, 0 in stance; known if there are false touches.
     t_swing: [f64; 4],
-    mode: i8,
-    fault: i32,
+    mode: ModeWatch,
     fell_at: Option<i64>,
     safe_state: Option<String>,
     last_p_WB: Option<[f64; 3]>,
@@ -128,8 +128,7 @@ impl Run {
             bytes: Vec::new(),
             clock: StageClock::default(),
             t_swing: [0.0; 4],
-            mode: ControllerTick::MODE_IDLE,
-            fault: ControllerTick::FAULT_NONE,
+            mode: ModeWatch::default(),
             fell_at: None,
             safe_state: None,
             last_p_WB: None,
@@ -187,7 +186,10 @@ impl Run {
             sim.add_push(push.link.as_deref(), push.f_W, push.tau_W)?;
         }
         sim.step()?;
-        if self.fell_at.is_none() && sim.fallen() {
+        // A robot that lies, sits or has been damped is low, and has not fallen for that.
+        let upright = matches!(self.mode.mode(), ControllerTick::MODE_STANCE | ControllerTick::MODE_WALK);
+        let fell = if upright { sim.fallen() } else { sim.tipped() };
+        if self.fell_at.is_none() && fell {
             self.fell_at = Some(tick);
             let p = self.truth.p_WB;
             let text = format!("the robot fell at x {:.2} m, y {:.2} m", p[0], p[1]);
@@ -208,31 +210,10 @@ impl Run {
     /// Says in the log when the controller changes its mode, what it refuses of the operator, and why it gave up.
     fn watch_mode(&mut self, log: &mut dyn EventSink, t_ns: i64, tick: i64) -> Result<(), DriverError> {
         let Some(bytes) = self.outbox.get(channels::CONTROLLER_TICK) else { return Ok(()) };
-        let ControllerTick { mode, fault, fault_index, fault_value, .. } = ControllerTick::decode(bytes)?;
-        let fault_before = std::mem::replace(&mut self.fault, fault);
-        let refused =
-            fault != fault_before && fault != ControllerTick::FAULT_NONE && mode != ControllerTick::MODE_DAMPING;
-        if mode == self.mode && !refused {
+        let Some(Said { level, text, is_safe_state }) = self.mode.see(&ControllerTick::decode(bytes)?) else {
             return Ok(());
-        }
-        self.mode = mode;
-        let mut text = format!("controller is in {}", words::mode(mode));
-        let mut level = Event::LEVEL_INFO;
-        if refused {
-            level = Event::LEVEL_WARNING;
-            text += &format!(" and refuses: {}, value {fault_value}", words::fault(fault));
-            if fault == ControllerTick::FAULT_OPERATOR_RANGE {
-                let of =
-                    usize::try_from(fault_index).ok().and_then(|i| ["swing_frequency", "duty", "step_height"].get(i));
-                text += &format!(" of {}", of.unwrap_or(&"?"));
-            }
-        }
-        if mode == ControllerTick::MODE_DAMPING {
-            level = Event::LEVEL_ERROR;
-            text += &format!(": {}, value {fault_value}", words::fault(fault));
-            if fault_index >= 0 {
-                text += &format!(", index {fault_index}");
-            }
+        };
+        if is_safe_state {
             self.safe_state = Some(format!("{:.3} s: {text}", seconds(t_ns)));
         }
         self.event(log, t_ns, tick, level, "controller", text)

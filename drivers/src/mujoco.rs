@@ -11,6 +11,7 @@ use crate::mjcf::{self, IMU, TIME_STEP_S};
 use crate::scenario::Scenario;
 use crate::sensors::{NoiseParams, Sensors};
 use crate::simulator::Simulator;
+use crate::start::StartParams;
 use crate::terrain::Terrain;
 use controller::model::{JointKind, Pose, UrdfTree};
 use controller::params::RobotConfig;
@@ -33,6 +34,8 @@ pub struct SimParams {
     pub drives: DriveParams,
     /// Floors that move.
     pub floors: Vec<FloorMove>,
+    /// How the robot is put down.
+    pub start: StartParams,
     /// Base height over the ground below which the robot has fallen, as a part of the height at which it was put down.
     pub min_height: f64,
     /// Roll or pitch beyond which the robot has fallen, rad.
@@ -42,13 +45,14 @@ pub struct SimParams {
 impl SimParams {
     /// What a scenario says, and defaults for the rest.
     pub fn of(scenario: &Scenario) -> Self {
-        let Scenario { friction, seed, noise, drives, floors, .. } = scenario;
+        let Scenario { friction, seed, noise, drives, floors, start, .. } = scenario;
         SimParams {
             friction: *friction,
             seed: *seed,
             noise: noise.clone(),
             drives: drives.clone(),
             floors: floors.clone(),
+            start: start.clone(),
             ..SimParams::default()
         }
     }
@@ -62,11 +66,16 @@ impl Default for SimParams {
             noise: NoiseParams::default(),
             drives: DriveParams::default(),
             floors: Vec::new(),
+            start: StartParams::default(),
             min_height: 0.5,
             max_tilt: 0.6,
         }
     }
 }
+
+/// How deep a robot may be in the ground when it is put down, m, and how often it is raised for it.
+const DEPTH_LEFT: f64 = 1e-4;
+const MOST_LIFTS: usize = 20;
 
 /// A robot in MuJoCo.
 pub struct MujocoSim {
@@ -86,8 +95,8 @@ pub struct MujocoSim {
     /// Of each link, the body that carries it.
     body_of_link: Vec<(String, usize)>,
     base: usize,
-    /// Height of the base over the ground when the robot was put down, m.
-    first_height: f64,
+    /// Height of the base over the ground when the robot is put down on its feet, m.
+    standing_height: f64,
     /// Places of orientation, gyro, accelerometer in the sensor data.
     imu: [usize; 3],
     command: RobotCommand,
@@ -107,7 +116,7 @@ struct JointPlace {
 }
 
 impl MujocoSim {
-    /// Puts a robot in its nominal posture on the ground.
+    /// Puts a robot on the ground, as [`SimParams::start`] says.
     ///
     /// # Errors
     /// Links or joints that the tree lacks, a model that MuJoCo refuses, or one whose mass is not that of the tree.
@@ -176,13 +185,19 @@ impl MujocoSim {
             foot_radius: robot.foot_radius,
             body_of_link,
             base,
-            first_height: 0.0,
+            standing_height: 0.0,
             imu,
             f_F_W: vec![[0.0; 3]; feet.len()],
             contact: vec![false; feet.len()],
             feet,
         };
+        let start = std::mem::take(&mut sim.params.start);
         sim.reset(&robot.posture)?;
+        if !start.is_plain() {
+            let posture = start.posture_of(robot)?;
+            sim.params.start = start;
+            sim.reset(&posture)?;
+        }
         Ok(sim)
     }
 
@@ -245,6 +260,18 @@ impl MujocoSim {
         }
     }
 
+    /// Raises the robot until nothing of it is in the ground: of one that lies, more than feet touch.
+    fn lift_out_of_the_ground(&mut self) {
+        for _ in 0..MOST_LIFTS {
+            self.data.forward();
+            let deepest = self.data.contact().iter().map(|contact| contact.dist).fold(0.0, f64::min);
+            if deepest > -DEPTH_LEFT {
+                break;
+            }
+            self.data.qpos_mut()[2] -= deepest;
+        }
+    }
+
     fn check_finite(&self) -> Result<(), DriverError> {
         let values = self.data.qpos().iter().chain(self.data.qvel());
         match values.enumerate().find(|(_, value)| !value.is_finite()) {
@@ -281,7 +308,8 @@ impl Simulator for MujocoSim {
             self.data.qpos_mut()[place.qpos] = q;
         }
         // The free joint comes first: position of the base, then its quaternion.
-        self.data.qpos_mut()[..7].copy_from_slice(&[0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0]);
+        self.data.qpos_mut()[..3].fill(0.0);
+        self.data.qpos_mut()[3..7].copy_from_slice(&self.params.start.quaternion_wxyz());
         self.data.kinematics();
         let lift = |&foot: &usize| {
             let [x, y, z] = self.data.geom_xpos()[foot];
@@ -289,7 +317,11 @@ impl Simulator for MujocoSim {
         };
         let height = self.feet.iter().map(lift).fold(f64::NEG_INFINITY, f64::max);
         self.data.qpos_mut()[2] = height;
-        self.first_height = height - self.terrain.height_at(0.0, 0.0);
+        if self.params.start.is_plain() {
+            self.standing_height = height - self.terrain.height_at(0.0, 0.0);
+        } else {
+            self.lift_out_of_the_ground();
+        }
         self.data.forward();
         self.read_contact_forces();
         // Held until the first step: the accelerometer reads gravity, not the fall of a limp robot.
@@ -418,14 +450,17 @@ impl Simulator for MujocoSim {
     }
 
     fn fallen(&self) -> bool {
-        let Pose { p, R } = self.X_WB();
+        let p = self.X_WB().p;
+        let height = p.z - self.terrain.height_at(p.x, p.y);
+        height < self.params.min_height * self.standing_height || self.tipped()
+    }
+
+    fn tipped(&self) -> bool {
+        let R = self.X_WB().R;
         // R = Rz(yaw) Ry(pitch) Rx(roll)
         let pitch = libm::asin(-R[(2, 0)].clamp(-1.0, 1.0));
         let roll = libm::atan2(R[(2, 1)], R[(2, 2)]);
-        let height = p.z - self.terrain.height_at(p.x, p.y);
-        height < self.params.min_height * self.first_height
-            || roll.abs() > self.params.max_tilt
-            || pitch.abs() > self.params.max_tilt
+        roll.abs() > self.params.max_tilt || pitch.abs() > self.params.max_tilt
     }
 }
 

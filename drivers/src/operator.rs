@@ -32,6 +32,8 @@ enum Mode {
     Stand,
     Walk,
     Damping,
+    Sit,
+    Idle,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Deserialize)]
@@ -99,6 +101,8 @@ impl OperatorScript {
                 Some(Mode::Stand) => OperatorCommand::MODE_STAND,
                 Some(Mode::Walk) => OperatorCommand::MODE_WALK,
                 Some(Mode::Damping) => OperatorCommand::MODE_DAMPING,
+                Some(Mode::Sit) => OperatorCommand::MODE_SIT,
+                Some(Mode::Idle) => OperatorCommand::MODE_IDLE,
                 None => command.mode,
             };
             command.gait = match key.gait {

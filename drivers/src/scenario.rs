@@ -9,9 +9,12 @@
 //! [terrain]
 //! kind = "flat"
 //!
+//! [start]               # how the robot is put down; may be left out
+//! posture = "lying"     # or "standing"; also: roll, pitch (rad), joints = { lf_kfe_joint = -1.0 }
+//!
 //! [[operator]]          # a key holds until a later entry changes it
 //! t_s = 0.0
-//! mode = "stand"
+//! mode = "stand"        # walk, sit, idle (no torque), damping (emergency stop)
 //!
 //! [[operator]]
 //! t_s = 1.0
@@ -54,6 +57,7 @@ use crate::fault::{FaultEntry, FaultWindow};
 use crate::floor::{FloorEntry, FloorMove};
 use crate::operator::{OperatorKey, OperatorScript};
 use crate::sensors::NoiseParams;
+use crate::start::StartParams;
 use crate::terrain::{BadKey, TerrainParams, check_range};
 use serde::Deserialize;
 use std::path::Path;
@@ -75,6 +79,8 @@ pub struct Scenario {
     pub noise: NoiseParams,
     /// Lag and gains of the drives.
     pub drives: DriveParams,
+    /// How the robot is put down.
+    pub start: StartParams,
     /// The operator's commands, complete and in order of time.
     pub operator: OperatorScript,
     /// Pushes, as in the file.
@@ -143,6 +149,7 @@ impl Scenario {
         at("terrain", 0).check(file.terrain.check())?;
         at("noise", 0).check(file.noise.check())?;
         at("drives", 0).check(file.drives.check())?;
+        at("start", 0).check(file.start.check())?;
 
         let mut last_t_s = 0.0;
         for (index, key) in file.operator.iter().enumerate() {
@@ -174,6 +181,7 @@ impl Scenario {
             terrain: file.terrain,
             noise: file.noise,
             drives: file.drives,
+            start: file.start,
             operator: OperatorScript::new(&file.operator),
             pushes,
             floors,
@@ -232,6 +240,8 @@ struct ScenarioFile {
     noise: NoiseParams,
     #[serde(default)]
     drives: DriveParams,
+    #[serde(default)]
+    start: StartParams,
     operator: Vec<OperatorKey>,
     #[serde(default)]
     push: Vec<PushEntry>,

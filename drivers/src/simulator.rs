@@ -55,6 +55,9 @@ pub trait Simulator: Send {
     /// Takes every push away.
     fn clear_pushes(&mut self);
 
-    /// Whether the base is lower over the ground or more tilted than allowed.
+    /// Whether the base is lower over the ground than a standing one may be, or more tilted than allowed.
     fn fallen(&self) -> bool;
+
+    /// Whether the base is more tilted than allowed: a robot that sits is low, and has not fallen.
+    fn tipped(&self) -> bool;
 }

@@ -52,7 +52,9 @@ fn walk(
     input.op.seq = -1;
     for tick in 0..scenario.duration_ns() / sim.period_ns() {
         let t_ns = tick * sim.period_ns();
-        input.op = operator.operator_at(t_ns).unwrap_or(input.op);
+        if let Some(op) = operator.operator_at(t_ns) {
+            (input.op, input.t_op_ns) = (op, t_ns);
+        }
         sim.robot_state(t_ns, tick, &mut state);
         sim.ground_truth(t_ns, &mut truth);
         input.state.clone_from(&state);

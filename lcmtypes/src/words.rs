@@ -1,6 +1,6 @@
 //! Constants of the messages as words, for whoever tells a person: one table for events, screens and reports.
 
-use crate::ControllerTick;
+use crate::{ControllerTick, OperatorCommand};
 
 /// Name of a `controller_tick_t` MODE_*: `IDLE`, `WALK`, …; `?` of a number without meaning.
 pub fn mode(mode: i8) -> &'static str {
@@ -11,6 +11,18 @@ pub fn mode(mode: i8) -> &'static str {
         ControllerTick::MODE_DAMPING => "DAMPING",
         ControllerTick::MODE_STAND_UP => "STAND_UP",
         ControllerTick::MODE_SIT => "SIT",
+        _ => "?",
+    }
+}
+
+/// Name of an `operator_command_t` MODE_*: `STAND`, `WALK`, …; `?` of a number without meaning.
+pub fn operator_mode(mode: i8) -> &'static str {
+    match mode {
+        OperatorCommand::MODE_STAND => "STAND",
+        OperatorCommand::MODE_WALK => "WALK",
+        OperatorCommand::MODE_DAMPING => "DAMPING",
+        OperatorCommand::MODE_SIT => "SIT",
+        OperatorCommand::MODE_IDLE => "IDLE",
         _ => "?",
     }
 }
@@ -35,6 +47,9 @@ pub fn fault(fault: i32) -> &'static str {
         ControllerTick::FAULT_JOINT_TORQUE => "joint torque too high (N m)",
         ControllerTick::FAULT_NO_CONTACT => "no foot on the ground for too long (s)",
         ControllerTick::FAULT_CONTROLLER => "controller stopped by the executor",
+        ControllerTick::FAULT_HEIGHT => "base too low (m)",
+        ControllerTick::FAULT_POSTURE => "joint does not follow (rad from its reference)",
+        ControllerTick::FAULT_OPERATOR_REFUSED => "operator's wish cannot be followed from here",
         _ => "?",
     }
 }

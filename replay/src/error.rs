@@ -108,6 +108,14 @@ pub enum Error {
         /// Reason.
         why: String,
     },
+    /// What was to be a condition on the traffic.
+    #[error("alarm {alarm:?}: {why}")]
+    Alarm {
+        /// As given.
+        alarm: String,
+        /// What is wrong with it.
+        why: String,
+    },
     /// A moment behind the end of a log.
     #[error("{path}: nothing at {moment_s} s: the log ends {duration_s:.3} s after its first event", path = path.display())]
     NothingThere {

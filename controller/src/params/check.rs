@@ -41,17 +41,27 @@ impl Params {
             ("wbc.tolerance", self.wbc.tolerance),
             ("safety.max_tilt", self.safety.max_tilt),
             ("safety.max_state_age", self.safety.max_state_age),
+            ("safety.max_operator_age", self.safety.max_operator_age),
+            ("safety.velocity_factor", self.safety.velocity_factor),
+            ("safety.torque_factor", self.safety.torque_factor),
+            ("safety.max_flight_time", self.safety.max_flight_time),
             ("safety.damping", self.safety.damping),
             ("hold.kp", self.hold.kp),
             ("hold.kd", self.hold.kd),
             ("hold.duration", self.hold.duration),
+            ("stand.stiffness", self.stand.stiffness),
+            ("stand.joint_speed", self.stand.joint_speed),
+            ("stand.rise_speed", self.stand.rise_speed),
+            ("stand.max_error", self.stand.max_error),
+            ("stand.patience", self.stand.patience),
         ];
         for (key, found) in positive {
             within(key, &[found], "a positive number", |x| x > 0.0 && x.is_finite())?;
         }
-        let RobotConfig { sensors, posture, .. } = &self.robot;
-        let Params { gait, foothold, swing, contact, terrain, recovery, trunk, posture: p, wbc, safety, .. } = self;
-        let not_negative: [(_, &[f64]); 28] = [
+        let RobotConfig { sensors, posture, lying, .. } = &self.robot;
+        let Params { gait, foothold, swing, contact, terrain, recovery, trunk, posture: p, wbc, stand, safety, .. } =
+            self;
+        let not_negative: [(_, &[f64]); 30] = [
             ("robot.sensors.position", &[sensors.position]),
             ("robot.sensors.velocity", &[sensors.velocity]),
             ("robot.sensors.torque", &[sensors.torque]),
@@ -80,12 +90,17 @@ impl Params {
             ("posture.swing_kd", &p.swing_kd),
             ("posture.stance_kp", &p.stance_kp),
             ("posture.stance_kd", &p.stance_kd),
+            ("safety.position_margin", &[safety.position_margin]),
+            ("stand.damping", &[stand.damping]),
         ];
         for (key, found) in not_negative {
             within(key, found, "a number that is not negative", |x| x >= 0.0 && x.is_finite())?;
         }
         for &q in posture.values() {
             within("robot.posture", &[q], "a finite angle", f64::is_finite)?;
+        }
+        for &q in lying.values() {
+            within("robot.lying", &[q], "a finite angle", f64::is_finite)?;
         }
         for (key, row) in [("gait.trot.duty", &gait.trot), ("gait.crawl.duty", &gait.crawl)] {
             within(key, &[row.duty], DUTY.1, DUTY.0)?;
@@ -114,6 +129,8 @@ impl Params {
             within(key, &[found], "0 to 0.2", |x| (0.0..=0.2).contains(&x))?;
         }
         within("foothold.freeze_fraction", &[foothold.freeze_fraction], "0 to 1", |x| (0.0..=1.0).contains(&x))?;
+        within("safety.min_height", &[safety.min_height], "at least 0 and below 1", |x| (0.0..1.0).contains(&x))?;
+        within("stand.fold", &[stand.fold], "above 0 and at most 0.9", |x| x > 0.0 && x <= 0.9)?;
         within("swing.reach_time", &[swing.reach_time], "0 to 0.5", |x| (0.0..=0.5).contains(&x))?;
         for (key, found, least) in [
             ("contact.debounce", f64::from(contact.debounce), 1.0),

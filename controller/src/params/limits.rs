@@ -39,6 +39,40 @@ impl Default for WbcParams {
     }
 }
 
+/// Getting up from the ground and sitting down: joint-space moves with the joint loop of the drives. Beyond Raiola.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct StandParams {
+    /// Stiffness of a joint over its effort, 1/rad.
+    pub stiffness: f64,
+    /// Damping of a joint over its effort, s/rad.
+    pub damping: f64,
+    /// Peak speed of a joint while legs fold, rad/s.
+    pub joint_speed: f64,
+    /// Peak speed of the base while it rises or is lowered, m/s.
+    pub rise_speed: f64,
+    /// Height of the base over the feet where legs are folded, as a part of that of standing; more where the joints' limits ask for it.
+    pub fold: f64,
+    /// Error of a joint at which its reference waits for it, rad. From half of that on it slows down.
+    pub max_error: f64,
+    /// A move that has waited this long is given up, s.
+    pub patience: f64,
+}
+
+impl Default for StandParams {
+    fn default() -> Self {
+        StandParams {
+            stiffness: 3.0,
+            damping: 0.1,
+            joint_speed: 1.0,
+            rise_speed: 0.2,
+            fold: 0.45,
+            max_error: 0.4,
+            patience: 2.0,
+        }
+    }
+}
+
 /// When to give up, and how.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
@@ -47,6 +81,18 @@ pub struct SafetyParams {
     pub max_tilt: f64,
     /// Oldest joint state that a tick may act on, s.
     pub max_state_age: f64,
+    /// Oldest operator command that is followed, s; an older one counts as the wish to stand.
+    pub max_operator_age: f64,
+    /// How far a joint may be beyond its limits in the URDF, rad.
+    pub position_margin: f64,
+    /// Largest speed of a joint over its limit in the URDF.
+    pub velocity_factor: f64,
+    /// Largest measured torque of a joint over its effort in the URDF.
+    pub torque_factor: f64,
+    /// Least height of the base over the feet while standing or walking, as a part of the nominal one.
+    pub min_height: f64,
+    /// Longest time without a foot on the ground while standing or walking, s.
+    pub max_flight_time: f64,
     /// Ticks in a row that may repeat the last torque when the quadratic program fails.
     pub max_qp_failures: i32,
     /// Damping of the joints in the safe state, N m s/rad.
@@ -55,6 +101,17 @@ pub struct SafetyParams {
 
 impl Default for SafetyParams {
     fn default() -> Self {
-        SafetyParams { max_tilt: 0.6, max_state_age: 0.01, max_qp_failures: 5, damping: 8.0 }
+        SafetyParams {
+            max_tilt: 0.6,
+            max_state_age: 0.01,
+            max_operator_age: 0.5,
+            position_margin: 0.2,
+            velocity_factor: 3.0,
+            torque_factor: 1.5,
+            min_height: 0.5,
+            max_flight_time: 0.5,
+            max_qp_failures: 5,
+            damping: 8.0,
+        }
     }
 }

@@ -19,6 +19,9 @@ pub struct RobotConfig {
     pub imu_link: String,
     /// Nominal standing posture: joint name -> rad.
     pub posture: BTreeMap<String, f64>,
+    /// Posture in which the robot lies on the ground without torque: joint name -> rad. Without it, its legs are folded under it.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    pub lying: BTreeMap<String, f64>,
     /// Resolution of the simulated sensors.
     #[serde(default)]
     pub sensors: SensorParams,

@@ -3,7 +3,7 @@
 use super::estimation::Estimate;
 use super::leg::Leg;
 use super::reference::References;
-use super::state::State;
+use super::state::{Motion, State};
 use super::wbc::Wbc;
 use crate::digest::Digest;
 use lcmtypes::ControllerInput;
@@ -82,6 +82,19 @@ pub fn gait(references: &References, state: &State) -> i64 {
     d.f64s(&state.q_des);
     d.f64s(&state.qd_des);
     d.f64s(&state.qdd_des);
+    d.finish()
+}
+
+/// What takes the place of the gait while the robot gets up or sits down.
+pub fn posture(state: &State) -> i64 {
+    let Motion { phase, progress, start, q, support, t_held } = &state.motion;
+    let mut d = Digest::default();
+    d.word(state.mode as u64);
+    d.word(*phase as u64);
+    d.f64s(&[*progress, *start, *support, *t_held]);
+    for values in [q, &state.q_des, &state.qd_des, &state.tau_last] {
+        d.f64s(values);
+    }
     d.finish()
 }
 

@@ -3,9 +3,10 @@
 //! Source: G. Raiola, E. Mingo Hoffman, M. Focchi, N. Tsagarakis, C. Semini, *A simple yet effective whole-body locomotion framework for
 //! quadruped robots*, Frontiers in Robotics and AI, 2020. Cited by equation number where an equation is used; a line that departs from it says so.
 //!
-//! A tick, in the order of [`Quadruped::step_probed`]: [`safety`] checks the input, [`estimation`] finds base, dynamics and
-//! contacts, [`gait`] moves the legs' state machines, [`mod@reference`] plans footholds and joint references, [`wbc`] builds and solves
-//! the quadratic programs of the stack of [`tasks`], [`wire`] writes the messages.
+//! A tick, in the order of [`Quadruped::step_probed`]: [`safety`] checks the input, [`modes`] decides what the robot as a whole does,
+//! [`estimation`] finds base, dynamics and contacts, [`gait`] moves the legs' state machines, [`mod@reference`] plans footholds and joint
+//! references, [`wbc`] builds and solves the quadratic programs of the stack of [`tasks`], [`wire`] writes the messages. While the robot gets up
+//! or sits down, [`rise`] takes the place of gait, references and programs.
 
 mod digests;
 mod dump;
@@ -13,9 +14,11 @@ pub mod estimation;
 pub mod foothold;
 pub mod gait;
 pub mod leg;
+pub mod modes;
 mod operator;
 pub mod recovery;
 pub mod reference;
+pub mod rise;
 pub mod robot;
 pub mod safety;
 pub mod state;
@@ -34,8 +37,10 @@ use digests::Digests;
 pub(crate) use digests::input as digest_of_input;
 use estimation::{BasePlace, Estimate};
 use lcmtypes::{ControllerInput, ControllerTick, Message, QuadrupedState, channels};
+use modes::{Asked, Wish};
 use nalgebra::Vector3;
 use reference::References;
+use rise::Rise;
 use robot::Robot;
 use safety::{fault, seconds};
 use state::{Fault, Mode, State};
@@ -53,6 +58,7 @@ const MAX_DT: f64 = 0.01;
 pub struct Quadruped {
     params: Params,
     robot: Robot,
+    rise: Rise,
     state: State,
     /// Where the base is taken to be; nothing in operation changes it.
     place: BasePlace,
@@ -88,10 +94,11 @@ impl Quadruped {
     pub fn new(urdf: &str, params: &str) -> Result<Self, LoadError> {
         let params = Params::from_toml(params, "parameters")?;
         let robot = Robot::new(urdf, &params.robot)?;
+        let rise = Rise::new(&robot, &params)?;
         let state = State::new(robot.nj());
         let scratch = Scratch::new(&robot, &params)?;
         let messages = Messages::new(&robot, &scratch.wbc);
-        Ok(Quadruped { params, robot, state, place: BasePlace::default(), scratch, messages })
+        Ok(Quadruped { params, robot, rise, state, place: BasePlace::default(), scratch, messages })
     }
 
     /// The state between two ticks.
@@ -121,15 +128,16 @@ impl Quadruped {
         self.place = place;
     }
 
-    /// One tick in operation. Digests and messages of all its stages; gives the fault that ends it, if any.
+    /// One tick of standing or walking. Digests and messages of all its stages; gives the fault that ends it, if any.
     fn operate(
         &mut self,
         input: &ControllerInput,
+        asked: &Asked,
         dt: f64,
         digests: &mut Digests,
         probe: &mut dyn Probe,
     ) -> Option<Fault> {
-        let Quadruped { params, robot, state, place, scratch, messages } = self;
+        let Quadruped { params, robot, state, place, scratch, messages, .. } = self;
         let Scratch { estimate, references, wbc, trunk } = scratch;
 
         estimate.update_at(robot, &input.state, place, state.gradient_W);
@@ -140,13 +148,16 @@ impl Quadruped {
         let gradient_before = state.gradient_W;
         terrain::update(params, estimate, state, dt);
         estimate.height(state);
+        if let Some(fault) = safety::check_footing(robot, params, state, dt) {
+            return Some(fault);
+        }
         digests.0[Stage::Estimation as usize] = digests::estimation(estimate, state);
         probe.stage_done(Stage::Estimation);
 
         let rate =
             |now: [f64; 2], before: [f64; 2]| [0, 1].map(|k| if dt > 0.0 { (now[k] - before[k]) / dt } else { 0.0 });
         let rp_before = state.rp_des;
-        let wish = operator::follow(params, estimate, state, &input.op, dt);
+        let wish = operator::follow(params, estimate, state, &input.op, asked, dt);
         let rp_rate = rate(state.rp_des, rp_before);
         *trunk = operator::trunk_reference(state, rp_rate, rate(state.gradient_W, gradient_before));
         let met = recovery::surprises(params, estimate, state, dt);
@@ -173,11 +184,63 @@ impl Quadruped {
         None
     }
 
+    /// One tick of getting up or sitting down.
+    fn change_posture(
+        &mut self,
+        input: &ControllerInput,
+        asked: &Asked,
+        dt: f64,
+        digests: &mut Digests,
+        probe: &mut dyn Probe,
+    ) -> Option<Fault> {
+        let Quadruped { params, robot, rise, state, place, scratch: Scratch { estimate, .. }, messages } = self;
+        estimate.update_at(robot, &input.state, place, state.gradient_W);
+        if let Some(fault) = safety::check_tilt(params, &estimate.base.rpy) {
+            return Some(fault);
+        }
+        estimate.contact_forces(robot, params, &input.state.tau, state);
+        estimate.height(state);
+        digests.0[Stage::Estimation as usize] = digests::estimation(estimate, state);
+        probe.stage_done(Stage::Estimation);
+
+        state.fault = asked.refused.unwrap_or_default();
+        let fault = rise.update(robot, params, estimate, &input.state, state, dt);
+        digests.0[Stage::Gait as usize] = digests::posture(state);
+        probe.stage_done(Stage::Gait);
+
+        messages.nothing_computed(state);
+        messages.posture(robot, estimate, state);
+        fault
+    }
+
+    /// Goes to the safe state if a fault was found, and keeps its reason there until the operator asks what holds it.
+    fn end(&mut self, found: Option<Fault>, asked: &Asked) {
+        let state = &mut self.state;
+        match (state.mode, found) {
+            (Mode::Damping, None) => {}
+            (Mode::Damping, Some(fault)) => {
+                state.t_still = 0.0;
+                if asked.wish == Wish::Idle {
+                    state.fault = fault;
+                }
+            }
+            // Before the first good input there is nothing to save: the controller waits and says what for.
+            (_, Some(fault)) => {
+                state.fault = fault;
+                state.t_still = 0.0;
+                state.mode = if state.started { Mode::Damping } else { Mode::Idle };
+            }
+            (Mode::Idle, None) => state.fault = asked.refused.unwrap_or_default(),
+            (_, None) => {}
+        }
+    }
+
     /// Writes command and tick, and fills the outbox.
-    fn publish(&mut self, digests: &Digests, out: &mut Outbox) {
-        let Quadruped { params, state, scratch, messages, .. } = self;
+    fn publish(&mut self, input: &ControllerInput, digests: &Digests, out: &mut Outbox) {
+        let Quadruped { params, robot, rise, state, scratch, messages, .. } = self;
         let mut digest = Digest::default();
-        messages.command(params, &scratch.references, state);
+        messages.command(robot, params, rise, &scratch.references, state);
+        safety::limit(robot, &mut messages.command, &input.state);
         let c = &messages.command;
         for values in [&c.tau, &c.q_des, &c.qd_des, &c.kp, &c.kd] {
             digest.f64s(values);
@@ -221,29 +284,28 @@ impl Controller for Quadruped {
     fn step_probed(&mut self, input: &ControllerInput, out: &mut Outbox, probe: &mut dyn Probe) {
         let mut digests = Digests::default();
         digests.0[Stage::Input as usize] = digests::input(input);
-        let found = safety::check_input(&self.robot, &self.params, &self.state, input)
-            .or_else(|| safety::check_operator(&input.op));
+        let found = safety::check_input(&self.robot, &self.params, &self.state, input);
+        let mut asked = modes::asked(&self.params, input);
         let dt = if self.state.started {
             seconds(input.t_ns.saturating_sub(self.state.t_ns)).clamp(0.0, MAX_DT)
         } else {
             0.0
         };
         (self.state.t_ns, self.state.tick) = (input.t_ns, input.tick);
-        if found.is_none() && !self.state.started {
-            start(&self.robot, &mut self.state, input);
-        }
+        let found = found.or_else(|| {
+            let Quadruped { params, robot, rise, state, scratch, .. } = self;
+            modes::rest(state, &input.state, dt);
+            modes::follow(robot, params, rise, &mut scratch.estimate, state, input, &mut asked)
+        });
         probe.stage_done(Stage::Input);
 
         let found = match self.state.mode {
-            Mode::Damping => None,
             _ if found.is_some() => found,
-            _ => self.operate(input, dt, &mut digests, probe),
+            Mode::Idle | Mode::Damping => None,
+            Mode::Stance | Mode::Walk => self.operate(input, &asked, dt, &mut digests, probe),
+            Mode::StandUp | Mode::Sit => self.change_posture(input, &asked, dt, &mut digests, probe),
         };
-        if let Some(fault) = found {
-            self.state.fault = fault;
-            // Before the first good input there is nothing to save: the controller waits and says what for.
-            self.state.mode = if self.state.started { Mode::Damping } else { Mode::Idle };
-        }
+        self.end(found, &asked);
         if matches!(self.state.mode, Mode::Idle | Mode::Damping) {
             self.state.tau_last.fill(0.0);
             self.state.qd_des.fill(0.0);
@@ -254,7 +316,7 @@ impl Controller for Quadruped {
                 self.messages.nothing_computed(&self.state);
             }
         }
-        self.publish(&digests, out);
+        self.publish(input, &digests, out);
         probe.stage_done(Stage::Output);
     }
 
@@ -278,15 +340,6 @@ impl Controller for Quadruped {
     fn dump(&self) -> crate::Dump {
         self.quantities()
     }
-}
-
-/// First valid input: references start where the robot is.
-fn start(robot: &Robot, state: &mut State, input: &ControllerInput) {
-    state.started = true;
-    state.mode = Mode::Stance;
-    state.q_des.copy_from_slice(&input.state.q);
-    state.yaw_des = estimation::base_estimate(robot, &input.state).rpy[2];
-    state.height = robot.nominal_height;
 }
 
 /// Takes over the torques of a good solution, limited to the joints' effort; repeats the last ones when there is none.

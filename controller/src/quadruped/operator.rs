@@ -2,6 +2,7 @@
 
 use super::estimation::Estimate;
 use super::gait::Wish;
+use super::modes::{self, Asked};
 use super::safety;
 use super::state::{Cadence, Fault, Gait, State};
 use super::terrain;
@@ -16,17 +17,22 @@ const MAX_HEADING_LEAD: f64 = 0.3;
 
 /// Ramps and filters the operator's numbers into the state; says what is wished of the gait.
 ///
-/// A command that is not a number counts as the wish to stand, and the tick's fault code says so. A mode without meaning counts as the
-/// wish to stand too, a gait without meaning as the present one: they come from a newer operator, not from a broken one. Timing and step height
-/// out of range are refused together: those in use stay, and the fault code names the first.
-pub fn follow(params: &Params, estimate: &Estimate, state: &mut State, op: &OperatorCommand, dt: f64) -> Wish {
-    let usable = safety::operator_is_finite(op);
-    let refused =
-        if usable { out_of_range(op) } else { safety::fault(ControllerTick::FAULT_OPERATOR_NOT_FINITE, None, 0.0) };
-    state.fault = refused.unwrap_or_default();
+/// The numbers of a command that asks for nothing ([`modes::asked`]) are not looked at. A gait without meaning counts as the present one: it comes
+/// from a newer operator, not from a broken one. Timing and step height out of range are refused together: those in use stay, and the fault
+/// code names the first.
+pub fn follow(
+    params: &Params,
+    estimate: &Estimate,
+    state: &mut State,
+    op: &OperatorCommand,
+    asked: &Asked,
+    dt: f64,
+) -> Wish {
     let none = OperatorCommand::default();
-    let op = if usable { op } else { &none };
-    let walk = op.mode == OperatorCommand::MODE_WALK;
+    let op = if asked.wish == modes::Wish::None { &none } else { op };
+    let out_of_range = out_of_range(op);
+    state.fault = asked.refused.or(out_of_range).unwrap_or_default();
+    let walk = asked.wish == modes::Wish::Walk;
     let steps = walk && state.gait_running && state.gait_clock >= 0.0;
 
     let limits = &params.foothold;
@@ -62,7 +68,7 @@ pub fn follow(params: &Params, estimate: &Estimate, state: &mut State, op: &Oper
         _ => state.gait,
     };
     let (cadence, step_height) = match op.step_height {
-        _ if refused.is_some() => (state.cadence, 0.0),
+        _ if out_of_range.is_some() => (state.cadence, 0.0),
         wished => {
             let height = if wished > 0.0 { wished } else { params.swing.height };
             (Cadence { swing_frequency: op.swing_frequency, duty: op.duty }, height)

@@ -4,7 +4,7 @@ use super::estimation::is_unit_quaternion;
 use super::robot::Robot;
 use super::state::{Fault, State};
 use crate::params::Params;
-use lcmtypes::{ControllerInput, ControllerTick, OperatorCommand, RobotState};
+use lcmtypes::{ControllerInput, ControllerTick, OperatorCommand, RobotCommand, RobotState};
 
 /// Largest number that a joint sensor or gyro may give, in its own unit: far above any real one, and far below where squares overflow. What is
 /// above counts as not finite.
@@ -56,9 +56,61 @@ pub fn check_tilt(params: &Params, rpy: &[f64; 3]) -> Option<Fault> {
     if worst.abs() > params.safety.max_tilt { fault(ControllerTick::FAULT_TILT, None, worst) } else { None }
 }
 
-/// The operator asks for the safe state.
-pub fn check_operator(op: &OperatorCommand) -> Option<Fault> {
-    if op.mode == OperatorCommand::MODE_DAMPING { fault(ControllerTick::FAULT_OPERATOR, None, 0.0) } else { None }
+/// A joint that is where or as fast as it cannot be, or gives more torque than it can: by its limits in the URDF.
+pub fn check_joints(robot: &Robot, params: &Params, measured: &RobotState) -> Option<Fault> {
+    let safety = &params.safety;
+    let limits = robot.model.joints.iter().enumerate();
+    for (j, joint) in limits {
+        let (q, qd, tau) = (measured.q[j], measured.qd[j], measured.tau[j]);
+        if q < joint.lower - safety.position_margin || q > joint.upper + safety.position_margin {
+            return fault(ControllerTick::FAULT_JOINT_POSITION, Some(j), q);
+        }
+        if qd.abs() > safety.velocity_factor * joint.velocity {
+            return fault(ControllerTick::FAULT_JOINT_VELOCITY, Some(j), qd);
+        }
+        if tau.abs() > safety.torque_factor * joint.effort {
+            return fault(ControllerTick::FAULT_JOINT_TORQUE, Some(j), tau);
+        }
+    }
+    None
+}
+
+/// Of a robot that stands or walks: no foot has been on the ground for too long, or the base is too low over its feet.
+pub fn check_footing(robot: &Robot, params: &Params, state: &mut State, dt: f64) -> Option<Fault> {
+    let safety = &params.safety;
+    state.t_no_contact = if state.contact.0.contains(&true) { 0.0 } else { state.t_no_contact + dt };
+    if state.t_no_contact > safety.max_flight_time {
+        return fault(ControllerTick::FAULT_NO_CONTACT, None, state.t_no_contact);
+    }
+    if state.height < safety.min_height * robot.nominal_height {
+        return fault(ControllerTick::FAULT_HEIGHT, None, state.height);
+    }
+    None
+}
+
+/// The last step before a command leaves: what the drives will make of it at the measured state, `tau + kp (q_des - q) + kd (qd_des - qd)`, stays
+/// within each joint's effort, in the safe state too.
+pub fn limit(robot: &Robot, command: &mut RobotCommand, measured: &RobotState) {
+    for (j, joint) in robot.model.joints.iter().enumerate() {
+        let (Some(&q), Some(&qd)) = (measured.q.get(j), measured.qd.get(j)) else { continue };
+        // What no sensor gives bounds nothing: it would take all damping away.
+        if !is_plausible(q) || !is_plausible(qd) {
+            continue;
+        }
+        match command.mode {
+            RobotCommand::MODE_TORQUE => {
+                let loop_ = command.kp[j] * (command.q_des[j] - q) + command.kd[j] * (command.qd_des[j] - qd);
+                let total = command.tau[j] + loop_;
+                if total.abs() > joint.effort {
+                    command.tau[j] = total.clamp(-joint.effort, joint.effort) - loop_;
+                }
+            }
+            RobotCommand::MODE_DAMPING if qd.abs() * command.kd[j] > joint.effort => {
+                command.kd[j] = joint.effort / qd.abs();
+            }
+            _ => {}
+        }
+    }
 }
 
 /// Whether every number of a command is one.

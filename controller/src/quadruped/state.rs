@@ -8,7 +8,7 @@ use nalgebra::Vector3;
 /// What the controller as a whole does.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Mode {
-    /// No input has been seen yet.
+    /// No torque: no input has been seen yet, or the operator wants none.
     #[default]
     Idle,
     /// Stands on all feet.
@@ -17,12 +17,16 @@ pub enum Mode {
     Walk,
     /// Safe state: the joints are damped, nothing else is asked of them.
     Damping,
+    /// Gets up from the ground.
+    StandUp,
+    /// Sits down, and lies when it has.
+    Sit,
 }
 
 impl Mode {
-    const ALL: [Mode; 4] = [Mode::Idle, Mode::Stance, Mode::Walk, Mode::Damping];
+    const ALL: [Mode; 6] = [Mode::Idle, Mode::Stance, Mode::Walk, Mode::Damping, Mode::StandUp, Mode::Sit];
 
-    /// Name as in events: `IDLE`, `STANCE`, `WALK`, `DAMPING`.
+    /// Name as in events: `IDLE`, `STANCE`, `WALK`, `DAMPING`, `STAND_UP`, `SIT`.
     pub fn name(self) -> &'static str {
         words::mode(self as i8)
     }
@@ -50,6 +54,51 @@ pub struct Cadence {
     pub swing_frequency: f64,
     /// Duty factor.
     pub duty: f64,
+}
+
+/// Where getting up or sitting down is. The table stands in [`super::rise`].
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum MovePhase {
+    /// Neither is going on.
+    #[default]
+    None,
+    /// The legs fold under the trunk, from wherever they are.
+    Gather,
+    /// The feet push the trunk up.
+    Rise,
+    /// The feet let the trunk down.
+    Lower,
+    /// The legs go from folded to where they lie.
+    Spread,
+    /// The joints grow soft.
+    Release,
+    /// It lies; the joints are damped.
+    Lie,
+}
+
+impl MovePhase {
+    /// All phases, by their number in `quadruped_state_t`.
+    pub const ALL: [MovePhase; 7] = [
+        MovePhase::None,
+        MovePhase::Gather,
+        MovePhase::Rise,
+        MovePhase::Lower,
+        MovePhase::Spread,
+        MovePhase::Release,
+        MovePhase::Lie,
+    ];
+}
+
+/// Getting up or sitting down between two ticks. Meanings and units stand at `quadruped_state_t`, `move_*`, `support`, `t_held`.
+#[derive(Clone, Debug, Default, PartialEq)]
+#[expect(missing_docs, reason = "every field is documented at quadruped_state_t")]
+pub struct Motion {
+    pub phase: MovePhase,
+    pub progress: f64,
+    pub start: f64,
+    pub q: Vec<f64>,
+    pub support: f64,
+    pub t_held: f64,
 }
 
 /// Why the controller is in the safe state: a code of `controller_tick_t`, what it names and what was found there.
@@ -114,6 +163,9 @@ pub struct State {
     pub v_trim_H: [f64; 2],
     pub p_ground_W: PerLeg<Vector3<f64>>,
     pub gradient_W: [f64; 2],
+    pub t_still: f64,
+    pub t_no_contact: f64,
+    pub motion: Motion,
 }
 
 impl State {
@@ -162,7 +214,36 @@ impl State {
             v_trim_H: [0.0; 2],
             p_ground_W: PerLeg::default(),
             gradient_W: [0.0; 2],
+            t_still: 0.0,
+            t_no_contact: 0.0,
+            motion: Motion { q: vec![0.0; nj], ..Motion::default() },
         }
+    }
+
+    /// Begins `mode` with a past of nothing but time, contacts, height and torques, legs standing. Allocates nothing.
+    pub fn begin(&mut self, mode: Mode) {
+        let take = std::mem::take;
+        let motion = Motion { q: take(&mut self.motion.q), ..Motion::default() };
+        let mut next = State {
+            t_ns: self.t_ns,
+            tick: self.tick,
+            mode,
+            started: self.started,
+            contact: self.contact,
+            contact_count: self.contact_count,
+            f_F_W: self.f_F_W,
+            q_des: take(&mut self.q_des),
+            tau_last: take(&mut self.tau_last),
+            qd_des: take(&mut self.qd_des),
+            qdd_des: take(&mut self.qdd_des),
+            height: self.height,
+            t_still: self.t_still,
+            motion,
+            ..State::new(0)
+        };
+        next.qd_des.fill(0.0);
+        next.qdd_des.fill(0.0);
+        *self = next;
     }
 
     /// Takes the state apart into its message. No `..`: a new field stops compiling here until it is in the snapshot.
@@ -209,6 +290,9 @@ impl State {
             v_trim_H,
             p_ground_W,
             gradient_W,
+            t_still,
+            t_no_contact,
+            motion: Motion { phase: move_phase, progress: move_progress, start: move_start, q: move_q, support, t_held },
         } = self;
         m.t_ns = *t_ns;
         m.tick = *tick;
@@ -255,6 +339,14 @@ impl State {
         m.v_trim_H = *v_trim_H;
         m.p_ground_W = p_ground_W.0.map(Into::into);
         m.gradient_W = *gradient_W;
+        m.t_still = *t_still;
+        m.t_no_contact = *t_no_contact;
+        m.move_phase = *move_phase as i8;
+        m.move_progress = *move_progress;
+        m.move_start = *move_start;
+        m.move_q.clone_from(move_q);
+        m.support = *support;
+        m.t_held = *t_held;
     }
 
     /// The state that [`State::write`] took apart.
@@ -265,7 +357,7 @@ impl State {
         if m.q_des.len() != nj {
             return Err(RestoreError::Joints { found: m.q_des.len(), expected: nj });
         }
-        let numbers: [(_, &[f64]); 29] = [
+        let numbers: [(_, &[f64]); 36] = [
             ("gait_clock", &[m.gait_clock]),
             ("f_F_W", m.f_F_W.as_flattened()),
             ("p_lift_H", m.p_lift_H.as_flattened()),
@@ -295,6 +387,13 @@ impl State {
             ("v_trim_H", &m.v_trim_H),
             ("p_ground_W", m.p_ground_W.as_flattened()),
             ("gradient_W", &m.gradient_W),
+            ("t_still", &[m.t_still]),
+            ("t_no_contact", &[m.t_no_contact]),
+            ("move_progress", &[m.move_progress]),
+            ("move_start", &[m.move_start]),
+            ("move_q", &m.move_q),
+            ("support", &[m.support]),
+            ("t_held", &[m.t_held]),
         ];
         for (field, values) in numbers {
             if values.iter().any(|x| !x.is_finite()) {
@@ -351,6 +450,16 @@ impl State {
             v_trim_H: m.v_trim_H,
             p_ground_W: PerLeg(m.p_ground_W.map(Into::into)),
             gradient_W: m.gradient_W,
+            t_still: m.t_still,
+            t_no_contact: m.t_no_contact,
+            motion: Motion {
+                phase: of_number("move_phase", &MovePhase::ALL, m.move_phase)?,
+                progress: m.move_progress,
+                start: m.move_start,
+                q: m.move_q.clone(),
+                support: m.support,
+                t_held: m.t_held,
+            },
         })
     }
 }
@@ -374,10 +483,22 @@ mod tests {
             ControllerTick::MODE_STANCE,
             ControllerTick::MODE_WALK,
             ControllerTick::MODE_DAMPING,
+            ControllerTick::MODE_STAND_UP,
+            ControllerTick::MODE_SIT,
         ];
         assert_eq!(Mode::ALL.map(|mode| mode as i8), modes);
         let gaits = [OperatorCommand::GAIT_TROT, OperatorCommand::GAIT_CRAWL];
         assert_eq!(Gait::ALL.map(|gait| gait as i8), gaits);
+        let moves = [
+            QuadrupedState::MOVE_NONE,
+            QuadrupedState::MOVE_GATHER,
+            QuadrupedState::MOVE_RISE,
+            QuadrupedState::MOVE_LOWER,
+            QuadrupedState::MOVE_SPREAD,
+            QuadrupedState::MOVE_RELEASE,
+            QuadrupedState::MOVE_LIE,
+        ];
+        assert_eq!(MovePhase::ALL.map(|phase| phase as i8), moves);
     }
 
     #[test]

@@ -4,6 +4,7 @@ use super::estimation::Estimate;
 use super::gait::{self, Timing};
 use super::leg::Leg;
 use super::reference::References;
+use super::rise::Rise;
 use super::robot::Robot;
 use super::state::{Mode, State};
 use super::wbc::{TrunkReference, Wbc};
@@ -140,24 +141,49 @@ impl Messages {
         m.vd.fill(0.0);
     }
 
-    /// ROBOT_COMMAND: torques in operation, damping alone in the safe state, nothing before the first input.
-    pub fn command(&mut self, params: &Params, references: &References, state: &State) {
+    /// CONTACT_ESTIMATE, BASE_TRACKING and LEG_STATE of a tick of getting up or sitting down: what is estimated, and no references but a level base.
+    pub fn posture(&mut self, robot: &Robot, estimate: &Estimate, state: &State) {
+        self.contact.f_F_W = state.f_F_W.0.map(Into::into);
+        self.contact.f_normal = state.f_F_W.0.map(|f| estimate.n_W.dot(&f));
+        self.contact.contact = state.contact.0;
+        self.contact.height = state.height;
+        self.contact.n_W = estimate.n_W.into();
+        let base = &mut self.base;
+        base.rpy_des = [0.0, 0.0, estimate.base.rpy[2]];
+        base.rpy_est = estimate.base.rpy;
+        base.w_WB_W_est = estimate.base.w_WB_W.into();
+        base.height_des = robot.nominal_height;
+        base.height_est = state.height;
+        let R_HW = estimate.base.R_WH.transpose();
+        for (leg, of_leg) in estimate.legs.iter() {
+            self.legs.p_BF_H_est[leg as usize] = (R_HW * of_leg.p_BF_W).into();
+        }
+    }
+
+    /// ROBOT_COMMAND, before limits: torques in operation, with a joint loop while the robot gets up or sits down, damping alone in the safe state,
+    /// nothing without a wish for torque.
+    pub fn command(&mut self, robot: &Robot, params: &Params, rise: &Rise, references: &References, state: &State) {
         let m = &mut self.command;
         (m.t_ns, m.tick) = (state.t_ns, state.tick);
         m.mode = match state.mode {
             Mode::Idle => RobotCommand::MODE_IDLE,
-            Mode::Stance | Mode::Walk => RobotCommand::MODE_TORQUE,
+            Mode::Stance | Mode::Walk | Mode::StandUp | Mode::Sit => RobotCommand::MODE_TORQUE,
             Mode::Damping => RobotCommand::MODE_DAMPING,
         };
         m.tau.copy_from_slice(&state.tau_last);
         m.q_des.copy_from_slice(&state.q_des);
-        if m.mode == RobotCommand::MODE_TORQUE {
-            m.qd_des.copy_from_slice(&references.qd_des);
-        } else {
-            m.qd_des.fill(0.0);
-        }
         m.kp.fill(0.0);
         m.kd.fill(if m.mode == RobotCommand::MODE_DAMPING { params.safety.damping } else { 0.0 });
+        match state.mode {
+            Mode::Stance | Mode::Walk => m.qd_des.copy_from_slice(&references.qd_des),
+            Mode::StandUp | Mode::Sit => {
+                m.qd_des.copy_from_slice(&state.qd_des);
+                for (j, joint) in robot.model.joints.iter().enumerate() {
+                    (m.kp[j], m.kd[j]) = rise.gains(params, state, joint.effort);
+                }
+            }
+            Mode::Idle | Mode::Damping => m.qd_des.fill(0.0),
+        }
     }
 }
 

@@ -176,6 +176,12 @@ impl Puppet {
         }
     }
 
+    /// The joints are in another posture.
+    pub fn put(&mut self, q: &[f64]) {
+        self.q.copy_from_slice(q);
+        self.input.state.q.copy_from_slice(q);
+    }
+
     /// The input of the tick after the one that gave `out`.
     pub fn react(&mut self, out: &Outbox) {
         self.input.t_ns += PERIOD_NS;
@@ -185,6 +191,7 @@ impl Puppet {
         let seq = self.input.op.seq;
         if seq >= 0 {
             self.input.op = operator_at(self.input.tick);
+            self.input.t_op_ns = self.input.t_ns;
         }
         self.joints(&get(out, channels::ROBOT_COMMAND));
         self.base(&get(out, channels::BASE_TRACKING));
@@ -196,8 +203,9 @@ impl Puppet {
     }
 
     fn joints(&mut self, command: &RobotCommand) {
+        let follows = if command.mode == RobotCommand::MODE_TORQUE { 0.3 } else { 0.0 };
         for (j, q) in self.q.iter_mut().enumerate() {
-            let moved = 0.3 * (command.q_des[j] - *q);
+            let moved = follows * (command.q_des[j] - *q);
             *q += moved;
             self.input.state.q[j] = *q + 1e-4 * self.noise * self.rng.symmetric();
             self.input.state.qd[j] = moved / DT + 1e-2 * self.noise * self.rng.symmetric();

@@ -97,6 +97,7 @@ const PUT: &str =
     "    fn put(&self, out: &mut ::std::vec::Vec<u8>) -> ::std::result::Result<(), ::lcm_idl::EncodeError> {\n";
 const TAKE: &str =
     "    fn take(wire: &mut lcm_wire::Reader<'_>) -> ::std::result::Result<Self, ::lcm_idl::DecodeError> {\n";
+const RETAKE: &str = "    fn retake(&mut self, wire: &mut lcm_wire::Reader<'_>) -> ::std::result::Result<(), ::lcm_idl::DecodeError> {\n";
 
 fn structure(set: &TypeSet, ty: Type<'_>) -> String {
     let (def, linked) = (ty.def(), ty.linked());
@@ -143,11 +144,15 @@ fn structure(set: &TypeSet, ty: Type<'_>) -> String {
     }
     let _ = write!(out, "        Ok(())\n    }}\n\n{TAKE}");
     for (_, field, element) in &fields {
-        let read = take(set, &def.fields, &field.dims, *element);
+        let read = take(set, &def.fields, &field.dims, *element, &|name| format!("field_{name}"));
         let _ = writeln!(out, "        let field_{} = wire.field(\"{}\", {read})?;", field.name, field.name);
     }
     let list: Vec<String> = fields.iter().map(|(ident, field, _)| format!("{ident}: field_{}", field.name)).collect();
-    let _ = write!(out, "        Ok(Self {{ {} }})\n    }}\n}}\n", list.join(", "));
+    let _ = write!(out, "        Ok(Self {{ {} }})\n    }}\n\n{RETAKE}", list.join(", "));
+    for (ident, field, element) in &fields {
+        retake(&mut out, set, &def.fields, field, ident, *element);
+    }
+    out.push_str("        Ok(())\n    }\n}\n");
     out
 }
 
@@ -237,18 +242,44 @@ fn put(out: &mut String, fields: &[Field], field: &Field, dims: &[Dim], place: &
     let _ = writeln!(out, "{indent}}}");
 }
 
-/// An expression that reads a field: a function of the reader.
-fn take(set: &TypeSet, fields: &[Field], dims: &[Dim], element: Element) -> String {
+/// An expression that reads a field: a function of the reader. `place` is where the value of a length field stands by then.
+fn take(set: &TypeSet, fields: &[Field], dims: &[Dim], element: Element, place: &dyn Fn(&str) -> String) -> String {
     let is_struct = matches!(element, Element::Struct(_));
     let Some((outer, inner)) = dims.split_first().filter(|_| is_struct || !is_fixed(dims)) else {
         let take = "lcm_wire::Wire::take";
         return if is_struct { format!("|wire| wire.nested({take})") } else { take.to_owned() };
     };
-    let item = take(set, fields, inner, element);
-    let Dim::Variable { field, name } = outer else {
-        return format!("|wire| wire.array({item})");
+    match outer {
+        Dim::Constant { .. } => format!("|wire| wire.array({})", take(set, fields, inner, element, place)),
+        Dim::Variable { .. } => format!("|wire| wire.list({})", list(set, fields, dims, element, place)),
+    }
+}
+
+/// A statement that reads a field of `self` in place.
+fn retake(out: &mut String, set: &TypeSet, fields: &[Field], field: &Field, ident: &str, element: Element) {
+    let place = |name: &str| format!("self.{}", identifier(name));
+    let name = &field.name;
+    let _ = match (field.dims.first(), element) {
+        (Some(Dim::Variable { .. }), _) => {
+            let list = list(set, fields, &field.dims, element, &place);
+            writeln!(out, "        wire.field(\"{name}\", |wire| wire.refill(&mut self.{ident}, {list}))?;")
+        }
+        (None, Element::Struct(_)) => {
+            let nested = format!("wire.nested(|wire| lcm_wire::Wire::retake(&mut self.{ident}, wire))");
+            writeln!(out, "        wire.field(\"{name}\", |wire| {nested})?;")
+        }
+        _ => {
+            let read = take(set, fields, &field.dims, element, &place);
+            writeln!(out, "        self.{ident} = wire.field(\"{name}\", {read})?;")
+        }
     };
-    let local = |name: &str| format!("field_{name}");
+}
+
+/// What a reader has to know of a list whose first dimension is variable: name and value of its length, fewest bytes of an item, an item.
+fn list(set: &TypeSet, fields: &[Field], dims: &[Dim], element: Element, place: &dyn Fn(&str) -> String) -> String {
+    let Some((Dim::Variable { field, name }, inner)) = dims.split_first() else {
+        unreachable!("both callers have looked")
+    };
     let smallest = match element {
         Element::Primitive(p) => p.min_size(),
         Element::Enum(_) => Primitive::Int32.min_size(),
@@ -258,7 +289,7 @@ fn take(set: &TypeSet, fields: &[Field], dims: &[Dim], element: Element) -> Stri
         .iter()
         .map(|dim| match dim {
             Dim::Constant { size, .. } => size.to_string(),
-            Dim::Variable { field, .. } => length(fields, *field, local),
+            Dim::Variable { field, .. } => length(fields, *field, place),
         })
         .collect();
     let row_size = if row.is_empty() {
@@ -266,5 +297,6 @@ fn take(set: &TypeSet, fields: &[Field], dims: &[Dim], element: Element) -> Stri
     } else {
         format!("lcm_wire::row_size(&[{}], {smallest})", row.join(", "))
     };
-    format!("|wire| wire.list(\"{name}\", {}, {row_size}, {item})", length(fields, *field, local))
+    let item = take(set, fields, inner, element, place);
+    format!("\"{name}\", {}, {row_size}, {item}", length(fields, *field, place))
 }

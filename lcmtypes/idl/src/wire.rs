@@ -37,6 +37,17 @@ pub trait Message: Wire + Clone + Default + PartialEq + std::fmt::Debug {
         let message = wire.fingerprint(Self::FINGERPRINT).and_then(|()| Self::take(&mut wire));
         message.and_then(|m| wire.finish().map(|()| m)).map_err(|e| e.of_type(Self::TYPE))
     }
+
+    /// Reads a whole message over this one. Its vectors are used again, so this does not allocate once they have the capacity; those inside
+    /// vectors are new. After an error the message is partly the new one.
+    ///
+    /// # Errors
+    /// As [`Message::decode`].
+    fn decode_into(&mut self, bytes: &[u8]) -> Result<(), DecodeError> {
+        let mut wire = Reader::new(bytes);
+        let taken = wire.fingerprint(Self::FINGERPRINT).and_then(|()| self.retake(&mut wire));
+        taken.and_then(|()| wire.finish()).map_err(|e| e.of_type(Self::TYPE))
+    }
 }
 
 /// A value of known shape on the wire: primitives, strings, fixed arrays of them, and generated structs and enums.
@@ -53,6 +64,14 @@ pub trait Wire: Sized {
     /// # Errors
     /// As [`Message::decode`].
     fn take(wire: &mut Reader<'_>) -> Result<Self, DecodeError>;
+    /// Reads a value in the place of this one.
+    ///
+    /// # Errors
+    /// As [`Message::decode`].
+    fn retake(&mut self, wire: &mut Reader<'_>) -> Result<(), DecodeError> {
+        *self = Self::take(wire)?;
+        Ok(())
+    }
 }
 
 macro_rules! number {
@@ -286,14 +305,32 @@ impl<'a> Reader<'a> {
         length_field: &str,
         length: i64,
         min_item: usize,
-        mut item: impl FnMut(&mut Self) -> Result<T, DecodeError>,
+        item: impl FnMut(&mut Self) -> Result<T, DecodeError>,
     ) -> Result<Vec<T>, DecodeError> {
+        let mut list = Vec::new();
+        self.refill(&mut list, length_field, length, min_item, item)?;
+        Ok(list)
+    }
+
+    /// [`Reader::list`], in the place of what is in `list`.
+    ///
+    /// # Errors
+    /// As [`Reader::list`].
+    pub fn refill<T>(
+        &mut self,
+        list: &mut Vec<T>,
+        length_field: &str,
+        length: i64,
+        min_item: usize,
+        mut item: impl FnMut(&mut Self) -> Result<T, DecodeError>,
+    ) -> Result<(), DecodeError> {
         let length = self.claim(length_field, length, min_item)?;
-        let mut list = Vec::with_capacity(length);
+        list.clear();
+        list.reserve_exact(length);
         for index in 0..length {
             list.push(item(self).map_err(|e| e.at_index(index))?);
         }
-        Ok(list)
+        Ok(())
     }
 
     /// Checks that so many elements can follow.

@@ -116,6 +116,8 @@ fn round_trip<M: Message>(name: &str, bytes: &[u8]) -> bool {
     let types = types();
     let ty = types.by_name(name).unwrap();
     let mut random = common::Random(1);
+    // Read over whatever was there before, part of a damaged message included.
+    let mut used = M::default();
     for _ in 0..2000 {
         let mut damaged = bytes.to_vec();
         let place = random.below(bytes.len());
@@ -126,6 +128,12 @@ fn round_trip<M: Message>(name: &str, bytes: &[u8]) -> bool {
             again.clear();
             message.encode(&mut again).unwrap();
             assert_eq!(again, damaged, "{name}");
+        }
+        assert_eq!(used.decode_into(&damaged).is_ok(), reflected.is_ok(), "{name}: {reflected:?}");
+        if reflected.is_ok() {
+            again.clear();
+            used.encode(&mut again).unwrap();
+            assert_eq!(again, damaged, "{name} read over another");
         }
     }
     true

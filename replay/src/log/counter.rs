@@ -2,12 +2,16 @@
 
 use lcm_idl::Type;
 use lcm_idl::ast::{FieldType, Primitive};
+use std::collections::VecDeque;
 
-/// Gaps that are kept with their places.
+/// Gaps that are kept with their places: the first ones.
 const KEPT: usize = 1000;
 
+/// Later gaps that are remembered for as long as a late message may still fill them.
+const OPEN: usize = 256;
+
 /// Name of the counter that stands behind the time in a type: `seq` or `tick`.
-pub(super) fn counter(ty: Type<'_>) -> Option<&'static str> {
+pub(crate) fn counter(ty: Type<'_>) -> Option<&'static str> {
     let [time, second, ..] = &ty.def().fields[..] else { return None };
     let integer = |field: &lcm_idl::ast::Field| {
         field.dims.is_empty() && matches!(field.ty, FieldType::Primitive(Primitive::Int64))
@@ -18,7 +22,7 @@ pub(super) fn counter(ty: Type<'_>) -> Option<&'static str> {
 
 /// The second `int64_t` of a message, behind fingerprint and time.
 #[inline]
-pub(super) fn second_integer(message: &[u8]) -> Option<i64> {
+pub(crate) fn second_integer(message: &[u8]) -> Option<i64> {
     message.get(16..24)?.first_chunk().map(|bytes| i64::from_be_bytes(*bytes))
 }
 
@@ -42,12 +46,14 @@ impl Gap {
 
 /// Follows the numbers of one channel.
 #[derive(Debug, Clone, Default)]
-pub(super) struct Numbers {
+pub(crate) struct Numbers {
     count: u64,
     lowest: i64,
     highest: i64,
     missing: u64,
     gaps: Vec<Gap>,
+    /// Gaps behind those, the newest.
+    open: VecDeque<Gap>,
     /// Numbers that came although an equal one had come.
     pub duplicates: u64,
     /// Numbers that filled a gap.
@@ -64,31 +70,45 @@ impl Numbers {
         } else if let Some(beyond) = number.checked_sub(self.highest).filter(|beyond| *beyond > 0) {
             if beyond > 1 {
                 self.missing = self.missing.saturating_add(beyond as u64 - 1);
-                if self.gaps.len() < KEPT {
-                    self.gaps.push(Gap { first: self.highest + 1, last: number - 1, t_ns });
-                }
+                self.miss(Gap { first: self.highest + 1, last: number - 1, t_ns });
             }
             self.highest = number;
         } else if number < self.lowest || number == 0 && self.highest > 0 {
             // A number below all of a run is the first of another run.
             self.restarts += 1;
             (self.lowest, self.highest) = (number, number);
-        } else if let Some(place) = self.gaps.iter().rposition(|gap| (gap.first..=gap.last).contains(&number)) {
+        } else if self.fill(number) {
             self.late += 1;
             self.missing -= 1;
-            self.fill(place, number);
         } else {
             self.duplicates += 1;
         }
     }
 
-    fn fill(&mut self, place: usize, number: i64) {
-        let gap = self.gaps.remove(place);
-        let behind = Gap { first: number.saturating_add(1), ..gap.clone() };
-        let before = Gap { last: number.saturating_sub(1), ..gap };
-        for part in [behind, before].into_iter().filter(|part| part.first <= part.last) {
-            self.gaps.insert(place, part);
+    fn miss(&mut self, gap: Gap) {
+        if self.gaps.len() < KEPT {
+            self.gaps.push(gap);
+            return;
         }
+        if self.open.len() == OPEN {
+            self.open.pop_front();
+        }
+        self.open.push_back(gap);
+    }
+
+    /// Takes a number out of what is missing; whether it was there.
+    fn fill(&mut self, number: i64) -> bool {
+        let holds = |gap: &Gap| (gap.first..=gap.last).contains(&number);
+        if let Some(place) = self.open.iter().rposition(holds) {
+            let [before, behind] = without(self.open[place].clone(), number);
+            self.open.remove(place);
+            behind.into_iter().chain(before).for_each(|part| self.open.insert(place, part));
+            return true;
+        }
+        let Some(place) = self.gaps.iter().rposition(holds) else { return false };
+        let parts = without(self.gaps[place].clone(), number);
+        self.gaps.splice(place..=place, parts.into_iter().flatten());
+        true
     }
 
     /// Numbers that are missing, whether the counter counts every message or not.
@@ -106,6 +126,13 @@ impl Numbers {
     pub fn gaps(&self) -> &[Gap] {
         if self.lost().is_some() { &self.gaps } else { &[] }
     }
+}
+
+/// What is left of a gap in front of a number and behind it.
+fn without(gap: Gap, number: i64) -> [Option<Gap>; 2] {
+    let before = Gap { last: number.saturating_sub(1), ..gap.clone() };
+    let behind = Gap { first: number.saturating_add(1), ..gap };
+    [before, behind].map(|part| Some(part).filter(|part| part.first <= part.last))
 }
 
 #[cfg(test)]
@@ -144,6 +171,17 @@ mod tests {
     #[test]
     fn every_tenth_tick_is_no_loss() {
         assert_eq!(of(&[0, 10, 20, 30]).lost(), None);
+    }
+
+    #[test]
+    fn late_numbers_are_known_however_many_gaps_came_before() {
+        // Every third number is missing, 2000 times; the last one missing comes after all.
+        let mut all: Vec<i64> = (0..6000).filter(|n| n % 3 != 1).collect();
+        all.push(5998);
+        let n = of(&all);
+        assert_eq!((n.lost(), n.late, n.duplicates), (Some(1999), 1, 0));
+        assert_eq!(n.gaps().len(), KEPT);
+        assert_eq!(n.gaps()[0].first, 1);
     }
 
     #[test]

@@ -43,6 +43,7 @@ mod writer;
 pub use bundle::{Around, bundle};
 pub use copy::{Copied, CopyOptions, copy, merge};
 pub use counter::Gap;
+pub(crate) use counter::{Numbers, counter, second_integer};
 pub use diff::{ChannelDiff, FirstDifference, LogDiff, diff};
 pub use reader::{Events, LogReader};
 pub use select::Selection;

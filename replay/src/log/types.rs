@@ -65,8 +65,9 @@ impl Types {
         self.learn_run_info(event.channel, event.data);
     }
 
+    /// Takes the texts of a RUN_INFO; messages of other channels say nothing of types.
     #[inline]
-    pub(super) fn learn_run_info(&mut self, channel: &str, data: &[u8]) {
+    pub fn learn_run_info(&mut self, channel: &str, data: &[u8]) {
         if channel == channels::RUN_INFO {
             self.run_info(data);
         }
@@ -85,11 +86,14 @@ impl Types {
         }
     }
 
+    /// Takes a file's schema; whether it had not been looked at before.
     #[inline]
-    pub(super) fn learn_schema(&mut self, schema: &Arc<FileSchema>) {
-        if !self.seen.iter().any(|seen| Arc::ptr_eq(seen, schema)) {
+    pub fn learn_schema(&mut self, schema: &Arc<FileSchema>) -> bool {
+        let is_new = !self.seen.iter().any(|seen| Arc::ptr_eq(seen, schema));
+        if is_new {
             self.schema_of_file(schema);
         }
+        is_new
     }
 
     #[cold]

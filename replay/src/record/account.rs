@@ -84,6 +84,8 @@ pub struct Accounts {
 pub enum Seen {
     /// Nothing of it had come before.
     New,
+    /// Nothing of it had come before, but later ones had.
+    Late,
     /// A part of it has come, and it is not whole yet.
     Begun,
     /// It had come already.
@@ -196,6 +198,11 @@ impl Accounts {
         self.senders.values().map(|sender| &sender.account).chain(forgotten).cloned().collect()
     }
 
+    /// The account of a sender that is remembered.
+    pub fn account(&self, sender: SocketAddrV4) -> Option<&Account> {
+        self.senders.get(&sender).map(|sender| &sender.account)
+    }
+
     /// Messages lost, datagrams that came again, datagrams that came late: of all senders.
     pub fn totals(&self) -> [u64; 3] {
         let accounts = self.senders.values().map(|sender| &sender.account).chain([&self.forgotten]);
@@ -255,6 +262,8 @@ impl Sender {
         if self.fill_gap(sequence) || self.was_not_lost_after_all(sequence) {
             self.account.reordered += 1;
             note(&mut self.findings.reordered, sequence);
+            self.begin(sequence, mark);
+            return Seen::Late;
         } else if self.anew == Some(sequence) {
             self.settle(|_| true);
             self.account.restarts += 1;

@@ -6,13 +6,13 @@ use rtrb::{Consumer, Producer, RingBuffer};
 const PREFIX: usize = 4;
 
 /// The end that puts in.
-pub(super) struct BytesIn(Producer<u8>);
+pub struct BytesIn(Producer<u8>);
 
 /// The end that takes out.
-pub(super) struct BytesOut(Consumer<u8>);
+pub struct BytesOut(Consumer<u8>);
 
 /// A ring that holds `capacity` bytes.
-pub(super) fn ring(capacity: usize) -> (BytesIn, BytesOut) {
+pub fn byte_ring(capacity: usize) -> (BytesIn, BytesOut) {
     let (input, output) = RingBuffer::new(capacity);
     (BytesIn(input), BytesOut(output))
 }

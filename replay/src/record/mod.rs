@@ -3,6 +3,7 @@
 //! - [`Recorder`]: hears an LCM network without taking part in it. It counts loss, duplicates and late arrivals of each sender from the
 //!   sequence numbers that LCM sends and no LCM library shows, and writes its findings into the log as ordinary EVENT messages.
 //! - [`RingWriter`]: the way of a run in this process to its log: a lock-free ring and a thread.
+//! - [`byte_ring`]: that ring.
 //!
 //! What it must never do: leave out a message in silence, leave out a replay input while anything else is recorded, make a control loop
 //! wait, or leave behind a file that cannot be read.
@@ -12,15 +13,18 @@ mod bytes;
 mod desk;
 mod disk;
 mod files;
+mod hearing;
 mod pattern;
 mod recorder;
 mod ring;
 mod shed;
 
 pub use account::{Account, Run};
-pub use desk::{Desk, Heard, Status, Tally};
+pub use bytes::{BytesIn, BytesOut, byte_ring};
+pub use desk::{Desk, Heard, Status};
 pub use disk::{DiskState, PatientFile};
 pub use files::{Create, Files, Names, Rotation};
+pub use hearing::{Hearing, Message, Tally};
 pub use pattern::{Filter, Pattern};
 pub use recorder::{Progress, RecordOptions, Recorded, Recorder};
 pub use ring::{EventSink, RingOptions, RingWriter, Target, WhenFull};

@@ -6,7 +6,7 @@
 //! The receive thread does nothing but fetch datagrams, so that the kernel's buffer stays empty. The desk never waits for the disk. What the
 //! log writer cannot take in time is left out by channel, at the ring before it.
 
-use super::bytes::{BytesIn, BytesOut, ring};
+use super::bytes::{BytesIn, BytesOut, byte_ring};
 use super::desk::{Desk, Heard, Status};
 use super::disk::DiskState;
 use super::files::{Files, Names, Rotation};
@@ -120,7 +120,7 @@ impl Recorder {
         let live = RingOptions::live();
         let ring_options = RingOptions { capacity: buffer, when_full: WhenFull::Shed { vital }, ..live };
         let writer = RingWriter::start(&out, Box::new(files), &ring_options)?;
-        let (input, datagrams) = ring(DATAGRAMS);
+        let (input, datagrams) = byte_ring(DATAGRAMS);
         let receiver = Receiver::start(listener, input).map_err(|source| Error::Io { path: out.clone(), source })?;
         let folder = out.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new(".")).into();
         let (desk, url) = (Desk::new(filter, writer), url.to_string());

@@ -4,7 +4,7 @@
 //! millisecond and hands everything on to the kernel in time, so that a process that is killed takes little with it.
 
 use super::Pattern;
-use super::bytes::{BytesIn, BytesOut, ring};
+use super::bytes::{BytesIn, BytesOut, byte_ring};
 use super::shed::{Keep, Shedder};
 use crate::Error;
 use crate::log::{LogWriter, check_event};
@@ -129,7 +129,7 @@ impl RingWriter {
     /// # Errors
     /// [`Error::Io`] if there can be no further thread.
     pub fn start(path: &Path, target: Box<dyn Target>, options: &RingOptions) -> Result<Self, Error> {
-        let (input, output) = ring(options.capacity);
+        let (input, output) = byte_ring(options.capacity);
         let (flush_every, flushed) = (options.flush_every, Arc::<AtomicU64>::default());
         let counter = Arc::clone(&flushed);
         let thread = std::thread::Builder::new()

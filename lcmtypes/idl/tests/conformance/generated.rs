@@ -45,6 +45,12 @@ pub mod unnamed {
             let field_more = wire.field("more", |wire| wire.list("t", field_t, 8, |wire| wire.nested(lcm_wire::Wire::take)))?;
             Ok(Self { t: field_t, more: field_more })
         }
+
+        fn retake(&mut self, wire: &mut lcm_wire::Reader<'_>) -> ::std::result::Result<(), ::lcm_idl::DecodeError> {
+            self.t = wire.field("t", lcm_wire::Wire::take)?;
+            wire.field("more", |wire| wire.refill(&mut self.more, "t", self.t, 8, |wire| wire.nested(lcm_wire::Wire::take)))?;
+            Ok(())
+        }
     }
 }
 
@@ -233,6 +239,27 @@ pub mod conformance {
             let field_raw = wire.field("raw", lcm_wire::Wire::take)?;
             Ok(Self { n8: field_n8, n16: field_n16, n32: field_n32, n64: field_n64, fixed: field_fixed, matrix: field_matrix, by_n8: field_by_n8, by_n16: field_by_n16, by_n32: field_by_n32, by_n64: field_by_n64, rows: field_rows, columns: field_columns, square: field_square, cube: field_cube, hexadecimal: field_hexadecimal, names: field_names, raw: field_raw })
         }
+
+        fn retake(&mut self, wire: &mut lcm_wire::Reader<'_>) -> ::std::result::Result<(), ::lcm_idl::DecodeError> {
+            self.n8 = wire.field("n8", lcm_wire::Wire::take)?;
+            self.n16 = wire.field("n16", lcm_wire::Wire::take)?;
+            self.n32 = wire.field("n32", lcm_wire::Wire::take)?;
+            self.n64 = wire.field("n64", lcm_wire::Wire::take)?;
+            self.fixed = wire.field("fixed", lcm_wire::Wire::take)?;
+            self.matrix = wire.field("matrix", lcm_wire::Wire::take)?;
+            wire.field("by_n8", |wire| wire.refill(&mut self.by_n8, "n8", i64::from(self.n8), 2, lcm_wire::Wire::take))?;
+            wire.field("by_n16", |wire| wire.refill(&mut self.by_n16, "n16", i64::from(self.n16), 1, lcm_wire::Wire::take))?;
+            wire.field("by_n32", |wire| wire.refill(&mut self.by_n32, "n32", i64::from(self.n32), 5, lcm_wire::Wire::take))?;
+            wire.field("by_n64", |wire| wire.refill(&mut self.by_n64, "n64", self.n64, 1, lcm_wire::Wire::take))?;
+            wire.field("rows", |wire| wire.refill(&mut self.rows, "n32", i64::from(self.n32), lcm_wire::row_size(&[3], 8), lcm_wire::Wire::take))?;
+            self.columns = wire.field("columns", |wire| wire.array(|wire| wire.list("n8", i64::from(self.n8), 8, lcm_wire::Wire::take)))?;
+            wire.field("square", |wire| wire.refill(&mut self.square, "n8", i64::from(self.n8), lcm_wire::row_size(&[i64::from(self.n16)], 4), |wire| wire.list("n16", i64::from(self.n16), 4, lcm_wire::Wire::take)))?;
+            wire.field("cube", |wire| wire.refill(&mut self.cube, "n8", i64::from(self.n8), lcm_wire::row_size(&[2, i64::from(self.n32)], 1), |wire| wire.array(|wire| wire.list("n32", i64::from(self.n32), 1, lcm_wire::Wire::take))))?;
+            self.hexadecimal = wire.field("hexadecimal", |wire| wire.array(|wire| wire.list("n8", i64::from(self.n8), 8, lcm_wire::Wire::take)))?;
+            self.names = wire.field("names", lcm_wire::Wire::take)?;
+            self.raw = wire.field("raw", lcm_wire::Wire::take)?;
+            Ok(())
+        }
     }
 
     /// Only a fingerprint of it is stored: the stock Python code cannot encode a hexadecimal innermost size.
@@ -269,6 +296,12 @@ pub mod conformance {
             let field_x = wire.field("x", lcm_wire::Wire::take)?;
             let field_y = wire.field("y", lcm_wire::Wire::take)?;
             Ok(Self { x: field_x, y: field_y })
+        }
+
+        fn retake(&mut self, wire: &mut lcm_wire::Reader<'_>) -> ::std::result::Result<(), ::lcm_idl::DecodeError> {
+            self.x = wire.field("x", lcm_wire::Wire::take)?;
+            self.y = wire.field("y", lcm_wire::Wire::take)?;
+            Ok(())
         }
     }
 
@@ -322,6 +355,15 @@ pub mod conformance {
             let field_e = wire.field("e", lcm_wire::Wire::take)?;
             Ok(Self { a: field_a, b: field_b, c: field_c, d: field_d, e: field_e })
         }
+
+        fn retake(&mut self, wire: &mut lcm_wire::Reader<'_>) -> ::std::result::Result<(), ::lcm_idl::DecodeError> {
+            self.a = wire.field("a", lcm_wire::Wire::take)?;
+            self.b = wire.field("b", lcm_wire::Wire::take)?;
+            wire.field("c", |wire| wire.refill(&mut self.c, "a", i64::from(self.a), 4, lcm_wire::Wire::take))?;
+            self.d = wire.field("d", lcm_wire::Wire::take)?;
+            self.e = wire.field("e", lcm_wire::Wire::take)?;
+            Ok(())
+        }
     }
 
     /// More elements than the standard library has a `Default` for.
@@ -358,6 +400,12 @@ pub mod conformance {
             let field_x = wire.field("x", lcm_wire::Wire::take)?;
             let field_y = wire.field("y", lcm_wire::Wire::take)?;
             Ok(Self { x: field_x, y: field_y })
+        }
+
+        fn retake(&mut self, wire: &mut lcm_wire::Reader<'_>) -> ::std::result::Result<(), ::lcm_idl::DecodeError> {
+            self.x = wire.field("x", lcm_wire::Wire::take)?;
+            self.y = wire.field("y", lcm_wire::Wire::take)?;
+            Ok(())
         }
     }
 
@@ -429,6 +477,16 @@ pub mod conformance {
             let field_box = wire.field("box", lcm_wire::Wire::take)?;
             Ok(Self { num_x: field_num_x, x: field_x, r#type: field_type, r#match: field_match, self_: field_self, r#box: field_box })
         }
+
+        fn retake(&mut self, wire: &mut lcm_wire::Reader<'_>) -> ::std::result::Result<(), ::lcm_idl::DecodeError> {
+            self.num_x = wire.field("num_x", lcm_wire::Wire::take)?;
+            wire.field("x", |wire| wire.refill(&mut self.x, "num_x", i64::from(self.num_x), 8, lcm_wire::Wire::take))?;
+            self.r#type = wire.field("type", lcm_wire::Wire::take)?;
+            self.r#match = wire.field("match", lcm_wire::Wire::take)?;
+            self.self_ = wire.field("self", lcm_wire::Wire::take)?;
+            self.r#box = wire.field("box", lcm_wire::Wire::take)?;
+            Ok(())
+        }
     }
 
     #[derive(Clone, Debug, PartialEq)]
@@ -460,6 +518,11 @@ pub mod conformance {
         fn take(wire: &mut lcm_wire::Reader<'_>) -> ::std::result::Result<Self, ::lcm_idl::DecodeError> {
             let field_const_ = wire.field("const_", lcm_wire::Wire::take)?;
             Ok(Self { const_: field_const_ })
+        }
+
+        fn retake(&mut self, wire: &mut lcm_wire::Reader<'_>) -> ::std::result::Result<(), ::lcm_idl::DecodeError> {
+            self.const_ = wire.field("const_", lcm_wire::Wire::take)?;
+            Ok(())
         }
     }
 
@@ -505,6 +568,13 @@ pub mod conformance {
             let field_where = wire.field("where", |wire| wire.nested(lcm_wire::Wire::take))?;
             Ok(Self { n: field_n, pongs: field_pongs, r#where: field_where })
         }
+
+        fn retake(&mut self, wire: &mut lcm_wire::Reader<'_>) -> ::std::result::Result<(), ::lcm_idl::DecodeError> {
+            self.n = wire.field("n", lcm_wire::Wire::take)?;
+            wire.field("pongs", |wire| wire.refill(&mut self.pongs, "n", i64::from(self.n), 8, |wire| wire.nested(lcm_wire::Wire::take)))?;
+            wire.field("where", |wire| wire.nested(|wire| lcm_wire::Wire::retake(&mut self.r#where, wire)))?;
+            Ok(())
+        }
     }
 
     #[derive(Clone, Debug, PartialEq)]
@@ -547,6 +617,13 @@ pub mod conformance {
             let field_pings = wire.field("pings", |wire| wire.list("n", i64::from(field_n), 17, |wire| wire.nested(lcm_wire::Wire::take)))?;
             let field_node = wire.field("node", |wire| wire.nested(lcm_wire::Wire::take))?;
             Ok(Self { n: field_n, pings: field_pings, node: field_node })
+        }
+
+        fn retake(&mut self, wire: &mut lcm_wire::Reader<'_>) -> ::std::result::Result<(), ::lcm_idl::DecodeError> {
+            self.n = wire.field("n", lcm_wire::Wire::take)?;
+            wire.field("pings", |wire| wire.refill(&mut self.pings, "n", i64::from(self.n), 17, |wire| wire.nested(lcm_wire::Wire::take)))?;
+            wire.field("node", |wire| wire.nested(|wire| lcm_wire::Wire::retake(&mut self.node, wire)))?;
+            Ok(())
         }
     }
 
@@ -599,6 +676,13 @@ pub mod conformance {
             let field_n = wire.field("n", lcm_wire::Wire::take)?;
             let field_mixed = wire.field("mixed", |wire| wire.array(|wire| wire.list("n", i64::from(field_n), 4, lcm_wire::Wire::take)))?;
             Ok(Self { matrix: field_matrix, n: field_n, mixed: field_mixed })
+        }
+
+        fn retake(&mut self, wire: &mut lcm_wire::Reader<'_>) -> ::std::result::Result<(), ::lcm_idl::DecodeError> {
+            self.matrix = wire.field("matrix", lcm_wire::Wire::take)?;
+            self.n = wire.field("n", lcm_wire::Wire::take)?;
+            self.mixed = wire.field("mixed", |wire| wire.array(|wire| wire.list("n", i64::from(self.n), 4, lcm_wire::Wire::take)))?;
+            Ok(())
         }
     }
 
@@ -655,6 +739,16 @@ pub mod conformance {
             let field_colour = wire.field("colour", lcm_wire::Wire::take)?;
             Ok(Self { n: field_n, p: field_p, q: field_q, r: field_r, nothing: field_nothing, colour: field_colour })
         }
+
+        fn retake(&mut self, wire: &mut lcm_wire::Reader<'_>) -> ::std::result::Result<(), ::lcm_idl::DecodeError> {
+            self.n = wire.field("n", lcm_wire::Wire::take)?;
+            wire.field("p", |wire| wire.nested(|wire| lcm_wire::Wire::retake(&mut self.p, wire)))?;
+            self.q = wire.field("q", |wire| wire.array(|wire| wire.nested(lcm_wire::Wire::take)))?;
+            wire.field("r", |wire| wire.refill(&mut self.r, "n", i64::from(self.n), 24, |wire| wire.nested(lcm_wire::Wire::take)))?;
+            self.nothing = wire.field("nothing", |wire| wire.array(|wire| wire.nested(lcm_wire::Wire::take)))?;
+            self.colour = wire.field("colour", lcm_wire::Wire::take)?;
+            Ok(())
+        }
     }
 
     /// Apart from the rest: the stock C code of 1.3.1 cannot decode arrays of enums.
@@ -699,6 +793,13 @@ pub mod conformance {
             let field_other = wire.field("other", lcm_wire::Wire::take)?;
             Ok(Self { n: field_n, palette: field_palette, other: field_other })
         }
+
+        fn retake(&mut self, wire: &mut lcm_wire::Reader<'_>) -> ::std::result::Result<(), ::lcm_idl::DecodeError> {
+            self.n = wire.field("n", lcm_wire::Wire::take)?;
+            wire.field("palette", |wire| wire.refill(&mut self.palette, "n", i64::from(self.n), 4, lcm_wire::Wire::take))?;
+            self.other = wire.field("other", lcm_wire::Wire::take)?;
+            Ok(())
+        }
     }
 
     #[derive(Clone, Debug, PartialEq)]
@@ -734,6 +835,12 @@ pub mod conformance {
             let field_x = wire.field("x", lcm_wire::Wire::take)?;
             let field_y = wire.field("y", lcm_wire::Wire::take)?;
             Ok(Self { x: field_x, y: field_y })
+        }
+
+        fn retake(&mut self, wire: &mut lcm_wire::Reader<'_>) -> ::std::result::Result<(), ::lcm_idl::DecodeError> {
+            self.x = wire.field("x", lcm_wire::Wire::take)?;
+            self.y = wire.field("y", lcm_wire::Wire::take)?;
+            Ok(())
         }
     }
 
@@ -778,6 +885,13 @@ pub mod conformance {
             let field_num_children = wire.field("num_children", lcm_wire::Wire::take)?;
             let field_children = wire.field("children", |wire| wire.list("num_children", i64::from(field_num_children), 7, |wire| wire.nested(lcm_wire::Wire::take)))?;
             Ok(Self { name: field_name, num_children: field_num_children, children: field_children })
+        }
+
+        fn retake(&mut self, wire: &mut lcm_wire::Reader<'_>) -> ::std::result::Result<(), ::lcm_idl::DecodeError> {
+            self.name = wire.field("name", lcm_wire::Wire::take)?;
+            self.num_children = wire.field("num_children", lcm_wire::Wire::take)?;
+            wire.field("children", |wire| wire.refill(&mut self.children, "num_children", i64::from(self.num_children), 7, |wire| wire.nested(lcm_wire::Wire::take)))?;
+            Ok(())
         }
     }
 
@@ -860,6 +974,19 @@ pub mod conformance {
             let field_yes = wire.field("yes", lcm_wire::Wire::take)?;
             Ok(Self { i8: field_i8, i16: field_i16, i32: field_i32, i64: field_i64, b: field_b, f: field_f, d: field_d, s: field_s, yes: field_yes })
         }
+
+        fn retake(&mut self, wire: &mut lcm_wire::Reader<'_>) -> ::std::result::Result<(), ::lcm_idl::DecodeError> {
+            self.i8 = wire.field("i8", lcm_wire::Wire::take)?;
+            self.i16 = wire.field("i16", lcm_wire::Wire::take)?;
+            self.i32 = wire.field("i32", lcm_wire::Wire::take)?;
+            self.i64 = wire.field("i64", lcm_wire::Wire::take)?;
+            self.b = wire.field("b", lcm_wire::Wire::take)?;
+            self.f = wire.field("f", lcm_wire::Wire::take)?;
+            self.d = wire.field("d", lcm_wire::Wire::take)?;
+            self.s = wire.field("s", lcm_wire::Wire::take)?;
+            self.yes = wire.field("yes", lcm_wire::Wire::take)?;
+            Ok(())
+        }
     }
 
     /// No field at all: eight bytes of fingerprint.
@@ -888,6 +1015,10 @@ pub mod conformance {
 
         fn take(wire: &mut lcm_wire::Reader<'_>) -> ::std::result::Result<Self, ::lcm_idl::DecodeError> {
             Ok(Self {  })
+        }
+
+        fn retake(&mut self, wire: &mut lcm_wire::Reader<'_>) -> ::std::result::Result<(), ::lcm_idl::DecodeError> {
+            Ok(())
         }
     }
 }
@@ -937,6 +1068,13 @@ pub mod elsewhere_deep {
             let field_y = wire.field("y", lcm_wire::Wire::take)?;
             let field_exact = wire.field("exact", |wire| wire.nested(lcm_wire::Wire::take))?;
             Ok(Self { x: field_x, y: field_y, exact: field_exact })
+        }
+
+        fn retake(&mut self, wire: &mut lcm_wire::Reader<'_>) -> ::std::result::Result<(), ::lcm_idl::DecodeError> {
+            self.x = wire.field("x", lcm_wire::Wire::take)?;
+            self.y = wire.field("y", lcm_wire::Wire::take)?;
+            wire.field("exact", |wire| wire.nested(|wire| lcm_wire::Wire::retake(&mut self.exact, wire)))?;
+            Ok(())
         }
     }
 }
@@ -1005,6 +1143,17 @@ pub mod exlcm {
             let field_enabled = wire.field("enabled", lcm_wire::Wire::take)?;
             Ok(Self { timestamp: field_timestamp, position: field_position, orientation: field_orientation, num_ranges: field_num_ranges, ranges: field_ranges, name: field_name, enabled: field_enabled })
         }
+
+        fn retake(&mut self, wire: &mut lcm_wire::Reader<'_>) -> ::std::result::Result<(), ::lcm_idl::DecodeError> {
+            self.timestamp = wire.field("timestamp", lcm_wire::Wire::take)?;
+            self.position = wire.field("position", lcm_wire::Wire::take)?;
+            self.orientation = wire.field("orientation", lcm_wire::Wire::take)?;
+            self.num_ranges = wire.field("num_ranges", lcm_wire::Wire::take)?;
+            wire.field("ranges", |wire| wire.refill(&mut self.ranges, "num_ranges", i64::from(self.num_ranges), 2, lcm_wire::Wire::take))?;
+            self.name = wire.field("name", lcm_wire::Wire::take)?;
+            self.enabled = wire.field("enabled", lcm_wire::Wire::take)?;
+            Ok(())
+        }
     }
 
     #[derive(Clone, Debug, PartialEq)]
@@ -1043,6 +1192,12 @@ pub mod exlcm {
             let field_n = wire.field("n", lcm_wire::Wire::take)?;
             let field_examples = wire.field("examples", |wire| wire.list("n", i64::from(field_n), 74, |wire| wire.nested(lcm_wire::Wire::take)))?;
             Ok(Self { n: field_n, examples: field_examples })
+        }
+
+        fn retake(&mut self, wire: &mut lcm_wire::Reader<'_>) -> ::std::result::Result<(), ::lcm_idl::DecodeError> {
+            self.n = wire.field("n", lcm_wire::Wire::take)?;
+            wire.field("examples", |wire| wire.refill(&mut self.examples, "n", i64::from(self.n), 74, |wire| wire.nested(lcm_wire::Wire::take)))?;
+            Ok(())
         }
     }
 
@@ -1083,6 +1238,12 @@ pub mod exlcm {
             let field_children = wire.field("children", |wire| wire.list("num_children", i64::from(field_num_children), 4, |wire| wire.nested(lcm_wire::Wire::take)))?;
             Ok(Self { num_children: field_num_children, children: field_children })
         }
+
+        fn retake(&mut self, wire: &mut lcm_wire::Reader<'_>) -> ::std::result::Result<(), ::lcm_idl::DecodeError> {
+            self.num_children = wire.field("num_children", lcm_wire::Wire::take)?;
+            wire.field("children", |wire| wire.refill(&mut self.children, "num_children", i64::from(self.num_children), 4, |wire| wire.nested(lcm_wire::Wire::take)))?;
+            Ok(())
+        }
     }
 
     #[derive(Clone, Debug, PartialEq)]
@@ -1115,6 +1276,10 @@ pub mod exlcm {
 
         fn take(wire: &mut lcm_wire::Reader<'_>) -> ::std::result::Result<Self, ::lcm_idl::DecodeError> {
             Ok(Self {  })
+        }
+
+        fn retake(&mut self, wire: &mut lcm_wire::Reader<'_>) -> ::std::result::Result<(), ::lcm_idl::DecodeError> {
+            Ok(())
         }
     }
 
@@ -1177,6 +1342,15 @@ pub mod exlcm {
             let field_data = wire.field("data", |wire| wire.list("size_a", i64::from(field_size_a), lcm_wire::row_size(&[i64::from(field_size_b), i64::from(field_size_c)], 4), |wire| wire.list("size_b", i64::from(field_size_b), lcm_wire::row_size(&[i64::from(field_size_c)], 4), |wire| wire.list("size_c", i64::from(field_size_c), 4, lcm_wire::Wire::take))))?;
             let field_strarray = wire.field("strarray", |wire| wire.array(|wire| wire.list("size_c", i64::from(field_size_c), 5, lcm_wire::Wire::take)))?;
             Ok(Self { size_a: field_size_a, size_b: field_size_b, size_c: field_size_c, data: field_data, strarray: field_strarray })
+        }
+
+        fn retake(&mut self, wire: &mut lcm_wire::Reader<'_>) -> ::std::result::Result<(), ::lcm_idl::DecodeError> {
+            self.size_a = wire.field("size_a", lcm_wire::Wire::take)?;
+            self.size_b = wire.field("size_b", lcm_wire::Wire::take)?;
+            self.size_c = wire.field("size_c", lcm_wire::Wire::take)?;
+            wire.field("data", |wire| wire.refill(&mut self.data, "size_a", i64::from(self.size_a), lcm_wire::row_size(&[i64::from(self.size_b), i64::from(self.size_c)], 4), |wire| wire.list("size_b", i64::from(self.size_b), lcm_wire::row_size(&[i64::from(self.size_c)], 4), |wire| wire.list("size_c", i64::from(self.size_c), 4, lcm_wire::Wire::take))))?;
+            self.strarray = wire.field("strarray", |wire| wire.array(|wire| wire.list("size_c", i64::from(self.size_c), 5, lcm_wire::Wire::take)))?;
+            Ok(())
         }
     }
 }
@@ -1253,6 +1427,19 @@ pub mod lcmtest {
             let field_enabled = wire.field("enabled", lcm_wire::Wire::take)?;
             Ok(Self { i8: field_i8, i16: field_i16, num_ranges: field_num_ranges, i64: field_i64, ranges: field_ranges, position: field_position, orientation: field_orientation, name: field_name, enabled: field_enabled })
         }
+
+        fn retake(&mut self, wire: &mut lcm_wire::Reader<'_>) -> ::std::result::Result<(), ::lcm_idl::DecodeError> {
+            self.i8 = wire.field("i8", lcm_wire::Wire::take)?;
+            self.i16 = wire.field("i16", lcm_wire::Wire::take)?;
+            self.num_ranges = wire.field("num_ranges", lcm_wire::Wire::take)?;
+            self.i64 = wire.field("i64", lcm_wire::Wire::take)?;
+            wire.field("ranges", |wire| wire.refill(&mut self.ranges, "num_ranges", i64::from(self.num_ranges), 2, lcm_wire::Wire::take))?;
+            self.position = wire.field("position", lcm_wire::Wire::take)?;
+            self.orientation = wire.field("orientation", lcm_wire::Wire::take)?;
+            self.name = wire.field("name", lcm_wire::Wire::take)?;
+            self.enabled = wire.field("enabled", lcm_wire::Wire::take)?;
+            Ok(())
+        }
     }
 
     #[derive(Clone, Debug, PartialEq)]
@@ -1291,6 +1478,12 @@ pub mod lcmtest {
             let field_num_items = wire.field("num_items", lcm_wire::Wire::take)?;
             let field_items = wire.field("items", |wire| wire.list("num_items", i64::from(field_num_items), 65, |wire| wire.nested(lcm_wire::Wire::take)))?;
             Ok(Self { num_items: field_num_items, items: field_items })
+        }
+
+        fn retake(&mut self, wire: &mut lcm_wire::Reader<'_>) -> ::std::result::Result<(), ::lcm_idl::DecodeError> {
+            self.num_items = wire.field("num_items", lcm_wire::Wire::take)?;
+            wire.field("items", |wire| wire.refill(&mut self.items, "num_items", i64::from(self.num_items), 65, |wire| wire.nested(lcm_wire::Wire::take)))?;
+            Ok(())
         }
     }
 
@@ -1353,6 +1546,16 @@ pub mod lcmtest {
             let field_two_dim_array = wire.field("two_dim_array", |wire| wire.list("num_a", i64::from(field_num_a), lcm_wire::row_size(&[i64::from(field_num_b)], 1), |wire| wire.list("num_b", i64::from(field_num_b), 1, lcm_wire::Wire::take)))?;
             Ok(Self { one_bool: field_one_bool, fixed_array: field_fixed_array, num_a: field_num_a, num_b: field_num_b, one_dim_array: field_one_dim_array, two_dim_array: field_two_dim_array })
         }
+
+        fn retake(&mut self, wire: &mut lcm_wire::Reader<'_>) -> ::std::result::Result<(), ::lcm_idl::DecodeError> {
+            self.one_bool = wire.field("one_bool", lcm_wire::Wire::take)?;
+            self.fixed_array = wire.field("fixed_array", lcm_wire::Wire::take)?;
+            self.num_a = wire.field("num_a", lcm_wire::Wire::take)?;
+            self.num_b = wire.field("num_b", lcm_wire::Wire::take)?;
+            wire.field("one_dim_array", |wire| wire.refill(&mut self.one_dim_array, "num_a", i64::from(self.num_a), 1, lcm_wire::Wire::take))?;
+            wire.field("two_dim_array", |wire| wire.refill(&mut self.two_dim_array, "num_a", i64::from(self.num_a), lcm_wire::row_size(&[i64::from(self.num_b)], 1), |wire| wire.list("num_b", i64::from(self.num_b), 1, lcm_wire::Wire::take)))?;
+            Ok(())
+        }
     }
 
     #[derive(Clone, Debug, PartialEq)]
@@ -1391,6 +1594,12 @@ pub mod lcmtest {
             let field_num_bytes = wire.field("num_bytes", lcm_wire::Wire::take)?;
             let field_data = wire.field("data", |wire| wire.list("num_bytes", i64::from(field_num_bytes), 1, lcm_wire::Wire::take))?;
             Ok(Self { num_bytes: field_num_bytes, data: field_data })
+        }
+
+        fn retake(&mut self, wire: &mut lcm_wire::Reader<'_>) -> ::std::result::Result<(), ::lcm_idl::DecodeError> {
+            self.num_bytes = wire.field("num_bytes", lcm_wire::Wire::take)?;
+            wire.field("data", |wire| wire.refill(&mut self.data, "num_bytes", i64::from(self.num_bytes), 1, lcm_wire::Wire::take))?;
+            Ok(())
         }
     }
 }

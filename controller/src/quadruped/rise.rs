@@ -1,0 +1,352 @@
+//! Getting up from the ground and sitting down, with the joint loop of the drives: no quadratic program, no contact to rely on.
+//!
+//! | phase | what moves | ends when | then |
+//! |---|---|---|---|
+//! | gather | joints, from where they are to folded under the trunk | they are there | rise |
+//! | rise | feet, straight down from folded to standing | they are there, every foot carries, the joints rest | stance |
+//! | lower | feet, straight up to folded | they are there | spread |
+//! | spread | joints, to the posture in which the robot lies | they are there | release |
+//! | release | nothing; the joints grow soft | the robot rests | lie |
+//! | lie | nothing; the joints are damped | | |
+//!
+//! The reference of a phase goes over its way with the least jerk, `σ(u) = 10u³ - 15u⁴ + 6u⁵`, and waits for the robot: it slows down from
+//! half of `stand.max_error` on and stands at the whole of it, so a leg that is stuck stops all four. What has stood for `stand.patience`
+//! is given up, which leads to the safe state and names the joint.
+//!
+//! ```text
+//! tau = support (h_joint - J_legᵀ f) ,  command = tau + kp (q_des - q) + kd (qd_des - qd)
+//! ```
+//! `f` are the vertical forces of least squares that hold the weight at the centre of mass over the four feet. `support` goes to 1 while the
+//! robot is to stand on its feet and to 0 while it is to lie: a foot that finds no ground is pushed after it, by a few centimetres on a soft loop.
+
+use super::estimation::Estimate;
+use super::leg::{Leg, PerLeg};
+use super::robot::Robot;
+use super::safety::fault;
+use super::state::{Fault, Mode, MovePhase, State};
+use crate::LoadError;
+use crate::math::ramp;
+use crate::model::{BaseState, GRAVITY, Kinematics, com, point_jacobian_linear};
+use crate::params::Params;
+use lcmtypes::{ControllerTick, RobotState};
+use nalgebra::{DMatrix, Matrix3, Vector3};
+
+/// Height between two postures of the path, m.
+const WAYPOINT: f64 = 0.01;
+/// Distance that the path keeps from the joints' limits, rad.
+const LIMIT_MARGIN: f64 = 0.03;
+/// Distance of a foot from its waypoint at which it counts as there, m.
+const REACHED: f64 = 1e-6;
+/// Largest step of a joint on the way to a waypoint, rad.
+const MAX_NEWTON_STEP: f64 = 0.2;
+/// Fastest change of `support`, 1/s.
+const SUPPORT_RATE: f64 = 2.0;
+/// Shortest time of a phase, s.
+const MIN_TIME: f64 = 0.3;
+/// Time in which the joints grow soft, s.
+const RELEASE_TIME: f64 = 1.0;
+/// Speed below which a joint rests, rad/s.
+pub const REST_SPEED: f64 = 0.1;
+/// Time of rest after which the robot lies, s.
+const REST_TIME: f64 = 0.3;
+/// Part of its pace below which a move stands.
+const STANDSTILL: f64 = 0.1;
+/// Ratio of peak and mean speed of the least-jerk profile.
+const PEAK: f64 = 1.875;
+
+/// The postures of getting up.
+pub struct Rise {
+    /// From folded to standing, the feet on straight lines below their virtual footholds, nj each.
+    path: Vec<Vec<f64>>,
+    /// Height of the base above the feet where legs are folded, m.
+    folded_height: f64,
+    standing_height: f64,
+    /// Where the robot lies without torque, nj.
+    q_lying: Vec<f64>,
+}
+
+impl Rise {
+    /// Finds the postures.
+    ///
+    /// # Errors
+    /// A lying posture that leaves a joint out or its range; a robot that cannot fold its legs at all.
+    pub fn new(robot: &Robot, params: &Params) -> Result<Self, LoadError> {
+        let wrong = |what: String| LoadError::Robot { robot: params.robot.name.clone(), what };
+        let mut path = folding(robot, params.stand.fold * robot.nominal_height);
+        if path.len() < 2 {
+            return Err(wrong(
+                "the legs cannot fold: the feet reach no point above their places in robot.posture".into(),
+            ));
+        }
+        #[expect(clippy::cast_precision_loss, reason = "tens of waypoints")]
+        let folded_height = robot.nominal_height - (path.len() - 1) as f64 * WAYPOINT;
+        path.reverse();
+        let mut q_lying = path[0].clone();
+        if !params.robot.lying.is_empty() {
+            q_lying.fill(f64::NAN);
+            for (name, &q) in &params.robot.lying {
+                q_lying[robot.model.joint(name)?.index()] = q;
+            }
+            for (joint, q) in robot.model.joints.iter().zip(&q_lying) {
+                if !(joint.lower..=joint.upper).contains(q) {
+                    let (name, lower, upper) = (&joint.name, joint.lower, joint.upper);
+                    return Err(wrong(format!("robot.lying.{name} is {q}, expected {lower} to {upper}")));
+                }
+            }
+        }
+        Ok(Rise { path, folded_height, standing_height: robot.nominal_height, q_lying })
+    }
+
+    /// Gets up from where the robot is.
+    pub fn stand_up(&self, measured: &RobotState, state: &mut State) {
+        let (support, was_moving) = (state.motion.support, state.mode == Mode::Sit);
+        state.begin(Mode::StandUp);
+        if !was_moving {
+            state.q_des.copy_from_slice(&measured.q);
+        }
+        state.motion.support = if was_moving { support } else { 0.0 };
+        begin(state, MovePhase::Gather);
+    }
+
+    /// Sits down from standing, or from a height on the way up.
+    pub fn sit(&self, measured: &RobotState, state: &mut State) {
+        let (support, phase) = (state.motion.support, state.motion.phase);
+        let from_stance = state.mode != Mode::StandUp;
+        state.begin(Mode::Sit);
+        if from_stance {
+            state.q_des.copy_from_slice(&measured.q);
+        }
+        state.motion.support = if from_stance { 1.0 } else { support };
+        let range = self.standing_height - self.folded_height;
+        state.motion.start = ((state.height - self.folded_height) / range).clamp(0.0, 1.0);
+        begin(state, if phase == MovePhase::Gather { MovePhase::Spread } else { MovePhase::Lower });
+    }
+
+    /// One tick: moves the joint references and writes the torques that go with them, before limits. A robot that stands on its feet has no
+    /// phase any more. Gives the fault for which a move is given up.
+    pub fn update(
+        &self,
+        robot: &Robot,
+        params: &Params,
+        estimate: &Estimate,
+        measured: &RobotState,
+        state: &mut State,
+        dt: f64,
+    ) -> Option<Fault> {
+        let (joint, error) = worst(&state.q_des, &measured.q);
+        let stand = &params.stand;
+        let pace = ((stand.max_error - error.abs()) / (0.5 * stand.max_error)).clamp(0.0, 1.0);
+        let time = self.time(params, state);
+        let before = state.motion.progress;
+        state.motion.progress = (before + pace * dt / time).min(1.0);
+        let done = state.motion.progress >= 1.0;
+        let waits = pace < STANDSTILL || (done && state.motion.phase == MovePhase::Rise);
+        state.motion.t_held = if waits { state.motion.t_held + dt } else { 0.0 };
+
+        let wanted = match state.motion.phase {
+            MovePhase::Rise | MovePhase::Lower => 1.0,
+            MovePhase::Spread => 1.0 - state.motion.progress,
+            _ => 0.0,
+        };
+        state.motion.support = ramp(state.motion.support, wanted, SUPPORT_RATE * dt);
+        self.references(state, dt);
+        self.torques(robot, estimate, state);
+
+        if state.motion.t_held > stand.patience {
+            let lacks = Leg::ALL.into_iter().find(|&leg| !state.contact[leg]);
+            return match lacks {
+                Some(leg) if pace >= STANDSTILL => {
+                    fault(ControllerTick::FAULT_NO_CONTACT, Some(leg as usize), state.motion.t_held)
+                }
+                _ => fault(ControllerTick::FAULT_POSTURE, Some(joint), error),
+            };
+        }
+        match state.motion.phase {
+            MovePhase::Rise if done && pace >= 1.0 && self.is_up(measured, state) => {
+                state.motion.phase = MovePhase::None
+            }
+            MovePhase::Gather if done => begin(state, MovePhase::Rise),
+            MovePhase::Lower if done => begin(state, MovePhase::Spread),
+            MovePhase::Spread if done => begin(state, MovePhase::Release),
+            MovePhase::Release if done && state.t_still >= REST_TIME => begin(state, MovePhase::Lie),
+            _ => {}
+        }
+        None
+    }
+
+    /// Stiffness and damping of a joint in the present phase, N m/rad and N m s/rad.
+    pub fn gains(&self, params: &Params, state: &State, effort: f64) -> (f64, f64) {
+        // A joint without effort limit has no scale; it is driven by its torque alone.
+        let effort = if effort.is_finite() { effort } else { 0.0 };
+        let (kp, kd) = (params.stand.stiffness * effort, params.stand.damping * effort);
+        match state.motion.phase {
+            MovePhase::Release => (kp * (1.0 - state.motion.progress), kd),
+            MovePhase::Lie => (0.0, params.safety.damping),
+            _ => (kp, kd),
+        }
+    }
+
+    /// The base is where standing begins: full support, every foot on the ground, joints at rest.
+    fn is_up(&self, measured: &RobotState, state: &State) -> bool {
+        let rests = measured.qd.iter().all(|qd| qd.abs() < 3.0 * REST_SPEED);
+        state.motion.support >= 1.0 && rests && Leg::ALL.into_iter().all(|leg| state.contact[leg])
+    }
+
+    /// How long the present phase takes, s.
+    fn time(&self, params: &Params, state: &State) -> f64 {
+        let range = self.standing_height - self.folded_height;
+        let by_joints = |to: &[f64]| worst(&state.motion.q, to).1.abs() * PEAK / params.stand.joint_speed;
+        let by_height = |part: f64| part * range * PEAK / params.stand.rise_speed;
+        let time = match state.motion.phase {
+            MovePhase::Gather => by_joints(&self.path[0]),
+            MovePhase::Rise => by_height(1.0),
+            MovePhase::Lower => by_height(state.motion.start),
+            MovePhase::Spread => by_joints(&self.q_lying),
+            _ => RELEASE_TIME,
+        };
+        time.max(MIN_TIME)
+    }
+
+    /// Joint references where the phase is now; their velocities are differences.
+    fn references(&self, state: &mut State, dt: f64) {
+        let (phase, u, start) = (state.motion.phase, state.motion.progress, state.motion.start);
+        let sigma = least_jerk(u);
+        // What the first posture of a path was off fades out in its first half.
+        let fading = 1.0 - least_jerk((2.0 * u).min(1.0));
+        for joint in 0..state.q_des.len() {
+            let from = state.motion.q[joint];
+            let to = match phase {
+                MovePhase::Gather => from + (self.path[0][joint] - from) * sigma,
+                MovePhase::Rise => self.at(sigma, joint) + (from - self.path[0][joint]) * fading,
+                MovePhase::Lower => self.at(start * (1.0 - sigma), joint) + (from - self.at(start, joint)) * fading,
+                MovePhase::Spread => from + (self.q_lying[joint] - from) * sigma,
+                _ => from,
+            };
+            state.qd_des[joint] = if dt > 0.0 { (to - state.q_des[joint]) / dt } else { 0.0 };
+            state.q_des[joint] = to;
+        }
+    }
+
+    /// A joint's position at a height, 0 folded to 1 standing, rad.
+    fn at(&self, height: f64, joint: usize) -> f64 {
+        let last = self.path.len() - 1;
+        #[expect(clippy::cast_precision_loss, reason = "tens of waypoints")]
+        let place = height.clamp(0.0, 1.0) * last as f64;
+        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "between 0 and the last waypoint")]
+        let below = (place as usize).min(last - 1);
+        #[expect(clippy::cast_precision_loss, reason = "tens of waypoints")]
+        let part = place - below as f64;
+        self.path[below][joint] + (self.path[below + 1][joint] - self.path[below][joint]) * part
+    }
+
+    fn torques(&self, robot: &Robot, estimate: &Estimate, state: &mut State) {
+        let f_z = shares(robot, estimate);
+        let support = state.motion.support;
+        for joint in 0..state.tau_last.len() {
+            let row = 6 + joint;
+            let feet = Leg::ALL.into_iter().fold(0.0, |sum, leg| sum + estimate.legs[leg].J[(2, row)] * f_z[leg]);
+            state.tau_last[joint] = support * (estimate.h[row] - feet);
+        }
+    }
+}
+
+fn begin(state: &mut State, phase: MovePhase) {
+    let State { motion, q_des, .. } = state;
+    (motion.phase, motion.progress, motion.t_held) = (phase, 0.0, 0.0);
+    motion.q.copy_from_slice(q_des);
+}
+
+/// Way of least jerk from 0 to 1.
+fn least_jerk(u: f64) -> f64 {
+    u * u * u * (10.0 + u * (6.0 * u - 15.0))
+}
+
+/// The joint in which two postures differ most, and by how much, rad.
+fn worst(a: &[f64], b: &[f64]) -> (usize, f64) {
+    let mut found = (0, 0.0_f64);
+    for (joint, (a, b)) in a.iter().zip(b).enumerate() {
+        if (a - b).abs() > found.1.abs() {
+            found = (joint, a - b);
+        }
+    }
+    found
+}
+
+/// Vertical forces of least squares on the feet that hold the weight, none of them pulling, N.
+///
+/// ```text
+/// f_i = a + b x_i + c y_i ,   Σ f_i = m g ,  Σ f_i (x_i, y_i) = m g (x_C, y_C)
+/// ```
+fn shares(robot: &Robot, estimate: &Estimate) -> PerLeg<f64> {
+    let weight = robot.mass() * GRAVITY;
+    let p_WB = estimate.kin.base().p_WB;
+    let mut A = Matrix3::zeros();
+    for (_, of_leg) in estimate.legs.iter() {
+        let row = Vector3::new(1.0, of_leg.p_BF_W.x, of_leg.p_BF_W.y);
+        A += row * row.transpose();
+    }
+    let p_BC_W = com(&estimate.kin) - p_WB;
+    let b = Vector3::new(1.0, p_BC_W.x, p_BC_W.y) * weight;
+    let plane = A.try_inverse().map_or(Vector3::new(weight / 4.0, 0.0, 0.0), |inverse| inverse * b);
+    let mut shares = PerLeg::default();
+    for (leg, of_leg) in estimate.legs.iter() {
+        let share = plane.x + plane.y * of_leg.p_BF_W.x + plane.z * of_leg.p_BF_W.y;
+        shares[leg] = share.clamp(0.0, weight);
+    }
+    shares
+}
+
+/// Postures with the feet higher and higher above their virtual footholds, by [`WAYPOINT`], until the base would be at `height` or a joint is at its limit;
+/// the first is that of standing.
+fn folding(robot: &Robot, height: f64) -> Vec<Vec<f64>> {
+    let mut kin = Kinematics::new(&robot.model);
+    let mut J = DMatrix::zeros(3, robot.model.nv());
+    let mut path: Vec<Vec<f64>> = Vec::new();
+    let mut q = robot.q_nominal.clone();
+    let mut raised = 0.0;
+    while robot.nominal_height - raised >= height {
+        for leg in Leg::ALL {
+            let target = robot.legs[leg].p_nominal_H + Vector3::z() * raised;
+            if !reach(robot, leg, &target, &mut q, &mut kin, &mut J) {
+                return path;
+            }
+        }
+        path.push(q.clone());
+        raised += WAYPOINT;
+    }
+    path
+}
+
+/// Moves the joints of a leg until its contact point is at `target` under a level base; false: it cannot get there.
+fn reach(
+    robot: &Robot,
+    leg: Leg,
+    target: &Vector3<f64>,
+    q: &mut [f64],
+    kin: &mut Kinematics,
+    J: &mut DMatrix<f64>,
+) -> bool {
+    let of_robot = &robot.legs[leg];
+    let zero = Vector3::zeros();
+    let level = BaseState { p_WB: zero, R_WB: Matrix3::identity(), v_WB: zero, w_WB_W: zero };
+    let rest = vec![0.0; q.len()];
+    for _ in 0..100 {
+        kin.update(&robot.model, &level, q, &rest);
+        let off = target - (kin.p_WF(&robot.model, of_robot.foot) - Vector3::z() * robot.foot_radius);
+        if off.norm() < REACHED {
+            return true;
+        }
+        point_jacobian_linear(&robot.model, kin, of_robot.foot, &zero, J.as_view_mut());
+        let J_leg = Matrix3::from_fn(|row, k| J[(row, 6 + of_robot.joints[k])]);
+        let damped = J_leg * J_leg.transpose() + Matrix3::identity() * 1e-6;
+        let Some(inverse) = damped.try_inverse() else { return false };
+        let step = J_leg.transpose() * (inverse * off);
+        for (k, &joint) in of_robot.joints.iter().enumerate() {
+            let limits = &robot.model.joints[joint];
+            let (lower, upper) = (limits.lower + LIMIT_MARGIN, limits.upper - LIMIT_MARGIN);
+            let moved = q[joint] + step[k].clamp(-MAX_NEWTON_STEP, MAX_NEWTON_STEP);
+            q[joint] = moved.min(upper).max(lower);
+        }
+    }
+    false
+}

@@ -1,0 +1,456 @@
+//! The states of the controller as a whole: what leads where, what is refused, what is given up.
+#![allow(non_snake_case, clippy::unwrap_used, missing_docs)]
+
+mod common;
+
+use common::{Messages, Puppet, assert_damps, command_of, finite, get, hyq, hyq_with, messages, set_base, tick_of};
+use controller::math::Rx;
+use controller::params::Params;
+use controller::quadruped::Quadruped;
+use controller::quadruped::robot::Robot;
+use controller::quadruped::state::MovePhase;
+use controller::{Controller, Outbox};
+use lcmtypes::{ContactEstimate, ControllerTick as Tick, Message, OperatorCommand as Op, RobotCommand, channels};
+use nalgebra::Vector3;
+use std::sync::LazyLock;
+
+/// A quiet robot that does what it is told, and an operator who asks for one mode at a time.
+struct Story {
+    controller: Quadruped,
+    puppet: Puppet,
+    out: Outbox,
+    mode: i8,
+    /// Spoils the input of every tick.
+    spoil: fn(&mut Puppet),
+}
+
+impl Story {
+    /// Begins with the robot on the ground and nobody who wants anything of it.
+    fn lying() -> Self {
+        Self::lying_with(hyq())
+    }
+
+    fn lying_with(controller: Quadruped) -> Self {
+        let mut story = Story::standing_with(controller);
+        let params = Params::from_toml(common::PARAMS, "hyq.toml").unwrap();
+        let mut q = story.controller.robot().q_nominal.clone();
+        for (name, value) in &params.robot.lying {
+            q[story.controller.robot().model.joint(name).unwrap().index()] = *value;
+        }
+        story.puppet.put(&q);
+        story.mode = Op::MODE_IDLE;
+        story
+    }
+
+    fn standing() -> Self {
+        Self::standing_with(hyq())
+    }
+
+    fn standing_with(controller: Quadruped) -> Self {
+        let mut puppet = Puppet::new(7);
+        puppet.noise = 0.0;
+        Story { controller, puppet, out: Outbox::new(), mode: Op::MODE_STAND, spoil: |_| () }
+    }
+
+    fn tick(&mut self) -> Tick {
+        let input = &mut self.puppet.input;
+        input.op = Op { t_ns: input.t_ns, seq: input.tick, mode: self.mode, ..Op::default() };
+        (self.spoil)(&mut self.puppet);
+        self.controller.step(&self.puppet.input, &mut self.out);
+        self.check_torques();
+        self.puppet.react(&self.out);
+        tick_of(&self.out)
+    }
+
+    /// What the drives make of the command stays within the effort, 150 N m for every joint of HyQ.
+    fn check_torques(&self) {
+        let RobotCommand { mode, tau, q_des, qd_des, kp, kd, .. } = command_of(&self.out);
+        assert!(finite(&command_of(&self.out)));
+        for j in 0..12 {
+            let (q, qd) = (self.puppet.input.state.q[j], self.puppet.input.state.qd[j]);
+            let total = match mode {
+                RobotCommand::MODE_TORQUE => tau[j] + kp[j] * (q_des[j] - q) + kd[j] * (qd_des[j] - qd),
+                RobotCommand::MODE_DAMPING => -kd[j] * qd,
+                _ => 0.0,
+            };
+            assert!(total.is_nan() || total.abs() <= 150.0 + 1e-9, "joint {j}: {total} N m");
+        }
+    }
+
+    /// The operator asks for `mode` for some ticks; gives the last of them.
+    fn ask(&mut self, mode: i8, ticks: usize) -> Tick {
+        self.mode = mode;
+        (0..ticks).map(|_| self.tick()).last().unwrap()
+    }
+
+    /// The operator asks for `mode` until the controller is in `until`, at most ten seconds.
+    #[track_caller]
+    fn ask_until(&mut self, mode: i8, until: i8) -> Tick {
+        self.mode = mode;
+        let tick = (0..10_000).map(|_| self.tick()).find(|tick| tick.mode == until);
+        tick.unwrap_or_else(|| panic!("never in {until}, but in {:?}", tick_of(&self.out)))
+    }
+
+    fn phase(&self) -> MovePhase {
+        self.controller.state().motion.phase
+    }
+
+    #[track_caller]
+    fn until_phase(&mut self, phase: MovePhase) {
+        let reached = (0..10_000).any(|_| {
+            self.tick();
+            self.phase() == phase
+        });
+        assert!(reached, "never in {phase:?}, but in {:?}", self.phase());
+    }
+}
+
+/// In `mode` the wish `asked` is refused: the mode stays, and the tick says what was asked.
+#[track_caller]
+fn refuses(story: &mut Story, mode: i8, asked: i8) {
+    let tick = story.ask(asked, 1);
+    assert_eq!((tick.mode, tick.fault, tick.fault_index), (mode, Tick::FAULT_OPERATOR_REFUSED, asked.into()));
+}
+
+#[test]
+fn from_the_ground_to_a_walk_and_back_to_the_ground() {
+    let mut story = Story::lying();
+    assert_eq!(story.ask(Op::MODE_IDLE, 600).mode, Tick::MODE_IDLE);
+    assert_eq!(command_of(&story.out).mode, RobotCommand::MODE_IDLE);
+    let mut phases = vec![];
+    let mut modes = vec![];
+    for (mode, ticks) in [
+        (Op::MODE_STAND, 6000),
+        (Op::MODE_WALK, 1000),
+        (Op::MODE_STAND, 1000),
+        (Op::MODE_SIT, 9000),
+        (Op::MODE_IDLE, 5),
+    ] {
+        story.mode = mode;
+        for _ in 0..ticks {
+            modes.push(story.tick().mode);
+            phases.push(story.phase());
+            assert_eq!(tick_of(&story.out).fault, Tick::FAULT_NONE);
+        }
+    }
+    modes.dedup();
+    phases.dedup();
+    let expected = [Tick::MODE_STAND_UP, Tick::MODE_STANCE, Tick::MODE_WALK, Tick::MODE_STANCE, Tick::MODE_SIT];
+    assert_eq!(modes, [&expected[..], &[Tick::MODE_IDLE]].concat());
+    use MovePhase::{Gather, Lie, Lower, None, Release, Rise, Spread};
+    assert_eq!(phases, [Gather, Rise, None, Lower, Spread, Release, Lie, None]);
+}
+
+#[test]
+fn rising_ends_in_the_nominal_posture_under_the_centre_of_mass() {
+    let mut story = Story::lying();
+    story.ask(Op::MODE_IDLE, 600);
+    story.ask_until(Op::MODE_STAND, Tick::MODE_STANCE);
+    let robot = story.controller.robot();
+    let contact: ContactEstimate = get(&story.out, channels::CONTACT_ESTIMATE);
+    assert!((contact.height - robot.nominal_height).abs() < 2e-3, "{}", contact.height);
+    let legs: lcmtypes::LegState = get(&story.out, channels::LEG_STATE);
+    for (leg, of_robot) in robot.legs.iter() {
+        let off = Vector3::from(legs.p_BF_H_est[leg as usize]) - of_robot.p_nominal_H;
+        assert!(off.norm() < 3e-3, "{} is {off} off", leg.name());
+    }
+}
+
+#[test]
+fn a_robot_that_stands_when_it_is_switched_on_holds_itself_whoever_asks_for_what() {
+    for asked in [Op::MODE_STAND, Op::MODE_WALK, Op::MODE_SIT, 77] {
+        let mut story = Story::standing();
+        let mode = story.ask(asked, 1).mode;
+        assert!(matches!(mode, Tick::MODE_STANCE | Tick::MODE_WALK), "{mode}");
+    }
+    let mut story = Story::standing();
+    story.spoil = |puppet| puppet.input.op.seq = -1;
+    assert_eq!(story.ask(Op::MODE_STAND, 50).mode, Tick::MODE_STANCE);
+    let mut story = Story::standing();
+    assert_eq!(story.ask(Op::MODE_IDLE, 50).mode, Tick::MODE_IDLE);
+}
+
+#[test]
+fn what_cannot_be_followed_is_refused_and_nothing_moves() {
+    let mut story = Story::lying();
+    // Not at rest for half a second yet.
+    refuses(&mut story, Tick::MODE_IDLE, Op::MODE_STAND);
+    story.ask(Op::MODE_IDLE, 600);
+    for asked in [Op::MODE_WALK, Op::MODE_SIT] {
+        refuses(&mut story, Tick::MODE_IDLE, asked);
+    }
+    refuses(&mut story, Tick::MODE_IDLE, 77);
+    assert_eq!(story.ask(Op::MODE_STAND, 300).mode, Tick::MODE_STAND_UP);
+    for asked in [Op::MODE_WALK, Op::MODE_IDLE] {
+        refuses(&mut story, Tick::MODE_STAND_UP, asked);
+    }
+    // A refusal stops nothing.
+    story.ask_until(Op::MODE_WALK, Tick::MODE_WALK);
+    story.ask_until(Op::MODE_STAND, Tick::MODE_STANCE);
+    refuses(&mut story, Tick::MODE_STANCE, Op::MODE_IDLE);
+    assert_eq!(story.ask(Op::MODE_WALK, 300).mode, Tick::MODE_WALK);
+    refuses(&mut story, Tick::MODE_WALK, Op::MODE_IDLE);
+    story.ask_until(Op::MODE_STAND, Tick::MODE_STANCE);
+    story.ask(Op::MODE_SIT, 100);
+    for asked in [Op::MODE_WALK, Op::MODE_IDLE] {
+        refuses(&mut story, Tick::MODE_SIT, asked);
+    }
+}
+
+#[test]
+fn sitting_down_and_standing_up_can_be_turned_round() {
+    let mut story = Story::standing();
+    story.ask(Op::MODE_STAND, 100);
+    for phase in [MovePhase::Lower, MovePhase::Spread, MovePhase::Release] {
+        story.mode = Op::MODE_SIT;
+        story.until_phase(phase);
+        story.ask(Op::MODE_SIT, 100);
+        assert_eq!(story.ask(Op::MODE_STAND, 1).mode, Tick::MODE_STAND_UP);
+        story.ask_until(Op::MODE_STAND, Tick::MODE_STANCE);
+    }
+    story.ask_until(Op::MODE_SIT, Tick::MODE_SIT);
+    for phase in [MovePhase::Gather, MovePhase::Rise] {
+        story.mode = Op::MODE_SIT;
+        story.until_phase(MovePhase::Lie);
+        story.mode = Op::MODE_STAND;
+        story.until_phase(phase);
+        story.ask(Op::MODE_STAND, 200);
+        assert_eq!(story.ask(Op::MODE_SIT, 1).mode, Tick::MODE_SIT);
+    }
+    story.until_phase(MovePhase::Lie);
+}
+
+#[test]
+fn references_of_a_move_never_jump() {
+    let mut story = Story::lying();
+    story.ask(Op::MODE_IDLE, 600);
+    let mut before: Option<Vec<f64>> = None;
+    for (mode, ticks) in [(Op::MODE_STAND, 1500), (Op::MODE_SIT, 500), (Op::MODE_STAND, 5000), (Op::MODE_SIT, 9000)] {
+        story.mode = mode;
+        for _ in 0..ticks {
+            let tick = story.tick();
+            let q_des = command_of(&story.out).q_des;
+            let moves = matches!(tick.mode, Tick::MODE_STAND_UP | Tick::MODE_SIT);
+            if let (true, Some(before)) = (moves, &before) {
+                for (j, (now, before)) in q_des.iter().zip(before).enumerate() {
+                    // The fastest is a knee that folds under a base lowered by 0.2 m/s: 1.9 rad/s, and as fast a blend beside it.
+                    assert!((now - before).abs() < 4e-3, "joint {j} jumps by {} at tick {}", now - before, tick.tick);
+                }
+            }
+            before = moves.then_some(q_des);
+        }
+    }
+}
+
+#[test]
+fn a_joint_that_does_not_follow_stops_the_others_and_is_named() {
+    for (mode, spoil, joint) in [
+        (Tick::MODE_STAND_UP, (|p| p.input.state.q[4] = 1.18) as fn(&mut Puppet), 4),
+        (Tick::MODE_SIT, |p| (p.input.state.q[8], p.input.state.qd[8]) = (1.5, 0.0), 8),
+    ] {
+        let (mut story, asked) = match mode {
+            Tick::MODE_SIT => (Story::standing(), Op::MODE_SIT),
+            _ => (Story::lying(), Op::MODE_STAND),
+        };
+        story.ask(story.mode, 600);
+        story.spoil = spoil;
+        story.ask_until(asked, mode);
+        let tick = story.ask_until(asked, Tick::MODE_DAMPING);
+        assert_eq!((tick.fault, tick.fault_index), (Tick::FAULT_POSTURE, joint));
+        // stand.max_error is 0.4 rad.
+        assert!(tick.fault_value.abs() > 0.37 && tick.fault_value.abs() < 0.41, "{tick:?}");
+        assert_damps(&command_of(&story.out));
+    }
+}
+
+#[test]
+fn a_foot_that_finds_no_ground_is_named() {
+    let mut story = Story::lying();
+    story.ask(Op::MODE_IDLE, 600);
+    story.ask(Op::MODE_STAND, 10);
+    // Joints 6 to 8 are those of LH.
+    story.spoil = |puppet| puppet.input.state.tau[6..9].fill(0.0);
+    let tick = story.ask_until(Op::MODE_STAND, Tick::MODE_DAMPING);
+    assert_eq!((tick.fault, tick.fault_index), (Tick::FAULT_NO_CONTACT, 2));
+}
+
+#[test]
+fn a_robot_that_lies_crooked_does_not_get_up() {
+    let mut story = Story::lying();
+    static HYQ: LazyLock<Robot> =
+        LazyLock::new(|| Robot::new(common::URDF, &Params::from_toml(common::PARAMS, "").unwrap().robot).unwrap());
+    story.spoil = |puppet| set_base(&HYQ, &mut puppet.input, &Rx(0.7), &Vector3::zeros());
+    story.ask(Op::MODE_IDLE, 600);
+    let tick = story.ask(Op::MODE_STAND, 1);
+    assert_eq!((tick.mode, tick.fault), (Tick::MODE_DAMPING, Tick::FAULT_TILT));
+    // Nor is it let go while it does.
+    let tick = story.ask(Op::MODE_IDLE, 1000);
+    assert_eq!((tick.mode, tick.fault), (Tick::MODE_DAMPING, Tick::FAULT_TILT));
+    story.spoil = |_| ();
+    assert_eq!(story.ask(Op::MODE_IDLE, 1000).mode, Tick::MODE_IDLE);
+}
+
+#[test]
+fn damping_is_left_for_idle_alone_at_rest_and_when_its_cause_is_gone() {
+    let mut story = Story::standing();
+    story.ask(Op::MODE_STAND, 600);
+    story.spoil = |puppet| puppet.input.state.q[3] = f64::NAN;
+    let tick = story.ask(Op::MODE_STAND, 1);
+    assert_eq!((tick.mode, tick.fault, tick.fault_index), (Tick::MODE_DAMPING, Tick::FAULT_INPUT_NOT_FINITE, 3));
+    assert_eq!(story.ask(Op::MODE_IDLE, 1000).mode, Tick::MODE_DAMPING);
+    story.spoil = |_| ();
+    for asked in [Op::MODE_STAND, Op::MODE_WALK, Op::MODE_SIT, Op::MODE_DAMPING, 77] {
+        let tick = story.ask(asked, 100);
+        assert_eq!((tick.mode, tick.fault), (Tick::MODE_DAMPING, Tick::FAULT_INPUT_NOT_FINITE), "asked for {asked}");
+    }
+    // It is at rest by now. A joint that moves is not.
+    story.spoil = |puppet| puppet.input.state.qd[1] = 0.2;
+    refuses(&mut story, Tick::MODE_DAMPING, Op::MODE_IDLE);
+    story.spoil = |_| ();
+    let ticks = (1..).find(|_| story.ask(Op::MODE_IDLE, 1).mode == Tick::MODE_IDLE).unwrap();
+    assert_eq!(ticks, 500, "half a second of rest");
+    assert_eq!(tick_of(&story.out).fault, Tick::FAULT_NONE);
+}
+
+#[test]
+fn the_emergency_stop_works_in_every_state() {
+    type Way = fn(&mut Story);
+    let ways: [(i8, Way); 5] = [
+        (Tick::MODE_IDLE, |_| ()),
+        (Tick::MODE_STAND_UP, |s| _ = s.ask(Op::MODE_STAND, 700)),
+        (Tick::MODE_STANCE, |s| _ = s.ask_until(Op::MODE_STAND, Tick::MODE_STANCE)),
+        (Tick::MODE_WALK, |s| {
+            s.ask_until(Op::MODE_STAND, Tick::MODE_STANCE);
+            s.ask(Op::MODE_WALK, 300);
+        }),
+        (Tick::MODE_SIT, |s| {
+            s.ask_until(Op::MODE_STAND, Tick::MODE_STANCE);
+            s.ask(Op::MODE_SIT, 300);
+        }),
+    ];
+    for (mode, way) in ways {
+        let mut story = Story::lying();
+        story.ask(Op::MODE_IDLE, 600);
+        way(&mut story);
+        assert_eq!(tick_of(&story.out).mode, mode);
+        // A stop is obeyed however old it is.
+        story.spoil = |puppet| puppet.input.t_op_ns = 0;
+        let tick = story.ask(Op::MODE_DAMPING, 1);
+        assert_eq!((tick.mode, tick.fault), (Tick::MODE_DAMPING, Tick::FAULT_OPERATOR));
+        assert_damps(&command_of(&story.out));
+    }
+}
+
+#[test]
+fn an_operator_who_is_lost_asks_for_nothing() {
+    let lost: fn(&mut Puppet) = |puppet| puppet.input.t_op_ns = puppet.input.t_ns - 500_000_001;
+    let stale = |tick: &Tick| tick.fault == Tick::FAULT_OPERATOR_STALE && tick.fault_value > 0.5;
+    // On the ground it stays, whatever was asked last.
+    let mut story = Story::lying();
+    story.ask(Op::MODE_IDLE, 600);
+    story.spoil = lost;
+    for asked in [Op::MODE_STAND, Op::MODE_WALK, Op::MODE_SIT] {
+        let tick = story.ask(asked, 100);
+        assert!(tick.mode == Tick::MODE_IDLE && stale(&tick), "{tick:?}");
+    }
+    // A walk ends, and standing goes on.
+    let mut story = Story::standing();
+    story.ask(Op::MODE_WALK, 600);
+    story.spoil = lost;
+    assert_eq!(story.ask(Op::MODE_WALK, 1).mode, Tick::MODE_WALK);
+    for asked in [Op::MODE_WALK, Op::MODE_SIT, Op::MODE_IDLE] {
+        let tick = story.ask(asked, 800);
+        assert!(tick.mode == Tick::MODE_STANCE && stale(&tick), "{tick:?}");
+    }
+    // A moment earlier it is followed.
+    story.spoil = |puppet| puppet.input.t_op_ns = puppet.input.t_ns - 500_000_000;
+    assert_eq!(story.ask(Op::MODE_SIT, 1).mode, Tick::MODE_SIT);
+    // What has begun goes to its end.
+    story.spoil = lost;
+    story.until_phase(MovePhase::Lie);
+}
+
+/// The controller of HyQ, five times as fast on its way up and down.
+fn quick() -> Quadruped {
+    hyq_with(&[("stand.joint_speed", "5.0"), ("stand.rise_speed", "1.0")])
+}
+
+/// Ups and downs with a stop, as inputs.
+fn recorded() -> (Vec<lcmtypes::ControllerInput>, Vec<Messages>) {
+    let mut story = Story::lying_with(quick());
+    story.puppet.noise = 0.1;
+    let (mut inputs, mut outputs) = (Vec::new(), Vec::new());
+    for (mode, ticks) in [
+        (Op::MODE_IDLE, 600),
+        (Op::MODE_STAND, 1200),
+        (Op::MODE_SIT, 300),
+        (Op::MODE_STAND, 200),
+        (Op::MODE_SIT, 2500),
+        (Op::MODE_DAMPING, 20),
+        (Op::MODE_IDLE, 600),
+    ] {
+        story.mode = mode;
+        for _ in 0..ticks {
+            let input = &mut story.puppet.input;
+            input.op = Op { t_ns: input.t_ns, seq: input.tick, mode, ..Op::default() };
+            inputs.push(input.clone());
+            story.controller.step(&story.puppet.input, &mut story.out);
+            outputs.push(messages(&story.out));
+            story.puppet.react(&story.out);
+        }
+    }
+    (inputs, outputs)
+}
+
+fn tick_of_messages(tick: &Messages) -> Tick {
+    let (_, bytes) = tick.iter().find(|(channel, _)| *channel == channels::CONTROLLER_TICK).unwrap();
+    Tick::decode(bytes).unwrap()
+}
+
+#[test]
+fn poisoned_scratch_and_restarts_change_nothing() {
+    let (inputs, outputs) = recorded();
+    let phases: std::collections::BTreeSet<_> = outputs.iter().map(|tick| tick_of_messages(tick).mode).collect();
+    assert_eq!(phases.len(), 5, "every mode but the walk: {phases:?}");
+    let (mut poisoned, mut out) = (quick(), Outbox::new());
+    for (tick, (input, expected)) in inputs.iter().zip(&outputs).enumerate() {
+        poisoned.poison_workspace();
+        poisoned.step(input, &mut out);
+        assert_eq!(messages(&out), *expected, "poisoned, tick {tick}");
+        if tick % 7 == 0 {
+            let mut snapshot = Vec::new();
+            poisoned.snapshot(&mut snapshot);
+            poisoned = quick();
+            poisoned.restore(&snapshot).unwrap();
+        }
+    }
+}
+
+#[test]
+fn a_lying_posture_out_of_range_and_legs_that_cannot_fold_are_refused_by_name() {
+    let error = |overrides: &[(&str, &str)]| {
+        Quadruped::new(common::URDF, &common::params_with(overrides)).err().unwrap().to_string()
+    };
+    assert_eq!(
+        error(&[("robot.lying.lf_kfe_joint", "0.0")]),
+        "robot \"hyq\": robot.lying.lf_kfe_joint is 0, expected -2.44346095279 to -0.349065850399"
+    );
+    let left_out = common::PARAMS.replace("lf_kfe_joint = -2.44\n", "");
+    let error = Quadruped::new(common::URDF, &left_out).err().unwrap().to_string();
+    assert!(error.starts_with("robot \"hyq\": robot.lying.lf_kfe_joint is NaN"), "{error}");
+}
+
+#[test]
+fn without_a_lying_posture_the_folded_one_is_taken() {
+    let i = common::PARAMS.find("[robot.lying]").unwrap();
+    let j = i + common::PARAMS[i..].find("\n\n").unwrap();
+    let text = [&common::PARAMS[..i], &common::PARAMS[j..]].concat();
+    let mut story = Story::standing_with(Quadruped::new(common::URDF, &text).unwrap());
+    story.ask(Op::MODE_STAND, 100);
+    story.mode = Op::MODE_SIT;
+    story.until_phase(MovePhase::Spread);
+    let folded = command_of(&story.out).q_des;
+    story.until_phase(MovePhase::Lie);
+    let lies = command_of(&story.out).q_des;
+    assert!(folded.iter().zip(&lies).all(|(a, b)| (a - b).abs() < 1e-12));
+}

@@ -1,0 +1,132 @@
+//! Starts and ends the two threads of a controller process.
+
+use super::carrier::{Carried, Carrier};
+use super::clock::Beat;
+use super::runner::{Runner, Ticked};
+use super::{Granted, Hardware, Lateness, RealtimeParams};
+use crate::DriverError;
+use controller::Controller;
+use lcmtypes::RunInfo;
+use lcmtypes::bus::Bus;
+use replay::record::byte_ring;
+use rtrb::RingBuffer;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::mpsc;
+use std::thread::JoinHandle;
+
+/// Bytes that may wait for the carrier: more than a second of a quadruped's messages.
+const RING_BYTES: usize = 1 << 24;
+/// Calls that may wait for the real-time thread.
+const CALLS: usize = 256;
+
+/// What to run.
+pub struct Plan {
+    /// The controller, as RUN_INFO describes it.
+    pub controller: Box<dyn Controller>,
+    /// The robot.
+    pub hardware: Box<dyn Hardware>,
+    /// Where messages go to and wishes come from.
+    pub bus: Box<dyn Bus>,
+    /// The run's description; the executor fills in time and real-time settings.
+    pub info: RunInfo,
+    /// When ticks are due.
+    pub beat: Beat,
+    /// Ticks after which it stops by itself.
+    pub ticks: Option<i64>,
+    /// What is asked of the system.
+    pub realtime: RealtimeParams,
+}
+
+/// How a run went.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Summary {
+    /// The real-time thread.
+    pub ticked: Ticked,
+    /// The carrier.
+    pub carried: Carried,
+}
+
+impl Summary {
+    /// Something is missing on the bus, or never came to the hardware.
+    pub fn is_lossy(&self) -> bool {
+        self.ticked.not_carried + self.ticked.unsent + self.carried.unpublished + self.carried.not_called > 0
+    }
+}
+
+/// A run in progress; stops when dropped.
+pub struct Executor {
+    stop: Arc<AtomicBool>,
+    granted: Granted,
+    runner: Option<JoinHandle<Ticked>>,
+    carrier: Option<JoinHandle<Carried>>,
+}
+
+impl Executor {
+    /// Starts both threads. Returns once the real-time settings are known.
+    ///
+    /// # Errors
+    /// If the bus takes no subscription, or there can be no further thread.
+    pub fn start(plan: Plan) -> Result<Self, DriverError> {
+        let Plan { controller, hardware, mut bus, mut info, beat, ticks, realtime } = plan;
+        bus.subscribe(Carrier::CHANNELS)?;
+        let stop = Arc::new(AtomicBool::new(false));
+        let (ring_in, ring_out) = byte_ring(RING_BYTES);
+        let (calls_in, calls_out) = RingBuffer::new(CALLS);
+        let (granted_in, granted_out) = mpsc::channel();
+        let mut runner = Runner::new(controller, hardware, calls_out, ring_in, beat);
+        let runner = spawn("real-time", {
+            let stop = stop.clone();
+            move || {
+                // Whoever started us waits for it.
+                let _ = granted_in.send(realtime.apply());
+                drop(granted_in);
+                runner.run(ticks.unwrap_or(i64::MAX), &stop)
+            }
+        })?;
+        let granted = granted_out.recv().unwrap_or_default();
+        info.realtime = format!("live, every {} us, {}", beat.period_ns / 1000, granted.text());
+        let carrier = Carrier::new(ring_out, calls_in, bus, info, Lateness::new(beat.period_ns));
+        let carrier = spawn("carrier", move || carrier.run())?;
+        Ok(Executor { stop, granted, runner: Some(runner), carrier: Some(carrier) })
+    }
+
+    /// What the system granted.
+    pub fn granted(&self) -> &Granted {
+        &self.granted
+    }
+
+    /// The run has ended by itself.
+    pub fn is_finished(&self) -> bool {
+        self.runner.as_ref().is_none_or(JoinHandle::is_finished)
+    }
+
+    /// Leads to the safe state, stops, and waits until every message is out.
+    pub fn finish(mut self) -> Summary {
+        self.close()
+    }
+
+    fn close(&mut self) -> Summary {
+        self.stop.store(true, Ordering::Relaxed);
+        let ticked = self.runner.take().map(join).unwrap_or_default();
+        Summary { ticked, carried: self.carrier.take().map(join).unwrap_or_default() }
+    }
+}
+
+impl Drop for Executor {
+    fn drop(&mut self) {
+        self.close();
+    }
+}
+
+fn spawn<T: Send + 'static>(
+    what: &'static str,
+    work: impl FnOnce() -> T + Send + 'static,
+) -> Result<JoinHandle<T>, DriverError> {
+    let thread = std::thread::Builder::new().name(what.to_owned()).spawn(work);
+    thread.map_err(|source| DriverError::Thread { what, source })
+}
+
+fn join<T>(thread: JoinHandle<T>) -> T {
+    thread.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic))
+}

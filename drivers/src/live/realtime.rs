@@ -1,0 +1,121 @@
+//! Scheduler, core, memory and wake-up of a real-time thread: used where the system permits, reported where it does not.
+
+use nix::sched::{CpuSet, sched_setaffinity};
+use nix::sys::mman::{MlockAllFlags, mlockall};
+use nix::unistd::Pid;
+use serde::Deserialize;
+use std::fs::File;
+use std::io::Write;
+use thread_priority::{
+    RealtimeThreadSchedulePolicy, ThreadPriority, ThreadPriorityValue, ThreadSchedulePolicy,
+    set_thread_priority_and_policy, thread_native_id,
+};
+
+/// What a real-time thread asks of the system.
+#[derive(Clone, Debug, PartialEq, Eq, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct RealtimeParams {
+    /// Priority under SCHED_FIFO, 1 to 99; 0 = the system's usual scheduler.
+    pub priority: u8,
+    /// Core to stay on; none = any.
+    pub core: Option<usize>,
+    /// Keeps all memory of the process resident.
+    pub lock_memory: bool,
+    /// Keeps cores out of sleeps that take long to wake from.
+    pub stay_awake: bool,
+}
+
+impl Default for RealtimeParams {
+    fn default() -> Self {
+        RealtimeParams { priority: 80, core: None, lock_memory: true, stay_awake: true }
+    }
+}
+
+/// What the system granted; holds as long as it lives.
+#[derive(Debug, Default)]
+pub struct Granted {
+    /// What holds, a few words each.
+    pub held: Vec<String>,
+    /// What was refused, and why.
+    pub refused: Vec<String>,
+    /// The kernel keeps to the latency for as long as this file is open.
+    _awake: Option<File>,
+}
+
+impl Granted {
+    /// All of it in words, for RUN_INFO.
+    pub fn text(&self) -> String {
+        let nothing = self.held.is_empty().then(|| "no real-time setting".to_owned());
+        nothing.iter().chain(&self.held).chain(&self.refused).cloned().collect::<Vec<_>>().join(", ")
+    }
+}
+
+impl RealtimeParams {
+    /// Asks it of the system for the calling thread.
+    pub fn apply(&self) -> Granted {
+        let mut granted = Granted::default();
+        let mut take = |what: String, result: Result<(), String>| match result {
+            Ok(()) => granted.held.push(what),
+            Err(why) => granted.refused.push(format!("{what} refused: {why}")),
+        };
+        if self.priority > 0 {
+            take(format!("SCHED_FIFO {}", self.priority), fifo(self.priority));
+        }
+        if let Some(core) = self.core {
+            take(format!("core {core}"), pin(core));
+        }
+        if self.lock_memory {
+            let all = MlockAllFlags::MCL_CURRENT | MlockAllFlags::MCL_FUTURE;
+            take("locked memory".to_owned(), mlockall(all).map_err(|error| error.desc().to_owned()));
+        }
+        // Under SCHED_FIFO the kernel has none; without, it may wake up to 50 us late to save power.
+        take("no timer slack".to_owned(), nix::sys::prctl::set_timerslack(1).map_err(|error| error.desc().to_owned()));
+        if self.stay_awake {
+            let file = stay_awake();
+            take(
+                "cores awake".to_owned(),
+                file.as_ref().map(drop).map_err(|error| format!("/dev/cpu_dma_latency: {error}")),
+            );
+            granted._awake = file.ok();
+        }
+        granted
+    }
+}
+
+fn fifo(priority: u8) -> Result<(), String> {
+    let value = ThreadPriorityValue::try_from(priority)?;
+    let policy = ThreadSchedulePolicy::Realtime(RealtimeThreadSchedulePolicy::Fifo);
+    set_thread_priority_and_policy(thread_native_id(), ThreadPriority::Crossplatform(value), policy)
+        .map_err(|error| error.to_string())
+}
+
+fn pin(core: usize) -> Result<(), String> {
+    let mut set = CpuSet::new();
+    set.set(core).and_then(|()| sched_setaffinity(Pid::from_raw(0), &set)).map_err(|error| error.desc().to_owned())
+}
+
+fn stay_awake() -> std::io::Result<File> {
+    let mut file = File::options().write(true).open("/dev/cpu_dma_latency")?;
+    // The longest wake-up that is accepted, us, as a number of the machine.
+    file.write_all(&0i32.to_ne_bytes())?;
+    Ok(file)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_is_not_granted_is_said() {
+        std::thread::spawn(|| {
+            let asked = RealtimeParams { priority: 0, core: Some(1_000_000), lock_memory: false, stay_awake: false };
+            let granted = asked.apply();
+            assert_eq!(granted.held, ["no timer slack"]);
+            assert_eq!(granted.refused.len(), 1);
+            assert!(granted.text().starts_with("no timer slack, core 1000000 refused: "), "{granted:?}");
+            assert_eq!(Granted::default().text(), "no real-time setting");
+        })
+        .join()
+        .unwrap();
+    }
+}

@@ -1,0 +1,69 @@
+//! How the robot is put down before a run.
+
+use crate::DriverError;
+use crate::terrain::{BadKey, check_range};
+use controller::math::{Rx, Ry};
+use controller::model::Pose;
+use controller::params::RobotConfig;
+use nalgebra::Vector3;
+use serde::Deserialize;
+use std::collections::BTreeMap;
+
+/// Posture that a robot is put down in.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum StartPosture {
+    /// On its feet, in the nominal posture.
+    #[default]
+    Standing,
+    /// On the ground, in `robot.lying`.
+    Lying,
+}
+
+/// How the robot is put down: a `[start]` table.
+#[derive(Clone, Debug, Default, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct StartParams {
+    /// The posture.
+    pub posture: StartPosture,
+    /// Roll of the base, rad.
+    pub roll: f64,
+    /// Pitch of the base, rad.
+    pub pitch: f64,
+    /// Joints that are elsewhere than in the posture, rad.
+    pub joints: BTreeMap<String, f64>,
+}
+
+impl StartParams {
+    pub(crate) fn check(&self) -> Result<(), BadKey> {
+        check_range("roll", &[self.roll], -3.2..=3.2)?;
+        check_range("pitch", &[self.pitch], -1.6..=1.6)?;
+        self.joints.values().try_for_each(|q| check_range("joints", &[*q], -10.0..=10.0))
+    }
+
+    /// Whether the robot stands as it always did: on its feet, with a level base.
+    pub(crate) fn is_plain(&self) -> bool {
+        *self == StartParams::default()
+    }
+
+    /// Joint positions of a robot.
+    ///
+    /// # Errors
+    /// [`DriverError::NoLyingPosture`] of one that has none.
+    pub(crate) fn posture_of(&self, robot: &RobotConfig) -> Result<BTreeMap<String, f64>, DriverError> {
+        let mut posture = match self.posture {
+            StartPosture::Standing => robot.posture.clone(),
+            StartPosture::Lying if robot.lying.is_empty() => {
+                return Err(DriverError::NoLyingPosture { robot: robot.name.clone() });
+            }
+            StartPosture::Lying => robot.lying.clone(),
+        };
+        posture.extend(self.joints.clone());
+        Ok(posture)
+    }
+
+    /// Orientation of the base.
+    pub(crate) fn quaternion_wxyz(&self) -> [f64; 4] {
+        Pose { p: Vector3::zeros(), R: Ry(self.pitch) * Rx(self.roll) }.quaternion_wxyz()
+    }
+}

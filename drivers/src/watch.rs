@@ -1,0 +1,98 @@
+//! What a controller's ticks tell a person: changes of its mode, what it refuses, why it gave up.
+
+use lcmtypes::{ControllerTick, Event, words};
+
+/// Watches the ticks of a run.
+#[derive(Debug)]
+pub struct ModeWatch {
+    mode: i8,
+    fault: i32,
+}
+
+/// What a tick has to tell: level and text of an EVENT.
+#[derive(Debug, PartialEq, Eq)]
+pub struct Said {
+    /// `event_t` LEVEL_*.
+    pub level: i8,
+    /// One sentence.
+    pub text: String,
+    /// It is that the controller went to its safe state.
+    pub is_safe_state: bool,
+}
+
+impl Default for ModeWatch {
+    fn default() -> Self {
+        ModeWatch { mode: ControllerTick::MODE_IDLE, fault: ControllerTick::FAULT_NONE }
+    }
+}
+
+impl ModeWatch {
+    /// `controller_tick_t` MODE_* of the last tick seen.
+    pub fn mode(&self) -> i8 {
+        self.mode
+    }
+
+    /// What is new in a tick, if anything. Ticks in the order of their numbers.
+    pub fn see(&mut self, tick: &ControllerTick) -> Option<Said> {
+        let ControllerTick { mode, fault, fault_index, fault_value, .. } = *tick;
+        let fault_before = std::mem::replace(&mut self.fault, fault);
+        let refused =
+            fault != fault_before && fault != ControllerTick::FAULT_NONE && mode != ControllerTick::MODE_DAMPING;
+        if mode == self.mode && !refused {
+            return None;
+        }
+        self.mode = mode;
+        let is_safe_state = mode == ControllerTick::MODE_DAMPING;
+        let mut text = format!("controller is in {}", words::mode(mode));
+        let mut level = Event::LEVEL_INFO;
+        if refused {
+            level = Event::LEVEL_WARNING;
+            text += &format!(" and refuses: {}, value {fault_value}", words::fault(fault));
+            if fault == ControllerTick::FAULT_OPERATOR_RANGE {
+                let of =
+                    usize::try_from(fault_index).ok().and_then(|i| ["swing_frequency", "duty", "step_height"].get(i));
+                text += &format!(" of {}", of.unwrap_or(&"?"));
+            }
+        }
+        if is_safe_state {
+            level = Event::LEVEL_ERROR;
+            text += &format!(": {}, value {fault_value}", words::fault(fault));
+            if fault_index >= 0 {
+                text += &format!(", index {fault_index}");
+            }
+        }
+        Some(Said { level, text, is_safe_state })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn tick(mode: i8, fault: i32) -> ControllerTick {
+        ControllerTick { mode, fault, fault_index: 2, fault_value: 0.5, ..ControllerTick::default() }
+    }
+
+    #[test]
+    fn a_mode_is_told_once_and_the_safe_state_with_its_reason() {
+        let mut watch = ModeWatch::default();
+        assert_eq!(watch.see(&tick(ControllerTick::MODE_IDLE, 0)), None);
+        let stance = watch.see(&tick(ControllerTick::MODE_STANCE, 0)).unwrap();
+        assert_eq!((stance.level, &*stance.text), (Event::LEVEL_INFO, "controller is in STANCE"));
+        assert_eq!(watch.see(&tick(ControllerTick::MODE_STANCE, 0)), None);
+        let safe = watch.see(&tick(ControllerTick::MODE_DAMPING, ControllerTick::FAULT_TILT)).unwrap();
+        assert_eq!(&*safe.text, "controller is in DAMPING: tilt (rad), value 0.5, index 2");
+        assert!(safe.is_safe_state && safe.level == Event::LEVEL_ERROR);
+    }
+
+    #[test]
+    fn what_is_refused_is_told_when_it_changes() {
+        let mut watch = ModeWatch::default();
+        let refused = watch.see(&tick(ControllerTick::MODE_IDLE, ControllerTick::FAULT_OPERATOR_RANGE)).unwrap();
+        assert_eq!(
+            &*refused.text,
+            "controller is in IDLE and refuses: operator command out of range, value 0.5 of step_height"
+        );
+        assert_eq!(watch.see(&tick(ControllerTick::MODE_IDLE, ControllerTick::FAULT_OPERATOR_RANGE)), None);
+    }
+}

@@ -1,0 +1,229 @@
+//! Conditions that somebody wants to be told of.
+
+use super::Row;
+use crate::Error;
+use crate::record::Pattern;
+use std::collections::BTreeMap;
+
+/// One condition, such as `ROBOT_STATE rate<900`: a regular expression for whole names of channels, a quantity, `<` or `>`, a limit.
+#[derive(Debug, Clone)]
+pub struct Alarm {
+    text: String,
+    channels: Pattern,
+    names: String,
+    quantity: Quantity,
+    is_above: bool,
+    limit: f64,
+}
+
+/// What can be watched.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Quantity {
+    Rate,
+    Jitter,
+    JitterRms,
+    Gap,
+    Age,
+    Lost,
+    Late,
+    Bandwidth,
+    Count,
+    Senders,
+}
+
+/// Names of the quantities, with their units.
+const QUANTITIES: [(&str, Quantity); 10] = [
+    ("rate", Quantity::Rate),
+    ("jitter", Quantity::Jitter),
+    ("jitter_rms", Quantity::JitterRms),
+    ("gap", Quantity::Gap),
+    ("age", Quantity::Age),
+    ("lost", Quantity::Lost),
+    ("late", Quantity::Late),
+    ("bandwidth", Quantity::Bandwidth),
+    ("count", Quantity::Count),
+    ("senders", Quantity::Senders),
+];
+
+impl Alarm {
+    /// Reads a condition.
+    ///
+    /// # Errors
+    /// [`Error::Alarm`], which says what was expected; [`Error::Pattern`].
+    pub fn new(text: &str) -> Result<Self, Error> {
+        let error = |why: String| Error::Alarm { alarm: text.to_owned(), why };
+        let Some((names, condition)) = text.trim().split_once(char::is_whitespace) else {
+            return Err(error("expected a channel and a condition, such as ROBOT_STATE rate<900".to_owned()));
+        };
+        let at = condition.find(['<', '>']).ok_or_else(|| error("expected < or >".to_owned()))?;
+        let (name, limit) = (condition[..at].trim(), condition[at + 1..].trim());
+        let quantity = QUANTITIES.iter().find(|(known, _)| *known == name).map(|(_, quantity)| *quantity);
+        let known = QUANTITIES.map(|(name, _)| name).join(", ");
+        let quantity = quantity.ok_or_else(|| error(format!("{name:?} is no quantity; known: {known}")))?;
+        let number = limit.parse().ok().filter(|limit: &f64| limit.is_finite());
+        let limit = number.ok_or_else(|| error(format!("{limit:?} is no number")))?;
+        let (channels, is_above) = (Pattern::new(names)?, condition[at..].starts_with('>'));
+        let (text, names) = (text.trim().to_owned(), names.to_owned());
+        Ok(Alarm { text, channels, names, quantity, is_above, limit })
+    }
+
+    /// As it was given.
+    pub fn text(&self) -> &str {
+        &self.text
+    }
+
+    fn value(&self, row: &Row) -> Option<f64> {
+        match self.quantity {
+            Quantity::Rate => Some(row.rate_hz),
+            Quantity::Jitter => row.jitter_us,
+            Quantity::JitterRms => row.jitter_rms_us,
+            Quantity::Gap => row.gap_us,
+            Quantity::Age => Some(row.age_s),
+            // Where nobody knows, the worst that is possible is what one wants to be told of.
+            Quantity::Lost => row.lost.or(row.lost_at_most).map(|lost| lost as f64),
+            Quantity::Late => Some(row.late as f64),
+            Quantity::Bandwidth => Some(row.bytes_per_s),
+            Quantity::Count => Some(row.count as f64),
+            Quantity::Senders => Some(row.senders.len() as f64),
+        }
+    }
+
+    fn is_raised(&self, value: f64) -> bool {
+        if self.is_above { value > self.limit } else { value < self.limit }
+    }
+
+    /// Whether a channel that has never been heard is what this is about.
+    fn is_raised_by_silence(&self) -> bool {
+        match self.quantity {
+            Quantity::Rate | Quantity::Count | Quantity::Senders | Quantity::Bandwidth => self.is_raised(0.0),
+            Quantity::Age => self.is_above,
+            Quantity::Jitter | Quantity::JitterRms | Quantity::Gap | Quantity::Lost | Quantity::Late => false,
+        }
+    }
+}
+
+/// A condition that holds.
+#[derive(Debug, Clone, PartialEq, serde::Serialize)]
+pub struct Raised {
+    /// The condition.
+    pub alarm: String,
+    /// The channel; what the condition calls it, if none was ever heard.
+    pub channel: String,
+    /// What was found, in the unit of the condition; `None` of a channel that was never heard.
+    pub value: Option<f64>,
+    /// How often it was raised after it had not been.
+    pub times: u64,
+}
+
+/// Conditions, and how often each was raised.
+#[derive(Debug, Clone, Default)]
+pub struct Alarms {
+    alarms: Vec<Alarm>,
+    states: BTreeMap<(usize, String), State>,
+}
+
+#[derive(Debug, Clone, Copy, Default)]
+struct State {
+    is_raised: bool,
+    times: u64,
+}
+
+impl Alarms {
+    /// Those.
+    pub fn new(alarms: Vec<Alarm>) -> Self {
+        Alarms { alarms, states: BTreeMap::new() }
+    }
+
+    /// There is none.
+    pub fn is_empty(&self) -> bool {
+        self.alarms.is_empty()
+    }
+
+    /// Every condition that holds now.
+    pub fn check(&mut self, rows: &[Row]) -> Vec<Raised> {
+        let mut raised = Vec::new();
+        for (at, alarm) in self.alarms.iter().enumerate() {
+            let matching = rows.iter().filter(|row| alarm.channels.matches(&row.name));
+            let mut found: Vec<(&str, Option<f64>, bool)> = matching
+                .filter_map(|row| alarm.value(row).map(|value| (&*row.name, Some(value), alarm.is_raised(value))))
+                .collect();
+            if !rows.iter().any(|row| alarm.channels.matches(&row.name)) {
+                found.push((&alarm.names, None, alarm.is_raised_by_silence()));
+            }
+            for (channel, value, is_raised) in found {
+                let state = self.states.entry((at, channel.to_owned())).or_default();
+                state.times += u64::from(is_raised && !state.is_raised);
+                state.is_raised = is_raised;
+                if is_raised {
+                    let (alarm, channel) = (alarm.text.clone(), channel.to_owned());
+                    raised.push(Raised { alarm, channel, value, times: state.times });
+                }
+            }
+        }
+        raised
+    }
+
+    /// How often each was raised, over all channels.
+    pub fn times(&self) -> impl Iterator<Item = (&str, u64)> {
+        let times = |at| self.states.iter().filter(move |((of, _), _)| *of == at).map(|(_, state)| state.times).sum();
+        self.alarms.iter().enumerate().map(move |(at, alarm)| (&*alarm.text, times(at)))
+    }
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used)]
+mod tests {
+    use super::*;
+
+    fn row(name: &str, rate_hz: f64) -> Row {
+        Row { name: name.to_owned(), rate_hz, lost: None, lost_at_most: Some(2), ..Row::default() }
+    }
+
+    fn alarms(texts: &[&str]) -> Alarms {
+        Alarms::new(texts.iter().map(|text| Alarm::new(text).unwrap()).collect())
+    }
+
+    fn raised(alarms: &mut Alarms, rows: &[Row]) -> Vec<(String, Option<f64>, u64)> {
+        alarms.check(rows).into_iter().map(|raised| (raised.channel, raised.value, raised.times)).collect()
+    }
+
+    #[test]
+    fn an_alarm_is_counted_each_time_it_is_raised() {
+        let mut alarms = alarms(&["A.* rate < 900"]);
+        assert_eq!(raised(&mut alarms, &[row("A1", 1000.0), row("B", 1.0)]), []);
+        assert_eq!(raised(&mut alarms, &[row("A1", 899.0)]), [("A1".to_owned(), Some(899.0), 1)]);
+        assert_eq!(raised(&mut alarms, &[row("A1", 800.0)]), [("A1".to_owned(), Some(800.0), 1)]);
+        assert_eq!(raised(&mut alarms, &[row("A1", 900.0)]), []);
+        assert_eq!(raised(&mut alarms, &[row("A1", 1.0)])[0].2, 2);
+        assert_eq!(alarms.times().collect::<Vec<_>>(), [("A.* rate < 900", 2)]);
+    }
+
+    #[test]
+    fn a_channel_that_was_never_heard_is_slow_and_old_but_has_lost_nothing() {
+        let texts = ["GONE rate<900", "GONE age>1", "GONE rate>5", "GONE lost>0", "GONE gap>1", "GONE senders<1"];
+        let mut alarms = alarms(&texts);
+        let found: Vec<_> = alarms.check(&[row("A", 1.0)]).into_iter().map(|raised| raised.alarm).collect();
+        assert_eq!(found, ["GONE rate<900", "GONE age>1", "GONE senders<1"]);
+    }
+
+    #[test]
+    fn a_loss_that_nobody_can_place_is_told_of_every_channel_that_may_have_it() {
+        assert_eq!(raised(&mut alarms(&["A lost>1"]), &[row("A", 1.0)]), [("A".to_owned(), Some(2.0), 1)]);
+        assert_eq!(raised(&mut alarms(&["A lost>2"]), &[row("A", 1.0)]), []);
+    }
+
+    #[test]
+    fn a_condition_that_cannot_be_read_says_what_was_expected() {
+        for (text, why) in [
+            ("ROBOT_STATE", "such as ROBOT_STATE rate<900"),
+            ("A rate", "expected < or >"),
+            ("A speed<1", "\"speed\" is no quantity; known: rate, jitter"),
+            ("A rate<many", "\"many\" is no number"),
+            ("A rate<NaN", "\"NaN\" is no number"),
+            ("A( rate<1", "A("),
+        ] {
+            let error = Alarm::new(text).unwrap_err().to_string();
+            assert!(error.contains(why), "{error}");
+        }
+    }
+}

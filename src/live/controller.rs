@@ -1,0 +1,110 @@
+//! `hoof controller`: the controller as a real-time process on LCM.
+
+use super::run_file::{Hardware, RunFile};
+use super::{Length, Shared, Stop, refuse_a_second};
+use crate::robot::{RobotFiles, read, with_overrides};
+use crate::run_info;
+use crate::{Outcome, say, say_json};
+use anyhow::Context;
+use controller::params::Params;
+use drivers::Scenario;
+use drivers::live::{self, Dummy, Executor, LcmRobot, Plan, Summary};
+use lcmtypes::bus::LcmBus;
+use lcmtypes::{RunInfo, channels};
+use replay::udpm::Url;
+use std::time::Duration;
+
+/// How often the main thread asks whether to stop.
+const REST: Duration = Duration::from_millis(20);
+
+/// Run the controller in real time against a driver on LCM
+///
+/// A real-time thread wakes by the absolute clock, takes the newest ROBOT_STATE, steps the controller and sends ROBOT_COMMAND; a second thread
+/// publishes everything else. What the system refuses (scheduler, locked memory, ...) is said and done without. When it ends, it first leads
+/// the robot to its safe state.
+#[derive(clap::Args)]
+#[command(after_help = "Example: hoof controller runs/hyq_sim.toml --seconds 60")]
+pub struct ControllerArgs {
+    #[command(flatten)]
+    shared: Shared,
+    #[command(flatten)]
+    length: Length,
+}
+
+pub fn run(args: &ControllerArgs) -> anyhow::Result<Outcome> {
+    let (file, url) = args.shared.load()?;
+    let stop = Stop::new(&args.shared)?;
+    let (info, hardware) = prepare(&file, &url)?;
+    let beat = file.controller.beat();
+    let executor = Executor::start(Plan {
+        controller: controller::load(&info).with_context(|| file.robot.clone())?,
+        hardware,
+        bus: Box::new(LcmBus::open(&url.to_string())?),
+        info,
+        beat,
+        ticks: args.length.ticks(beat.period_ns)?,
+        realtime: file.realtime.clone(),
+    })?;
+    for refused in &executor.granted().refused {
+        eprintln!("warning: {refused}");
+    }
+    eprintln!("controlling {} on {url}: {}", file.robot, executor.granted().text());
+    while !stop.is_due() && !executor.is_finished() {
+        std::thread::sleep(REST);
+    }
+    report(&executor.finish(), args.shared.json)
+}
+
+/// The run's description, and the robot.
+fn prepare(file: &RunFile, url: &Url) -> anyhow::Result<(RunInfo, Box<dyn live::Hardware>)> {
+    let (files, params_text) = RobotFiles::find_with_params(&file.robot)?;
+    let params_text = with_overrides(&params_text, &file.controller.set)?;
+    let params = Params::from_toml(&params_text, &file.robot)?;
+    let (mut scenario, mut scenario_name, mut seed) = (String::new(), String::new(), 0);
+    if let Some(simulation) = &file.simulation {
+        scenario = read(&simulation.scenario)?;
+        let parsed = Scenario::parse(&scenario, &simulation.scenario.display().to_string())?;
+        (scenario_name, seed) = (parsed.name, parsed.seed);
+    }
+    let info = run_info::of(&run_info::Run {
+        robot: &params.robot.name,
+        urdf: &files.urdf,
+        params: &params_text,
+        scenario: (&scenario_name, &scenario),
+        seed,
+    });
+    let hardware: Box<dyn live::Hardware> = match file.hardware {
+        Hardware::Lcm => {
+            refuse_a_second("controller", channels::ROBOT_COMMAND, url)?;
+            Box::new(LcmRobot::open(url)?)
+        }
+        Hardware::Dummy => {
+            let tree = files.tree()?;
+            let names = tree.joints.iter().filter(|joint| joint.kind != controller::model::JointKind::Fixed);
+            let q = names.map(|joint| params.robot.posture.get(&joint.name).copied().unwrap_or_default());
+            Box::new(Dummy::new(q.collect()))
+        }
+    };
+    Ok((info, hardware))
+}
+
+fn report(summary: &Summary, json: bool) -> anyhow::Result<Outcome> {
+    let Summary { ticked, carried } = summary;
+    if json {
+        say_json(&serde_json::json!({
+            "ticks": ticked.ticks, "late_ticks": ticked.late, "skipped_ticks": ticked.skipped,
+            "not_carried": ticked.not_carried, "commands_unsent": ticked.unsent,
+            "messages_unpublished": carried.unpublished, "messages_unreadable": carried.unreadable,
+            "wishes_not_taken": carried.not_called,
+        }))?;
+    } else {
+        say(format!("{} ticks, {} late, {} left out", ticked.ticks, ticked.late, ticked.skipped))?;
+        if summary.is_lossy() {
+            say(format!(
+                "{} messages did not fit into the ring, {} were not published, {} commands not sent",
+                ticked.not_carried, carried.unpublished, ticked.unsent
+            ))?;
+        }
+    }
+    Ok(if summary.is_lossy() { Outcome::DataLoss } else { Outcome::Good })
+}

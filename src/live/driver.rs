@@ -1,0 +1,81 @@
+//! `hoof driver`: the simulator in place of a robot, in real time.
+
+use super::{Shared, Stop, refuse_a_second};
+use crate::robot::RobotFiles;
+use crate::{Outcome, say, say_json};
+use anyhow::{Context, bail};
+use controller::params::Params;
+use drivers::live::plant::{self, Plant, Summary};
+use drivers::live::{Ear, RealtimeParams, Speaker};
+use drivers::{MujocoSim, Scenario, SimParams, Simulator, Terrain};
+use lcmtypes::channels;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::Duration;
+
+/// How often it is asked whether to stop.
+const REST: Duration = Duration::from_millis(20);
+
+/// Simulate a robot in real time, as its driver process on LCM
+///
+/// Sends ROBOT_STATE and GROUND_TRUTH every millisecond and obeys ROBOT_COMMAND. The scenario begins with the first command. When commands stay
+/// away for 15 ms, the joints are damped. Runs until Ctrl-C or SIGTERM.
+#[derive(clap::Args)]
+#[command(after_help = "Example: hoof driver runs/hyq_sim.toml --scenario scenarios/rough_trot.toml")]
+pub struct DriverArgs {
+    #[command(flatten)]
+    shared: Shared,
+}
+
+pub fn run(args: &DriverArgs) -> anyhow::Result<Outcome> {
+    let (file, url) = args.shared.load()?;
+    let Some(simulation) = &file.simulation else {
+        let file = args.shared.run_file.display();
+        bail!("{file}: there is no [simulation]: the robot's own driver is expected on the network");
+    };
+    let stop = Stop::new(&args.shared)?;
+    let (files, params_text) = RobotFiles::find_with_params(&file.robot)?;
+    let params = Params::from_toml(&params_text, &file.robot)?;
+    let scenario = Scenario::load(&simulation.scenario)?;
+    let terrain = Terrain::new(&scenario.terrain, scenario.seed);
+    let mut sim = MujocoSim::new(&files.tree()?, &params.robot, terrain, SimParams::of(&scenario))?;
+    sim.reset(&params.robot.posture)?;
+    refuse_a_second("driver", channels::ROBOT_STATE, &url)?;
+    let (speaker, commands) = (Speaker::open(&url)?, Ear::open(&url, channels::ROBOT_COMMAND)?);
+    // One below the controller: on one core, the command must not wait for the physics.
+    let realtime = RealtimeParams { priority: file.realtime.priority.saturating_sub(1), ..file.realtime.clone() };
+    let over = Arc::new(AtomicBool::new(false));
+    let asked = over.clone();
+    let name = scenario.name.clone();
+    let send_operator = simulation.operator;
+    let thread = std::thread::Builder::new().name("real-time".to_owned()).spawn(move || {
+        let granted = realtime.apply();
+        for refused in &granted.refused {
+            eprintln!("warning: {refused}");
+        }
+        eprintln!("driving {} in {name} on {url}: {}", file.robot, granted.text());
+        plant::run(Plant { scenario: &scenario, send_operator, sim: &mut sim, speaker, commands }, &asked)
+    })?;
+    while !stop.is_due() && !thread.is_finished() {
+        std::thread::sleep(REST);
+    }
+    over.store(true, Ordering::Relaxed);
+    let summary = thread.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic));
+    report(&summary.with_context(|| simulation.scenario.display().to_string())?, args.shared.json)
+}
+
+fn report(summary: &Summary, json: bool) -> anyhow::Result<Outcome> {
+    let Summary { sim_seconds, skipped, watchdog, fell_at_s, refused, unsent } = summary;
+    if json {
+        say_json(&serde_json::json!({
+            "sim_seconds": sim_seconds, "skipped_steps": skipped, "watchdog": watchdog, "fell": fell_at_s.is_some(),
+            "fell_at_s": fell_at_s, "commands_refused": refused, "messages_unsent": unsent,
+        }))?;
+    } else {
+        let fell = fell_at_s.map_or("did not fall".to_owned(), |t| format!("fell after {t:.3} s"));
+        say(format!(
+            "{sim_seconds:.2} s simulated, the robot {fell}; {skipped} steps left out, watchdog {watchdog} times"
+        ))?;
+    }
+    Ok(Outcome::failed_if(fell_at_s.is_some()))
+}

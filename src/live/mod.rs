@@ -1,0 +1,111 @@
+//! Live runs: `hoof run`, and the processes that it starts.
+
+mod controller;
+mod driver;
+mod process;
+mod run;
+mod run_file;
+
+use anyhow::Context;
+use drivers::live::somebody_speaks;
+use nix::unistd::{Pid, getppid};
+use replay::udpm::Url;
+use run_file::RunFile;
+use std::path::PathBuf;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::Duration;
+
+pub use controller::{ControllerArgs, run as controller};
+pub use driver::{DriverArgs, run as driver};
+pub use run::{RunArgs, run};
+
+/// How long a process listens for another one of its kind: some periods.
+const HEARING: Duration = Duration::from_millis(30);
+
+/// What all commands of a live run take.
+#[derive(clap::Args)]
+pub struct Shared {
+    /// Run file (TOML): robot, log, network, controller
+    run_file: PathBuf,
+    /// Scenario of the simulator, instead of the run file's
+    #[arg(long, value_name = "FILE")]
+    scenario: Option<PathBuf>,
+    /// Network, instead of the run file's
+    #[arg(long, value_name = "URL")]
+    lcm_url: Option<String>,
+    /// Print JSON at the end
+    #[arg(long)]
+    json: bool,
+    /// Ends with this process, which has started it
+    #[arg(long, hide = true)]
+    parent: Option<i32>,
+}
+
+impl Shared {
+    /// The run file, with what is asked for in its place.
+    fn load(&self) -> anyhow::Result<(RunFile, Url)> {
+        let mut file = RunFile::load(&self.run_file)?;
+        if let (Some(scenario), Some(simulation)) = (&self.scenario, &mut file.simulation) {
+            simulation.scenario.clone_from(scenario);
+        }
+        let url = self.lcm_url.as_ref().unwrap_or(&file.lcm.url);
+        let url = url.parse().with_context(|| self.run_file.display().to_string())?;
+        Ok((file, url))
+    }
+}
+
+/// Refuses where another process does the same job: two who command one robot, or two robots in one place, are a danger.
+fn refuse_a_second(job: &str, channel: &'static str, url: &Url) -> anyhow::Result<()> {
+    anyhow::ensure!(
+        !somebody_speaks(url, channel, HEARING)?,
+        "another {job} sends {channel} on {url}: end it first, or give this run a port of its own (--lcm-url)"
+    );
+    Ok(())
+}
+
+/// How long a run is, if it ends by itself.
+#[derive(clap::Args)]
+pub struct Length {
+    /// End after so many ticks of the controller
+    #[arg(long, value_name = "N", conflicts_with = "seconds")]
+    ticks: Option<i64>,
+    /// End after so many seconds
+    #[arg(long, value_name = "S")]
+    seconds: Option<f64>,
+}
+
+impl Length {
+    /// In ticks of `period_ns`.
+    fn ticks(&self, period_ns: i64) -> anyhow::Result<Option<i64>> {
+        if let Some(seconds) = self.seconds {
+            anyhow::ensure!((0.001..=1e7).contains(&seconds), "--seconds {seconds}: expected 0.001 to 10000000");
+            #[expect(clippy::cast_possible_truncation, reason = "in range, as just checked")]
+            return Ok(Some((seconds * 1e9) as i64 / period_ns));
+        }
+        if let Some(ticks) = self.ticks {
+            anyhow::ensure!(ticks > 0, "--ticks {ticks}: expected at least 1");
+        }
+        Ok(self.ticks)
+    }
+}
+
+/// Whether a process is to end: Ctrl-C, SIGTERM, or whoever started it is gone.
+struct Stop {
+    asked: Arc<AtomicBool>,
+    parent: Option<Pid>,
+}
+
+impl Stop {
+    fn new(shared: &Shared) -> anyhow::Result<Self> {
+        let asked = Arc::new(AtomicBool::new(false));
+        for signal in [signal_hook::consts::SIGINT, signal_hook::consts::SIGTERM] {
+            signal_hook::flag::register(signal, asked.clone()).context("signal handler")?;
+        }
+        Ok(Stop { asked, parent: shared.parent.map(Pid::from_raw) })
+    }
+
+    fn is_due(&self) -> bool {
+        self.asked.load(Ordering::Relaxed) || self.parent.is_some_and(|parent| getppid() != parent)
+    }
+}

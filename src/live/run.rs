@@ -1,0 +1,260 @@
+//! `hoof run`: recorder, driver and controller as processes, started and ended in their order, and one log.
+
+use super::process::{Line, Process};
+use super::{Length, Shared, Stop};
+use crate::{Outcome, say, say_json};
+use anyhow::{Context, bail};
+use drivers::Scenario;
+use indicatif::{MultiProgress, ProgressBar, ProgressStyle};
+use lcmtypes::bus::{Bus, LcmBus};
+use lcmtypes::{Event, Message, channels};
+use serde_json::{Map, Value, json};
+use std::ffi::{OsStr, OsString};
+use std::path::PathBuf;
+use std::process::ExitStatus;
+use std::sync::mpsc::{Receiver, Sender, channel};
+use std::time::{Duration, Instant};
+
+/// How long one look at the processes waits for an event.
+const LOOK: Duration = Duration::from_millis(50);
+/// How long the driver and the recorder go on when the controller has died, so that the log shows what came of it.
+const AFTERMATH: Duration = Duration::from_secs(1);
+
+/// Start recorder, driver and controller as processes over LCM, and leave one log
+///
+/// Shows their state and what happens. Ctrl-C ends them in order: the controller, which leads the robot to its safe state, then driver and recorder.
+/// In simulation a run lasts as long as its scenario, if nothing else is said. The robot walks on without its recorder; without its driver the
+/// controller damps and waits for one (`hoof driver RUN_FILE`).
+#[derive(clap::Args)]
+#[command(
+    after_help = "Example: hoof run runs/hyq_sim.toml --seconds 10\n         hoof replay logs/runs/hyq_sim.mcap\n\n\
+    The run file: robot, log; [simulation] scenario, operator; [lcm] url; hardware; [controller] period_us, phase_us, set; \
+    [realtime] priority, core, lock_memory, stay_awake. See runs/hyq_sim.toml."
+)]
+pub struct RunArgs {
+    #[command(flatten)]
+    shared: Shared,
+    #[command(flatten)]
+    length: Length,
+    /// Log, instead of the run file's
+    #[arg(long, value_name = "FILE")]
+    log: Option<PathBuf>,
+}
+
+pub fn run(args: &RunArgs) -> anyhow::Result<Outcome> {
+    let (file, url) = args.shared.load()?;
+    let stop = Stop::new(&args.shared)?;
+    let log = args.log.as_ref().unwrap_or(&file.log);
+    if let Some(folder) = log.parent() {
+        std::fs::create_dir_all(folder).with_context(|| folder.display().to_string())?;
+    }
+    let period_ns = file.controller.beat().period_ns;
+    let mut ticks = args.length.ticks(period_ns)?;
+    if let (None, Some(simulation)) = (ticks, &file.simulation) {
+        ticks = Some(Scenario::load(&simulation.scenario)?.duration_ns() / period_ns);
+    }
+    let mut events = LcmBus::open(&url.to_string())?;
+    events.subscribe(channels::EVENT)?;
+
+    let (lines_in, lines) = channel();
+    let mut run = Running { processes: Vec::new(), lines_in, lines, screen: Screen::new(), ending: false };
+    let url = url.to_string();
+    let of_run: [OsString; 4] =
+        ["--lcm-url".into(), url.into(), "--parent".into(), std::process::id().to_string().into()];
+    let record = [OsStr::new("log"), OsStr::new("record"), log.as_os_str()].map(OsString::from);
+    run.start("recorder", "recording", &[&record[..], &of_run].concat(), &stop)?;
+    let mut common = [&[args.shared.run_file.clone().into()], &of_run[..]].concat();
+    if let Some(scenario) = &args.shared.scenario {
+        common.extend(["--scenario".into(), scenario.into()]);
+    }
+    if file.simulation.is_some() {
+        run.start("driver", "driving", &[&["driver".into()], &common[..]].concat(), &stop)?;
+    }
+    if let Some(ticks) = ticks {
+        common.extend(["--ticks".into(), ticks.to_string().into()]);
+    }
+    run.start("controller", "controlling", &[&["controller".into()], &common[..]].concat(), &stop)?;
+
+    run.watch(&mut events, &stop)?;
+    let died = !run.of("controller").is_good() && !stop.is_due();
+    if died {
+        let end = Instant::now() + AFTERMATH;
+        while Instant::now() < end && !stop.is_due() {
+            run.look(&mut events)?;
+        }
+    }
+    run.end(&mut events)?;
+    let Running { processes, screen, .. } = run;
+    drop(screen);
+    report(args, log, &processes)
+}
+
+fn report(args: &RunArgs, log: &std::path::Path, processes: &[Process]) -> anyhow::Result<Outcome> {
+    if args.shared.json {
+        let mut value = Map::from_iter([("log".to_owned(), json!(log))]);
+        value.extend(processes.iter().map(|process| (process.name.to_owned(), process.json())));
+        say_json(&Value::Object(value))?;
+    } else {
+        say(format!("log: {}", log.display()))?;
+    }
+    let bad = processes.iter().any(|process| !process.is_good() && !process.lost_data());
+    let lossy = processes.iter().any(Process::lost_data);
+    Ok(match (bad, lossy) {
+        (true, _) => Outcome::Failed,
+        (false, true) => Outcome::DataLoss,
+        _ => Outcome::Good,
+    })
+}
+
+/// The processes of a run, in the order in which they are started.
+struct Running {
+    processes: Vec<Process>,
+    lines_in: Sender<Line>,
+    lines: Receiver<Line>,
+    screen: Screen,
+    /// They are being ended: that one does is no news.
+    ending: bool,
+}
+
+impl Running {
+    /// Starts a process, and waits until it says that it is at work: a line that begins with `ready`.
+    fn start(&mut self, name: &'static str, ready: &str, arguments: &[OsString], stop: &Stop) -> anyhow::Result<()> {
+        let mut arguments: Vec<&OsStr> = arguments.iter().map(AsRef::as_ref).collect();
+        arguments.push("--json".as_ref());
+        let mut process = Process::start(name, &arguments, self.lines_in.clone())?;
+        self.screen.add(&process);
+        let mut said = Vec::new();
+        loop {
+            if let Ok(line) = self.lines.recv_timeout(LOOK) {
+                let is_ready = line.process == name && line.text.starts_with(ready);
+                self.screen.line(&line);
+                if is_ready {
+                    break;
+                }
+                said.push(line.text);
+            } else if process.status()?.is_some() {
+                bail!("{name}: {}", said.last().map_or("it ended at once", |text| text.trim_start_matches("error: ")));
+            }
+            if stop.is_due() {
+                bail!("stopped before the {name} was at work");
+            }
+        }
+        self.processes.push(process);
+        Ok(())
+    }
+
+    fn of(&self, name: &str) -> &Process {
+        self.processes.iter().find(|process| process.name == name).expect("all three have been started")
+    }
+
+    /// Until the controller has ended, or a stop is asked for.
+    fn watch(&mut self, events: &mut dyn Bus, stop: &Stop) -> anyhow::Result<()> {
+        loop {
+            self.look(events)?;
+            let controller = self.processes.last_mut().expect("it was started last");
+            if controller.status()?.is_some() || stop.is_due() {
+                return Ok(());
+            }
+        }
+    }
+
+    /// Shows what has happened since the last look.
+    fn look(&mut self, events: &mut dyn Bus) -> anyhow::Result<()> {
+        for message in events.handle(LOOK).context("the network of the run")? {
+            if let Ok(event) = Event::decode(&message.data) {
+                self.screen.event(&event);
+            }
+        }
+        while let Ok(line) = self.lines.try_recv() {
+            self.screen.line(&line);
+        }
+        for (process, place) in self.processes.iter_mut().zip(0..) {
+            let had_ended = process.has_ended();
+            let status = process.status()?;
+            if let (Some(status), false, false) = (status, had_ended, self.ending) {
+                self.screen.say(&format!("{} ended, {status}{}", process.name, consequence(process)));
+            }
+            self.screen.show(place, process, status);
+        }
+        Ok(())
+    }
+
+    /// Ends them: who commands first, who listens last.
+    fn end(&mut self, events: &mut dyn Bus) -> anyhow::Result<()> {
+        self.ending = true;
+        for place in (0..self.processes.len()).rev() {
+            if self.processes[place].end()? {
+                self.screen.say(&format!("{} did not end when asked to: killed", self.processes[place].name));
+            }
+            self.look(events)?;
+        }
+        Ok(())
+    }
+}
+
+/// What it means for the run that a process has ended by itself.
+fn consequence(process: &Process) -> &'static str {
+    match process.name {
+        "recorder" => ": the robot goes on without a log",
+        "driver" => ": the controller damps and waits for another one (hoof driver)",
+        _ if process.is_good() => "",
+        _ => ": the driver damps the robot",
+    }
+}
+
+/// What a person sees: a line for each process at the bottom, everything that happens above it. Without a terminal, only what happens.
+struct Screen {
+    all: MultiProgress,
+    rows: Vec<ProgressBar>,
+    began: Instant,
+}
+
+impl Screen {
+    fn new() -> Self {
+        Screen { all: MultiProgress::new(), rows: Vec::new(), began: Instant::now() }
+    }
+
+    fn add(&mut self, process: &Process) {
+        let row = self.all.add(ProgressBar::no_length());
+        row.set_style(ProgressStyle::with_template("{msg}").expect("the template is a constant that parses"));
+        self.rows.push(row);
+        self.say(&format!("{}: process {}", process.name, process.id()));
+        self.show(self.rows.len() - 1, process, None);
+    }
+
+    fn show(&self, place: usize, process: &Process, ended: Option<ExitStatus>) {
+        let seconds = self.began.elapsed().as_secs();
+        let state = ended.map_or_else(|| format!("running, {seconds} s"), |status| format!("ended, {status}"));
+        self.rows[place].set_message(format!("{:<11} {:>7}  {state}", process.name, process.id()));
+        self.rows[place].tick();
+    }
+
+    fn line(&self, line: &Line) {
+        self.say(&format!("{}: {}", line.process, line.text));
+    }
+
+    fn event(&self, event: &Event) {
+        let mark = match event.level {
+            Event::LEVEL_ERROR => "ERROR ",
+            Event::LEVEL_WARNING => "warning ",
+            _ => "",
+        };
+        self.say(&format!("{mark}{}: {}", event.source, event.text));
+    }
+
+    fn say(&self, text: &str) {
+        let text = format!("{:8.3} s  {text}", self.began.elapsed().as_secs_f64());
+        if self.all.is_hidden() {
+            eprintln!("{text}");
+        } else {
+            // A terminal that takes no more text is no reason to stop a robot.
+            let _ = self.all.println(text);
+        }
+    }
+}
+
+impl Drop for Screen {
+    fn drop(&mut self) {
+        self.rows.iter().for_each(ProgressBar::finish);
+    }
+}

@@ -1,0 +1,169 @@
+//! The run file (TOML): which robot, which network, who sends what. Files that it names are beside it; the log is below the working directory.
+
+use crate::robot::read;
+use anyhow::Context;
+use drivers::live::RealtimeParams;
+use drivers::live::clock::Beat;
+use serde::Deserialize;
+use std::path::{Path, PathBuf};
+
+/// A live run, described.
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct RunFile {
+    /// Name of a robot in robots/, or its TOML file.
+    pub robot: String,
+    /// Log that the recorder writes.
+    pub log: PathBuf,
+    /// The simulator, where there is no robot.
+    pub simulation: Option<Simulation>,
+    /// The network.
+    #[serde(default)]
+    pub lcm: Lcm,
+    /// What the controller's side of the network is.
+    #[serde(default)]
+    pub hardware: Hardware,
+    /// The controller.
+    #[serde(default)]
+    pub controller: Controller,
+    /// What the control thread asks of the system.
+    #[serde(default)]
+    pub realtime: RealtimeParams,
+}
+
+/// The simulator in place of a robot.
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Simulation {
+    /// Its scenario.
+    pub scenario: PathBuf,
+    /// Whether the scenario's operator commands are sent.
+    #[serde(default = "yes")]
+    pub operator: bool,
+}
+
+/// The network.
+#[derive(Debug, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct Lcm {
+    /// As liblcm takes it.
+    pub url: String,
+}
+
+impl Default for Lcm {
+    fn default() -> Self {
+        Lcm { url: "udpm://239.255.76.67:7667?ttl=0&recv_buf_size=2000000".to_owned() }
+    }
+}
+
+/// What the controller works with.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Hardware {
+    /// A driver process on the network.
+    #[default]
+    Lcm,
+    /// Joints at rest in the robot's posture: nothing but the executor itself.
+    Dummy,
+}
+
+/// The controller.
+#[derive(Debug, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct Controller {
+    /// Time between ticks, µs.
+    pub period_us: i64,
+    /// When in the period, µs: a simulated driver measures at 0.
+    pub phase_us: i64,
+    /// Parameters to change, as with `hoof sim --set`.
+    pub set: Vec<String>,
+}
+
+impl Controller {
+    /// When ticks are due.
+    pub fn beat(&self) -> Beat {
+        Beat { period_ns: self.period_us * 1000, phase_ns: self.phase_us * 1000 }
+    }
+}
+
+impl Default for Controller {
+    fn default() -> Self {
+        Controller { period_us: 1000, phase_us: 300, set: Vec::new() }
+    }
+}
+
+fn yes() -> bool {
+    true
+}
+
+impl RunFile {
+    /// Reads and checks a file; every error names it.
+    pub fn load(path: &Path) -> anyhow::Result<Self> {
+        let text = read(path)?;
+        let mut file: RunFile = toml::from_str(&text)
+            .map_err(|error| anyhow::anyhow!("{}", error.to_string().trim_end()))
+            .with_context(|| path.display().to_string())?;
+        if let Some(simulation) = &mut file.simulation {
+            simulation.scenario = path.parent().unwrap_or(Path::new("")).join(&simulation.scenario);
+        }
+        file.check().with_context(|| path.display().to_string())?;
+        Ok(file)
+    }
+
+    fn check(&self) -> anyhow::Result<()> {
+        let Controller { period_us, phase_us, .. } = self.controller;
+        let priority = self.realtime.priority;
+        anyhow::ensure!(
+            (100..=100_000).contains(&period_us),
+            "controller.period_us is {period_us}, expected 100 to 100000"
+        );
+        anyhow::ensure!(
+            (0..period_us).contains(&phase_us),
+            "controller.phase_us is {phase_us}, expected 0 to less than controller.period_us ({period_us})"
+        );
+        anyhow::ensure!(priority <= 99, "realtime.priority is {priority}, expected 0 (no real-time scheduler) to 99");
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "a test may panic")]
+mod tests {
+    use super::*;
+
+    fn load(text: &str) -> anyhow::Result<RunFile> {
+        let path = std::env::temp_dir().join(format!("run-{}-{}.toml", std::process::id(), text.len()));
+        std::fs::write(&path, text).unwrap();
+        let file = RunFile::load(&path);
+        std::fs::remove_file(&path).unwrap();
+        file
+    }
+
+    #[test]
+    fn the_shipped_run_files_are_read() {
+        for entry in std::fs::read_dir(Path::new(env!("CARGO_MANIFEST_DIR")).join("runs")).unwrap() {
+            let file = RunFile::load(&entry.unwrap().path()).unwrap();
+            assert_eq!(file.controller.period_us, 1000);
+            assert!(file.simulation.is_none_or(|simulation| simulation.scenario.is_file()));
+        }
+    }
+
+    #[test]
+    fn what_is_wrong_is_named() {
+        let minimal = "robot = \"hyq\"\nlog = \"a.mcap\"\n";
+        assert!(load(minimal).is_ok());
+        for (text, wanted) in [
+            (format!("{minimal}robto = 1\n"), "unknown field `robto`"),
+            (format!("{minimal}[controller]\nperiod_us = 5\n"), "controller.period_us is 5, expected 100 to 100000"),
+            (
+                format!("{minimal}[controller]\nphase_us = 1000\n"),
+                "controller.phase_us is 1000, expected 0 to less than",
+            ),
+            (format!("{minimal}[realtime]\npriority = 100\n"), "realtime.priority is 100"),
+            ("robot = \"hyq\"\n".to_owned(), "missing field `log`"),
+        ] {
+            let error = format!("{:#}", load(&text).unwrap_err());
+            assert!(error.contains(wanted) && error.contains(".toml"), "{error}");
+        }
+    }
+}
