@@ -5,6 +5,7 @@ use controller::sequence::Sequence;
 use controller::{Controller, Outbox, Probe, RestoreError};
 use drivers::live::clock::{Beat, now_ns};
 use drivers::live::{Dummy, Executor, Plan, RealtimeParams, Summary};
+use drivers::operators::{Arbiter, default_sources};
 use lcmtypes::bus::{Bus, MemoryBus, Received};
 use lcmtypes::channels::{CONTROLLER_INPUT, CONTROLLER_TICK, EVENT, EXECUTOR_COMMAND, ROBOT_COMMAND, RUN_INFO};
 use lcmtypes::{ControllerInput, ControllerTick, Event, ExecutorCommand, Message, RobotCommand, RunInfo};
@@ -68,6 +69,7 @@ fn start(controllers: &[(&'static str, Deed)], ticks: i64) -> (Executor, MemoryB
         controllers: controllers.iter().enumerate().map(|(k, (name, _))| ((*name).to_owned(), k == 0)).collect(),
         hardware: Box::new(Dummy::new(vec![0.0])),
         bus: Box::new(bus.connect()),
+        operators: Arbiter::new(default_sources()).unwrap(),
         info: RunInfo { robot: "dummy".to_owned(), ..RunInfo::default() },
         beat: BEAT,
         ticks: Some(ticks),
