@@ -32,6 +32,12 @@ fn tool(command: &mut Command) -> String {
 fn stock_reader(folder: &Path) -> PathBuf {
     let types = Path::new(env!("CARGO_MANIFEST_DIR")).join("lcmtypes");
     let mut sources = vec![Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/stock/read_log.c")];
+    let (mut headers, mut list) = (String::new(), "#define TYPES(X)".to_owned());
+    for name in SOURCES.iter().map(|(file, _)| file.trim_end_matches("_t.lcm")) {
+        headers += &format!("#include \"hoofprint_{name}_t.h\"\n");
+        list += &format!(" X({name})");
+    }
+    std::fs::write(folder.join("types.h"), headers + &list + "\n").unwrap();
     for (name, _) in SOURCES {
         tool(
             Command::new("lcm-gen")
@@ -130,7 +136,10 @@ fn stock_lcm_gen_and_liblcm_read_every_message_as_we_do() {
     }
     assert_eq!(found.next(), None);
     let seen: BTreeSet<&str> = events.iter().map(|event| &*event.channel).collect();
-    assert_eq!(seen, CHANNELS.iter().map(|channel| channel.name).collect(), "a channel is in no event");
+    // What only a live run has.
+    let live = [EXECUTOR_COMMAND];
+    let in_lockstep = CHANNELS.iter().map(|channel| channel.name).filter(|name| !live.contains(name));
+    assert_eq!(seen, in_lockstep.collect(), "a channel is in no event");
 }
 
 /// UDP may lose a message where a machine is busy: what has to come is all of it in one of a few attempts, and in each of them
