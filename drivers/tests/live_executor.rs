@@ -6,6 +6,7 @@ use controller::{Controller, Outbox, Probe, RestoreError};
 use drivers::Scenario;
 use drivers::live::clock::{Beat, now_ns};
 use drivers::live::{Dummy, Executor, Faulty, Hardware, Plan, RealtimeParams, Summary};
+use drivers::operators::{Arbiter, default_sources};
 use lcmtypes::bus::{Bus, MemoryBus, Received};
 use lcmtypes::channels::{CONTROLLER_INPUT, CONTROLLER_TICK, EVENT, EXECUTOR_COMMAND, ROBOT_COMMAND, RUN_INFO};
 use lcmtypes::{ControllerInput, ControllerTick, Event, ExecutorCommand, Message, RobotCommand, RunInfo};
@@ -73,6 +74,7 @@ fn start_with(controllers: &[(&'static str, Deed)], ticks: i64, hardware: Box<dy
         controllers: controllers.iter().enumerate().map(|(k, (name, _))| ((*name).to_owned(), k == 0)).collect(),
         hardware,
         bus: Box::new(bus.connect()),
+        operators: Arbiter::new(default_sources()).unwrap(),
         info: RunInfo { robot: "dummy".to_owned(), ..RunInfo::default() },
         beat: BEAT,
         ticks: Some(ticks),

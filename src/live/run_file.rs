@@ -4,6 +4,7 @@ use crate::robot::read;
 use anyhow::Context;
 use drivers::live::RealtimeParams;
 use drivers::live::clock::Beat;
+use drivers::operators::{Arbiter, Source, default_sources};
 use serde::Deserialize;
 use std::path::{Path, PathBuf};
 
@@ -25,6 +26,9 @@ pub struct RunFile {
     pub hardware: Hardware,
     /// Scenario whose `[[fault]]` lines spoil what passes between controller and hardware.
     pub faults: Option<PathBuf>,
+    /// Who may command.
+    #[serde(default = "default_sources")]
+    pub operator: Vec<Source>,
     /// The controllers, in the order in which they run: the last one that is started has the robot.
     #[serde(default = "quadruped_alone", rename = "controller")]
     pub controllers: Vec<Controller>,
@@ -150,6 +154,7 @@ impl RunFile {
             (0..period_us).contains(&phase_us),
             "executor.phase_us is {phase_us}, expected 0 to less than executor.period_us ({period_us})"
         );
+        Arbiter::new(self.operator.clone())?;
         anyhow::ensure!(priority <= 99, "realtime.priority is {priority}, expected 0 (no real-time scheduler) to 99");
         Ok(())
     }
@@ -186,6 +191,7 @@ mod tests {
             (format!("{minimal}[executor]\nperiod_us = 5\n"), "executor.period_us is 5, expected 100 to 100000"),
             (format!("{minimal}[executor]\nphase_us = 1000\n"), "executor.phase_us is 1000, expected 0 to less than"),
             (format!("{minimal}[realtime]\npriority = 100\n"), "realtime.priority is 100"),
+            (format!("{minimal}[[operator]]\nchannel = \"A B\"\npriority = 1\n"), "[[operator]] \"A B\": a channel is"),
             ("robot = \"hyq\"\n".to_owned(), "missing field `log`"),
         ] {
             let error = format!("{:#}", load(&text).unwrap_err());

@@ -3,9 +3,9 @@
 
 use super::clock::now_ns;
 use super::{Call, Lateness};
+use crate::operators::Arbiter;
 use crate::watch::{ModeWatch, Said};
-use lcmtypes::bus::Bus;
-use lcmtypes::bus::Received;
+use lcmtypes::bus::{Bus, Received};
 use lcmtypes::{ControllerTick, Event, ExecutorCommand, Message, OperatorCommand, RunInfo, Timing, channels};
 use replay::record::BytesOut;
 use rtrb::Producer;
@@ -31,6 +31,7 @@ pub struct Carried {
 pub struct Carrier {
     ring: BytesOut,
     calls: Producer<Call>,
+    arbiter: Arbiter,
     bus: Box<dyn Bus>,
     info: RunInfo,
     info_due_ns: Option<i64>,
@@ -44,11 +45,12 @@ pub struct Carrier {
 }
 
 impl Carrier {
-    /// A carrier between `ring` and `bus`, which has subscribed to [`Carrier::CHANNELS`]. `controllers`: names, in the order of their bits.
+    /// A carrier between the ends of rings towards the real-time thread and `bus`, which has subscribed to [`channels::EXECUTOR_COMMAND`] and to
+    /// what the operators speak on. `controllers`: names, in the order of their bits.
     pub fn new(
-        ring: BytesOut,
-        calls: Producer<Call>,
+        (ring, calls): (BytesOut, Producer<Call>),
         bus: Box<dyn Bus>,
+        arbiter: Arbiter,
         info: RunInfo,
         controllers: Vec<String>,
         lateness: Lateness,
@@ -56,6 +58,7 @@ impl Carrier {
         Carrier {
             ring,
             calls,
+            arbiter,
             bus,
             info,
             info_due_ns: None,
@@ -67,9 +70,6 @@ impl Carrier {
             done: Carried::default(),
         }
     }
-
-    /// What it listens to, as a pattern.
-    pub const CHANNELS: &str = "OPERATOR_COMMAND|EXECUTOR_COMMAND";
 
     /// Works until the real-time thread is gone and the ring is empty.
     pub fn run(mut self) -> Carried {
@@ -168,19 +168,47 @@ impl Carrier {
             return;
         };
         heard.iter().for_each(|message| self.hear(message));
+        // Sources run out of time in silence.
+        self.follow_operator();
     }
 
     fn hear(&mut self, message: &Received) {
         let t_ns = now_ns();
-        let call = if message.channel == channels::EXECUTOR_COMMAND {
-            ExecutorCommand::decode(&message.data).map(|command| self.start_or_stop(t_ns, &command))
-        } else {
-            OperatorCommand::decode(&message.data).map(|command| Some(Call::Operator { t_ns, command }))
-        };
-        match call {
-            Ok(Some(call)) => self.done.not_called += u64::from(self.calls.push(call).is_err()),
-            Ok(None) => {}
-            Err(_) => self.done.unreadable += 1,
+        if let Some(source) = self.arbiter.source_of(&message.channel) {
+            match OperatorCommand::decode(&message.data) {
+                Ok(command) => {
+                    self.arbiter.hear(source, t_ns, &command);
+                    // After each: an emergency stop that is taken back at once was one.
+                    self.follow_operator();
+                }
+                Err(_) => self.done.unreadable += 1,
+            }
+        } else if message.channel == channels::EXECUTOR_COMMAND {
+            match ExecutorCommand::decode(&message.data) {
+                Ok(command) => {
+                    if let Some(call) = self.start_or_stop(t_ns, &command) {
+                        self.call(call);
+                    }
+                }
+                Err(_) => self.done.unreadable += 1,
+            }
+        }
+    }
+
+    fn call(&mut self, call: Call) {
+        self.done.not_called += u64::from(self.calls.push(call).is_err());
+    }
+
+    fn follow_operator(&mut self) {
+        let now_ns = now_ns();
+        if let Some(choice) = self.arbiter.news(now_ns) {
+            let call = Call::Operator { t_ns: choice.arrival_ns, command: choice.command.clone() };
+            self.call(call);
+        }
+        while let Some(switch) = self.arbiter.switch() {
+            let level = if switch.is_alarming() { Event::LEVEL_WARNING } else { Event::LEVEL_INFO };
+            let text = self.arbiter.text(switch);
+            self.tell(now_ns, -1, level, "operator", text);
         }
     }
 

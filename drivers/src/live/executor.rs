@@ -5,9 +5,10 @@ use super::clock::Beat;
 use super::runner::{Runner, Ticked};
 use super::{Granted, Hardware, Lateness, RealtimeParams};
 use crate::DriverError;
+use crate::operators::Arbiter;
 use controller::Controller;
-use lcmtypes::RunInfo;
 use lcmtypes::bus::Bus;
+use lcmtypes::{RunInfo, channels};
 use replay::record::byte_ring;
 use rtrb::RingBuffer;
 use std::sync::Arc;
@@ -30,6 +31,8 @@ pub struct Plan {
     pub hardware: Box<dyn Hardware>,
     /// Where messages go to and wishes come from.
     pub bus: Box<dyn Bus>,
+    /// Who may command.
+    pub operators: Arbiter,
     /// The run's description; the executor fills in time and real-time settings.
     pub info: RunInfo,
     /// When ticks are due.
@@ -70,8 +73,9 @@ impl Executor {
     /// # Errors
     /// If the bus takes no subscription, or there can be no further thread.
     pub fn start(plan: Plan) -> Result<Self, DriverError> {
-        let Plan { controller, controllers, hardware, mut bus, mut info, beat, ticks, realtime } = plan;
-        bus.subscribe(Carrier::CHANNELS)?;
+        let Plan { controller, controllers, hardware, mut bus, operators, mut info, beat, ticks, realtime } = plan;
+        bus.subscribe(channels::EXECUTOR_COMMAND)?;
+        operators.sources().iter().try_for_each(|source| bus.subscribe(&source.channel))?;
         let stop = Arc::new(AtomicBool::new(false));
         let (ring_in, ring_out) = byte_ring(RING_BYTES);
         let (calls_in, calls_out) = RingBuffer::new(CALLS);
@@ -90,7 +94,8 @@ impl Executor {
         let granted = granted_out.recv().unwrap_or_default();
         info.realtime = format!("live, every {} us, {}", beat.period_ns / 1000, granted.text());
         let names = controllers.into_iter().map(|(name, _)| name).collect();
-        let carrier = Carrier::new(ring_out, calls_in, bus, info, names, Lateness::new(beat.period_ns));
+        let lateness = Lateness::new(beat.period_ns);
+        let carrier = Carrier::new((ring_out, calls_in), bus, operators, info, names, lateness);
         let carrier = spawn("carrier", move || carrier.run())?;
         Ok(Executor { stop, granted, runner: Some(runner), carrier: Some(carrier) })
     }
