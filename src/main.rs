@@ -15,6 +15,8 @@ mod report;
 mod robot;
 mod run_info;
 mod sim;
+mod spy;
+mod teleop;
 
 use anyhow::Context;
 use clap::{Parser, Subcommand};
@@ -42,6 +44,7 @@ enum Command {
     Driver(live::DriverArgs),
     /// Feed a log's inputs to its controller again and compare every bit of every output
     Replay(Box<replay_log::Args>),
+    Teleop(teleop::Args),
     /// Step through a log tick by tick in the terminal: legs, forces, tasks, programs, events
     Debug(debug::Args),
     /// Figures, tables, metrics.json and report.html of a log
@@ -49,6 +52,7 @@ enum Command {
     /// Reproduce an experiment of the source documents: measured beside published
     #[command(subcommand)]
     Experiment(experiment::Command),
+    Spy(Box<spy::Args>),
     /// Look at logs
     #[command(subcommand)]
     Log(log::Command),
@@ -86,9 +90,11 @@ fn main() -> ExitCode {
         Command::Controller(args) => live::controller(&args),
         Command::Driver(args) => live::driver(&args),
         Command::Replay(args) => replay_log::run(&args),
+        Command::Teleop(args) => teleop::run(&args),
         Command::Debug(args) => debug::run(&args),
         Command::Report(args) => report::run(&args),
         Command::Experiment(command) => experiment::run(&command),
+        Command::Spy(args) => spy::run(&args),
         Command::Log(command) => log::run(&command),
         Command::Corpus(command) => corpus::run(&command),
         Command::Robot(command) => robot::run(&command),

@@ -12,13 +12,13 @@ use lcmtypes::channels::{
 use lcmtypes::{ControllerInput, ControllerTick, OperatorCommand, RobotCommand, RobotState, RunInfo, Timing};
 use std::path::Path;
 
-/// A network of its own for each test and process.
-fn url(test: u8) -> String {
-    format!("udpm://239.255.78.{test}:{}?ttl=0&recv_buf_size=2000000", 30_000 + std::process::id() % 30_000)
+/// A network of its own for each test and process. liblcm hears every group on its port, so it is the port that tells them apart.
+fn url(test: u32) -> String {
+    format!("udpm://239.255.78.1:{}?ttl=0&recv_buf_size=2000000", 20_000 + std::process::id() % 4000 * 10 + test)
 }
 
 /// A short live run in simulation, to its end.
-fn run(test: u8, log: &Path, more: &str) -> Ran {
+fn run(test: u32, log: &Path, more: &str) -> Ran {
     let (url, log) = (url(test), log.display());
     hoof(&format!(
         "run runs/hyq_sim.toml --scenario scenarios/short_flat.toml --json --lcm-url {url} --log {log} {more}"

@@ -14,9 +14,16 @@
 pub mod pad;
 pub mod script;
 
-use controller::params::Params;
+use controller::params::{FootholdParams, Params, TrunkParams};
 use lcmtypes::{ControllerTick, OperatorCommand};
 use pad::PadState;
+
+/// Where it speaks unless told otherwise. It is a source of its own beside OPERATOR_COMMAND ([`crate::operators`]), so that a person
+/// can take over from whatever else commands.
+pub const CHANNEL: &str = "OPERATOR_TELEOP";
+
+/// Time between two commands, changed or not, ns.
+pub const HEARTBEAT_NS: i64 = 20_000_000;
 
 /// How long a velocity lives from the first press of a key on, ns. Keyboards begin to repeat after 0.25 to 0.7 s.
 pub const HOLD_FIRST_NS: i64 = 800_000_000;
@@ -41,14 +48,25 @@ pub struct Limits {
     pub height: f64,
 }
 
+/// Those of a robot that says nothing of its own.
+impl Default for Limits {
+    fn default() -> Self {
+        Limits::from_parts(&FootholdParams::default(), &TrunkParams::default())
+    }
+}
+
 impl Limits {
     /// Those of a robot.
     pub fn of(params: &Params) -> Self {
+        Limits::from_parts(&params.foothold, &params.trunk)
+    }
+
+    fn from_parts(foothold: &FootholdParams, trunk: &TrunkParams) -> Self {
         Limits {
-            speed: params.foothold.max_speed,
-            yaw_rate: params.foothold.max_yaw_rate,
-            orientation: params.trunk.max_orientation,
-            height: params.trunk.max_height_offset,
+            speed: foothold.max_speed,
+            yaw_rate: foothold.max_yaw_rate,
+            orientation: trunk.max_orientation,
+            height: trunk.max_height_offset,
         }
     }
 }

@@ -26,7 +26,7 @@ pub(crate) mod ticks;
 mod what_if;
 
 pub(crate) use compare::show;
-pub use compare::{Divergence, Index};
+pub use compare::{Divergence, FieldDifference, Index};
 pub use cursor::{Cursor, Moment};
 pub use inputs::{brief, lines, of_bytes};
 pub use origin::{Build, Deviation};

@@ -86,6 +86,7 @@ fn a_divergence_shows_both_values_to_the_last_bit() {
     assert_eq!((qp.index.clone(), qp.ulp), (Some(Index::One(1)), Some(1)));
     assert!(qp.recorded.contains("0x1.") && qp.recorded != qp.replayed, "{qp:?}");
     assert_eq!(first(Stage::Estimation).index, Some(Index::Many(vec![2, 1])));
+    assert_eq!(first(Stage::Output).also, []);
     let json = serde_json::to_value(&qp).unwrap();
     let keys = ["tick", "stage", "channel", "field", "index", "recorded", "replayed", "ulp"];
     assert!(keys.iter().all(|key| !json[key].is_null()), "{json}");
@@ -117,6 +118,9 @@ fn another_parameter_is_found_at_once() {
     let report = replay(&path, &Options { set, jobs: 2, ..Options::default() });
     let first = report.first_divergence.unwrap();
     assert_eq!(place(&first), (0, "tasks", "CONTROLLER_TICK", "digest_tasks"));
+    // The stage has no message of its own; those of later stages show what became of it.
+    let also: Vec<_> = first.also.iter().map(|f| (&*f.channel, &*f.field, f.index.clone())).collect();
+    assert_eq!(also, [("WBC_SOLUTION", "vd", Some(Index::One(1))), ("ROBOT_COMMAND", "tau", Some(Index::One(0)))]);
     assert_eq!(report.ticks, TICKS as u64);
     // The state is carried through: the last snapshot differs too.
     assert!(report.messages_different > 3 * TICKS as u64, "{}", report.messages_different);

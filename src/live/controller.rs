@@ -1,7 +1,7 @@
 //! `hoof controller`: the controller as a real-time process on LCM.
 
 use super::run_file::{Hardware, RunFile};
-use super::{Length, Shared, Stop};
+use super::{Length, Shared, Stop, refuse_a_second};
 use crate::robot::{RobotFiles, read, with_overrides};
 use crate::run_info;
 use crate::{Outcome, say, say_json};
@@ -9,8 +9,8 @@ use anyhow::Context;
 use controller::params::Params;
 use drivers::Scenario;
 use drivers::live::{self, Dummy, Executor, LcmRobot, Plan, Summary};
-use lcmtypes::RunInfo;
 use lcmtypes::bus::LcmBus;
+use lcmtypes::{RunInfo, channels};
 use replay::udpm::Url;
 use std::time::Duration;
 
@@ -74,7 +74,10 @@ fn prepare(file: &RunFile, url: &Url) -> anyhow::Result<(RunInfo, Box<dyn live::
         seed,
     });
     let hardware: Box<dyn live::Hardware> = match file.hardware {
-        Hardware::Lcm => Box::new(LcmRobot::open(url)?),
+        Hardware::Lcm => {
+            refuse_a_second("controller", channels::ROBOT_COMMAND, url)?;
+            Box::new(LcmRobot::open(url)?)
+        }
         Hardware::Dummy => {
             let tree = files.tree()?;
             let names = tree.joints.iter().filter(|joint| joint.kind != controller::model::JointKind::Fixed);

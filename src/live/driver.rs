@@ -1,6 +1,6 @@
 //! `hoof driver`: the simulator in place of a robot, in real time.
 
-use super::{Shared, Stop};
+use super::{Shared, Stop, refuse_a_second};
 use crate::robot::RobotFiles;
 use crate::{Outcome, say, say_json};
 use anyhow::{Context, bail};
@@ -40,6 +40,7 @@ pub fn run(args: &DriverArgs) -> anyhow::Result<Outcome> {
     let terrain = Terrain::new(&scenario.terrain, scenario.seed);
     let mut sim = MujocoSim::new(&files.tree()?, &params.robot, terrain, SimParams::of(&scenario))?;
     sim.reset(&params.robot.posture)?;
+    refuse_a_second("driver", channels::ROBOT_STATE, &url)?;
     let (speaker, commands) = (Speaker::open(&url)?, Ear::open(&url, channels::ROBOT_COMMAND)?);
     // One below the controller: on one core, the command must not wait for the physics.
     let realtime = RealtimeParams { priority: file.realtime.priority.saturating_sub(1), ..file.realtime.clone() };

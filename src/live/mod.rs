@@ -7,16 +7,21 @@ mod run;
 mod run_file;
 
 use anyhow::Context;
+use drivers::live::somebody_speaks;
 use nix::unistd::{Pid, getppid};
 use replay::udpm::Url;
 use run_file::RunFile;
 use std::path::PathBuf;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::Duration;
 
 pub use controller::{ControllerArgs, run as controller};
 pub use driver::{DriverArgs, run as driver};
 pub use run::{RunArgs, run};
+
+/// How long a process listens for another one of its kind: some periods.
+const HEARING: Duration = Duration::from_millis(30);
 
 /// What all commands of a live run take.
 #[derive(clap::Args)]
@@ -48,6 +53,15 @@ impl Shared {
         let url = url.parse().with_context(|| self.run_file.display().to_string())?;
         Ok((file, url))
     }
+}
+
+/// Refuses where another process does the same job: two who command one robot, or two robots in one place, are a danger.
+fn refuse_a_second(job: &str, channel: &'static str, url: &Url) -> anyhow::Result<()> {
+    anyhow::ensure!(
+        !somebody_speaks(url, channel, HEARING)?,
+        "another {job} sends {channel} on {url}: end it first, or give this run a port of its own (--lcm-url)"
+    );
+    Ok(())
 }
 
 /// How long a run is, if it ends by itself.

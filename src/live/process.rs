@@ -66,6 +66,11 @@ impl Process {
         self.child.id()
     }
 
+    /// Whether [`Process::status`] has told that it ended.
+    pub fn has_ended(&self) -> bool {
+        self.status.is_some()
+    }
+
     /// How it ended, if it has.
     pub fn status(&mut self) -> anyhow::Result<Option<ExitStatus>> {
         if self.status.is_none()

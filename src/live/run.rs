@@ -11,6 +11,7 @@ use lcmtypes::{Event, Message, channels};
 use serde_json::{Map, Value, json};
 use std::ffi::{OsStr, OsString};
 use std::path::PathBuf;
+use std::process::ExitStatus;
 use std::sync::mpsc::{Receiver, Sender, channel};
 use std::time::{Duration, Instant};
 
@@ -56,12 +57,13 @@ pub fn run(args: &RunArgs) -> anyhow::Result<Outcome> {
     events.subscribe(channels::EVENT)?;
 
     let (lines_in, lines) = channel();
-    let mut run = Running { processes: Vec::new(), lines_in, lines, screen: Screen::new() };
+    let mut run = Running { processes: Vec::new(), lines_in, lines, screen: Screen::new(), ending: false };
     let url = url.to_string();
+    let of_run: [OsString; 4] =
+        ["--lcm-url".into(), url.into(), "--parent".into(), std::process::id().to_string().into()];
     let record = [OsStr::new("log"), OsStr::new("record"), log.as_os_str()].map(OsString::from);
-    run.start("recorder", "recording", &[&record[..], &["--lcm-url".into(), (&url).into()]].concat(), &stop)?;
-    let mut common: Vec<OsString> = vec![args.shared.run_file.clone().into(), "--lcm-url".into(), url.into()];
-    common.extend(["--parent".into(), std::process::id().to_string().into()]);
+    run.start("recorder", "recording", &[&record[..], &of_run].concat(), &stop)?;
+    let mut common = [&[args.shared.run_file.clone().into()], &of_run[..]].concat();
     if let Some(scenario) = &args.shared.scenario {
         common.extend(["--scenario".into(), scenario.into()]);
     }
@@ -110,6 +112,8 @@ struct Running {
     lines_in: Sender<Line>,
     lines: Receiver<Line>,
     screen: Screen,
+    /// They are being ended: that one does is no news.
+    ending: bool,
 }
 
 impl Running {
@@ -165,14 +169,19 @@ impl Running {
             self.screen.line(&line);
         }
         for (process, place) in self.processes.iter_mut().zip(0..) {
+            let had_ended = process.has_ended();
             let status = process.status()?;
-            self.screen.show(place, process, status.map(|status| status.to_string()));
+            if let (Some(status), false, false) = (status, had_ended, self.ending) {
+                self.screen.say(&format!("{} ended, {status}{}", process.name, consequence(process)));
+            }
+            self.screen.show(place, process, status);
         }
         Ok(())
     }
 
     /// Ends them: who commands first, who listens last.
     fn end(&mut self, events: &mut dyn Bus) -> anyhow::Result<()> {
+        self.ending = true;
         for place in (0..self.processes.len()).rev() {
             if self.processes[place].end()? {
                 self.screen.say(&format!("{} did not end when asked to: killed", self.processes[place].name));
@@ -180,6 +189,16 @@ impl Running {
             self.look(events)?;
         }
         Ok(())
+    }
+}
+
+/// What it means for the run that a process has ended by itself.
+fn consequence(process: &Process) -> &'static str {
+    match process.name {
+        "recorder" => ": the robot goes on without a log",
+        "driver" => ": the controller damps and waits for another one (hoof driver)",
+        _ if process.is_good() => "",
+        _ => ": the driver damps the robot",
     }
 }
 
@@ -199,10 +218,11 @@ impl Screen {
         let row = self.all.add(ProgressBar::no_length());
         row.set_style(ProgressStyle::with_template("{msg}").expect("the template is a constant that parses"));
         self.rows.push(row);
+        self.say(&format!("{}: process {}", process.name, process.id()));
         self.show(self.rows.len() - 1, process, None);
     }
 
-    fn show(&self, place: usize, process: &Process, ended: Option<String>) {
+    fn show(&self, place: usize, process: &Process, ended: Option<ExitStatus>) {
         let seconds = self.began.elapsed().as_secs();
         let state = ended.map_or_else(|| format!("running, {seconds} s"), |status| format!("ended, {status}"));
         self.rows[place].set_message(format!("{:<11} {:>7}  {state}", process.name, process.id()));

@@ -11,6 +11,7 @@ mod verify;
 
 use crate::{Outcome, say, say_json};
 use clap::Subcommand;
+pub use record::default_name as record_name;
 use replay::log::{Copied, Selection, Types};
 use std::path::PathBuf;
 
@@ -56,14 +57,15 @@ pub fn run(command: &Command) -> anyhow::Result<Outcome> {
 
 /// Types of other projects.
 #[derive(clap::Args)]
-struct LogTypes {
+pub struct LogTypes {
     /// `.lcm` file, or folder with `.lcm` files, of types that the log does not know itself. May be repeated
     #[arg(long, value_name = "DIR|FILE")]
     lcm_types: Vec<PathBuf>,
 }
 
 impl LogTypes {
-    fn read(&self) -> anyhow::Result<Types> {
+    /// Reads them.
+    pub fn read(&self) -> anyhow::Result<Types> {
         Ok(Types::from_files(&self.lcm_types)?)
     }
 }
@@ -103,7 +105,7 @@ impl Part {
 }
 
 /// A time such as `41.2` or `41.2s`.
-fn seconds(text: &str) -> Result<f64, String> {
+pub fn seconds(text: &str) -> Result<f64, String> {
     let number = text.strip_suffix('s').unwrap_or(text).trim();
     let parsed = number.parse().ok().filter(|s| (0.0..1e9).contains(s));
     parsed.ok_or_else(|| "expected a time in s from 0 to 1e9, such as 41.2 or 41.2s".to_owned())

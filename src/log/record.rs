@@ -61,6 +61,9 @@ pub struct Args {
     /// Print JSON at the end
     #[arg(long)]
     json: bool,
+    /// Ends with this process, which has started it
+    #[arg(long, hide = true)]
+    parent: Option<i32>,
 }
 
 pub fn run(args: &Args) -> anyhow::Result<Outcome> {
@@ -81,7 +84,8 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
     }
     let mut line = StatusLine::new();
     eprintln!("recording {url}");
-    let stop = || stopped.load(Ordering::Relaxed) || end.is_some_and(|end| Instant::now() >= end);
+    let orphaned = || args.parent.is_some_and(|parent| nix::unistd::getppid().as_raw() != parent);
+    let stop = || stopped.load(Ordering::Relaxed) || end.is_some_and(|end| Instant::now() >= end) || orphaned();
     let recorded = recorder.run(&stop, &mut |progress| line.show(progress))?;
     drop(line);
     if args.json {
@@ -125,7 +129,7 @@ fn seconds(option: &str, s: f64) -> anyhow::Result<Duration> {
 }
 
 /// `log_20261122_080500.mcap`: the time in UTC.
-fn default_name() -> PathBuf {
+pub fn default_name() -> PathBuf {
     let since = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default().as_secs();
     let (days, second) = (since / 86_400, since % 86_400);
     let (year, month, day) = civil(days);

@@ -1,7 +1,7 @@
 //! What a replay found, in words.
 
 use controller::dump::Quantity;
-use replay::engine::{Deviation, Divergence, ReplayReport, WhatIf, lines};
+use replay::engine::{Deviation, Divergence, Index, ReplayReport, WhatIf, lines};
 
 /// Stretches of missing ticks that are listed.
 const GAPS_LISTED: usize = 8;
@@ -75,20 +75,33 @@ fn what_if_text(what_if: &WhatIf) -> String {
 
 /// Where record and replay part, in words.
 pub fn divergence_text(d: &Divergence) -> String {
-    let index = match &d.index {
+    let agreed = d.last_agreed_tick.map_or("none".to_owned(), |tick| tick.to_string());
+    #[expect(clippy::cast_precision_loss, reason = "a time for a person to read")]
+    let t_s = d.t_ns as f64 * 1e-9;
+    let also: Vec<String> =
+        d.also.iter().map(|f| format!("{} {}", f.channel, field(&f.field, &f.index, f.ulp))).collect();
+    let also = if also.is_empty() { String::new() } else { format!("\n  so do {}", also.join("; ")) };
+    format!(
+        "differs from tick {} (t = {t_s:.3} s) on, first in stage {}: {} {}\n  recorded {}\n  replayed {}{also}\n  last tick that agreed: {agreed}",
+        d.tick,
+        d.stage,
+        d.channel,
+        field(&d.field, &d.index, d.ulp),
+        d.recorded,
+        d.replayed
+    )
+}
+
+/// A field with its index, and how far apart its values are.
+fn field(name: &str, index: &Option<Index>, ulp: Option<u64>) -> String {
+    let index = match index {
         None => String::new(),
         Some(index) => {
             serde_json::to_string(index).map_or(String::new(), |i| format!("[{}]", i.trim_matches(['[', ']'])))
         }
     };
-    let ulp = d.ulp.map_or(String::new(), |ulp| format!(", {ulp} ulp apart"));
-    let agreed = d.last_agreed_tick.map_or("none".to_owned(), |tick| tick.to_string());
-    #[expect(clippy::cast_precision_loss, reason = "a time for a person to read")]
-    let t_s = d.t_ns as f64 * 1e-9;
-    format!(
-        "differs from tick {} (t = {t_s:.3} s) on, first in stage {}: {} {}{index}{ulp}\n  recorded {}\n  replayed {}\n  last tick that agreed: {agreed}",
-        d.tick, d.stage, d.channel, d.field, d.recorded, d.replayed
-    )
+    let ulp = ulp.map_or(String::new(), |ulp| format!(", {ulp} ulp apart"));
+    format!("{name}{index}{ulp}")
 }
 
 /// What the stage that differs was computed from.

@@ -46,14 +46,14 @@ impl Params {
             ("safety.torque_factor", self.safety.torque_factor),
             ("safety.max_flight_time", self.safety.max_flight_time),
             ("safety.damping", self.safety.damping),
+            ("hold.kp", self.hold.kp),
+            ("hold.kd", self.hold.kd),
+            ("hold.duration", self.hold.duration),
             ("stand.stiffness", self.stand.stiffness),
             ("stand.joint_speed", self.stand.joint_speed),
             ("stand.rise_speed", self.stand.rise_speed),
             ("stand.max_error", self.stand.max_error),
             ("stand.patience", self.stand.patience),
-            ("hold.kp", self.hold.kp),
-            ("hold.kd", self.hold.kd),
-            ("hold.duration", self.hold.duration),
         ];
         for (key, found) in positive {
             within(key, &[found], "a positive number", |x| x > 0.0 && x.is_finite())?;

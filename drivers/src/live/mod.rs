@@ -32,4 +32,4 @@ pub use hardware::{Dummy, Hardware, LcmRobot};
 pub use lateness::Lateness;
 pub use realtime::{Granted, RealtimeParams};
 pub use runner::{Call, Runner, Ticked};
-pub use socket::{Ear, Speaker};
+pub use socket::{Ear, Speaker, somebody_speaks};

@@ -3,11 +3,14 @@
 use crate::DriverError;
 use replay::udpm::{Listener, MAX_DATAGRAM, Packet, Url};
 use std::net::{Ipv4Addr, SocketAddrV4, UdpSocket};
+use std::time::{Duration, Instant};
 
 /// Datagrams taken at once at most: more than the receive buffer holds, so that the newest is always among them.
 const DATAGRAMS: usize = 4096;
 /// Receive buffer, bytes: a tenth of a second of a busy network. What is older is of no use to a control loop.
 const BUFFER: usize = 1 << 20;
+/// How often an ear that waits for somebody listens.
+const LOOK: Duration = Duration::from_millis(2);
 /// First bytes of a message in one datagram.
 const SHORT: [u8; 4] = *b"LC02";
 
@@ -39,6 +42,20 @@ impl Ear {
             }
         }
     }
+}
+
+/// Whether anybody speaks on a channel: listens for a while, or until somebody does.
+///
+/// # Errors
+/// If the network cannot be joined.
+pub fn somebody_speaks(url: &Url, channel: &'static str, within: Duration) -> Result<bool, DriverError> {
+    let mut ear = Ear::open(url, channel)?;
+    let (end, mut heard) = (Instant::now() + within, false);
+    while !heard && Instant::now() < end {
+        std::thread::sleep(LOOK);
+        ear.hear(|_| heard = true);
+    }
+    Ok(heard)
 }
 
 /// A sender of an LCM network. Its messages fit one datagram each.

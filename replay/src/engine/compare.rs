@@ -27,10 +27,29 @@ pub struct Divergence {
     pub replayed: String,
     /// Floats that lie between the two, plus one; `None` unless both are floats and numbers.
     pub ulp: Option<u64>,
+    /// What else differs in this tick: the first field of every other message, in the order of the controller's messages.
+    pub also: Vec<FieldDifference>,
     /// The last tick before that agreed, or whose recorded state the replay began with; `None` if there is none.
     pub last_agreed_tick: Option<i64>,
     /// What the stage was computed from in the replay, besides the state before the tick; large arrays by their digest.
     pub inputs: Quantity,
+}
+
+/// The first field in which a message differs.
+#[derive(Debug, Clone, PartialEq, serde::Serialize)]
+pub struct FieldDifference {
+    /// Channel.
+    pub channel: String,
+    /// Field; empty if the whole message is on one side only.
+    pub field: String,
+    /// Index in the field, if it is an array.
+    pub index: Option<Index>,
+    /// Recorded value; floats as hexadecimal float and decimal.
+    pub recorded: String,
+    /// Replayed value.
+    pub replayed: String,
+    /// Floats that lie between the two, plus one; `None` unless both are floats and numbers.
+    pub ulp: Option<u64>,
 }
 
 /// Place in an array: one number, or one a dimension.
@@ -52,34 +71,48 @@ pub(super) struct Pair<'a> {
 
 /// Attributes a tick that differs. `different` holds every pair that does, in the order of the controller's messages.
 pub(super) fn attribute(tick: i64, t_ns: i64, different: &[Pair]) -> Option<Divergence> {
-    let found = |stage: Stage, pair: &Pair| {
-        let Difference { field, index, recorded, replayed, ulp } = difference(pair);
-        let (stage, channel) = (stage.name(), pair.channel.to_owned());
-        let (last_agreed_tick, inputs) = (None, Quantity::group());
-        Some(Divergence { tick, t_ns, stage, channel, field, index, recorded, replayed, ulp, last_agreed_tick, inputs })
-    };
     let digests = different.iter().find(|pair| pair.channel == channels::CONTROLLER_TICK);
-    if let Some((stage, recorded, replayed)) = digests.and_then(first_digest) {
-        let shown = different.iter().filter(|pair| pair.channel != channels::CONTROLLER_TICK);
-        if let Some(pair) = shown.into_iter().find(|pair| stage_of(pair.channel) == stage) {
-            return found(stage, pair);
+    let (stage, shown) = match digests.and_then(first_digest) {
+        Some((stage, recorded, replayed)) => {
+            let shown = different.iter().find(|pair| stage_of(pair.channel) == stage && !is_tick(pair));
+            let digest = FieldDifference {
+                channel: channels::CONTROLLER_TICK.to_owned(),
+                field: format!("digest_{}", stage.name()),
+                index: None,
+                recorded: format!("{recorded:#018x}"),
+                replayed: format!("{replayed:#018x}"),
+                ulp: None,
+            };
+            (stage, shown.map_or(digest, difference))
         }
-        return Some(Divergence {
-            tick,
-            t_ns,
-            stage: stage.name(),
-            channel: channels::CONTROLLER_TICK.to_owned(),
-            field: format!("digest_{}", stage.name()),
-            index: None,
-            recorded: format!("{recorded:#018x}"),
-            replayed: format!("{replayed:#018x}"),
-            ulp: None,
-            last_agreed_tick: None,
-            inputs: Quantity::group(),
-        });
-    }
-    let pair = different.iter().min_by_key(|pair| stage_of(pair.channel))?;
-    found(stage_of(pair.channel), pair)
+        None => {
+            let pair = different.iter().min_by_key(|pair| stage_of(pair.channel))?;
+            (stage_of(pair.channel), difference(pair))
+        }
+    };
+    let others = different.iter().filter(|pair| pair.channel != shown.channel && !is_tick(pair));
+    let also = others.map(difference).collect();
+    let FieldDifference { channel, field, index, recorded, replayed, ulp } = shown;
+    let (stage, last_agreed_tick, inputs) = (stage.name(), None, Quantity::group());
+    Some(Divergence {
+        tick,
+        t_ns,
+        stage,
+        channel,
+        field,
+        index,
+        recorded,
+        replayed,
+        ulp,
+        also,
+        last_agreed_tick,
+        inputs,
+    })
+}
+
+/// Digests say which stage it was, but no more.
+fn is_tick(pair: &Pair) -> bool {
+    pair.channel == channels::CONTROLLER_TICK
 }
 
 /// The stage that a channel shows; what is in no table counts as output.
@@ -105,18 +138,12 @@ fn first_digest(pair: &Pair) -> Option<(Stage, i64, i64)> {
     stages.map(|(stage, (a, b))| (stage, a, b)).find(|(_, a, b)| a != b)
 }
 
-struct Difference {
-    field: String,
-    index: Option<Index>,
-    recorded: String,
-    replayed: String,
-    ulp: Option<u64>,
-}
-
 /// The first field in which a pair differs, by reflection.
-fn difference(pair: &Pair) -> Difference {
+fn difference(pair: &Pair) -> FieldDifference {
     let side = |bytes: Option<&[u8]>| bytes.map_or("absent".to_owned(), |bytes| format!("{} bytes", bytes.len()));
-    let whole = || Difference {
+    let channel = pair.channel.to_owned();
+    let whole = || FieldDifference {
+        channel: channel.clone(),
         field: String::new(),
         index: None,
         recorded: side(pair.recorded),
@@ -127,13 +154,13 @@ fn difference(pair: &Pair) -> Difference {
     let fingerprints = [recorded, replayed].map(crate::log::fingerprint);
     if fingerprints[0] != fingerprints[1] {
         let [recorded, replayed] = fingerprints.map(|f| f.map_or("none".to_owned(), |f| format!("{f:016x}")));
-        return Difference { field: "fingerprint".into(), recorded, replayed, ..whole() };
+        return FieldDifference { field: "fingerprint".into(), recorded, replayed, ..whole() };
     }
     let ty = lcmtypes::types().of_message(recorded);
     let Some(Ok(Some(found))) = ty.map(|ty| ty.first_difference(recorded, replayed)) else { return whole() };
     let (field, index) = split_path(&found.path);
     let ulp = found.ulps();
-    Difference { field, index, recorded: show(&found.left), replayed: show(&found.right), ulp }
+    FieldDifference { channel, field, index, recorded: show(&found.left), replayed: show(&found.right), ulp }
 }
 
 /// The largest distance of two floats at the same place of a pair, in floats; `None` if no floats differ.

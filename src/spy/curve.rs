@@ -1,0 +1,113 @@
+//! Values over time, made to fit a screen.
+
+/// Bars of a sparkline, lowest first.
+const BARS: [char; 8] = ['▁', '▂', '▃', '▄', '▅', '▆', '▇', '█'];
+
+/// The values of one field in the stretch of time that is shown.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Curve {
+    /// Channel.
+    pub channel: String,
+    /// Field.
+    pub path: String,
+    /// Time since now, s (negative), and value; oldest first.
+    pub points: Vec<(f64, f64)>,
+}
+
+impl Curve {
+    /// Smallest and largest finite value.
+    pub fn range(&self) -> Option<(f64, f64)> {
+        let finite = self.points.iter().map(|(_, value)| *value).filter(|value| value.is_finite());
+        finite.fold(None, |range, x| {
+            let (low, high) = range.unwrap_or((x, x));
+            Some((x.min(low), x.max(high)))
+        })
+    }
+
+    /// The last value.
+    pub fn last(&self) -> Option<f64> {
+        self.points.last().map(|(_, value)| *value)
+    }
+
+    /// One bar a column, from `span_s` ago to now: the last value in its stretch, blank where there was none.
+    #[expect(
+        clippy::cast_possible_truncation,
+        clippy::cast_sign_loss,
+        reason = "limited to the columns and bars there are"
+    )]
+    pub fn bars(&self, span_s: f64, width: usize) -> String {
+        let Some((low, high)) = self.range() else { return " ".repeat(width) };
+        let mut bars = vec![' '; width];
+        for (t, value) in self.points.iter().filter(|(t, value)| *t >= -span_s && value.is_finite()) {
+            let column = ((t / span_s + 1.0) * width as f64) as usize;
+            let part = if high > low { (value - low) / (high - low) } else { 0.5 };
+            let bar = BARS[((part * BARS.len() as f64) as usize).min(BARS.len() - 1)];
+            if width > 0 {
+                bars[column.min(width - 1)] = bar;
+            }
+        }
+        bars.into_iter().collect()
+    }
+
+    /// No more points than a plot of so many columns shows: the smallest and the largest of each stretch, in their order.
+    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "limited to the columns there are")]
+    pub fn thinned(&self, span_s: f64, columns: usize) -> Vec<(f64, f64)> {
+        let column = |point: &(f64, f64)| ((point.0 / span_s + 1.0) * columns as f64) as usize;
+        let shown: Vec<_> =
+            self.points.iter().copied().filter(|(t, value)| *t >= -span_s && value.is_finite()).collect();
+        shown.chunk_by(|a, b| column(a) == column(b)).flat_map(extremes).collect()
+    }
+}
+
+/// The smallest and the largest value, in the order of time; once if they are the same.
+fn extremes(points: &[(f64, f64)]) -> impl Iterator<Item = (f64, f64)> {
+    let places = || 0..points.len();
+    let low = places().min_by(|a, b| points[*a].1.total_cmp(&points[*b].1)).unwrap_or(0);
+    let high = places().max_by(|a, b| points[*a].1.total_cmp(&points[*b].1)).unwrap_or(0);
+    let second = Some(low.max(high)).filter(|_| low != high);
+    std::iter::once(low.min(high)).chain(second).map(|place| points[place])
+}
+
+/// Bounds of an axis around a range: some room, and never none.
+pub fn bounds(range: Option<(f64, f64)>) -> [f64; 2] {
+    let Some((low, high)) = range else { return [-1.0, 1.0] };
+    let room = if high > low { 0.05 * (high - low) } else { 0.05 * high.abs().max(1e-3) };
+    [low - room, high + room]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn curve(points: &[(f64, f64)]) -> Curve {
+        Curve { points: points.to_vec(), ..Curve::default() }
+    }
+
+    #[test]
+    fn bars_stand_where_their_time_is() {
+        let curve = curve(&[(-4.0, 0.0), (-3.0, 7.0), (-1.0, 3.6), (0.0, f64::NAN)]);
+        assert_eq!(curve.bars(4.0, 4), "▁█ ▅");
+        assert_eq!(curve.bars(2.0, 4), "  ▅ ");
+        assert_eq!(Curve::default().bars(4.0, 3), "   ");
+        assert_eq!(curve.range(), Some((0.0, 7.0)));
+    }
+
+    #[test]
+    fn a_peak_survives_thinning() {
+        let mut points: Vec<(f64, f64)> = (0..1000).map(|n| (f64::from(n) * 0.001 - 1.0, 0.0)).collect();
+        points[437].1 = 5.0;
+        points[441].1 = -2.0;
+        let thinned = curve(&points).thinned(1.0, 10);
+        assert!(thinned.len() <= 20);
+        let peak = thinned.iter().position(|point| *point == points[437]);
+        assert_eq!(peak.map(|at| thinned[at + 1]), Some(points[441]));
+        assert!(thinned.is_sorted_by(|a, b| a.0 <= b.0));
+    }
+
+    #[test]
+    fn an_axis_has_a_length() {
+        assert_eq!(bounds(Some((0.0, 10.0))), [-0.5, 10.5]);
+        assert_eq!(bounds(Some((2.0, 2.0))), [1.9, 2.1]);
+        assert_eq!(bounds(None), [-1.0, 1.0]);
+    }
+}

@@ -1,0 +1,166 @@
+//! `hoof spy`: who says what on an LCM network, or in a log.
+
+mod curve;
+mod help;
+mod once;
+mod picture;
+mod plot;
+mod recording;
+mod session;
+mod source;
+mod state;
+mod table;
+#[cfg(test)]
+mod tests;
+mod tree;
+mod view;
+
+use crate::log::{LogTypes, seconds};
+use crate::{Outcome, say};
+use anyhow::Context;
+use once::Report;
+use replay::log::Health;
+use replay::traffic::{Alarm, Alarms, Live};
+use replay::udpm::Url;
+use serde::Deserialize;
+use signal_hook::consts::{SIGINT, SIGTERM};
+use source::{Played, Source};
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::{Duration, Instant};
+
+/// Longest sleep, so that a signal is seen.
+const LOOK: Duration = Duration::from_millis(20);
+
+/// Watch an LCM network or a log in the terminal: channels, rates, jitter, losses, senders, every field
+///
+/// Only listens, with a socket of its own: those who talk cannot tell whether it is there. Rates and jitter are those of the kernel's times of
+/// receipt over the last two seconds (of a slow channel, its last 16 intervals), with --once those of the whole time. Jitter is half the
+/// range of the middle 68.27 % of all intervals: the standard deviation, were it not for outliers.
+///
+/// What is lost is exact for each sender, from LCM's sequence numbers. What a channel lost is known where its messages count themselves (seq,
+/// tick) or nothing was lost at all; elsewhere ≤N says how many its senders lost on all channels.
+///
+/// Types are ours, those of --lcm-types, and those that a RUN_INFO or the log itself brings along.
+///
+/// Exit code 1 with --once if an alarm is raised or nothing is heard, 3 if the kernel dropped datagrams or a log is damaged.
+#[derive(clap::Args)]
+#[command(after_help = "Example: hoof spy\n         \
+    hoof spy --log run.mcap\n         \
+    hoof spy --once --json --seconds 5 --alarm 'ROBOT_STATE rate<900' --alarm '.* lost>0'\n         \
+    hoof spy --lcm-types ~/other/types --lcm-url 'udpm://239.255.76.67:7667?ttl=1'\n\n\
+    Alarms: CHANNEL_REGEX QUANTITY<NUMBER or >NUMBER, with rate (Hz), jitter, jitter_rms, gap (us), age (s), lost, late, count, senders,\n\
+    bandwidth (B/s). A channel that was never heard is slow. In a TOML file: alarms = [\"ROBOT_STATE rate<900\", \"ROBOT_STATE gap>20000\"]")]
+pub struct Args {
+    /// Network, else that of LCM_DEFAULT_URL, else udpm://239.255.76.67:7667?ttl=0
+    #[arg(long, value_name = "URL", conflicts_with = "log")]
+    lcm_url: Option<String>,
+    /// Log to watch instead of a network, LCM event log or MCAP
+    #[arg(long, value_name = "FILE")]
+    log: Option<PathBuf>,
+    #[command(flatten)]
+    types: LogTypes,
+    /// Condition to be told of, such as 'ROBOT_STATE rate<900'. May be repeated
+    #[arg(long, value_name = "CONDITION")]
+    alarm: Vec<String>,
+    /// TOML file with a list `alarms` of conditions
+    #[arg(long, value_name = "FILE")]
+    alarms: Option<PathBuf>,
+    /// Plot a field from the start, such as 'ROBOT_STATE q[2]'. May be repeated
+    #[arg(long, value_name = "CHANNEL FIELD", conflicts_with = "once")]
+    plot: Vec<String>,
+    /// Listen for a while (of a log: read it to its end), print the table and end
+    #[arg(long)]
+    once: bool,
+    /// How long --once listens; it ends earlier on Ctrl-C
+    #[arg(long, value_name = "S", value_parser = seconds, default_value = "2", requires = "once", conflicts_with = "log")]
+    seconds: f64,
+    /// Print JSON; needs --once
+    #[arg(long, requires = "once")]
+    json: bool,
+}
+
+pub fn run(args: &Args) -> anyhow::Result<Outcome> {
+    let alarms = alarms(args)?;
+    match &args.log {
+        Some(log) if args.once => once_log(args, log, alarms),
+        None if args.once => once_live(args, alarms),
+        Some(log) => watch(Source::Log(Box::new(Played::open(log, args.types.read()?)?)), args, alarms),
+        None => {
+            let live = Live::start(&Url::choose(args.lcm_url.as_deref())?, args.types.read()?)?;
+            watch(Source::Live(live), args, alarms)
+        }
+    }
+}
+
+fn watch(mut source: Source, args: &Args, alarms: Alarms) -> anyhow::Result<Outcome> {
+    for field in &args.plot {
+        let followed =
+            field.split_once(' ').is_some_and(|(channel, path)| source.with(|t| t.follow(channel, path.trim())));
+        anyhow::ensure!(followed, "--plot {field:?}: expected a channel and a field, such as 'ROBOT_STATE q[2]'");
+    }
+    let stopped = stop_signals()?;
+    if let Some(left) = session::interact(source, alarms, &stopped)? {
+        say(left)?;
+    }
+    Ok(Outcome::Good)
+}
+
+/// The conditions of the command line and of the file.
+fn alarms(args: &Args) -> anyhow::Result<Alarms> {
+    #[derive(Deserialize)]
+    #[serde(deny_unknown_fields)]
+    struct File {
+        alarms: Vec<String>,
+    }
+    let mut texts = args.alarm.clone();
+    if let Some(path) = &args.alarms {
+        let text = std::fs::read_to_string(path).with_context(|| path.display().to_string())?;
+        let file: File = toml::from_str(&text).with_context(|| path.display().to_string())?;
+        texts.extend(file.alarms);
+    }
+    Ok(Alarms::new(texts.iter().map(|text| Alarm::new(text)).collect::<Result<_, _>>()?))
+}
+
+fn once_live(args: &Args, mut alarms: Alarms) -> anyhow::Result<Outcome> {
+    let stopped = stop_signals()?;
+    let url = Url::choose(args.lcm_url.as_deref())?;
+    let mut live = Live::start(&url, args.types.read()?)?;
+    if let Some(warning) = live.warning() {
+        eprintln!("warning: {warning}");
+    }
+    eprintln!("listening on {url}");
+    let end = Instant::now() + Duration::from_secs_f64(args.seconds);
+    while Instant::now() < end && !stopped.load(Ordering::Relaxed) && !live.has_failed() {
+        std::thread::sleep(LOOK);
+    }
+    let now_ns = live.now_ns();
+    live.end()?;
+    let mut traffic = live.traffic();
+    traffic.settle_all();
+    let summary = traffic.summary(now_ns);
+    let report = Report::new(url.to_string(), "udpm".to_owned(), &Health::default(), summary, &mut alarms);
+    let outcome = report.say(args.json)?;
+    if report.is_silent() {
+        eprintln!("{}", source::nothing_heard(&url));
+    }
+    Ok(outcome)
+}
+
+fn once_log(args: &Args, log: &Path, mut alarms: Alarms) -> anyhow::Result<Outcome> {
+    let read = source::read_log(log, args.types.read()?)?;
+    let format = serde_json::to_value(read.format)?.as_str().unwrap_or_default().to_owned();
+    let (name, now_ns) = (log.display().to_string(), read.last_ns);
+    let report = Report::new(name, format, &read.health, read.traffic.summary(now_ns), &mut alarms);
+    report.say(args.json)
+}
+
+/// Set by the signals that end a program.
+fn stop_signals() -> anyhow::Result<Arc<AtomicBool>> {
+    let stopped = Arc::new(AtomicBool::new(false));
+    for signal in [SIGINT, SIGTERM] {
+        signal_hook::flag::register(signal, Arc::clone(&stopped)).context("signal handler")?;
+    }
+    Ok(stopped)
+}

@@ -1,0 +1,214 @@
+//! Where messages come from: a network, or a log.
+
+use crate::progress::Progress;
+use replay::log::{EventRef, Format, Health, LogReader, Types};
+use replay::play::{PlayOptions, Player};
+use replay::traffic::{Live, Traffic};
+use replay::udpm::Url;
+use std::path::Path;
+use std::time::Instant;
+
+/// Events read between two looks at the progress bar.
+const AT_A_TIME: u64 = 10_000;
+
+/// Events of a log that are played before keys are looked at again.
+const AT_ONCE: usize = 20_000;
+
+/// How far in front of the place to which one goes in a log counting begins, ns: as far as rates look back.
+const RUN_UP_NS: i64 = 2_000_000_000;
+
+/// What is watched.
+pub enum Source {
+    /// A network.
+    Live(Live),
+    /// A log, as if it happened now.
+    Log(Box<Played>),
+}
+
+impl Source {
+    /// Does something with what was heard.
+    pub fn with<R>(&mut self, with: impl FnOnce(&mut Traffic) -> R) -> R {
+        match self {
+            Source::Live(live) => with(&mut live.traffic()),
+            Source::Log(played) => with(&mut played.traffic),
+        }
+    }
+
+    /// The time by the clock of the messages' arrival, ns.
+    pub fn now_ns(&self) -> i64 {
+        match self {
+            Source::Live(live) => live.now_ns(),
+            Source::Log(played) => played.first_ns.saturating_add(played.position_ns()),
+        }
+    }
+
+    /// The log, if it is one.
+    pub fn log(&mut self) -> Option<&mut Played> {
+        match self {
+            Source::Live(_) => None,
+            Source::Log(played) => Some(played),
+        }
+    }
+}
+
+/// A log that is being played.
+pub struct Played {
+    name: String,
+    player: Player,
+    traffic: Traffic,
+    began: Instant,
+    first_ns: i64,
+    length_ns: i64,
+}
+
+impl Played {
+    /// Reads a log once, for its types and its length, and begins to play it.
+    pub fn open(log: &Path, types: Types) -> anyhow::Result<Self> {
+        let ReadLog { mut traffic, first_ns, last_ns, .. } = read_log(log, types)?;
+        traffic.clear();
+        let player = Player::open(log, PlayOptions::default(), 0)?;
+        let (name, length_ns) = (log.display().to_string(), last_ns.saturating_sub(first_ns));
+        Ok(Played { name, player, traffic, began: Instant::now(), first_ns, length_ns })
+    }
+
+    /// Plays what is due.
+    pub fn advance(&mut self) -> anyhow::Result<()> {
+        let now_ns = self.clock_ns();
+        for _ in 0..AT_ONCE {
+            if self.player.due_ns().is_none_or(|due| due > now_ns) || self.player.is_at_end() {
+                break;
+            }
+            self.take(now_ns)?;
+        }
+        Ok(())
+    }
+
+    fn take(&mut self, now_ns: i64) -> anyhow::Result<()> {
+        if let Some(event) = self.player.take(now_ns)? {
+            let (channel, t_ns, number, offset) = (&event.channel, event.t_ns, event.number, event.offset);
+            self.traffic.event(&EventRef { channel, t_ns, number, data: &event.data, offset, schema: None });
+        }
+        Ok(())
+    }
+
+    /// The next event, and a pause behind it.
+    pub fn step(&mut self) -> anyhow::Result<()> {
+        let now_ns = self.clock_ns();
+        self.player.pause(now_ns);
+        self.take(now_ns)
+    }
+
+    /// Goes to a time from the log's first event, and counts from two seconds before it.
+    pub fn seek(&mut self, to_ns: i64) -> anyhow::Result<()> {
+        let to_ns = to_ns.clamp(0, self.length_ns);
+        let from_ns = (to_ns - RUN_UP_NS).max(0);
+        let (now_ns, is_paused) = (self.clock_ns(), self.player.is_paused());
+        self.player.resume(now_ns);
+        self.player.seek(from_ns, now_ns)?;
+        // As if it had begun so long ago that it arrives there now.
+        #[expect(clippy::cast_possible_truncation, reason = "two seconds, at most a thousand times slower")]
+        let ago_ns = ((to_ns - from_ns) as f64 / self.player.speed().unwrap_or(1.0)) as i64;
+        self.player.pause(now_ns);
+        self.player.resume(now_ns - ago_ns);
+        self.traffic.clear();
+        while self.player.due_ns().is_some_and(|due| due <= now_ns) && !self.player.is_at_end() {
+            self.take(now_ns)?;
+        }
+        if is_paused {
+            self.player.pause(now_ns);
+        }
+        Ok(())
+    }
+
+    /// Lets the time stand still, or go on.
+    pub fn pause(&mut self) {
+        let now_ns = self.clock_ns();
+        if self.player.is_paused() {
+            self.player.resume(now_ns);
+        } else {
+            self.player.pause(now_ns);
+        }
+    }
+
+    /// Goes on so many times faster.
+    pub fn faster(&mut self, factor: f64) {
+        let now_ns = self.clock_ns();
+        self.player.set_speed((self.player.speed().unwrap_or(1.0) * factor).clamp(1e-3, 1e3), now_ns);
+    }
+
+    /// Time from the log's first event, ns.
+    pub fn position_ns(&self) -> i64 {
+        if self.player.is_at_end() {
+            self.length_ns
+        } else {
+            self.player.position_ns(self.clock_ns()).clamp(0, self.length_ns)
+        }
+    }
+
+    /// Name, place and pace.
+    pub fn title(&self) -> String {
+        let pace = match self.player.speed() {
+            _ if self.player.is_at_end() => "end".to_owned(),
+            _ if self.player.is_paused() => "paused".to_owned(),
+            Some(speed) => format!("x{speed}"),
+            None => String::new(),
+        };
+        let [at, length] = [self.position_ns(), self.length_ns].map(|ns| ns as f64 * 1e-9);
+        format!("{}  {at:.3} of {length:.3} s  {pace}", self.name)
+    }
+
+    fn clock_ns(&self) -> i64 {
+        i64::try_from(self.began.elapsed().as_nanos()).unwrap_or(i64::MAX)
+    }
+}
+
+/// A log that has been read to its end.
+pub struct ReadLog {
+    /// All that it holds, and the types that it brings along.
+    pub traffic: Traffic,
+    /// Its format.
+    pub format: Format,
+    /// What is wrong with it.
+    pub health: Health,
+    /// Time of its first event, ns.
+    pub first_ns: i64,
+    /// Time of its last event, ns.
+    pub last_ns: i64,
+}
+
+/// Reads a log from end to end.
+pub fn read_log(log: &Path, types: Types) -> anyhow::Result<ReadLog> {
+    let mut reader = LogReader::open(log)?;
+    let (format, length) = (reader.format(), reader.bytes());
+    let mut health = Health::default();
+    let mut traffic = Traffic::new(types);
+    let bar = Progress::new("read the log");
+    let (mut events, mut first_ns, mut last_ns) = (0u64, None, 0);
+    while let Some(item) = reader.read()? {
+        let Some(event) = health.note(item) else { continue };
+        traffic.event(&event);
+        first_ns.get_or_insert(event.t_ns);
+        last_ns = event.t_ns;
+        events += 1;
+        if events.is_multiple_of(AT_A_TIME) {
+            bar.set(event.offset as f64 / length.max(1) as f64);
+        }
+    }
+    Ok(ReadLog { traffic, format, health, first_ns: first_ns.unwrap_or(0), last_ns })
+}
+
+/// What to do when a network is silent.
+pub fn nothing_heard(url: &Url) -> String {
+    let Url { group, port, ttl, .. } = url;
+    let mut lines = vec![
+        format!("nothing heard on {url}. Either nobody sends, or not there, or the way is blocked:"),
+        format!("- do the senders use group {group} and port {port}? (their LCM_DEFAULT_URL or --lcm-url)"),
+        format!("- is there a route for multicast? `ip route get {group}` must name the interface of the senders;"),
+        "  on one machine: sudo ip link set lo multicast on; sudo ip route add 224.0.0.0/4 dev lo".to_owned(),
+    ];
+    if *ttl == 0 {
+        lines.push("- senders on another machine need ttl=1 or more in their URL; 0 stays at home".to_owned());
+    }
+    lines.push("`hoof doctor` checks the machine.".to_owned());
+    lines.join("\n")
+}

@@ -1,0 +1,231 @@
+//! Processes of a live run die, and the robot ends safe: with real processes and real signals.
+#![allow(clippy::unwrap_used, missing_docs)]
+
+mod common;
+
+use common::{Ran, command, events, folder, hoof, messages, ran};
+use lcmtypes::channels::{CONTROLLER_INPUT, CONTROLLER_TICK, EVENT, ROBOT_COMMAND, ROBOT_STATE};
+use lcmtypes::{ControllerInput, ControllerTick, Event, Message, RobotCommand};
+use serde_json::Value;
+use std::io::{BufRead, BufReader, Read};
+use std::path::Path;
+use std::process::{Child, ChildStderr, Command, Stdio};
+
+/// A network of its own for each test and process.
+fn url(test: u32) -> String {
+    format!("udpm://239.255.78.2:{}?ttl=0&recv_buf_size=2000000", 20_000 + std::process::id() % 4000 * 10 + test)
+}
+
+/// A process whose words are read one by one.
+struct Talker {
+    child: Child,
+    stderr: BufReader<ChildStderr>,
+    said: String,
+}
+
+impl Talker {
+    fn start(mut command: Command) -> Self {
+        let mut child = command.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
+        let stderr = BufReader::new(child.stderr.take().unwrap());
+        Talker { child, stderr, said: String::new() }
+    }
+
+    /// `hoof run` in simulation.
+    fn run(test: u32, log: &Path, more: &str) -> Self {
+        let mut run = command();
+        run.args(["run", "runs/hyq_sim.toml", "--scenario", "scenarios/short_flat.toml", "--json"]);
+        run.args(["--lcm-url", &url(test), "--log"]).arg(log).args(more.split_whitespace());
+        Talker::start(run)
+    }
+
+    /// Reads on until a line holds all of these words; gives that line.
+    fn hear(&mut self, words: &[&str]) -> String {
+        loop {
+            let mut line = String::new();
+            assert!(self.stderr.read_line(&mut line).unwrap() > 0, "it ended without {words:?}: {}", self.said);
+            self.said += &line;
+            if words.iter().all(|word| line.contains(word)) {
+                return line;
+            }
+        }
+    }
+
+    /// Number of a process of a run.
+    fn process(&mut self, name: &str) -> String {
+        let line = self.hear(&[name, ": process "]);
+        line.trim_end().rsplit(' ').next().unwrap().to_owned()
+    }
+
+    fn end(mut self) -> (Ran, String) {
+        self.stderr.read_to_string(&mut self.said).unwrap();
+        (ran(self.child.wait_with_output().unwrap()), self.said)
+    }
+}
+
+fn kill(signal: &str, process: &str) {
+    assert!(Command::new("kill").args([signal, process]).status().unwrap().success());
+}
+
+fn texts(log: &Path) -> Vec<String> {
+    messages::<Event>(log, EVENT).into_iter().map(|event| format!("{}: {}", event.source, event.text)).collect()
+}
+
+/// The log replays bit for bit. Of a controller that was killed, the last commands came by their own way before their inputs did.
+fn is_identical(log: &Path) -> Value {
+    let replay = hoof(&format!("replay --json {}", log.display())).json();
+    assert_eq!((&replay["identical"], &replay["unverifiable_ticks"]), (&true.into(), &0.into()));
+    replay
+}
+
+#[test]
+fn a_dead_controller_is_noticed_within_20_steps_of_its_driver() {
+    let log = folder("controller").join("run.mcap");
+    let mut run = Talker::run(1, &log, "");
+    let controller = run.process("controller");
+    run.hear(&["controller is in STANCE"]);
+    kill("-KILL", &controller);
+    run.hear(&["ERROR driver: no command for"]);
+    let (ran, said) = run.end();
+    assert!(said.contains("controller ended, signal: 9 (SIGKILL): the driver damps the robot"), "{said}");
+    assert_eq!(ran.exits(1).json()["controller"]["signal"], 9);
+    is_identical(&log);
+
+    // A step is a millisecond, or more on a machine that stalls; then it is not the driver that is late.
+    let (mut silent, mut damped) = (0, false);
+    for event in events(&log) {
+        match &*event.channel {
+            ROBOT_COMMAND => silent = 0,
+            ROBOT_STATE => silent += 1,
+            EVENT if Event::decode(&event.data).unwrap().text.starts_with("no command for") => {
+                assert!((10..=20).contains(&silent), "{silent} steps without a command");
+                damped = true;
+                break;
+            }
+            _ => {}
+        }
+    }
+    assert!(damped);
+}
+
+#[test]
+fn a_dead_driver_is_damped_for_and_another_one_is_heard() {
+    let log = folder("driver").join("run.mcap");
+    let mut run = Talker::run(2, &log, "--ticks 3000");
+    let driver = run.process("driver");
+    run.hear(&["controller is in STANCE"]);
+    kill("-KILL", &driver);
+    run.hear(&["ERROR controller: controller is in DAMPING: joint state too old"]);
+    let mut second = command();
+    second.args(["driver", "runs/hyq_sim.toml", "--lcm-url", &url(2)]);
+    let mut second = Talker::start(second);
+    second.hear(&["driving hyq"]);
+    let (ran, said) = run.end();
+    assert!(said.contains("driver ended, signal: 9 (SIGKILL): the controller damps and waits"), "{said}");
+    kill("-INT", &second.child.id().to_string());
+    // The controller goes on damping until the operator wants otherwise, so this robot falls.
+    second.end().0.exits(1);
+    assert_eq!(ran.exits(1).json()["controller"]["ticks"], 3000);
+    assert_eq!(is_identical(&log)["ticks"], 3000);
+
+    let ticks: Vec<ControllerTick> = messages(&log, CONTROLLER_TICK);
+    let stale = ticks.iter().position(|tick| tick.mode == ControllerTick::MODE_DAMPING).unwrap();
+    assert_eq!(ticks[stale].fault, ControllerTick::FAULT_STATE_STALE);
+    let commands: Vec<RobotCommand> = messages(&log, ROBOT_COMMAND);
+    let inputs: Vec<ControllerInput> = messages(&log, CONTROLLER_INPUT);
+    // The same tick that finds the state too old damps, and no tick before it does.
+    assert_eq!(commands[stale].mode, RobotCommand::MODE_DAMPING);
+    assert_eq!(commands[stale - 1].mode, RobotCommand::MODE_TORQUE);
+    assert!(inputs[stale].t_ns - inputs[stale].state.t_ns > 10_000_000);
+    // The second driver counts from 0.
+    assert!(inputs[stale..].iter().any(|input| input.state.seq < inputs[stale].state.seq), "nobody heard it");
+}
+
+#[test]
+fn the_robot_walks_on_without_its_recorder() {
+    let log = folder("recorder").join("run.mcap");
+    let mut run = Talker::run(3, &log, "--ticks 1500");
+    let recorder = run.process("recorder");
+    run.hear(&["controller is in WALK"]);
+    kill("-KILL", &recorder);
+    let (ran, said) = run.end();
+    assert!(said.contains("recorder ended, signal: 9 (SIGKILL): the robot goes on without a log"), "{said}");
+    let json = ran.exits(1).json();
+    assert_eq!((&json["controller"]["ticks"], &json["controller"]["exit_code"]), (&1500.into(), &0.into()));
+    // A killed recorder leaves a log without its end, of which nothing else is missing.
+    let replay = hoof(&format!("replay --json {}", log.display()));
+    assert_eq!(replay.json()["identical"], true);
+}
+
+#[test]
+fn the_robot_walks_on_when_the_disk_is_full() {
+    let log = folder("disk").join("run.mcap");
+    let hoof = env!("CARGO_BIN_EXE_hoof");
+    let line = format!(
+        "ulimit -f 600; exec {hoof} run runs/hyq_sim.toml --scenario scenarios/short_flat.toml --json --ticks 2500 --lcm-url '{}' --log {}",
+        url(4),
+        log.display()
+    );
+    let ran = ran(Command::new("bash").args(["-c", &line]).current_dir(env!("CARGO_MANIFEST_DIR")).output().unwrap());
+    let json = ran.json();
+    assert_eq!(
+        (&json["controller"]["ticks"], &json["controller"]["exit_code"]),
+        (&2500.into(), &0.into()),
+        "{}",
+        ran.stderr
+    );
+    assert!(json["recorder"]["failure"].is_string() && json["recorder"]["exit_code"] == 3, "{json}");
+    assert!(std::fs::metadata(&log).unwrap().len() <= 600 * 1024);
+}
+
+#[test]
+fn ctrl_c_leads_to_the_safe_state_and_completes_the_log() {
+    let log = folder("interrupt").join("run.mcap");
+    let mut run = Talker::run(5, &log, "");
+    run.process("controller");
+    run.hear(&["controller is in STANCE"]);
+    kill("-INT", &run.child.id().to_string());
+    let (ran, _) = run.end();
+    let json = ran.json();
+    for process in ["controller", "recorder"] {
+        assert_eq!(json[process]["exit_code"], 0, "{json}");
+    }
+    is_identical(&log);
+    let commands: Vec<RobotCommand> = messages(&log, ROBOT_COMMAND);
+    assert!(commands.iter().rev().take(20).all(|command| command.mode == RobotCommand::MODE_DAMPING));
+    // The driver has seen the end of the commands as an end, not as a death.
+    let texts = texts(&log);
+    assert!(!texts.iter().any(|text| text.starts_with("driver: no command") && text.contains("ERROR")), "{texts:?}");
+}
+
+#[test]
+fn nobody_is_left_behind_when_the_run_is_killed() {
+    let log = folder("parent").join("run.mcap");
+    let mut run = Talker::run(6, &log, "");
+    let processes = ["recorder", "driver", "controller"].map(|name| run.process(name));
+    run.hear(&["controller is in STANCE"]);
+    kill("-KILL", &run.child.id().to_string());
+    // The pipe closes when the last of them is gone.
+    run.stderr.read_to_string(&mut run.said).unwrap();
+    run.child.wait().unwrap();
+    for process in processes {
+        while Path::new(&format!("/proc/{process}")).exists() {
+            std::thread::yield_now();
+        }
+    }
+    is_identical(&log);
+}
+
+#[test]
+fn a_second_controller_and_a_second_driver_are_refused() {
+    let log = folder("second").join("run.mcap");
+    let mut run = Talker::run(7, &log, "");
+    run.process("controller");
+    run.hear(&["controller is in STANCE"]);
+    for (name, channel) in [("controller", "ROBOT_COMMAND"), ("driver", "ROBOT_STATE")] {
+        let second = hoof(&format!("{name} runs/hyq_sim.toml --lcm-url {}", url(7))).exits(2);
+        let wanted = format!("error: another {name} sends {channel} on udpm://239.255.78.2:");
+        assert!(second.stderr.starts_with(&wanted), "{}", second.stderr);
+    }
+    kill("-INT", &run.child.id().to_string());
+    run.end();
+}

@@ -1,0 +1,170 @@
+//! `hoof teleop` on a real bus: what a script makes it send, and what it says when its person is gone.
+#![allow(clippy::unwrap_used, missing_docs)]
+
+mod common;
+
+use common::{Ran, command, ran};
+use lcmtypes::bus::{Bus, LcmBus};
+use lcmtypes::{ControllerTick, Event, Message, OperatorCommand, channels};
+use std::io::Write;
+use std::process::{Child, Command, Stdio};
+use std::time::{Duration, Instant};
+
+type Op = OperatorCommand;
+
+/// A network of its own for each test and process: a port, since liblcm hears every group that anybody on the machine has joined.
+fn url(test: u32) -> String {
+    format!("udpm://239.255.76.67:{}?ttl=0", 10_000 + std::process::id() % 2000 * 5 + test)
+}
+
+fn hear(url: &str) -> LcmBus {
+    let mut bus = LcmBus::open(url).unwrap();
+    bus.subscribe("OPERATOR_TELEOP|EVENT").unwrap();
+    bus
+}
+
+/// What has come since the last time, until nothing more does.
+fn heard(bus: &mut LcmBus) -> (Vec<OperatorCommand>, Vec<String>) {
+    let (mut commands, mut events) = (Vec::new(), Vec::new());
+    loop {
+        let messages = bus.handle(Duration::from_millis(200)).unwrap();
+        if messages.is_empty() {
+            return (commands, events);
+        }
+        for message in messages {
+            match &*message.channel {
+                channels::EVENT => events.push(Event::decode(&message.data).unwrap().text),
+                _ => commands.push(OperatorCommand::decode(&message.data).unwrap()),
+            }
+        }
+    }
+}
+
+/// Runs it with lines on standard input.
+fn script(url: &str, lines: &str) -> Ran {
+    let mut child = command()
+        .args(["teleop", "--no-screen", "--lcm-url", url])
+        .stdin(Stdio::piped())
+        .stdout(Stdio::piped())
+        .stderr(Stdio::piped())
+        .spawn()
+        .unwrap();
+    child.stdin.take().unwrap().write_all(lines.as_bytes()).unwrap();
+    ran(child.wait_with_output().unwrap())
+}
+
+#[test]
+fn a_script_is_sent_line_by_line_and_stopped_at_its_end() {
+    let url = url(1);
+    let mut bus = hear(&url);
+    let said = script(&url, "walk vx=0.2 gait=crawl\nwait 0.2\n\nyaw=-0.3 # turning\nwait 0.1\n").exits(0).stdout;
+    assert!(said.starts_with("the script has ended; the last command was STAND, "), "{said}");
+    let (commands, events) = heard(&mut bus);
+    let numbers: Vec<i64> = commands.iter().map(|c| c.seq).collect();
+    assert_eq!(numbers, (0..commands.len() as i64).collect::<Vec<_>>());
+    let mut kinds: Vec<(i8, i8, f64, f64)> = commands.iter().map(|c| (c.mode, c.gait, c.v_H[0], c.yaw_rate)).collect();
+    kinds.dedup();
+    let (walk, crawl) = (Op::MODE_WALK, Op::GAIT_CRAWL);
+    assert_eq!(kinds, [(walk, crawl, 0.2, 0.0), (walk, crawl, 0.2, -0.3), (Op::MODE_STAND, crawl, 0.0, 0.0)]);
+    // 0.3 s of heartbeats, and the last command ten times.
+    assert!(commands.len() >= 10 + 2, "{} commands", commands.len());
+    assert!(commands.windows(2).all(|two| two[0].t_ns < two[1].t_ns));
+    assert_eq!(events, ["begins on OPERATOR_TELEOP", "ends: the last command was STAND"]);
+}
+
+#[test]
+fn a_line_that_is_none_is_named_and_the_robot_stands() {
+    let url = url(2);
+    let mut bus = hear(&url);
+    let said = script(&url, "walk\nwait 0.1\nvx=9\nsit\n").exits(2).stderr;
+    assert_eq!(said.trim_end(), "error: standard input:3: vx=9: expected -0.6 to 0.6");
+    let (commands, events) = heard(&mut bus);
+    assert_eq!(commands.last().unwrap().mode, Op::MODE_STAND);
+    assert_eq!(
+        events.last().unwrap(),
+        "ends: standard input:3: vx=9: expected -0.6 to 0.6; the last command was STAND"
+    );
+}
+
+#[test]
+fn an_emergency_stop_is_not_taken_back_by_leaving() {
+    let url = url(3);
+    let mut bus = hear(&url);
+    let said = script(&url, "walk\nestop\n").exits(0).stdout;
+    assert!(said.contains("the emergency stop stays"), "{said}");
+    let (commands, _) = heard(&mut bus);
+    let mut modes: Vec<i8> = commands.iter().map(|c| c.mode).collect();
+    modes.dedup();
+    assert_eq!(modes, [Op::MODE_WALK, Op::MODE_DAMPING]);
+}
+
+/// A terminal that goes away with the test, and what runs on it with the terminal.
+struct Terminal(Child);
+
+impl Terminal {
+    fn take_away(&mut self) {
+        self.0.kill().unwrap();
+        self.0.wait().unwrap();
+    }
+}
+
+impl Drop for Terminal {
+    fn drop(&mut self) {
+        self.take_away();
+    }
+}
+
+/// Keys as a terminal sends them, on a terminal that `script` of util-linux makes; then the terminal is taken away.
+#[test]
+fn a_terminal_that_is_gone_stands_the_robot() {
+    let url = url(4);
+    let mut bus = hear(&url);
+    let program = format!("'{}' teleop --lcm-url '{url}'", env!("CARGO_BIN_EXE_hoof"));
+    let mut terminal = Command::new("script")
+        .args(["-qfc", &program, "/dev/null"])
+        .env("TERM", "xterm")
+        .current_dir(env!("CARGO_MANIFEST_DIR"))
+        .stdin(Stdio::piped())
+        .stdout(Stdio::null())
+        .spawn()
+        .unwrap();
+    let mut keys = terminal.stdin.take().unwrap();
+    let mut terminal = Terminal(terminal);
+    // A robot that lies, as its controller says, stays lying; nothing has been sent before it was heard.
+    let tick = ControllerTick { mode: ControllerTick::MODE_IDLE, ..ControllerTick::default() };
+    let mut bytes = Vec::new();
+    tick.encode(&mut bytes).unwrap();
+    let began = Instant::now();
+    let first = loop {
+        bus.publish(channels::CONTROLLER_TICK, &bytes).unwrap();
+        if let Some(first) =
+            bus.handle(Duration::from_millis(20)).unwrap().iter().find(|m| m.channel != channels::EVENT)
+        {
+            break OperatorCommand::decode(&first.data).unwrap();
+        }
+        assert!(began.elapsed() < Duration::from_secs(60), "it says nothing");
+    };
+    assert_eq!((first.mode, first.seq), (Op::MODE_IDLE, 0));
+    for (key, mode) in [("\r", Op::MODE_STAND), (" ", Op::MODE_WALK), ("w", Op::MODE_WALK)] {
+        keys.write_all(key.as_bytes()).unwrap();
+        until(&mut bus, key, |c| c.mode == mode && (key != "w" || c.v_H[0] == 0.3));
+    }
+    terminal.take_away();
+    until(&mut bus, "the end", |c| c.mode == Op::MODE_STAND && c.v_H[0] == 0.0);
+    let (commands, events) = heard(&mut bus);
+    assert!(commands.iter().all(|c| c.mode == Op::MODE_STAND));
+    assert_eq!(events.last().unwrap(), "ends: the terminal is gone; the last command was STAND");
+}
+
+/// Waits for a command.
+fn until(bus: &mut LcmBus, after: &str, wanted: impl Fn(&OperatorCommand) -> bool) {
+    let began = Instant::now();
+    loop {
+        for message in bus.handle(Duration::from_millis(100)).unwrap() {
+            if message.channel != channels::EVENT && wanted(&OperatorCommand::decode(&message.data).unwrap()) {
+                return;
+            }
+        }
+        assert!(began.elapsed() < Duration::from_secs(60), "nothing came of {after:?}");
+    }
+}
