@@ -84,9 +84,16 @@ fn a_bundle_replays_from_the_middle() {
         assert_eq!((&certificate["good"], &certificate["replay"]["first_tick"]), (&true.into(), &1001.into()));
         assert!(bytes(&bundle).len() < 5_000_000);
     }
+    // A recorder hears others long before the controller starts: times count from the first tick, as those of a replay do.
+    let (early, bundle) = (folder.join("early.mcap"), folder.join("early_bundle.mcap"));
+    rewrite(&run, &early, |event| event.t_ns += if *event.channel == *RUN_INFO { 0 } else { 5_000_000_000 });
+    hoof(&format!("log trim {} {} --around 1.4s --before 0.2 --after 0.3", early.display(), bundle.display())).exits(0);
+    let report = hoof(&format!("replay {} --json", bundle.display())).exits(0).json();
+    assert_eq!((&report["identical"], &report["ticks"]), (&true.into(), &700.into()), "{report:#}");
+
     let nowhere = folder.join("nowhere.mcap");
     let late = hoof(&format!("log trim {} {} --around 9", run.display(), nowhere.display())).exits(2);
-    assert!(late.stderr.contains("nothing at 9 s: the log ends 1.999 s after its first event"), "{}", late.stderr);
+    assert!(late.stderr.contains("nothing at 9 s: the log ends 1.999 s after its first tick"), "{}", late.stderr);
     assert!(!nowhere.exists(), "a log was begun");
 }
 
