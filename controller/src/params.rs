@@ -182,7 +182,7 @@ mod tests {
         assert!(text("gait.trot", "1").contains("in [gait.trot] there are: duty"));
         assert_eq!(
             text("wbc.friction", "high"),
-            "parameter wbc.friction: found `high`, expected a value like `0.8` (float)"
+            "parameter wbc.friction: found `high`, expected a value like `0.6` (float)"
         );
         assert!(text("trunk.kp", "[1.0, 2.0]").contains("expected a value like `[1000.0, 1000.0, 1000.0]`"));
         assert_eq!(text("gait.trot.duty", "1.5"), "parameter gait.trot.duty is 1.5, expected at least 0.5 and below 1");

@@ -35,6 +35,12 @@ impl ModeWatch {
     /// What is new in a tick, if anything. Ticks in the order of their numbers.
     pub fn see(&mut self, tick: &ControllerTick) -> Option<Said> {
         let ControllerTick { mode, fault, fault_index, fault_value, .. } = *tick;
+        if fault == ControllerTick::FAULT_CONTROLLER {
+            let is_new = std::mem::replace(&mut self.fault, fault) != fault;
+            self.mode = mode;
+            let text = "no controller runs: the joints are damped".to_owned();
+            return is_new.then_some(Said { level: Event::LEVEL_WARNING, text, is_safe_state: true });
+        }
         let fault_before = std::mem::replace(&mut self.fault, fault);
         let is_safe_state = mode == ControllerTick::MODE_DAMPING;
         let other_fault = fault != fault_before && fault != ControllerTick::FAULT_NONE;

@@ -9,6 +9,7 @@ use anyhow::Context;
 use controller::params::Params;
 use drivers::Scenario;
 use drivers::live::{self, Dummy, Executor, LcmRobot, Plan, Summary};
+use drivers::operators::Arbiter;
 use lcmtypes::bus::LcmBus;
 use lcmtypes::{RunInfo, channels};
 use replay::udpm::Url;
@@ -35,11 +36,13 @@ pub fn run(args: &ControllerArgs) -> anyhow::Result<Outcome> {
     let (file, url) = args.shared.load()?;
     let stop = Stop::new(&args.shared)?;
     let (info, hardware) = prepare(&file, &url)?;
-    let beat = file.controller.beat();
+    let beat = file.executor.beat();
     let executor = Executor::start(Plan {
         controller: controller::load(&info).with_context(|| file.robot.clone())?,
+        controllers: file.controllers.iter().map(|controller| (controller.name.clone(), controller.start)).collect(),
         hardware,
         bus: Box::new(LcmBus::open(&url.to_string())?),
+        operators: Arbiter::new(file.operator.clone())?,
         info,
         beat,
         ticks: args.length.ticks(beat.period_ns)?,
@@ -58,7 +61,7 @@ pub fn run(args: &ControllerArgs) -> anyhow::Result<Outcome> {
 /// The run's description, and the robot.
 fn prepare(file: &RunFile, url: &Url) -> anyhow::Result<(RunInfo, Box<dyn live::Hardware>)> {
     let (files, params_text) = RobotFiles::find_with_params(&file.robot)?;
-    let params_text = with_overrides(&params_text, &file.controller.set)?;
+    let params_text = with_overrides(&params_text, &file.set)?;
     let params = Params::from_toml(&params_text, &file.robot)?;
     let (mut scenario, mut scenario_name, mut seed) = (String::new(), String::new(), 0);
     if let Some(simulation) = &file.simulation {
@@ -67,6 +70,7 @@ fn prepare(file: &RunFile, url: &Url) -> anyhow::Result<(RunInfo, Box<dyn live::
         (scenario_name, seed) = (parsed.name, parsed.seed);
     }
     let info = run_info::of(&run_info::Run {
+        controller: &file.controller(),
         robot: &params.robot.name,
         urdf: &files.urdf,
         params: &params_text,
@@ -93,7 +97,7 @@ fn report(summary: &Summary, json: bool) -> anyhow::Result<Outcome> {
     if json {
         say_json(&serde_json::json!({
             "ticks": ticked.ticks, "late_ticks": ticked.late, "skipped_ticks": ticked.skipped,
-            "not_carried": ticked.not_carried, "commands_unsent": ticked.unsent,
+            "not_carried": ticked.not_carried, "commands_unsent": ticked.unsent, "panics": ticked.panics,
             "messages_unpublished": carried.unpublished, "messages_unreadable": carried.unreadable,
             "wishes_not_taken": carried.not_called,
         }))?;
@@ -106,5 +110,8 @@ fn report(summary: &Summary, json: bool) -> anyhow::Result<Outcome> {
             ))?;
         }
     }
-    Ok(if summary.is_lossy() { Outcome::DataLoss } else { Outcome::Good })
+    Ok(match ticked.panics {
+        0 if summary.is_lossy() => Outcome::DataLoss,
+        panics => Outcome::failed_if(panics > 0),
+    })
 }

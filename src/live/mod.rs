@@ -1,6 +1,7 @@
 //! Live runs: `hoof run`, and the processes that it starts.
 
 mod controller;
+mod ctl;
 mod driver;
 mod process;
 mod run;
@@ -17,6 +18,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
 pub use controller::{ControllerArgs, run as controller};
+pub use ctl::{CtlArgs, ctl};
 pub use driver::{DriverArgs, run as driver};
 pub use run::{RunArgs, run};
 

@@ -28,8 +28,8 @@ const AFTERMATH: Duration = Duration::from_secs(1);
 #[derive(clap::Args)]
 #[command(
     after_help = "Example: hoof run runs/hyq_sim.toml --seconds 10\n         hoof replay logs/runs/hyq_sim.mcap\n\n\
-    The run file: robot, log; [simulation] scenario, operator; [lcm] url; hardware; [controller] period_us, phase_us, set; \
-    [realtime] priority, core, lock_memory, stay_awake. See runs/hyq_sim.toml."
+    The run file: robot, log, set, hardware; [simulation] scenario, operator; [lcm] url; [[controller]] name, start; \
+    [executor] period_us, phase_us; [realtime] priority, core, lock_memory, stay_awake. See runs/hyq_sim.toml."
 )]
 pub struct RunArgs {
     #[command(flatten)]
@@ -48,7 +48,7 @@ pub fn run(args: &RunArgs) -> anyhow::Result<Outcome> {
     if let Some(folder) = log.parent() {
         std::fs::create_dir_all(folder).with_context(|| folder.display().to_string())?;
     }
-    let period_ns = file.controller.beat().period_ns;
+    let period_ns = file.executor.beat().period_ns;
     let mut ticks = args.length.ticks(period_ns)?;
     if let (None, Some(simulation)) = (ticks, &file.simulation) {
         ticks = Some(Scenario::load(&simulation.scenario)?.duration_ns() / period_ns);

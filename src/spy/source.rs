@@ -199,16 +199,15 @@ pub fn read_log(log: &Path, types: Types) -> anyhow::Result<ReadLog> {
 
 /// What to do when a network is silent.
 pub fn nothing_heard(url: &Url) -> String {
-    let Url { group, port, ttl, .. } = url;
     let mut lines = vec![
-        format!("nothing heard on {url}. Either nobody sends, or not there, or the way is blocked:"),
-        format!("- do the senders use group {group} and port {port}? (their LCM_DEFAULT_URL or --lcm-url)"),
-        format!("- is there a route for multicast? `ip route get {group}` must name the interface of the senders;"),
-        "  on one machine: sudo ip link set lo multicast on; sudo ip route add 224.0.0.0/4 dev lo".to_owned(),
+        format!("nothing heard on {url}"),
+        "- does anybody send there? look at the senders' LCM_DEFAULT_URL or --lcm-url".to_owned(),
+        format!("- is there a route for multicast? see: ip route get {}", url.group),
+        "  on one machine: sudo ip route replace 224.0.0.0/4 dev lo".to_owned(),
     ];
-    if *ttl == 0 {
-        lines.push("- senders on another machine need ttl=1 or more in their URL; 0 stays at home".to_owned());
+    if url.ttl == 0 {
+        lines.push("- from another machine: ttl=1 or more in the URL of the senders".to_owned());
     }
-    lines.push("`hoof doctor` checks the machine.".to_owned());
+    lines.push("hoof doctor checks this machine.".to_owned());
     lines.join("\n")
 }

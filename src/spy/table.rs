@@ -194,8 +194,9 @@ pub fn senders_text(senders: &[Account]) -> String {
 /// An alarm in a sentence.
 pub fn alarm_text(raised: &Raised) -> String {
     let Raised { alarm, channel, value, times } = raised;
-    let found = value.map_or("never heard".to_owned(), |value| format!("{} is {}", channel, number(value)));
-    format!("{alarm}: {found} ({times} times)")
+    let found = value.map_or("never heard".to_owned(), |value| format!("{channel} is {}", number(value)));
+    let times = if *times == 1 { "once".to_owned() } else { format!("{times} times") };
+    format!("{alarm}: {found}, raised {times}")
 }
 
 /// The type, or what stands for one that is not known.

@@ -100,6 +100,7 @@ fn content(value: &Value, element: Option<Type>, named: &dyn Fn(i64) -> Option<S
                 left_out,
             }
         }
+        Value::String(text) if text.contains('\n') => text_content(text),
         leaf => {
             let leaf = leaf.as_leaf();
             let name = leaf.and_then(Leaf::as_i64).and_then(named).map_or(String::new(), |name| format!("  {name}"));
@@ -107,6 +108,18 @@ fn content(value: &Value, element: Option<Type>, named: &dyn Fn(i64) -> Option<S
             Content::Leaf { text, is_number: leaf.and_then(Leaf::as_f64).is_some() }
         }
     }
+}
+
+/// The lines of a text.
+fn text_content(text: &str) -> Content {
+    let node = |(place, line): (usize, &str)| {
+        // A terminal would obey control characters.
+        let text = line.chars().map(|c| if c.is_control() { ' ' } else { c }).collect();
+        let content = Content::Leaf { text, is_number: false };
+        Node { name: format!("[{place}]"), content }
+    };
+    let parts: Vec<Node> = text.lines().take(LISTED).enumerate().map(node).collect();
+    Content::Branch { left_out: text.lines().count() - parts.len(), parts, is_array: true }
 }
 
 /// Numbers of a field `mode` are named by the constants `MODE_*` of its type.
@@ -218,7 +231,7 @@ fn hex(bytes: &[u8]) -> Vec<String> {
 #[allow(clippy::unwrap_used)]
 mod tests {
     use super::*;
-    use lcmtypes::{ControllerInput, ControllerTick, Message, RobotState, channels};
+    use lcmtypes::{ControllerInput, ControllerTick, Message, RobotState, RunInfo, channels};
 
     fn decoded<M: Message>(channel: &str, message: &M) -> Decoded {
         let mut bytes = Vec::new();
@@ -253,6 +266,16 @@ mod tests {
             !lines.iter().any(|found| found.starts_with("op.")) && lines.iter().any(|found| found.starts_with("op {"))
         );
         assert!(!shown(&tree, &["state"]).iter().any(|found| found.starts_with("state.")));
+    }
+
+    #[test]
+    fn a_text_unfolds_into_its_lines() {
+        let info =
+            RunInfo { params: "[robot]\nname = \"hyq\"\n".to_owned(), robot: "hyq".to_owned(), ..Default::default() };
+        let lines = shown(&decoded(channels::RUN_INFO, &info), &["params"]);
+        let at = lines.iter().position(|line| line == "params [2] [robot] name = \"hyq\"").unwrap();
+        assert_eq!(lines[at + 1..at + 3], ["params[0] [robot]", "params[1] name = \"hyq\""]);
+        assert!(lines.iter().any(|line| line == "robot \"hyq\""));
     }
 
     #[test]

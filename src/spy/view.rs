@@ -67,11 +67,17 @@ impl Screen<'_> {
 
     fn head(&self, frame: &mut Frame, area: Rect) {
         let Picture { rows, lost_twice_late: [lost, twice, late], raised, .. } = self.picture;
-        let sum = |of: fn(&Row) -> f64| rows.iter().map(of).sum::<f64>();
+        let sum = |of: fn(&Row) -> f64| rows.iter().map(of).fold(0.0, |sum, one| sum + one);
         let mut first = vec![bold(self.title.to_owned()), Span::raw(format!("  {} channels", rows.len()))];
         if !self.is_log {
             let style = if *lost > 0 { Style::new().fg(Color::Yellow) } else { Style::new() };
-            first.push(Span::styled(format!("  lost {lost} twice {twice} late {late}"), style));
+            let mut text = format!("  lost {lost}");
+            for (count, what) in [(twice, "twice"), (late, "late")] {
+                if *count > 0 {
+                    text += &format!(" {what} {count}");
+                }
+            }
+            first.push(Span::styled(text, style));
         }
         first.push(Span::raw(format!(
             "  {} msg/s  {}B/s",

@@ -39,7 +39,7 @@ use estimation::{BasePlace, Estimate};
 use lcmtypes::{ControllerInput, ControllerTick, Message, QuadrupedState, channels};
 use modes::{Asked, Wish};
 use nalgebra::Vector3;
-use reference::References;
+use reference::{References, Tick};
 use rise::Rise;
 use robot::Robot;
 use safety::{fault, seconds};
@@ -160,9 +160,10 @@ impl Quadruped {
         let wish = operator::follow(params, estimate, state, &input.op, asked, dt);
         let rp_rate = rate(state.rp_des, rp_before);
         *trunk = operator::trunk_reference(state, rp_rate, rate(state.gradient_W, gradient_before));
-        let met = recovery::surprises(params, estimate, state, dt);
+        let met = recovery::surprises(robot, params, estimate, state, dt);
         let changes = gait::update(state, params, wish, &met, dt);
-        references.update(robot, params, estimate, &input.state.q, &changes, state, dt);
+        let q = &input.state.q;
+        references.update(&Tick { robot, params, estimate, q, changes: &changes, dt }, state);
         digests.0[Stage::Gait as usize] = digests::gait(references, state);
         probe.stage_done(Stage::Gait);
 

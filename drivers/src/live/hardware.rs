@@ -26,6 +26,15 @@ pub trait Hardware: Send {
     }
 }
 
+/// Joints for which there is memory from the beginning; a robot with more costs some allocations in its first ticks.
+const JOINTS: usize = 64;
+
+/// A state without joints, and with room for them.
+pub fn empty_state() -> RobotState {
+    let room = || Vec::with_capacity(JOINTS);
+    RobotState { q: room(), qd: room(), tau: room(), ..RobotState::default() }
+}
+
 /// No robot: joints at rest in a posture, IMU upright. For trying an executor and measuring its jitter.
 pub struct Dummy {
     state: RobotState,
@@ -72,7 +81,7 @@ impl LcmRobot {
     /// If it cannot be joined.
     pub fn open(url: &Url) -> Result<Self, DriverError> {
         let (states, commands) = (Ear::open(url, channels::ROBOT_STATE)?, Speaker::open(url)?);
-        Ok(LcmRobot { states, commands, heard: RobotState::default(), unsent: 0 })
+        Ok(LcmRobot { states, commands, heard: empty_state(), unsent: 0 })
     }
 }
 
