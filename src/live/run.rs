@@ -28,7 +28,7 @@ const AFTERMATH: Duration = Duration::from_secs(1);
 #[derive(clap::Args)]
 #[command(
     after_help = "Example: hoof run runs/hyq_sim.toml --seconds 10\n         hoof replay logs/runs/hyq_sim.mcap\n\n\
-    The run file: robot, log, set, hardware; [simulation] scenario, operator; [lcm] url; [[controller]] name, start; \
+    The run file: robot, log, set, hardware, faults; [simulation] scenario, operator; [lcm] url; [[controller]] name, start; \
     [executor] period_us, phase_us; [realtime] priority, core, lock_memory, stay_awake. See runs/hyq_sim.toml."
 )]
 pub struct RunArgs {

@@ -151,9 +151,8 @@ impl<'a> Run<'a> {
         let Run { sim, talk, faults, state, truth, t_ns, number, .. } = self;
         // Windows of faults are times of the scenario; the message carries the clock of the machine.
         sim.robot_state(*t_ns, *number, state);
-        let arrives = faults.on_state(state);
         state.t_ns = now;
-        if arrives {
+        if faults.on_state(*t_ns, state) {
             self.summary.unsent += talk.put(channels::ROBOT_STATE, state)?;
         }
         sim.ground_truth(now, truth);
@@ -166,7 +165,8 @@ impl<'a> Run<'a> {
     fn listen(&mut self, now: i64) -> Result<(), DriverError> {
         let Run { newest, talk, .. } = self;
         let mut came = false;
-        self.commands.hear(|data| came |= newest.decode_into(data).is_ok());
+        let arrives = self.faults.command_arrives(self.t_ns);
+        self.commands.hear(|data| came |= arrives && newest.decode_into(data).is_ok());
         if came {
             if !self.started {
                 let text = format!("scenario {} begins", self.scenario.name);
@@ -179,7 +179,9 @@ impl<'a> Run<'a> {
             (self.started, self.arrived_ns) = (true, now);
         }
         let age = now - self.arrived_ns;
-        if self.started && !self.watching && age > WATCHDOG_NS {
+        // A process that stands still watches nothing.
+        let awake = self.faults.stands_still_until(self.t_ns).is_none();
+        if self.started && !self.watching && awake && age > WATCHDOG_NS {
             (self.watching, self.summary.watchdog) = (true, self.summary.watchdog + 1);
             let text = format!("no command for {} us: joints are damped", age / 1000);
             // Who commands torque and falls silent has died; who has asked for damping before may go.
