@@ -4,7 +4,7 @@
 mod common;
 
 use common::{command, events, folder, hoof, rewrite};
-use lcmtypes::channels::{CONTROLLER_INPUT, CONTROLLER_TICK, EVENT, RUN_INFO};
+use lcmtypes::channels::{CONTROLLER_INPUT, CONTROLLER_TICK, RUN_INFO};
 use replay::log::LogWriter;
 use serde_json::Value;
 use std::io::{BufRead, BufReader};
