@@ -161,7 +161,7 @@ fn mutant_one_low_bit_of_one_joint_angle() {
     let run = recorded();
     let mut inputs = run.inputs.clone();
     let q = &mut inputs[AT].state.q[4];
-    *q = f64::from_bits(q.to_bits() ^ 1);
+    *q = f64::from_bits(q.to_bits() ^ 2);
     let outputs = replay(&mut hyq(), &inputs);
     assert_eq!(first_difference(&run.outputs, &outputs).unwrap().0, AT);
     let tick = |outputs: &[Messages]| ControllerTick::decode(message(&outputs[AT], channels::CONTROLLER_TICK)).unwrap();
