@@ -2,13 +2,13 @@
 SHELL := /bin/bash
 .SHELLFLAGS := -euo pipefail -c
 .DEFAULT_GOAL := help
-.PHONY: help setup build demo test guard bench bindings
+.PHONY: help setup build demo test guard bench bindings lcm-spy
 
 export PATH := $(PATH):$(HOME)/.cargo/bin
 TARGET_DIR := $(or $(CARGO_TARGET_DIR),target)
 
 help: ## list these targets
-	@awk -F ':.*## ' '/^[a-z]+:.*## / { printf "make %-10s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
+	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "make %-10s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
 
 setup: ## install what cargo cannot: liblcm, MuJoCo (quick when nothing is to be done)
 	@scripts/setup.sh
@@ -39,6 +39,9 @@ bench: build ## time the controller beside its peers and print the tables (insta
 	$(TARGET_DIR)/release/hoof sim --robot hyq --scenario scenarios/flat_trot.toml --log $(TARGET_DIR)/bench/flat_trot.mcap
 	cargo run --release --locked --package benches --bin bench -- run $(TARGET_DIR)/bench --peers $(TARGET_DIR)/peers \
 		--replay $(TARGET_DIR)/bench/flat_trot.mcap --json $(TARGET_DIR)/bench/speed.json $(BENCH)
+
+lcm-spy: ## the stock lcm-spy with our types, below TARGET_DIR/lcm-spy (INSTALL=1 installs a JDK where there is none)
+	@scripts/lcm_spy_jar.sh $(TARGET_DIR)/lcm-spy
 
 bindings: ## regenerate the bindings of liblcm (needs libclang)
 	scripts/regenerate_bindings.sh

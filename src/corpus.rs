@@ -1,21 +1,28 @@
 //! `hoof corpus`: golden logs that today's controller must repeat bit for bit.
 
 use crate::progress::Progress;
-use crate::replay_log::divergence_text;
+use crate::replay_log::{divergence_text, threads};
 use crate::{Outcome, say, say_json};
+use analysis::changes;
+use anyhow::Context;
 use clap::Subcommand;
 use lcmtypes::channels;
-use replay::corpus::{self, CorpusResult, Part};
-use std::path::PathBuf;
+use replay::corpus::{self, Corpus, CorpusResult, Part};
+use std::path::{Path, PathBuf};
 
 #[derive(Subcommand)]
 pub enum Command {
     /// Replay every golden log and compare every bit
-    #[command(after_help = "Example: hoof corpus check")]
+    #[command(
+        after_help = "Example: hoof corpus check\n         hoof corpus check --html changed && xdg-open changed/index.html"
+    )]
     Check {
         /// Folder of the corpus
         #[arg(long, default_value = "logs/golden")]
         dir: PathBuf,
+        /// Write a page into this directory: what changed in each log first and by how much, figures before and after side by side
+        #[arg(long, value_name = "DIR")]
+        html: Option<PathBuf>,
         /// Print JSON
         #[arg(long)]
         json: bool,
@@ -35,7 +42,7 @@ pub enum Command {
         #[arg(long)]
         json: bool,
     },
-    /// Make a golden log of a run, or of a part of it: trimmed to inputs, digests and snapshots
+    /// Make a golden log of a run, or of a part of it: trimmed to inputs, digests, snapshots, and other outputs of every twentieth tick
     #[command(
         after_help = "Example: hoof corpus add run.mcap --name flat_trot --why \"HyQ trots on flat ground\"\n         \
         hoof corpus add field.mcap --around 132.4 --name stumble_on_wet_ramp --why \"the field bug of March\""
@@ -55,7 +62,7 @@ pub enum Command {
         /// How much of the log lies around that time, s
         #[arg(long, value_name = "S", default_value_t = 2.0, requires = "around")]
         span: f64,
-        /// Keep one more channel, such as LEG_STATE; may be repeated, `all` is every output of the controller
+        /// Keep a channel of every tick, such as LEG_STATE; may be repeated, `all` is every output of the controller
         #[arg(long, value_name = "CHANNEL")]
         keep: Vec<String>,
         /// Folder of the corpus
@@ -66,17 +73,21 @@ pub enum Command {
 
 pub fn run(command: &Command) -> anyhow::Result<Outcome> {
     match command {
-        Command::Check { dir, json } => {
+        Command::Check { dir, html, json } => {
             let bar = Progress::new("corpus");
-            let jobs = std::thread::available_parallelism().map_or(1, usize::from);
-            let logs = corpus::check(dir, jobs)?;
+            let corpus = Corpus::open_with(dir, controller::load)?;
+            let logs = corpus.check(threads());
             drop(bar);
             anyhow::ensure!(!logs.is_empty(), "{}: no golden log, so nothing was checked", dir.display());
+            let page = html.as_deref().map(|out| page(&corpus, &logs, out)).transpose()?;
             if *json {
-                say_json(&serde_json::json!({ "logs": logs }))?;
+                say_json(&serde_json::json!({ "logs": logs, "page": page }))?;
             } else {
                 for log in &logs {
                     say(line(log))?;
+                }
+                if let Some(page) = page {
+                    say(format!("page: {}", page.display()))?;
                 }
             }
             Ok(Outcome::failed_if(logs.iter().any(|log| !log.identical)))
@@ -108,6 +119,31 @@ pub fn run(command: &Command) -> anyhow::Result<Outcome> {
             Ok(Outcome::Good)
         }
     }
+}
+
+/// Draws what became of the golden logs; the logs that figures are made of are taken away again.
+fn page(corpus: &Corpus, logs: &[CorpusResult], out: &Path) -> anyhow::Result<PathBuf> {
+    let bar = Progress::new("page");
+    let sides = out.join("sides");
+    std::fs::create_dir_all(&sides).with_context(|| sides.display().to_string())?;
+    let mut shown = Vec::new();
+    for log in logs {
+        let CorpusResult { name, identical, first_divergence, .. } = log;
+        let of_log = ["before", "after"].map(|side| sides.join(format!("{name}_{side}.mcap")));
+        if first_divergence.is_some() {
+            corpus.sides(name, &of_log[0], &of_log[1])?;
+        }
+        shown.push(changes::Log {
+            name: name.clone(),
+            why: corpus.why(name).unwrap_or_default().to_owned(),
+            identical: *identical,
+            verdict: line(log).trim_start_matches(name).trim_start_matches(": ").to_owned(),
+            sides: first_divergence.is_some().then_some(of_log),
+        });
+    }
+    let page = changes::changes(&shown, out, &mut |p| bar.set(p.done as f64 / p.total.max(1) as f64))?;
+    std::fs::remove_dir_all(&sides).with_context(|| sides.display().to_string())?;
+    Ok(page)
 }
 
 /// Channels to be kept besides those that a golden log keeps anyway.

@@ -6,6 +6,7 @@
 mod corpus;
 mod debug;
 mod demo;
+mod doctor;
 mod experiment;
 mod live;
 mod log;
@@ -42,9 +43,12 @@ enum Command {
     Controller(live::ControllerArgs),
     /// Simulate a robot in real time, as its driver process on LCM
     Driver(live::DriverArgs),
+    /// Start or stop a controller of a live run
+    Ctl(live::CtlArgs),
     /// Feed a log's inputs to its controller again and compare every bit of every output
     Replay(Box<replay_log::Args>),
     Teleop(teleop::Args),
+    Doctor(doctor::Args),
     /// Step through a log tick by tick in the terminal: legs, forces, tasks, programs, events
     Debug(debug::Args),
     /// Figures, tables, metrics.json and report.html of a log
@@ -89,7 +93,9 @@ fn main() -> ExitCode {
         Command::Run(args) => live::run(&args),
         Command::Controller(args) => live::controller(&args),
         Command::Driver(args) => live::driver(&args),
+        Command::Ctl(args) => live::ctl(&args),
         Command::Replay(args) => replay_log::run(&args),
+        Command::Doctor(args) => doctor::run(&args),
         Command::Teleop(args) => teleop::run(&args),
         Command::Debug(args) => debug::run(&args),
         Command::Report(args) => report::run(&args),

@@ -5,6 +5,8 @@ use replay::engine::Build;
 
 /// What differs from run to run.
 pub struct Run<'a> {
+    /// The controller, as [`controller::load`] finds it.
+    pub controller: &'a str,
     /// Name of the robot.
     pub robot: &'a str,
     /// Text of its URDF.
@@ -36,7 +38,7 @@ pub fn of(run: &Run) -> RunInfo {
     let Build { revision, dirty, toolchain, flags } = build();
     RunInfo {
         t_ns: 0,
-        controller: controller::quadruped::NAME.to_owned(),
+        controller: run.controller.to_owned(),
         robot: run.robot.to_owned(),
         urdf: run.urdf.to_owned(),
         params: run.params.to_owned(),

@@ -218,6 +218,7 @@ pub fn simulate_setup(setup: Setup, log_path: &Path, progress: &mut dyn FnMut(f6
     let params = Params::from_toml(&params_text, &robot)?;
     let seed = scenario.seed;
     let info = run_info::of(&Run {
+        controller: controller::quadruped::NAME,
         robot: &robot,
         urdf: &urdf,
         params: &params_text,

@@ -3,9 +3,9 @@
 
 mod common;
 
-use common::{folder, hoof, rewrite_one};
-use lcmtypes::channels::{CONTROLLER_INPUT, CONTROLLER_TICK};
-use lcmtypes::{ControllerInput, ControllerTick};
+use common::{folder, hoof, rewrite, rewrite_one};
+use lcmtypes::channels::{CONTROLLER_INPUT, CONTROLLER_TICK, ROBOT_COMMAND};
+use lcmtypes::{ControllerInput, ControllerTick, Message, RobotCommand};
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
 
@@ -80,6 +80,41 @@ fn a_changed_input_fails_at_its_tick() {
     });
     let divergence = check(&corpus, 1)["first_divergence"].take();
     assert_eq!((&divergence["tick"], &divergence["stage"]), (&json!(42), &json!("input")));
+}
+
+/// Torques of another controller: the page names the first that was kept, and draws what has changed and nothing else.
+#[test]
+fn a_page_shows_what_was_and_what_is() {
+    let (corpus, log) = corpus("page");
+    alter(&log, |log, altered| {
+        rewrite(log, altered, |event| {
+            if *event.channel == *ROBOT_COMMAND {
+                let mut command = RobotCommand::decode(&event.data).unwrap();
+                if command.tick >= 1010 {
+                    command.tau[3] += 10.0;
+                }
+                event.data.clear();
+                command.encode(&mut event.data).unwrap();
+            }
+        });
+    });
+    let out = corpus.with_file_name("page");
+    let found = hoof(&format!("corpus check --json --dir {} --html {}", corpus.display(), out.display())).exits(1);
+    assert_eq!(found.json()["page"], json!(out.join("index.html")));
+    let page = std::fs::read_to_string(out.join("index.html")).unwrap();
+    // Kept are the ticks 1000, 1020, …, 1980: 49 of 100 differ.
+    let row =
+        "<td>ROBOT_COMMAND</td><td class=\"n\">49</td><td class=\"n\">100</td><td class=\"n\">1020</td><td>tau[3]</td>";
+    assert!(page.contains(row), "{page:.20000}");
+    let headings: Vec<_> =
+        page.match_indices("<h3>").map(|(at, _)| page[at + 4..].split('<').next().unwrap()).collect();
+    assert_eq!(headings, ["Joints"]);
+    for (words, times) in [("<b>ROBOT_COMMAND.tau[3].</b>", 1), ("<figcaption>before", 1), ("<figcaption>after", 1)] {
+        assert_eq!(page.matches(words).count(), times, "{words}");
+    }
+    assert!(page.contains("differs from tick 1020"));
+    let files: Vec<_> = std::fs::read_dir(&out).unwrap().map(|entry| entry.unwrap().file_name()).collect();
+    assert_eq!(files, ["index.html"]);
 }
 
 #[test]

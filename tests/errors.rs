@@ -118,7 +118,7 @@ fn robot_file() {
     with(
         "duty =",
         "duty_factor = 0.5\nduty =",
-        &["unknown field `duty_factor`, expected one of `duty`, `swing_frequency`", "line 27"],
+        &["unknown field `duty_factor`, expected one of `duty`, `swing_frequency`", "line 42"],
     );
     with("duty = 0.55", "duty = 1.5", &["parameter gait.trot.duty is 1.5, expected at least 0.5 and below 1"]);
     with("duty = 0.55", "duty = \"half\"", &["invalid type: string \"half\", expected f64"]);
@@ -146,8 +146,8 @@ fn parameters() {
         ),
         ("friction=0.5", "unknown parameter \"friction\", at the top there are: contact, foothold, gait,"),
         ("wbc=3", "unknown parameter \"wbc\", in [wbc] there are:"),
-        ("wbc.friction=high", "parameter wbc.friction: found `high`, expected a value like `0.8` (float)"),
-        ("wbc.friction=", "parameter wbc.friction: found ``, expected a value like `0.8` (float)"),
+        ("wbc.friction=high", "parameter wbc.friction: found `high`, expected a value like `0.6` (float)"),
+        ("wbc.friction=", "parameter wbc.friction: found ``, expected a value like `0.6` (float)"),
         ("wbc.friction=-1", "parameter wbc.friction is -1, expected a positive number"),
         ("wbc.friction=nan", "parameter wbc.friction is NaN, expected a positive number"),
         ("wbc.max_iterations=2.5", "parameter wbc.max_iterations: found `2.5`, expected a value like `200` (integer)"),

@@ -159,7 +159,7 @@ fn a_changed_parameter_is_found_at_the_first_tick_in_which_it_matters() {
     divergence(replay(&log, "--set wbc.friction=0.7"), &json!({ "tick": 0, "stage": "tasks" }));
 
     // A limit that the run never came near changes nothing, and neither does the value that was there before.
-    for set in ["trunk.max_height_offset=0.11", "wbc.friction=0.8"] {
+    for set in ["trunk.max_height_offset=0.11", "wbc.friction=0.6"] {
         assert_identical(&replay(&log, &format!("--set {set}")).exits(0).json(), 2000);
     }
 }
@@ -265,8 +265,9 @@ fn a_knee_without_torque_ends_in_damping_and_replays_bit_for_bit() {
     assert!(ran.exits(1).json()["safe_state"].is_string());
     let last = ticks.last().unwrap();
     assert_eq!(last.mode, ControllerTick::MODE_DAMPING);
-    // The leg gives way: which of the two is noticed first depends on how.
-    assert!([ControllerTick::FAULT_QP, ControllerTick::FAULT_TILT].contains(&last.fault), "fault {}", last.fault);
+    // The leg gives way: which is noticed first depends on how.
+    let known = [ControllerTick::FAULT_QP, ControllerTick::FAULT_TILT, ControllerTick::FAULT_JOINT_VELOCITY];
+    assert!(known.contains(&last.fault), "fault {}", last.fault);
     let gave_up = ticks.iter().position(|tick| tick.mode == ControllerTick::MODE_DAMPING).unwrap();
     assert!(gave_up > 900 && ticks[gave_up..].iter().all(|tick| tick.mode == ControllerTick::MODE_DAMPING));
 

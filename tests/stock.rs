@@ -32,6 +32,12 @@ fn tool(command: &mut Command) -> String {
 fn stock_reader(folder: &Path) -> PathBuf {
     let types = Path::new(env!("CARGO_MANIFEST_DIR")).join("lcmtypes");
     let mut sources = vec![Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/stock/read_log.c")];
+    let (mut headers, mut list) = (String::new(), "#define TYPES(X)".to_owned());
+    for name in SOURCES.iter().map(|(file, _)| file.trim_end_matches("_t.lcm")) {
+        headers += &format!("#include \"hoofprint_{name}_t.h\"\n");
+        list += &format!(" X({name})");
+    }
+    std::fs::write(folder.join("types.h"), headers + &list + "\n").unwrap();
     for (name, _) in SOURCES {
         tool(
             Command::new("lcm-gen")
@@ -130,7 +136,10 @@ fn stock_lcm_gen_and_liblcm_read_every_message_as_we_do() {
     }
     assert_eq!(found.next(), None);
     let seen: BTreeSet<&str> = events.iter().map(|event| &*event.channel).collect();
-    assert_eq!(seen, CHANNELS.iter().map(|channel| channel.name).collect(), "a channel is in no event");
+    // What only a live run has.
+    let live = [EXECUTOR_COMMAND];
+    let in_lockstep = CHANNELS.iter().map(|channel| channel.name).filter(|name| !live.contains(name));
+    assert_eq!(seen, in_lockstep.collect(), "a channel is in no event");
 }
 
 /// UDP may lose a message where a machine is busy: what has to come is all of it in one of a few attempts, and in each of them
@@ -154,6 +163,50 @@ fn stock_lcm_logplayer_plays_our_log() {
         }
     }
     panic!("of {} messages were lost in {ATTEMPTS} attempts: {lost:?}", events.len());
+}
+
+/// The stock logger keeps 30 messages at most while it writes: as for the player, one of a few attempts has to have them all.
+#[test]
+fn stock_lcm_logger_records_what_we_play() {
+    const ATTEMPTS: usize = 5;
+    let folder = folder("records");
+    let (log, sent) = run(&folder, 0.25);
+    let mut lost = Vec::new();
+    for attempt in 0..ATTEMPTS {
+        let copy = folder.join(format!("copy{attempt}.lcmlog"));
+        record(&log, &copy, attempt);
+        let (mut played, recorded) = (sent.iter(), events(&copy));
+        for event in &recorded {
+            let is_it = |other: &&LogEvent| *other.channel == *event.channel && other.data == event.data;
+            assert!(played.any(|other| is_it(&other)), "not in the log, or not there: {}", event.channel);
+        }
+        lost.push(sent.len() - recorded.len());
+        if lost.ends_with(&[0]) {
+            return;
+        }
+    }
+    panic!("of {} messages the stock logger lost in {ATTEMPTS} attempts: {lost:?}", sent.len());
+}
+
+/// Records with the stock logger what `hoof log play` plays.
+fn record(log: &Path, recorded: &Path, attempt: usize) {
+    let port = 61_000 + std::process::id() as usize % 800 * 5 + attempt;
+    // liblcm tries itself on LCM_SELF_TEST, which is not of the log.
+    let url = format!("udpm://239.255.76.67:{port}?ttl=0");
+    let mut logger = Command::new("lcm-logger");
+    logger.arg(format!("--lcm-url={url}")).arg("--channel=(?!LCM_).*").arg(recorded);
+    let logger = logger.stdout(Stdio::null()).stderr(Stdio::null()).spawn();
+    let mut logger = logger.unwrap_or_else(|error| panic!("lcm-logger: {error}; scripts/setup.sh installs it"));
+    // It listens once its socket has the port.
+    let bound = format!(":{port:04X} ");
+    while !std::fs::read_to_string("/proc/net/udp").unwrap().contains(&bound) {
+        assert!(logger.try_wait().unwrap().is_none(), "lcm-logger ended");
+        std::thread::yield_now();
+    }
+    hoof(&format!("log play {} --speed 0.25 --lcm-url {url}", log.display())).exits(0);
+    let id = logger.id().to_string();
+    assert!(Command::new("kill").args(["-INT", &id]).status().unwrap().success());
+    assert!(logger.wait().unwrap().success());
 }
 
 /// What arrives while the stock player plays a log at a quarter of its speed: 3000 messages a second.

@@ -3,9 +3,9 @@
 
 mod common;
 
-use common::{Ran, command, ran};
+use common::{Ran, command, folder, hoof, messages, ran};
 use lcmtypes::bus::{Bus, LcmBus};
-use lcmtypes::{ControllerTick, Event, Message, OperatorCommand, channels};
+use lcmtypes::{ControllerInput, ControllerTick, Event, Message, OperatorCommand, channels};
 use std::io::Write;
 use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
@@ -14,7 +14,7 @@ type Op = OperatorCommand;
 
 /// A network of its own for each test and process: a port, since liblcm hears every group that anybody on the machine has joined.
 fn url(test: u32) -> String {
-    format!("udpm://239.255.76.67:{}?ttl=0", 10_000 + std::process::id() % 2000 * 5 + test)
+    format!("udpm://239.255.76.67:{}?ttl=0", 10_000 + std::process::id() % 1600 * 6 + test)
 }
 
 fn hear(url: &str) -> LcmBus {
@@ -98,22 +98,6 @@ fn an_emergency_stop_is_not_taken_back_by_leaving() {
     assert_eq!(modes, [Op::MODE_WALK, Op::MODE_DAMPING]);
 }
 
-/// A terminal that goes away with the test, and what runs on it with the terminal.
-struct Terminal(Child);
-
-impl Terminal {
-    fn take_away(&mut self) {
-        self.0.kill().unwrap();
-        self.0.wait().unwrap();
-    }
-}
-
-impl Drop for Terminal {
-    fn drop(&mut self) {
-        self.take_away();
-    }
-}
-
 /// Keys as a terminal sends them, on a terminal that `script` of util-linux makes; then the terminal is taken away.
 #[test]
 fn a_terminal_that_is_gone_stands_the_robot() {
@@ -129,7 +113,7 @@ fn a_terminal_that_is_gone_stands_the_robot() {
         .spawn()
         .unwrap();
     let mut keys = terminal.stdin.take().unwrap();
-    let mut terminal = Terminal(terminal);
+    let mut terminal = Running(terminal);
     // A robot that lies, as its controller says, stays lying; nothing has been sent before it was heard.
     let tick = ControllerTick { mode: ControllerTick::MODE_IDLE, ..ControllerTick::default() };
     let mut bytes = Vec::new();
@@ -149,7 +133,7 @@ fn a_terminal_that_is_gone_stands_the_robot() {
         keys.write_all(key.as_bytes()).unwrap();
         until(&mut bus, key, |c| c.mode == mode && (key != "w" || c.v_H[0] == 0.3));
     }
-    terminal.take_away();
+    terminal.end();
     until(&mut bus, "the end", |c| c.mode == Op::MODE_STAND && c.v_H[0] == 0.0);
     let (commands, events) = heard(&mut bus);
     assert!(commands.iter().all(|c| c.mode == Op::MODE_STAND));
@@ -166,5 +150,68 @@ fn until(bus: &mut LcmBus, after: &str, wanted: impl Fn(&OperatorCommand) -> boo
             }
         }
         assert!(began.elapsed() < Duration::from_secs(60), "nothing came of {after:?}");
+    }
+}
+
+/// A live run, in which a person takes over from the scenario, stops the robot, takes the stop back, and goes.
+#[test]
+fn a_person_takes_over_from_the_scenario_and_stops_the_robot() {
+    let url = url(5);
+    let log = folder("takes_over").join("run.mcap");
+    let mut bus = LcmBus::open(&url).unwrap();
+    bus.subscribe(channels::CONTROLLER_TICK).unwrap();
+    let run = command()
+        .args(["run", "runs/hyq_sim.toml", "--scenario", "scenarios/short_flat.toml", "--ticks", "4000", "--json"])
+        .args(["--lcm-url", &url, "--log"])
+        .arg(&log)
+        .stdout(Stdio::null())
+        .stderr(Stdio::null())
+        .spawn()
+        .unwrap();
+    let mut run = Running(run);
+    let began = Instant::now();
+    while bus.handle(Duration::from_millis(100)).unwrap().is_empty() {
+        assert!(began.elapsed() < Duration::from_secs(60), "the controller does not begin");
+    }
+    script(&url, "stand\nwait 0.4\nestop\nwait 0.2\nidle\nwait 0.2\n").exits(0);
+    run.0.wait().unwrap();
+
+    let events: Vec<Event> = messages(&log, channels::EVENT);
+    let operator: Vec<&str> = events.iter().filter(|e| e.source == "operator").map(|e| &*e.text).collect();
+    let mut said = operator.iter();
+    for wanted in [
+        "OPERATOR_COMMAND takes over",
+        "OPERATOR_TELEOP takes over",
+        "emergency stop by OPERATOR_TELEOP",
+        "OPERATOR_TELEOP takes its emergency stop back",
+        "OPERATOR_COMMAND takes over",
+    ] {
+        assert!(said.any(|text| *text == wanted), "{wanted}: {operator:?}");
+    }
+    // The controller consumed what was sent on either channel, and the emergency stop for as long as it was in force.
+    let inputs: Vec<ControllerInput> = messages(&log, channels::CONTROLLER_INPUT);
+    let teleop: Vec<OperatorCommand> = messages(&log, "OPERATOR_TELEOP");
+    let scenario: Vec<OperatorCommand> = messages(&log, channels::OPERATOR_COMMAND);
+    let sent = |from: &[OperatorCommand], op: &OperatorCommand| from.contains(op);
+    let stopped = inputs.iter().filter(|i| i.op.mode == Op::MODE_DAMPING && sent(&teleop, &i.op)).count();
+    assert!(stopped > 0, "the emergency stop was never consumed");
+    assert!(inputs.iter().filter(|i| sent(&scenario, &i.op)).count() > 0);
+    let json = hoof(&format!("replay --json {}", log.display())).exits(0).json();
+    assert_eq!(json["identical"], true);
+}
+
+/// A process that ends with the test.
+struct Running(Child);
+
+impl Running {
+    fn end(&mut self) {
+        self.0.kill().unwrap();
+        self.0.wait().unwrap();
+    }
+}
+
+impl Drop for Running {
+    fn drop(&mut self) {
+        self.end();
     }
 }

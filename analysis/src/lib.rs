@@ -13,6 +13,7 @@
 //! - [`happenings`]: what happened and when: gait changes, falls, faults, losses, missed deadlines.
 //! - [`check`]: limits that the metrics must keep.
 //! - [`report`](report()): all of it in a directory, with one HTML page.
+//! - [`changes`]: logs that replay otherwise than they were recorded, before and after side by side.
 //! - [`frames`]: any channel of any log as a polars data frame, and Parquet.
 //! - [`export`]: a log as CSV, Parquet or a MATLAB file.
 //!
@@ -23,6 +24,7 @@
 #![allow(non_snake_case)]
 
 pub mod animation;
+pub mod changes;
 pub mod check;
 pub mod export;
 pub mod fields;

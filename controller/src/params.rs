@@ -10,15 +10,17 @@ mod ground;
 mod limits;
 mod overrides;
 mod robot;
+mod stand;
 mod step;
 mod tasks;
 
 pub use check::{DUTY, STEP_HEIGHT, SWING_FREQUENCY};
 pub use gait::{GaitParams, GaitTiming};
 pub use ground::{ContactParams, RecoveryParams, TerrainParams};
-pub use limits::{SafetyParams, StandParams, WbcParams};
+pub use limits::{SafetyParams, WbcParams};
 pub use overrides::apply_overrides;
 pub use robot::{RobotConfig, SensorParams};
+pub use stand::StandParams;
 pub use step::{FootholdParams, SwingParams};
 pub use tasks::{PostureParams, TrunkParams};
 
@@ -180,7 +182,7 @@ mod tests {
         assert!(text("gait.trot", "1").contains("in [gait.trot] there are: duty"));
         assert_eq!(
             text("wbc.friction", "high"),
-            "parameter wbc.friction: found `high`, expected a value like `0.8` (float)"
+            "parameter wbc.friction: found `high`, expected a value like `0.6` (float)"
         );
         assert!(text("trunk.kp", "[1.0, 2.0]").contains("expected a value like `[1000.0, 1000.0, 1000.0]`"));
         assert_eq!(text("gait.trot.duty", "1.5"), "parameter gait.trot.duty is 1.5, expected at least 0.5 and below 1");

@@ -9,7 +9,7 @@ use controller::params::Params;
 use controller::quadruped::estimation::Estimate;
 use controller::quadruped::gait::Transitions;
 use controller::quadruped::leg::{Leg, LegPhase, PerLeg};
-use controller::quadruped::reference::References;
+use controller::quadruped::reference::{References, Tick};
 use controller::quadruped::robot::Robot;
 use controller::quadruped::state::State;
 use lcmtypes::ControllerInput;
@@ -60,7 +60,9 @@ fn foot_references_are_kept_while_the_base_turns() {
         set_base(&robot, &mut input, &R_WB, &w);
         estimate.update(&robot, &input.state);
         let q = input.state.q.clone();
-        references.update(&robot, &params, &estimate, &q, &Transitions::default(), &mut state, DT);
+        let changes = &Transitions::default();
+        references
+            .update(&Tick { robot: &robot, params: &params, estimate: &estimate, q: &q, changes, dt: DT }, &mut state);
         R_WB = turn(&w, DT) * R_WB;
         // The references are for the end of the tick, when the base has turned on.
         set_base(&robot, &mut input, &R_WB, &w);
@@ -91,7 +93,9 @@ fn joint_references_end_at_the_foot_references() {
     state.q_des = robot.q_nominal.iter().map(|q| q + 0.1 * rng.symmetric()).collect();
     let q = input.state.q.clone();
     for _ in 0..6000 {
-        references.update(&robot, &params, &estimate, &q, &Transitions::default(), &mut state, DT);
+        let changes = &Transitions::default();
+        references
+            .update(&Tick { robot: &robot, params: &params, estimate: &estimate, q: &q, changes, dt: DT }, &mut state);
     }
     let reached = feet(&robot, &input, &state.q_des);
     for leg in Leg::ALL {

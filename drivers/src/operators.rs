@@ -10,7 +10,8 @@
 //!
 //! Pure: times are given, no clock is read, nothing is allocated after the start.
 
-use lcmtypes::OperatorCommand;
+use crate::teleop;
+use lcmtypes::{OperatorCommand, channels};
 use serde::Deserialize;
 
 /// An `[[operator]]` entry of a run file.
@@ -31,6 +32,18 @@ fn default_timeout() -> f64 {
     0.25
 }
 
+/// Who may command unless a run file says otherwise: a person before whatever plans or plays.
+pub fn default_sources() -> Vec<Source> {
+    let source = |channel: &str, priority| {
+        let (channel, timeout_s) = (channel.to_owned(), default_timeout());
+        Source { channel, priority, timeout_s }
+    };
+    vec![source(teleop::CHANNEL, 100), source(channels::OPERATOR_COMMAND, 10)]
+}
+
+/// How often an emergency stop in force counts as said again, ns: as often as an operator says what it wants.
+pub const RENEW_NS: i64 = teleop::HEARTBEAT_NS;
+
 /// Why a list of sources is unusable.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[non_exhaustive]
@@ -38,7 +51,7 @@ fn default_timeout() -> f64 {
 pub enum SourcesError {
     #[error("there is no [[operator]]: nobody could stop the robot")]
     None,
-    #[error("[[operator]] {channel:?}: a channel has 1 to 63 bytes")]
+    #[error("[[operator]] {channel:?}: a channel is 1 to 63 letters, digits, _ and -")]
     Channel { channel: String },
     #[error("[[operator]] {channel}: stands twice")]
     Twice { channel: String },
@@ -70,12 +83,21 @@ pub enum Switch {
     Releases(usize),
 }
 
+impl Switch {
+    /// Somebody should look at the robot.
+    pub fn is_alarming(self) -> bool {
+        matches!(self, Switch::Silent(_) | Switch::Stops(_))
+    }
+}
+
 /// Chooses among sources.
 #[derive(Clone, Debug)]
 pub struct Arbiter {
     sources: Vec<Source>,
     heard: Vec<Option<Heard>>,
     followed: Option<Followed>,
+    /// Source, number, sending and arrival of the last [`Arbiter::news`].
+    newest: Option<(usize, i64, i64, i64)>,
     /// What [`Arbiter::switch`] has told of it.
     told: Option<Followed>,
 }
@@ -107,7 +129,8 @@ impl Arbiter {
         }
         for (k, Source { channel, timeout_s, .. }) in sources.iter().enumerate() {
             let channel = channel.clone();
-            if !(1..=63).contains(&channel.len()) {
+            let fits = |c: char| c.is_ascii_alphanumeric() || "_-".contains(c);
+            if !(1..=63).contains(&channel.len()) || !channel.chars().all(fits) {
                 return Err(SourcesError::Channel { channel });
             }
             if sources[..k].iter().any(|other| other.channel == channel) {
@@ -117,7 +140,7 @@ impl Arbiter {
                 return Err(SourcesError::Timeout { channel, found: *timeout_s });
             }
         }
-        Ok(Arbiter { heard: vec![None; sources.len()], sources, followed: None, told: None })
+        Ok(Arbiter { heard: vec![None; sources.len()], sources, followed: None, newest: None, told: None })
     }
 
     /// The sources, as listed.
@@ -160,6 +183,22 @@ impl Arbiter {
         Some(Choice { source, command: &heard.command, arrival_ns })
     }
 
+    /// [`Arbiter::choose`], where it is another command than last time; an emergency stop in force is one again every [`RENEW_NS`].
+    pub fn news(&mut self, t_ns: i64) -> Option<Choice<'_>> {
+        let before = self.newest;
+        let Choice { source, command, arrival_ns } = self.choose(t_ns)?;
+        let now = (source, command.seq, command.t_ns, arrival_ns);
+        let is_same = |before: (usize, i64, i64, i64)| {
+            (before.0, before.1, before.2) == (now.0, now.1, now.2) && arrival_ns - before.3 < RENEW_NS
+        };
+        if before.is_some_and(is_same) {
+            return None;
+        }
+        self.newest = Some(now);
+        let command = &self.heard[source].as_ref()?.command;
+        Some(Choice { source, command, arrival_ns })
+    }
+
     /// What the choices so far changed and was not told yet, one by one.
     pub fn switch(&mut self) -> Option<Switch> {
         for (source, heard) in self.heard.iter_mut().enumerate() {
@@ -181,10 +220,10 @@ impl Arbiter {
     pub fn text(&self, switch: Switch) -> String {
         let channel = |source: usize| self.sources.get(source).map_or("?", |source| &*source.channel);
         match switch {
-            Switch::TakesOver(source) => format!("operator: {} takes over", channel(source)),
-            Switch::Silent(source) => format!("operator: {} is silent, and so are all others", channel(source)),
-            Switch::Stops(source) => format!("operator: emergency stop by {}", channel(source)),
-            Switch::Releases(source) => format!("operator: {} takes its emergency stop back", channel(source)),
+            Switch::TakesOver(source) => format!("{} takes over", channel(source)),
+            Switch::Silent(source) => format!("{} is silent, and so are all others", channel(source)),
+            Switch::Stops(source) => format!("emergency stop by {}", channel(source)),
+            Switch::Releases(source) => format!("{} takes its emergency stop back", channel(source)),
         }
     }
 
@@ -300,6 +339,24 @@ mod tests {
     }
 
     #[test]
+    fn news_are_commands_that_were_not_there_before() {
+        let mut a = arbiter();
+        let news = |a: &mut Arbiter, ms: i64| a.news(ms * MS).map(|c| (c.source, c.command.seq, c.arrival_ns / MS));
+        assert_eq!(news(&mut a, 0), None);
+        a.hear(KEYS, MS, &walk(1));
+        assert_eq!(news(&mut a, 2), Some((KEYS, 1, 1)));
+        assert_eq!(news(&mut a, 2000), None, "silence is no news");
+        a.hear(KEYS, 2001 * MS, &walk(1));
+        assert_eq!(news(&mut a, 2001), Some((KEYS, 1, 2001)), "the same again, much later");
+        a.hear(PLANNER, 2002 * MS, &stop(1));
+        assert_eq!(news(&mut a, 2002), Some((PLANNER, 1, 2002)));
+        assert_eq!(news(&mut a, 2021), None);
+        assert_eq!(news(&mut a, 2022), Some((PLANNER, 1, 2022)), "in force");
+        a.hear(PLANNER, 2023 * MS, &stand(2));
+        assert_eq!(news(&mut a, 2023), Some((KEYS, 1, 2001)), "followed again, with the age that it has");
+    }
+
+    #[test]
     fn two_emergency_stops_are_two() {
         let mut a = arbiter();
         a.hear(PAD, 0, &stop(1));
@@ -346,10 +403,10 @@ mod tests {
     #[test]
     fn what_happens_is_said_with_the_channel() {
         let a = arbiter();
-        assert_eq!(a.text(Switch::TakesOver(KEYS)), "operator: KEYS takes over");
-        assert_eq!(a.text(Switch::Silent(PAD)), "operator: PAD is silent, and so are all others");
-        assert_eq!(a.text(Switch::Stops(PLANNER)), "operator: emergency stop by PLANNER");
-        assert_eq!(a.text(Switch::Releases(PLANNER)), "operator: PLANNER takes its emergency stop back");
+        assert_eq!(a.text(Switch::TakesOver(KEYS)), "KEYS takes over");
+        assert_eq!(a.text(Switch::Silent(PAD)), "PAD is silent, and so are all others");
+        assert_eq!(a.text(Switch::Stops(PLANNER)), "emergency stop by PLANNER");
+        assert_eq!(a.text(Switch::Releases(PLANNER)), "PLANNER takes its emergency stop back");
     }
 
     #[test]
@@ -370,7 +427,8 @@ mod tests {
             (format!("{pad}{pad}"), "[[operator]] PAD: stands twice"),
             (format!("{pad}timeout_s = 0.0\n"), "[[operator]] PAD: timeout_s is 0, expected 0.02 to 60"),
             (format!("{pad}timeout_s = nan\n"), "[[operator]] PAD: timeout_s is NaN, expected 0.02 to 60"),
-            (pad.replace("PAD", ""), "[[operator]] \"\": a channel has 1 to 63 bytes"),
+            (pad.replace("PAD", ""), "[[operator]] \"\": a channel is 1 to 63 letters, digits, _ and -"),
+            (pad.replace("PAD", "P.*"), "[[operator]] \"P.*\": a channel is 1 to 63 letters, digits, _ and -"),
             (
                 format!("{pad}timeout = 1\n"),
                 "unknown field `timeout`, expected one of `channel`, `priority`, `timeout_s`",

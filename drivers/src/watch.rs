@@ -35,33 +35,40 @@ impl ModeWatch {
     /// What is new in a tick, if anything. Ticks in the order of their numbers.
     pub fn see(&mut self, tick: &ControllerTick) -> Option<Said> {
         let ControllerTick { mode, fault, fault_index, fault_value, .. } = *tick;
+        if fault == ControllerTick::FAULT_CONTROLLER {
+            let is_new = std::mem::replace(&mut self.fault, fault) != fault;
+            self.mode = mode;
+            let text = "no controller runs: the joints are damped".to_owned();
+            return is_new.then_some(Said { level: Event::LEVEL_WARNING, text, is_safe_state: true });
+        }
         let fault_before = std::mem::replace(&mut self.fault, fault);
-        let refused =
-            fault != fault_before && fault != ControllerTick::FAULT_NONE && mode != ControllerTick::MODE_DAMPING;
-        if mode == self.mode && !refused {
+        let is_safe_state = mode == ControllerTick::MODE_DAMPING;
+        let other_fault = fault != fault_before && fault != ControllerTick::FAULT_NONE;
+        let refused = other_fault && !is_safe_state;
+        if mode == self.mode && !other_fault {
             return None;
         }
+        let stays = is_safe_state && mode == self.mode;
         self.mode = mode;
-        let is_safe_state = mode == ControllerTick::MODE_DAMPING;
-        let mut text = format!("controller is in {}", words::mode(mode));
+        let mut text = format!("controller {} in {}", if stays { "stays" } else { "is" }, words::mode(mode));
         let mut level = Event::LEVEL_INFO;
-        if refused {
-            level = Event::LEVEL_WARNING;
-            text += &format!(" and refuses: {}, value {fault_value}", words::fault(fault));
-            if fault == ControllerTick::FAULT_OPERATOR_RANGE {
-                let of =
-                    usize::try_from(fault_index).ok().and_then(|i| ["swing_frequency", "duty", "step_height"].get(i));
-                text += &format!(" of {}", of.unwrap_or(&"?"));
-            }
+        if refused || is_safe_state {
+            level = if refused { Event::LEVEL_WARNING } else { Event::LEVEL_ERROR };
+            let index = usize::try_from(fault_index).ok();
+            text += &format!("{}: {}", if refused { " and refuses" } else { "" }, words::fault(fault));
+            text += &match (fault, index) {
+                (ControllerTick::FAULT_OPERATOR_REFUSED, _) => {
+                    format!(": {}", i8::try_from(fault_index).map_or("?", words::operator_mode))
+                }
+                (ControllerTick::FAULT_OPERATOR_RANGE, index) => {
+                    let of = index.and_then(|i| ["swing_frequency", "duty", "step_height"].get(i));
+                    format!(", value {fault_value} of {}", of.unwrap_or(&"?"))
+                }
+                (_, Some(index)) => format!(", value {fault_value}, index {index}"),
+                (_, None) => format!(", value {fault_value}"),
+            };
         }
-        if is_safe_state {
-            level = Event::LEVEL_ERROR;
-            text += &format!(": {}, value {fault_value}", words::fault(fault));
-            if fault_index >= 0 {
-                text += &format!(", index {fault_index}");
-            }
-        }
-        Some(Said { level, text, is_safe_state })
+        Some(Said { level, text, is_safe_state: is_safe_state && !stays })
     }
 }
 
@@ -83,6 +90,22 @@ mod tests {
         let safe = watch.see(&tick(ControllerTick::MODE_DAMPING, ControllerTick::FAULT_TILT)).unwrap();
         assert_eq!(&*safe.text, "controller is in DAMPING: tilt (rad), value 0.5, index 2");
         assert!(safe.is_safe_state && safe.level == Event::LEVEL_ERROR);
+    }
+
+    #[test]
+    fn what_holds_it_in_the_safe_state_is_told_when_it_changes() {
+        let mut watch = ModeWatch::default();
+        watch.see(&tick(ControllerTick::MODE_DAMPING, ControllerTick::FAULT_OPERATOR));
+        let tilted = watch.see(&tick(ControllerTick::MODE_DAMPING, ControllerTick::FAULT_TILT)).unwrap();
+        assert!(!tilted.is_safe_state, "it has been there before");
+        assert_eq!(&*tilted.text, "controller stays in DAMPING: tilt (rad), value 0.5, index 2");
+        assert_eq!(watch.see(&tick(ControllerTick::MODE_DAMPING, ControllerTick::FAULT_TILT)), None);
+        let idle = watch.see(&tick(ControllerTick::MODE_IDLE, ControllerTick::FAULT_NONE)).unwrap();
+        assert_eq!(&*idle.text, "controller is in IDLE");
+        let walk = tick(ControllerTick::MODE_IDLE, ControllerTick::FAULT_OPERATOR_REFUSED);
+        let refused = watch.see(&ControllerTick { fault_index: 1, ..walk }).unwrap();
+        let text = "controller is in IDLE and refuses: operator's wish cannot be followed from here: WALK";
+        assert_eq!((refused.level, &*refused.text), (Event::LEVEL_WARNING, text));
     }
 
     #[test]

@@ -1,8 +1,8 @@
 //! The one table of channels: name, type, and what each is for.
 
 use crate::{
-    BaseTracking, ContactEstimate, ControllerInput, ControllerTick, Event, GroundTruth, LegState, Message,
-    OperatorCommand, QuadrupedState, RobotCommand, RobotState, RunInfo, Timing, WbcSolution,
+    BaseTracking, ContactEstimate, ControllerInput, ControllerTick, Event, ExecutorCommand, GroundTruth, LegState,
+    Message, OperatorCommand, QuadrupedState, RobotCommand, RobotState, RunInfo, Timing, WbcSolution,
 };
 
 /// All that a log needs to explain itself; first message of a run.
@@ -11,6 +11,8 @@ pub const RUN_INFO: &str = "RUN_INFO";
 pub const ROBOT_STATE: &str = "ROBOT_STATE";
 /// What the operator wants.
 pub const OPERATOR_COMMAND: &str = "OPERATOR_COMMAND";
+/// What is asked of a live run's executor.
+pub const EXECUTOR_COMMAND: &str = "EXECUTOR_COMMAND";
 /// Everything that the controller consumed in one tick.
 pub const CONTROLLER_INPUT: &str = "CONTROLLER_INPUT";
 /// What the controller was and how its tick went, with one digest a stage.
@@ -110,6 +112,7 @@ pub const CHANNELS: &[Channel] = &[
     channel::<RunInfo>(RUN_INFO, None, Class::Meta),
     channel::<RobotState>(ROBOT_STATE, None, Class::Debug),
     channel::<OperatorCommand>(OPERATOR_COMMAND, None, Class::Debug),
+    channel::<ExecutorCommand>(EXECUTOR_COMMAND, None, Class::Debug),
     channel::<ControllerInput>(CONTROLLER_INPUT, Some(Stage::Input), Class::ReplayInput),
     channel::<ControllerTick>(CONTROLLER_TICK, Some(Stage::Output), Class::Output),
     channel::<ContactEstimate>(CONTACT_ESTIMATE, Some(Stage::Estimation), Class::Debug),

@@ -27,10 +27,14 @@ fn main() -> ExitCode {
         let found = match (&log.first_divergence, &log.error) {
             (None, None) if log.identical => format!("identical: {} ticks", log.ticks),
             (None, error) => error.clone().unwrap_or_else(|| "nothing to compare".to_owned()),
-            (Some(d), _) => format!(
-                "differs from tick {} on, first in stage {}: {} {}: recorded {}, replayed {}",
-                d.tick, d.stage, d.channel, d.field, d.recorded, d.replayed
-            ),
+            (Some(d), _) => {
+                let also: Vec<String> = d.also.iter().map(|f| format!("{} {}", f.channel, f.field)).collect();
+                let also = if also.is_empty() { String::new() } else { format!("; also {}", also.join(", ")) };
+                format!(
+                    "differs from tick {} on, first in stage {}: {} {}: recorded {}, replayed {}{also}",
+                    d.tick, d.stage, d.channel, d.field, d.recorded, d.replayed
+                )
+            }
         };
         println!("{}: {found}", log.name);
     }

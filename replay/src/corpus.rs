@@ -1,33 +1,27 @@
 //! Golden logs: runs that today's controller must repeat bit for bit, and the way by which a change of behaviour is accepted.
 //!
 //! A folder holds the logs, `corpus.toml` that lists them, and a `README.md` made from it. A golden log is trimmed to what a replay
-//! needs to start ([`CHANNELS`]) and to judge: the digests of every tick stand for all other outputs.
+//! needs to start ([`CHANNELS`]) and to judge: the digests of every tick stand for all other outputs, of which it keeps a sample every
+//! [`SAMPLE_TICKS`] to show what they were.
 //!
 //! A log of the field becomes a small regression test: [`Part`] cuts out the ticks around an incident, with the recorded state before them.
 //!
 //! [`check`] replays all of them. When a change of behaviour is meant, [`accept`] replays the inputs of one and writes today's outputs
 //! into it; the commit then shows the log, the reason, and the first place where it changed.
 
+mod keep;
+
+pub use keep::{CHANNELS, Part, SAMPLE_TICKS, trim_to_golden};
+
 use crate::Error;
-use crate::engine::ticks::{Beside, Ticks, integer_at};
 use crate::engine::{Divergence, Options, Replay};
-use crate::log::{Event, LogReader, LogWriter};
 use controller::{Controller, LoadError};
-use lcmtypes::channels::{self, Class};
-use lcmtypes::{ControllerInput, Message, RunInfo};
+use keep::{copy, copy_inputs, copy_part, copy_ticks, is_kept, shown_ticks};
+use lcmtypes::RunInfo;
 use sha2::{Digest, Sha256};
 use std::collections::BTreeSet;
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
-
-/// What every golden log keeps.
-pub const CHANNELS: [&str; 5] = [
-    channels::RUN_INFO,
-    channels::CONTROLLER_INPUT,
-    channels::CONTROLLER_TICK,
-    channels::CONTROLLER_SNAPSHOT,
-    channels::EVENT,
-];
 
 const MANIFEST: &str = "corpus.toml";
 const README: &str = "README.md";
@@ -43,21 +37,12 @@ pub struct CorpusResult {
     pub ticks: u64,
     /// Where replay and record part first.
     pub first_divergence: Option<Divergence>,
-    /// Largest distance of two floats anywhere, in floats; of a log that keeps digests alone only the states tell.
+    /// Largest distance of two floats anywhere in what the log keeps, in floats.
     pub largest_ulp: Option<u64>,
     /// The file is not the one that was added or accepted last: its SHA-256 is not that of the manifest.
     pub altered: bool,
     /// Why the log could not be replayed.
     pub error: Option<String>,
-}
-
-/// A part of a log, for a small regression test.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Part {
-    /// Middle of what must be in it, s since the first tick of the log.
-    pub around_s: f64,
-    /// How much of the log must be in it at least, s; it begins behind a recorded state, so it may be more.
-    pub span_s: f64,
 }
 
 /// What [`accept`] has done.
@@ -115,7 +100,7 @@ pub fn accept(dir: impl AsRef<Path>, name: &str, why: &str) -> Result<Accepted, 
     Corpus::open_with(dir, controller::load)?.accept(name, why)
 }
 
-/// Makes a golden log of a run: `name.mcap` in the folder, trimmed to [`CHANNELS`] and `more`, and a line in the manifest.
+/// Makes a golden log of a run: `name.mcap` in the folder, trimmed as by [`trim_to_golden`], and a line in the manifest.
 ///
 /// # Errors
 /// [`Error::Manifest`] if the name is taken, or what stops reading or writing.
@@ -136,14 +121,6 @@ pub fn add_part(
     more: &[&str],
 ) -> Result<u64, Error> {
     Corpus::open_with(dir, controller::load)?.add_part(log, Some(part), name, why, more)
-}
-
-/// Copies of a log what a golden log keeps: [`CHANNELS`] and `more`. Gives back the number of events.
-///
-/// # Errors
-/// [`Error::SameFile`], or those of [`LogReader`] and [`LogWriter`].
-pub fn trim_to_golden(log: &Path, out: &Path, more: &[&str]) -> Result<u64, Error> {
-    copy(log, out, |channel| CHANNELS.contains(&channel) || more.contains(&channel))
 }
 
 impl<'a> Corpus<'a> {
@@ -183,10 +160,8 @@ impl<'a> Corpus<'a> {
     /// # Errors
     /// As [`accept`].
     pub fn accept(&mut self, name: &str, why: &str) -> Result<Accepted, Error> {
-        let Some(place) = self.manifest.log.iter().position(|golden| golden.name == name) else {
-            let known = self.manifest.log.iter().map(|golden| golden.name.as_str()).collect::<Vec<_>>().join(", ");
-            return Err(Error::UnknownGolden { path: self.dir.join(MANIFEST), name: name.into(), known });
-        };
+        let place =
+            self.manifest.log.iter().position(|golden| golden.name == name).ok_or_else(|| self.unknown(name))?;
         let before = self.check_one(&self.manifest.log[place], 1);
         let path = self.dir.join(&self.manifest.log[place].file);
         let bytes_before = length(&path)?;
@@ -246,10 +221,10 @@ impl<'a> Corpus<'a> {
 
     /// Replays the inputs of a log, and puts what comes out in its place.
     fn record(&self, path: &Path, [inputs, replayed, trimmed]: &[PathBuf; 3]) -> Result<(), Error> {
-        let kept = copy_inputs(path, inputs)?;
+        let whole = copy_inputs(path, inputs)?;
         let options = Options { out: Some(replayed.clone()), ..Options::default() };
         Replay::open_with(inputs, &*self.load)?.run(&options, &mut |_| {})?;
-        copy(replayed, trimmed, |channel| CHANNELS.contains(&channel) || kept.contains(channel))?;
+        copy(replayed, trimmed, |event| is_kept(event, |channel| whole.contains(channel)))?;
         std::fs::rename(trimmed, path).map_err(|source| io(path, source))
     }
 
@@ -295,20 +270,30 @@ impl<'a> Corpus<'a> {
         self.manifest.log.iter().find(|golden| golden.name == name).map(|golden| self.dir.join(&golden.file))
     }
 
-    /// Replays the inputs of a golden log into a log with all outputs of today's controller.
+    /// What a golden log is for, or why it was recorded anew.
+    pub fn why(&self, name: &str) -> Option<&str> {
+        self.manifest.log.iter().find(|golden| golden.name == name).map(|golden| &*golden.why)
+    }
+
+    /// Writes what a golden log says of the ticks whose outputs it keeps, and what today's controller makes of them: two logs to be laid side by side.
     ///
     /// # Errors
     /// [`Error::UnknownGolden`], or what stops the replay.
-    pub fn today(&self, name: &str, out: &Path) -> Result<(), Error> {
-        let unknown =
-            || Error::UnknownGolden { path: self.dir.join(MANIFEST), name: name.into(), known: String::new() };
-        let path = self.file(name).ok_or_else(unknown)?;
-        let inputs = out.with_extension("inputs.mcap");
+    pub fn sides(&self, name: &str, before: &Path, after: &Path) -> Result<(), Error> {
+        let path = self.file(name).ok_or_else(|| self.unknown(name))?;
+        let [inputs, replayed] = ["inputs", "replayed"].map(|step| after.with_extension(format!("{step}.mcap")));
         copy_inputs(&path, &inputs)?;
-        let options = Options { out: Some(out.into()), ..Options::default() };
-        let replayed = Replay::open_with(&inputs, &*self.load).and_then(|replay| replay.run(&options, &mut |_| {}));
-        std::fs::remove_file(&inputs).map_err(|source| io(&inputs, source))?;
-        replayed.map(drop)
+        let options = Options { out: Some(replayed.clone()), ..Options::default() };
+        Replay::open_with(&inputs, &*self.load)?.run(&options, &mut |_| {})?;
+        let ticks = shown_ticks(&path)?;
+        copy_ticks(&path, before, &ticks)?;
+        copy_ticks(&replayed, after, &ticks)?;
+        [inputs, replayed].iter().try_for_each(|step| std::fs::remove_file(step).map_err(|source| io(step, source)))
+    }
+
+    fn unknown(&self, name: &str) -> Error {
+        let known = self.manifest.log.iter().map(|golden| golden.name.as_str()).collect::<Vec<_>>().join(", ");
+        Error::UnknownGolden { path: self.dir.join(MANIFEST), name: name.into(), known }
     }
 
     fn write(&self) -> Result<(), Error> {
@@ -325,76 +310,6 @@ impl<'a> Corpus<'a> {
         let path = self.dir.join(README);
         std::fs::write(&path, readme).map_err(|source| io(&path, source))
     }
-}
-
-/// Copies the events of some channels.
-fn copy(log: &Path, out: &Path, mut keep: impl FnMut(&str) -> bool) -> Result<u64, Error> {
-    copy_events(log, out, |event| keep(&event.channel))
-}
-
-fn copy_events(log: &Path, out: &Path, mut keep: impl FnMut(&Event) -> bool) -> Result<u64, Error> {
-    Error::unless_apart(log, out)?;
-    let events = LogReader::open(log)?.events();
-    let mut out = LogWriter::create(out)?;
-    for event in events {
-        let event = event?;
-        if keep(&event) {
-            out.write(&event.channel, event.t_ns, &event.data)?;
-        }
-    }
-    out.finish()
-}
-
-/// Copies the ticks around an incident: RUN_INFO, the recorded state before them, and of every tick what a golden log keeps.
-fn copy_part(log: &Path, out: &Path, part: Part, more: &[&str]) -> Result<u64, Error> {
-    let (from_s, to_s) = (part.around_s - 0.5 * part.span_s, part.around_s + 0.5 * part.span_s);
-    let (mut first_t_ns, mut start, mut last) = (None, None, None);
-    let mut ticks = Ticks::open(log, Beside::Nothing)?;
-    while let Some(tick) = ticks.next()? {
-        let Some(input) = &tick.input else { continue };
-        let since_s = input.t_ns.saturating_sub(*first_t_ns.get_or_insert(input.t_ns)) as f64 * 1e-9;
-        if since_s > to_s {
-            break;
-        }
-        last = Some((tick.tick, since_s));
-        if tick.snapshot().is_some() && since_s < from_s {
-            start = Some(tick.tick);
-        }
-    }
-    let Some((last, last_s)) = last else { return Err(Error::NoInput { path: log.into() }) };
-    if last_s < part.around_s {
-        return Err(Error::BeyondEnd { path: log.into(), from_s: part.around_s, last_s });
-    }
-    let within = |tick: i64| start.is_none_or(|start| tick > start) && tick <= last;
-    copy_events(log, out, |event| {
-        let tick = integer_at(&event.data, 16);
-        let is_start = *event.channel == *channels::CONTROLLER_SNAPSHOT && start.is_some() && tick == start;
-        let kept = CHANNELS.contains(&&*event.channel) || more.contains(&&*event.channel);
-        *event.channel == *channels::RUN_INFO || is_start || kept && tick.is_some_and(within)
-    })
-}
-
-/// Copies what does not come from the controller, so that a changed output type does not stand in the way. A log that begins
-/// within a run keeps the states that it can start from. Gives back the channels that the log has.
-fn copy_inputs(log: &Path, out: &Path) -> Result<BTreeSet<String>, Error> {
-    let mut first_tick = None;
-    for event in LogReader::open(log)?.events() {
-        let event = event?;
-        if *event.channel == *channels::CONTROLLER_INPUT {
-            first_tick = ControllerInput::decode(&event.data).ok().map(|input| input.tick);
-            break;
-        }
-    }
-    let mut kept = BTreeSet::new();
-    copy(log, out, |channel| {
-        kept.insert(channel.to_owned());
-        match channels::find(channel) {
-            Some(known) if known.name == channels::CONTROLLER_SNAPSHOT => first_tick != Some(0),
-            Some(known) => known.stage.is_none() || known.class == Class::ReplayInput,
-            None => true,
-        }
-    })?;
-    Ok(kept)
 }
 
 /// SHA-256 of a file, hexadecimal.

@@ -7,7 +7,7 @@ use common::toy::{self, Toy};
 use lcmtypes::channels::{self, Stage};
 use replay::Error;
 use replay::corpus::{self, Corpus, Part};
-use replay::log::LogSummary;
+use replay::log::{LogSummary, Selection, Types};
 use std::path::{Path, PathBuf};
 
 /// A folder with two golden logs of the toy.
@@ -34,13 +34,26 @@ fn mutant(toy: Toy) -> Toy {
 #[test]
 fn a_golden_log_keeps_what_a_replay_needs() {
     let dir = folder("keeps");
-    let names = |file: &str| -> Vec<_> {
-        LogSummary::read(dir.join(file)).unwrap().channels.into_iter().map(|channel| channel.name).collect()
+    let counts = |file: &str| -> Vec<_> {
+        let channels = LogSummary::read(dir.join(file)).unwrap().channels;
+        channels.into_iter().map(|channel| (channel.name, channel.count)).collect()
     };
-    assert_eq!(names("trot.mcap"), ["CONTROLLER_INPUT", "CONTROLLER_SNAPSHOT", "CONTROLLER_TICK", "RUN_INFO"]);
-    assert!(names("crawl.mcap").contains(&"CONTACT_ESTIMATE".to_owned()));
+    let kept = |contacts: u64| {
+        let rest = [("CONTROLLER_SNAPSHOT", 5), ("CONTROLLER_TICK", 500), ("ROBOT_COMMAND", 25), ("RUN_INFO", 1)];
+        let all = [("CONTACT_ESTIMATE", contacts), ("CONTROLLER_INPUT", 500)].into_iter().chain(rest);
+        all.chain([("WBC_SOLUTION", 25)]).map(|(name, count)| (name.to_owned(), count)).collect::<Vec<_>>()
+    };
+    assert_eq!(counts("trot.mcap"), kept(25));
+    // What is asked for is kept of every tick; so it is when the log is recorded anew.
+    assert_eq!(counts("crawl.mcap"), kept(500));
+    for name in ["trot", "crawl"] {
+        let bytes = || std::fs::read(dir.join(format!("{name}.mcap"))).unwrap();
+        let before = bytes();
+        open(&dir, |toy| toy).accept(name, "no reason").unwrap();
+        assert!(bytes() == before, "{name}");
+    }
     let readme = std::fs::read_to_string(dir.join("README.md")).unwrap();
-    assert!(readme.contains("| trot |") && readme.contains("| a first run |"), "{readme}");
+    assert!(readme.contains("| trot |") && readme.contains("| no reason |"), "{readme}");
 }
 
 #[test]
@@ -62,6 +75,30 @@ fn an_unchanged_controller_passes_and_a_changed_one_does_not() {
         .collect();
     let at = |channel: &str, field: &str| (123, "estimation", channel.to_owned(), field.to_owned());
     assert_eq!(places, [at("CONTACT_ESTIMATE", "f_F_W"), at("CONTROLLER_TICK", "digest_estimation")]);
+}
+
+/// What was kept of the outputs, and the same of today's.
+#[test]
+fn a_changed_log_can_be_laid_beside_what_it_was() {
+    let dir = folder("sides");
+    let [before, after] = ["before", "after"].map(|side| dir.join(format!("{side}.mcap")));
+    open(&dir, mutant).sides("trot", &before, &after).unwrap();
+    let none = Selection::default();
+    let diff = replay::log::diff(&before, &after, &none, Types::default(), &mut |_| {}).unwrap();
+    let found: Vec<_> =
+        diff.channels.iter().map(|c| (&*c.name, c.left, c.right, c.first.as_ref().map(|f| f.number))).collect();
+    let (same, changed) = (None, Some(140));
+    let expected = [
+        ("CONTACT_ESTIMATE", 25, 25, changed),
+        ("CONTROLLER_INPUT", 25, 25, same),
+        ("CONTROLLER_TICK", 25, 25, changed),
+        ("ROBOT_COMMAND", 25, 25, changed),
+        ("RUN_INFO", 1, 1, same),
+        ("WBC_SOLUTION", 25, 25, changed),
+    ];
+    assert_eq!(found, expected);
+    // Two logs, manifest and page, and the two sides.
+    assert_eq!(std::fs::read_dir(&dir).unwrap().count(), 6);
 }
 
 #[test]

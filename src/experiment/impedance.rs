@@ -1,6 +1,6 @@
 //! The equivalences of the source's appendix, as relative errors: with gains premultiplied by the inertia, the stack's quadratic programs are
 //! impedance control in closed form. All coordinates count as actuated, base included; no contacts, no gravity, and of the torques what
-//! moves the masses, `M vd`. `controller/tests/impedance.rs` holds the same by a second derivation.
+//! moves the masses, `M vd`. Expected values by dense linear algebra, without the stack.
 
 use controller::math::{Rx, Ry, Rz};
 use controller::model::{BaseState, Kinematics, mass_matrix, point_bias_acceleration, point_jacobian_linear};

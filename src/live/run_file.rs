@@ -4,6 +4,7 @@ use crate::robot::read;
 use anyhow::Context;
 use drivers::live::RealtimeParams;
 use drivers::live::clock::Beat;
+use drivers::operators::{Arbiter, Source, default_sources};
 use serde::Deserialize;
 use std::path::{Path, PathBuf};
 
@@ -23,9 +24,20 @@ pub struct RunFile {
     /// What the controller's side of the network is.
     #[serde(default)]
     pub hardware: Hardware,
-    /// The controller.
+    /// Scenario whose `[[fault]]` lines spoil what passes between controller and hardware.
+    pub faults: Option<PathBuf>,
+    /// Who may command.
+    #[serde(default = "default_sources")]
+    pub operator: Vec<Source>,
+    /// The controllers, in the order in which they run: the last one that is started has the robot.
+    #[serde(default = "quadruped_alone", rename = "controller")]
+    pub controllers: Vec<Controller>,
+    /// Parameters to change, as with `hoof sim --set`.
     #[serde(default)]
-    pub controller: Controller,
+    pub set: Vec<String>,
+    /// When ticks are due.
+    #[serde(default)]
+    pub executor: Executor,
     /// What the control thread asks of the system.
     #[serde(default)]
     pub realtime: RealtimeParams,
@@ -67,29 +79,42 @@ pub enum Hardware {
     Dummy,
 }
 
-/// The controller.
+/// One of the controllers.
 #[derive(Debug, Deserialize)]
-#[serde(default, deny_unknown_fields)]
+#[serde(deny_unknown_fields)]
 pub struct Controller {
+    /// Its name: `quadruped`, `hold`.
+    pub name: String,
+    /// Whether it starts at once; else `hoof ctl start NAME` does it.
+    #[serde(default = "yes")]
+    pub start: bool,
+}
+
+/// When ticks are due.
+#[derive(Clone, Copy, Debug, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct Executor {
     /// Time between ticks, µs.
     pub period_us: i64,
     /// When in the period, µs: a simulated driver measures at 0.
     pub phase_us: i64,
-    /// Parameters to change, as with `hoof sim --set`.
-    pub set: Vec<String>,
 }
 
-impl Controller {
+impl Executor {
     /// When ticks are due.
-    pub fn beat(&self) -> Beat {
+    pub fn beat(self) -> Beat {
         Beat { period_ns: self.period_us * 1000, phase_ns: self.phase_us * 1000 }
     }
 }
 
-impl Default for Controller {
+impl Default for Executor {
     fn default() -> Self {
-        Controller { period_us: 1000, phase_us: 300, set: Vec::new() }
+        Executor { period_us: 1000, phase_us: 300 }
     }
+}
+
+fn quadruped_alone() -> Vec<Controller> {
+    vec![Controller { name: controller::quadruped::NAME.to_owned(), start: true }]
 }
 
 fn yes() -> bool {
@@ -97,30 +122,39 @@ fn yes() -> bool {
 }
 
 impl RunFile {
+    /// The controllers as one, as RUN_INFO names it.
+    pub fn controller(&self) -> String {
+        let names: Vec<&str> = self.controllers.iter().map(|controller| &*controller.name).collect();
+        format!("{}({})", controller::sequence::NAME, names.join(", "))
+    }
+
     /// Reads and checks a file; every error names it.
     pub fn load(path: &Path) -> anyhow::Result<Self> {
         let text = read(path)?;
         let mut file: RunFile = toml::from_str(&text)
             .map_err(|error| anyhow::anyhow!("{}", error.to_string().trim_end()))
             .with_context(|| path.display().to_string())?;
+        let folder = path.parent().unwrap_or(Path::new(""));
         if let Some(simulation) = &mut file.simulation {
-            simulation.scenario = path.parent().unwrap_or(Path::new("")).join(&simulation.scenario);
+            simulation.scenario = folder.join(&simulation.scenario);
         }
+        file.faults = file.faults.map(|faults| folder.join(faults));
         file.check().with_context(|| path.display().to_string())?;
         Ok(file)
     }
 
     fn check(&self) -> anyhow::Result<()> {
-        let Controller { period_us, phase_us, .. } = self.controller;
+        let Executor { period_us, phase_us } = self.executor;
         let priority = self.realtime.priority;
         anyhow::ensure!(
             (100..=100_000).contains(&period_us),
-            "controller.period_us is {period_us}, expected 100 to 100000"
+            "executor.period_us is {period_us}, expected 100 to 100000"
         );
         anyhow::ensure!(
             (0..period_us).contains(&phase_us),
-            "controller.phase_us is {phase_us}, expected 0 to less than controller.period_us ({period_us})"
+            "executor.phase_us is {phase_us}, expected 0 to less than executor.period_us ({period_us})"
         );
+        Arbiter::new(self.operator.clone())?;
         anyhow::ensure!(priority <= 99, "realtime.priority is {priority}, expected 0 (no real-time scheduler) to 99");
         Ok(())
     }
@@ -143,7 +177,7 @@ mod tests {
     fn the_shipped_run_files_are_read() {
         for entry in std::fs::read_dir(Path::new(env!("CARGO_MANIFEST_DIR")).join("runs")).unwrap() {
             let file = RunFile::load(&entry.unwrap().path()).unwrap();
-            assert_eq!(file.controller.period_us, 1000);
+            assert_eq!(file.executor.period_us, 1000);
             assert!(file.simulation.is_none_or(|simulation| simulation.scenario.is_file()));
         }
     }
@@ -154,12 +188,10 @@ mod tests {
         assert!(load(minimal).is_ok());
         for (text, wanted) in [
             (format!("{minimal}robto = 1\n"), "unknown field `robto`"),
-            (format!("{minimal}[controller]\nperiod_us = 5\n"), "controller.period_us is 5, expected 100 to 100000"),
-            (
-                format!("{minimal}[controller]\nphase_us = 1000\n"),
-                "controller.phase_us is 1000, expected 0 to less than",
-            ),
+            (format!("{minimal}[executor]\nperiod_us = 5\n"), "executor.period_us is 5, expected 100 to 100000"),
+            (format!("{minimal}[executor]\nphase_us = 1000\n"), "executor.phase_us is 1000, expected 0 to less than"),
             (format!("{minimal}[realtime]\npriority = 100\n"), "realtime.priority is 100"),
+            (format!("{minimal}[[operator]]\nchannel = \"A B\"\npriority = 1\n"), "[[operator]] \"A B\": a channel is"),
             ("robot = \"hyq\"\n".to_owned(), "missing field `log`"),
         ] {
             let error = format!("{:#}", load(&text).unwrap_err());

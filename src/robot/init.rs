@@ -4,7 +4,7 @@ use super::{legs, posture, read};
 use crate::{Outcome, say, say_json};
 use anyhow::Context;
 use controller::model::{Model, UrdfTree};
-use controller::params::{ContactParams, FootholdParams, Params, SwingParams, WbcParams};
+use controller::params::{FootholdParams, Params, SwingParams, WbcParams};
 use controller::quadruped::Quadruped;
 use controller::quadruped::leg::Leg;
 use legs::Found;
@@ -117,8 +117,6 @@ fn file_name(name: &str) -> String {
 
 /// What goes with mass and size.
 struct Scaled {
-    threshold: f64,
-    release: f64,
     f_z_min: f64,
     f_max: f64,
     step_height: f64,
@@ -128,11 +126,9 @@ struct Scaled {
 
 impl Scaled {
     fn new(mass: f64, height: f64) -> Self {
-        let (contact, wbc) = (ContactParams::default(), WbcParams::default());
+        let wbc = WbcParams::default();
         let (force, size) = (mass / HYQ_MASS, height / HYQ_HEIGHT);
         Scaled {
-            threshold: two_digits(contact.threshold * force),
-            release: two_digits(contact.release * force),
             f_z_min: two_digits(wbc.f_z_min * force),
             // A light robot needs no less room above its weight.
             f_max: two_digits(wbc.f_z_max * force.max(1.0)),
@@ -180,10 +176,9 @@ fn write(
             text += &format!("{} = {:?}\n", quoted_key(&model.joints[j].name), stance.q[j]);
         }
     }
-    let Scaled { threshold, release, f_z_min, f_max, step_height, step_length, trot } = scaled;
+    let Scaled { f_z_min, f_max, step_height, step_length, trot } = scaled;
     text + &format!(
-        "\n# HyQ's forces by mass: {mass:.1} kg.\n[contact]\nthreshold = {threshold:?}\nrelease = {release:?}\n\n\
-         [wbc]\nf_z_min = {f_z_min:?}\nf_z_max = {f_max:?}\nf_xy_max = {f_max:?}\n\n\
+        "\n# HyQ's forces by mass: {mass:.1} kg.\n[wbc]\nf_z_min = {f_z_min:?}\nf_z_max = {f_max:?}\nf_xy_max = {f_max:?}\n\n\
          # HyQ's steps by height: {height:.3} m.\n[swing]\nheight = {step_height:?}\n\n[foothold]\nmax_step_length = {step_length:?}\n\n\
          [gait.trot]\nduty = 0.55\nswing_frequency = {trot:?}\nlift_off_phase = [0.0, 0.5, 0.5, 0.0]\n"
     )
@@ -207,7 +202,6 @@ fn guesses(params: &Params, found: &Found, stance: &Posture, scaled: &Scaled) ->
             format!("{:.3} m of the base over the feet's centres", stance.height),
             "feet below the hips at 85 % of the shortest leg",
         ),
-        guess("touch", format!("above {} N, until below {} N", scaled.threshold, scaled.release), "HyQ's, by mass"),
         guess(
             "step",
             format!("{} m high, {} m long at most", scaled.step_height, scaled.step_length),
@@ -229,7 +223,7 @@ mod tests {
     #[test]
     fn hyq_gets_its_own_numbers_back() {
         let scaled = Scaled::new(HYQ_MASS, HYQ_HEIGHT);
-        let found = [scaled.threshold, scaled.release, scaled.f_z_min, scaled.f_max, scaled.step_height, scaled.trot];
-        assert_eq!(found, [50.0, 25.0, 20.0, 1000.0, 0.1, 4.0]);
+        let found = [scaled.f_z_min, scaled.f_max, scaled.step_height, scaled.trot];
+        assert_eq!(found, [20.0, 1000.0, 0.1, 4.0]);
     }
 }

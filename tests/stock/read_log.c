@@ -11,21 +11,7 @@
 
 #include <lcm/lcm.h>
 
-#include "hoofprint_base_tracking_t.h"
-#include "hoofprint_contact_estimate_t.h"
-#include "hoofprint_controller_input_t.h"
-#include "hoofprint_controller_tick_t.h"
-#include "hoofprint_event_t.h"
-#include "hoofprint_ground_truth_t.h"
-#include "hoofprint_leg_state_t.h"
-#include "hoofprint_operator_command_t.h"
-#include "hoofprint_quadruped_state_t.h"
-#include "hoofprint_robot_command_t.h"
-#include "hoofprint_robot_state_t.h"
-#include "hoofprint_run_info_t.h"
-#include "hoofprint_text_file_t.h"
-#include "hoofprint_timing_t.h"
-#include "hoofprint_wbc_solution_t.h"
+#include "types.h" // written by tests/stock.rs: the headers of all types, and TYPES(X), an X for each
 
 static void integer(int64_t v) { printf(" %" PRId64, v); }
 
@@ -143,21 +129,7 @@ int main(int argc, char **argv) {
         fprintf(stderr, "usage: read_log LOG\n");
         return 2;
     }
-    FINGERPRINT(base_tracking)
-    FINGERPRINT(contact_estimate)
-    FINGERPRINT(controller_input)
-    FINGERPRINT(controller_tick)
-    FINGERPRINT(event)
-    FINGERPRINT(ground_truth)
-    FINGERPRINT(leg_state)
-    FINGERPRINT(operator_command)
-    FINGERPRINT(quadruped_state)
-    FINGERPRINT(robot_command)
-    FINGERPRINT(robot_state)
-    FINGERPRINT(run_info)
-    FINGERPRINT(text_file)
-    FINGERPRINT(timing)
-    FINGERPRINT(wbc_solution)
+    TYPES(FINGERPRINT)
     printf("events\n");
 
     lcm_eventlog_t *log = lcm_eventlog_create(argv[1], "r");

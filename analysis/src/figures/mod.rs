@@ -125,6 +125,11 @@ impl Figure {
         svg::svg(&self.drawing, &self.metadata)
     }
 
+    /// Whether another figure has the same lines, areas and words, whatever log it is of.
+    pub fn looks_like(&self, other: &Figure) -> bool {
+        svg::svg(&self.drawing, &[]) == svg::svg(&other.drawing, &[])
+    }
+
     /// The figure as a file: title, hash of the log, revision and caption are in its metadata.
     ///
     /// # Errors

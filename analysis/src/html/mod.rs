@@ -1,4 +1,6 @@
-//! The page of a report: one file that needs no other.
+//! The page of a report: one file that needs no other. [`changes`] is that of logs that have changed.
+
+pub(crate) mod changes;
 
 use std::fmt::Write as _;
 
@@ -50,13 +52,7 @@ pub(crate) fn page(parts: &[Part], content: &Content) -> String {
     } else {
         "Report of several runs, made from their logs alone."
     };
-    let mut page = format!(
-        "<!doctype html>\n<html lang=\"en\"><head><meta charset=\"utf-8\">\n\
-         <meta name=\"viewport\" content=\"width=device-width,initial-scale=1\">\n<title>{0}</title>\n<style>{STYLE}\
-         @font-face{{font-family:\"Hoofprint Sans\";src:url(data:font/ttf;base64,{1})}}</style></head><body>\n<h1>{0}</h1>\n<p class=\"soft\">{what}</p>\n",
-        escape(&title),
-        base64(FONT)
-    );
+    let mut page = head(&title, what);
     for part in parts {
         remarks(&mut page, part, parts.len() > 1);
     }
@@ -112,6 +108,17 @@ pub(crate) fn page(parts: &[Part], content: &Content) -> String {
         links.join(", ")
     );
     page
+}
+
+/// The beginning of a page, its title and what it is.
+fn head(title: &str, what: &str) -> String {
+    format!(
+        "<!doctype html>\n<html lang=\"en\"><head><meta charset=\"utf-8\">\n\
+         <meta name=\"viewport\" content=\"width=device-width,initial-scale=1\">\n<title>{0}</title>\n<style>{STYLE}\
+         @font-face{{font-family:\"Hoofprint Sans\";src:url(data:font/ttf;base64,{1})}}</style></head><body>\n<h1>{0}</h1>\n<p class=\"soft\">{what}</p>\n",
+        escape(title),
+        base64(FONT)
+    )
 }
 
 /// What a reader must know before trusting a number.

@@ -26,10 +26,8 @@ impl Params {
             ("foothold.command_time_constant", self.foothold.command_time_constant),
             ("foothold.max_acceleration", self.foothold.max_acceleration),
             ("swing.clik_gain", self.swing.clik_gain),
-            ("contact.threshold", self.contact.threshold),
             ("terrain.time_constant", self.terrain.time_constant),
             ("recovery.velocity_time_constant", self.recovery.velocity_time_constant),
-            ("recovery.reflex_force", self.recovery.reflex_force),
             ("posture.max_stance_lead", self.posture.max_stance_lead),
             ("posture.blend_time_constant", self.posture.blend_time_constant),
             ("wbc.regularization", self.wbc.regularization),
@@ -46,14 +44,14 @@ impl Params {
             ("safety.torque_factor", self.safety.torque_factor),
             ("safety.max_flight_time", self.safety.max_flight_time),
             ("safety.damping", self.safety.damping),
-            ("hold.kp", self.hold.kp),
-            ("hold.kd", self.hold.kd),
-            ("hold.duration", self.hold.duration),
             ("stand.stiffness", self.stand.stiffness),
             ("stand.joint_speed", self.stand.joint_speed),
             ("stand.rise_speed", self.stand.rise_speed),
             ("stand.max_error", self.stand.max_error),
             ("stand.patience", self.stand.patience),
+            ("hold.kp", self.hold.kp),
+            ("hold.kd", self.hold.kd),
+            ("hold.duration", self.hold.duration),
         ];
         for (key, found) in positive {
             within(key, &[found], "a positive number", |x| x > 0.0 && x.is_finite())?;
@@ -61,7 +59,7 @@ impl Params {
         let RobotConfig { sensors, posture, lying, .. } = &self.robot;
         let Params { gait, foothold, swing, contact, terrain, recovery, trunk, posture: p, wbc, stand, safety, .. } =
             self;
-        let not_negative: [(_, &[f64]); 30] = [
+        let not_negative: [(_, &[f64]); 29] = [
             ("robot.sensors.position", &[sensors.position]),
             ("robot.sensors.velocity", &[sensors.velocity]),
             ("robot.sensors.torque", &[sensors.torque]),
@@ -70,7 +68,6 @@ impl Params {
             ("robot.sensors.acceleration", &[sensors.acceleration]),
             ("foothold.max_speed", &[foothold.max_speed]),
             ("foothold.max_yaw_rate", &[foothold.max_yaw_rate]),
-            ("contact.release", &[contact.release]),
             ("contact.min_jacobian_det", &[contact.min_jacobian_det]),
             ("foothold.speed_trim_gain", &[foothold.speed_trim_gain]),
             ("foothold.max_speed_trim", &[foothold.max_speed_trim]),
@@ -140,11 +137,18 @@ impl Params {
             let expected = if least > 0.0 { "at least 1" } else { "at least 0" };
             within(key, &[found], expected, |x| x >= least)?;
         }
-        if contact.release > contact.threshold {
+        for (key, found) in [
+            ("contact.touch_load", contact.touch_load),
+            ("contact.release_load", contact.release_load),
+            ("recovery.reflex_load", recovery.reflex_load),
+        ] {
+            within(key, &[found], "above 0 and at most 1, a part of the weight", |x| x > 0.0 && x <= 1.0)?;
+        }
+        if contact.release_load > contact.touch_load {
             return Err(ParamsError::OutOfRange {
-                key: "contact.release",
-                found: contact.release,
-                expected: "at most contact.threshold",
+                key: "contact.release_load",
+                found: contact.release_load,
+                expected: "at most contact.touch_load",
             });
         }
         if self.wbc.f_z_min >= self.wbc.f_z_max {

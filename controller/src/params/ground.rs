@@ -6,10 +6,10 @@ use serde::{Deserialize, Serialize};
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct ContactParams {
-    /// Normal force above which a foot touches, N.
-    pub threshold: f64,
-    /// Normal force below which a foot that touches does so no more, N.
-    pub release: f64,
+    /// Normal force above which a foot touches, as a part of the robot's weight. The source's 50 N, of HyQ's 851 N.
+    pub touch_load: f64,
+    /// Normal force below which a foot that touches does so no more, as a part of the weight.
+    pub release_load: f64,
     /// Take the acceleration of the swing reference into account. The source neglects it, and so a light robot's feet touch air.
     pub inertia_compensation: bool,
     /// Samples in a row above the threshold before it counts.
@@ -21,8 +21,8 @@ pub struct ContactParams {
 impl Default for ContactParams {
     fn default() -> Self {
         ContactParams {
-            threshold: 50.0,
-            release: 25.0,
+            touch_load: 0.0587,
+            release_load: 0.0294,
             inertia_compensation: true,
             debounce: 3,
             min_jacobian_det: 1e-4,
@@ -64,8 +64,8 @@ pub struct RecoveryParams {
     pub velocity_time_constant: f64,
     /// Lift a foot anew from where it has run into something in the first half of its swing. Off: on stairs of 0.10 m it has cost more than it saved.
     pub step_reflex: bool,
-    /// Force against the step that counts as running into something, N.
-    pub reflex_force: f64,
+    /// Force against the step that counts as running into something, as a part of the weight.
+    pub reflex_load: f64,
     /// How far the foot is drawn back by it, m.
     pub reflex_retraction: f64,
     /// A standing foot that carries nothing for this long searches for the ground, s; 0 = it stays where it is.
@@ -80,7 +80,7 @@ impl Default for RecoveryParams {
             max_capture: 0.15,
             velocity_time_constant: 0.05,
             step_reflex: false,
-            reflex_force: 50.0,
+            reflex_load: 0.0587,
             reflex_retraction: 0.03,
             lost_contact_time: 0.05,
         }

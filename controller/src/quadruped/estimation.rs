@@ -169,7 +169,8 @@ impl Estimate {
                     state.f_F_W[leg] = -(inverse * torque);
                 }
             }
-            let least = if state.contact[leg] { params.contact.release } else { params.contact.threshold };
+            let least =
+                if state.contact[leg] { params.contact.release_load } else { params.contact.touch_load } * robot.weight;
             let loaded = self.n_W.dot(&state.f_F_W[leg]) > least;
             let count = &mut state.contact_count[leg];
             *count = if loaded { count.saturating_add(1).min(params.contact.debounce) } else { 0 };

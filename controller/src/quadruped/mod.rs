@@ -39,7 +39,7 @@ use estimation::{BasePlace, Estimate};
 use lcmtypes::{ControllerInput, ControllerTick, Message, QuadrupedState, channels};
 use modes::{Asked, Wish};
 use nalgebra::Vector3;
-use reference::References;
+use reference::{References, Tick};
 use rise::Rise;
 use robot::Robot;
 use safety::{fault, seconds};
@@ -160,9 +160,10 @@ impl Quadruped {
         let wish = operator::follow(params, estimate, state, &input.op, asked, dt);
         let rp_rate = rate(state.rp_des, rp_before);
         *trunk = operator::trunk_reference(state, rp_rate, rate(state.gradient_W, gradient_before));
-        let met = recovery::surprises(params, estimate, state, dt);
+        let met = recovery::surprises(robot, params, estimate, state, dt);
         let changes = gait::update(state, params, wish, &met, dt);
-        references.update(robot, params, estimate, &input.state.q, &changes, state, dt);
+        let q = &input.state.q;
+        references.update(&Tick { robot, params, estimate, q, changes: &changes, dt }, state);
         digests.0[Stage::Gait as usize] = digests::gait(references, state);
         probe.stage_done(Stage::Gait);
 
@@ -218,12 +219,8 @@ impl Quadruped {
         let state = &mut self.state;
         match (state.mode, found) {
             (Mode::Damping, None) => {}
-            (Mode::Damping, Some(fault)) => {
-                state.t_still = 0.0;
-                if asked.wish == Wish::Idle {
-                    state.fault = fault;
-                }
-            }
+            (Mode::Damping, Some(fault)) if asked.wish == Wish::Idle => state.fault = fault,
+            (Mode::Damping, Some(_)) => {}
             // Before the first good input there is nothing to save: the controller waits and says what for.
             (_, Some(fault)) => {
                 state.fault = fault;
@@ -285,6 +282,9 @@ impl Controller for Quadruped {
         let mut digests = Digests::default();
         digests.0[Stage::Input as usize] = digests::input(input);
         let found = safety::check_input(&self.robot, &self.params, &self.state, input);
+        if found.is_some() {
+            self.state.t_still = 0.0;
+        }
         let mut asked = modes::asked(&self.params, input);
         let dt = if self.state.started {
             seconds(input.t_ns.saturating_sub(self.state.t_ns)).clamp(0.0, MAX_DT)

@@ -16,7 +16,7 @@ use nalgebra::Vector3;
 const REFLEX_BLIND_PART: f64 = 0.15;
 /// Reflexes of a leg in one swing.
 const MAX_REFLEXES: i32 = 2;
-/// Part of the contact threshold below which a standing foot carries nothing.
+/// Part of the load of a touch below which a standing foot carries nothing.
 const UNLOADED_PART: f64 = 0.2;
 
 /// How far footholds are moved towards where the base would come to rest, m in H.
@@ -47,7 +47,7 @@ pub struct Surprises {
 /// Looks for surprises; counts for how long a standing foot has carried nothing.
 ///
 /// The force against the step strikes, not that along the normal: a foot that is still being unloaded has one.
-pub fn surprises(params: &Params, estimate: &Estimate, state: &mut State, dt: f64) -> Surprises {
+pub fn surprises(robot: &Robot, params: &Params, estimate: &Estimate, state: &mut State, dt: f64) -> Surprises {
     let recovery = &params.recovery;
     let timing = Timing::of(state, params);
     let mut found = Surprises::default();
@@ -59,9 +59,9 @@ pub fn surprises(params: &Params, estimate: &Estimate, state: &mut State, dt: f6
             && phase == LegPhase::SwingUp
             && state.reflexes[leg] < MAX_REFLEXES
             && state.t_leg[leg] > REFLEX_BLIND_PART * timing.T_sw
-            && f_W.dot(&forward_W) < -recovery.reflex_force;
+            && f_W.dot(&forward_W) < -recovery.reflex_load * robot.weight;
 
-        let empty = estimate.n_W.dot(&f_W) < UNLOADED_PART * params.contact.threshold;
+        let empty = estimate.n_W.dot(&f_W) < UNLOADED_PART * params.contact.touch_load * robot.weight;
         let meant_to = gait::loaded_part(state, &timing, leg) < 1.0;
         let counts = state.mode == Mode::Walk && phase.is_stance() && empty && !meant_to;
         state.t_unloaded[leg] = if counts { state.t_unloaded[leg] + dt } else { 0.0 };

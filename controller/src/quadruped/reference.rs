@@ -18,11 +18,12 @@ use super::estimation::Estimate;
 use super::foothold::{self, Query};
 use super::gait::{self, Timing, Transitions};
 use super::leg::{Leg, LegPhase, PerLeg};
+use super::recovery;
 use super::robot::Robot;
 use super::state::{Mode, State};
 use super::sway;
 use super::swing::swing_point;
-use super::{recovery, terrain};
+use super::terrain::Footing;
 use crate::math::Rz;
 use crate::model::{BaseState, Kinematics, point_jacobian_linear};
 use crate::params::Params;
@@ -30,6 +31,23 @@ use nalgebra::{DMatrix, Matrix3, Vector3};
 
 /// A slow gait blends its stance references over this part of the stance time, where that is longer than the blend's time constant.
 const BLEND_PART: f64 = 0.25;
+
+/// What the references of a tick are made of: all but the state, which they move on.
+#[derive(Clone, Copy)]
+pub struct Tick<'a> {
+    /// The robot.
+    pub robot: &'a Robot,
+    /// Its parameters.
+    pub params: &'a Params,
+    /// What is known of base and feet.
+    pub estimate: &'a Estimate,
+    /// Measured joint positions, nj, rad.
+    pub q: &'a [f64],
+    /// What the gait has changed.
+    pub changes: &'a Transitions,
+    /// Time since the last tick, s.
+    pub dt: f64,
+}
 
 /// References of a tick. All of it is overwritten by [`References::update`].
 pub struct References {
@@ -62,18 +80,11 @@ impl References {
     }
 
     /// Plans footholds, moves the foot references on, and carries `state.q_des` after them.
-    pub fn update(
-        &mut self,
-        robot: &Robot,
-        params: &Params,
-        estimate: &Estimate,
-        q: &[f64],
-        changes: &Transitions,
-        state: &mut State,
-        dt: f64,
-    ) {
+    pub fn update(&mut self, tick: &Tick, state: &mut State) {
+        let Tick { robot, params, estimate, changes, dt, .. } = *tick;
         let R_HW = estimate.base.R_WH.transpose();
-        let slope_H = terrain::presumed_gradient_H(params, &estimate.base, state);
+        let footing = Footing::of(params, &estimate.base, state);
+        let p_CF_H = R_HW * estimate.n_W * robot.foot_radius;
         let zeta_dot = height_integral(robot, params, state, dt);
         sway::update(robot, params, changes, state, dt);
         trim(params, state, dt);
@@ -81,7 +92,7 @@ impl References {
         let halted = state.leg_phase.0.contains(&LegPhase::FaultHold);
         for leg in Leg::ALL {
             if changes.lift_off[leg] || changes.anew[leg] {
-                lift(robot, params, estimate, q, changes, state, leg);
+                lift(tick, state, leg);
             }
             if changes.anew[leg] && state.leg_phase[leg] == LegPhase::SwingUp {
                 let back = Rz(state.step_heading[leg]) * Vector3::x() * params.recovery.reflex_retraction;
@@ -100,18 +111,19 @@ impl References {
                 state.p_stance_H[leg] = [x - v[0] * dt, y - v[1] * dt];
                 let xy = [0, 1].map(|k| state.p_stance_H[leg][k] - state.sway_H[k]);
                 let vxy = [0, 1].map(|k| -v[k] - sway_dot[k]);
-                let on_slope = |[x, y]: [f64; 2], z: f64| Vector3::new(x, y, z + slope_H[0] * x + slope_H[1] * y);
-                self.p_BF_H[leg] = on_slope(xy, p_virtual.z);
-                self.v_BF_H[leg] = on_slope(vxy, zeta_dot);
-                self.foothold_H[leg] = on_slope([p_virtual.x, p_virtual.y], p_virtual.z);
+                let level = |[x, y]: [f64; 2], z: f64| Vector3::new(x, y, z);
+                (self.p_BF_H[leg], self.v_BF_H[leg]) =
+                    footing.carry(level(xy, p_virtual.z), level(vxy, zeta_dot), &p_CF_H);
+                self.foothold_H[leg] = footing.carry(p_virtual, Vector3::zeros(), &p_CF_H).0;
             } else {
-                self.swing(robot, params, estimate, state, leg);
+                self.swing(tick, state, leg);
             }
         }
-        self.clik(robot, params, estimate, q, changes, state, dt);
+        self.clik(tick, state);
     }
 
-    fn swing(&mut self, robot: &Robot, params: &Params, estimate: &Estimate, state: &mut State, leg: Leg) {
+    fn swing(&mut self, tick: &Tick, state: &mut State, leg: Leg) {
+        let Tick { robot, params, estimate, .. } = *tick;
         let timing = Timing::of(state, params);
         let t = state.t_leg[leg];
         let R_HW = estimate.base.R_WH.transpose();
@@ -146,16 +158,8 @@ impl References {
         self.foothold_H[leg] = state.p_lift_H[leg] + along * length;
     }
 
-    fn clik(
-        &mut self,
-        robot: &Robot,
-        params: &Params,
-        estimate: &Estimate,
-        q: &[f64],
-        changes: &Transitions,
-        state: &mut State,
-        dt: f64,
-    ) {
+    fn clik(&mut self, tick: &Tick, state: &mut State) {
+        let Tick { robot, params, estimate, q, changes, dt } = *tick;
         let base = &estimate.base;
         let at_reference =
             BaseState { p_WB: Vector3::zeros(), R_WB: base.R_WB, v_WB: Vector3::zeros(), w_WB_W: Vector3::zeros() };
@@ -207,15 +211,8 @@ impl References {
 }
 
 /// A swing begins where the foot is.
-fn lift(
-    robot: &Robot,
-    params: &Params,
-    estimate: &Estimate,
-    q: &[f64],
-    changes: &Transitions,
-    state: &mut State,
-    leg: Leg,
-) {
+fn lift(tick: &Tick, state: &mut State, leg: Leg) {
+    let Tick { robot, params, estimate, q, changes, .. } = *tick;
     state.p_lift_H[leg] = estimate.base.R_WH.transpose() * estimate.legs[leg].p_BF_W;
     if changes.step_height > 0.0 {
         state.step_height[leg] = changes.step_height;

@@ -2,7 +2,9 @@
 
 use super::leg::{Leg, PerLeg};
 use crate::LoadError;
-use crate::model::{Base, BaseState, FrameId, JointKind, Kinematics, Model, UrdfTree, com, point_jacobian_linear};
+use crate::model::{
+    Base, BaseState, FrameId, GRAVITY, JointKind, Kinematics, Model, UrdfTree, com, point_jacobian_linear,
+};
 use crate::params::RobotConfig;
 use nalgebra::{DMatrix, Matrix3, Vector3};
 
@@ -25,6 +27,8 @@ pub struct LegModel {
 pub struct Robot {
     /// Rigid-body model, floating base.
     pub model: Model,
+    /// Its weight, N.
+    pub weight: f64,
     /// The four legs.
     pub legs: PerLeg<LegModel>,
     /// Nominal posture, nj.
@@ -127,7 +131,8 @@ impl Robot {
             return Err(wrong(format!("robot.imu_link {} is not fixed to the base", config.imu_link)));
         }
         let R_IB = kin.R_WF(&model, imu).transpose();
-        Ok(Robot { model, legs, q_nominal, nominal_height, sweep, R_IB, foot_radius: config.foot_radius })
+        let weight = model.total_mass() * GRAVITY;
+        Ok(Robot { model, weight, legs, q_nominal, nominal_height, sweep, R_IB, foot_radius: config.foot_radius })
     }
 
     /// Number of joints.

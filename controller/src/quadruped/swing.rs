@@ -31,7 +31,7 @@ pub struct SwingPoint {
 /// - `length`, `height`: `L_s`, `H_s`, m; `T_sw`: swing time, s; `reach`: in swing times, at most 0.5.
 pub fn swing_point(t: f64, T_sw: f64, length: f64, height: f64, reach: f64) -> SwingPoint {
     let end = T_sw * (1.0 + reach);
-    let (phase, rate) = progress(t.min(end) / T_sw);
+    let (phase, rate) = progress(t.clamp(0.0, end) / T_sw);
     let (angle, rate) = (PI * phase, PI * rate / T_sw);
     let (x, xd) =
         if t < T_sw { (0.5 * length * (1.0 - cos(angle)), 0.5 * length * rate * sin(angle)) } else { (length, 0.0) };

@@ -39,16 +39,40 @@ pub fn inclination(gradient_H: [f64; 2]) -> Matrix3<f64> {
     Ry(theta) * Rx(phi)
 }
 
-/// The gradient that standing legs are to fit, in H: that of the estimator, or without it that under which the base has the tilt commanded,
-/// so that the posture asks for no other tilt than the base has.
-pub fn presumed_gradient_H(params: &Params, base: &BaseEstimate, state: &State) -> [f64; 2] {
-    if params.terrain.estimator {
-        return turned(state.gradient_W, base.rpy[2]);
+/// What standing feet keep their places on.
+#[derive(Clone, Copy, Debug)]
+pub enum Footing {
+    /// The ground as estimated, whose gradient in H this is: the base may tilt over it.
+    Ground([f64; 2]),
+    /// The base, tilted back by the tilt commanded: its axes in H, and their angular velocity in H beyond that of H itself. Feet that hold on to
+    /// it bring the base parallel to the ground, whatever that is, and nothing has to know it.
+    Base(Matrix3<f64>, Vector3<f64>),
+}
+
+impl Footing {
+    /// The estimated ground, or without an estimator the base.
+    pub fn of(params: &Params, base: &BaseEstimate, state: &State) -> Self {
+        if params.terrain.estimator {
+            return Footing::Ground(turned(state.gradient_W, base.rpy[2]));
+        }
+        let [roll, pitch] = state.rp_des;
+        let w_H = base.R_WH.transpose() * base.w_WB_W - Vector3::z() * base.yaw_rate;
+        Footing::Base(base.R_HB * (Ry(pitch) * Rx(roll)).transpose(), w_H)
     }
-    let [roll, pitch] = state.rp_des;
-    let n_H = base.R_HB * (Ry(pitch) * Rx(roll)).transpose() * Vector3::z();
-    let limit = params.terrain.max_gradient;
-    [n_H.x, n_H.y].map(|n| (-n / n_H.z).clamp(-limit, limit))
+
+    /// Place and velocity in H of a contact point, given by place and velocity as on level ground; `p_CF_H`: centre of the foot from there.
+    pub fn carry(&self, p: Vector3<f64>, v: Vector3<f64>, p_CF_H: &Vector3<f64>) -> (Vector3<f64>, Vector3<f64>) {
+        match self {
+            Footing::Ground(gradient) => {
+                let lifted = |a: Vector3<f64>| Vector3::new(a.x, a.y, a.z + rise(*gradient, &a));
+                (lifted(p), lifted(v))
+            }
+            Footing::Base(R_HS, w_H) => {
+                let p_H = R_HS * p;
+                (p_H, R_HS * v + w_H.cross(&(p_H + p_CF_H)))
+            }
+        }
+    }
 }
 
 /// Moves contact points, velocity estimate and gradient on.
@@ -119,6 +143,24 @@ mod tests {
         let [gx, gy] = fit(&square).unwrap();
         assert!((gx - 0.01 / 0.4).abs() < 1e-12 && (gy - 0.01 / 0.3).abs() < 1e-12, "{gx} {gy}");
         assert_eq!(fit(&[0.1, 0.2, 0.3, 0.4].map(|x| Vector3::new(x, x, 0.0))), None);
+    }
+
+    /// Both kinds of footing move as they say, H turning too, and a base that feet hold on to carries their centres along.
+    #[test]
+    fn the_velocity_of_a_carried_foot_is_what_its_place_changes_by() {
+        let (p, v, w) = (Vector3::new(0.4, 0.3, -0.55), Vector3::new(-0.2, 0.1, 0.02), Vector3::new(0.3, -0.4, 0.2));
+        let p_CF_H = Vector3::new(0.0, 0.0, 0.02);
+        let d = 1e-6;
+        let R_HB = |t: f64| nalgebra::Rotation3::new(w * t).into_inner() * Ry(0.1) * Rx(-0.2);
+        let at = |t: f64| Footing::Base(R_HB(t), w).carry(p + v * t, v, &p_CF_H);
+        let centre = |t: f64| at(t).0 + R_HB(t) * R_HB(0.0).transpose() * p_CF_H;
+        let off = (centre(d) - centre(-d)) / (2.0 * d) - at(0.0).1;
+        assert!(off.norm() < 1e-8, "{off}");
+
+        let ground = Footing::Ground([0.1, -0.2]);
+        let at = |t: f64| ground.carry(p + v * t, v, &p_CF_H);
+        let off = (at(d).0 - at(-d).0) / (2.0 * d) - at(0.0).1;
+        assert!(off.norm() < 1e-8 && (at(0.0).0.z - (-0.55 + 0.04 - 0.06)).abs() < 1e-12, "{off}");
     }
 
     #[test]

@@ -3,9 +3,10 @@
 
 use super::clock::now_ns;
 use super::{Call, Lateness};
+use crate::operators::Arbiter;
 use crate::watch::{ModeWatch, Said};
-use lcmtypes::bus::Bus;
-use lcmtypes::{ControllerTick, Event, Message, OperatorCommand, RunInfo, Timing, channels};
+use lcmtypes::bus::{Bus, Received};
+use lcmtypes::{ControllerTick, Event, ExecutorCommand, Message, OperatorCommand, RunInfo, Timing, channels};
 use replay::record::BytesOut;
 use rtrb::Producer;
 use std::time::Duration;
@@ -30,9 +31,13 @@ pub struct Carried {
 pub struct Carrier {
     ring: BytesOut,
     calls: Producer<Call>,
+    arbiter: Arbiter,
     bus: Box<dyn Bus>,
     info: RunInfo,
     info_due_ns: Option<i64>,
+    controllers: Vec<String>,
+    /// The controllers that ran in the last tick, a bit each.
+    running: i64,
     modes: ModeWatch,
     lateness: Lateness,
     bytes: Vec<u8>,
@@ -40,23 +45,31 @@ pub struct Carrier {
 }
 
 impl Carrier {
-    /// A carrier between `ring` and `bus`, which has subscribed to [`Carrier::CHANNELS`].
-    pub fn new(ring: BytesOut, calls: Producer<Call>, bus: Box<dyn Bus>, info: RunInfo, lateness: Lateness) -> Self {
+    /// A carrier between the ends of rings towards the real-time thread and `bus`, which has subscribed to [`channels::EXECUTOR_COMMAND`] and to
+    /// what the operators speak on. `controllers`: names, in the order of their bits.
+    pub fn new(
+        (ring, calls): (BytesOut, Producer<Call>),
+        bus: Box<dyn Bus>,
+        arbiter: Arbiter,
+        info: RunInfo,
+        controllers: Vec<String>,
+        lateness: Lateness,
+    ) -> Self {
         Carrier {
             ring,
             calls,
+            arbiter,
             bus,
             info,
             info_due_ns: None,
+            controllers,
+            running: 0,
             modes: ModeWatch::default(),
             lateness,
             bytes: Vec::new(),
             done: Carried::default(),
         }
     }
-
-    /// What it listens to, as a pattern.
-    pub const CHANNELS: &str = channels::OPERATOR_COMMAND;
 
     /// Works until the real-time thread is gone and the ring is empty.
     pub fn run(mut self) -> Carried {
@@ -81,6 +94,7 @@ impl Carrier {
         self.say_run_info(data);
         self.publish(channel, data);
         match channel {
+            channels::CONTROLLER_INPUT => self.tell_running(data),
             channels::CONTROLLER_TICK => {
                 if let Ok(tick) = ControllerTick::decode(data)
                     && let Some(Said { level, text, .. }) = self.modes.see(&tick)
@@ -117,6 +131,18 @@ impl Carrier {
         self.bytes = bytes;
     }
 
+    /// Says which controllers were started and stopped.
+    fn tell_running(&mut self, input: &[u8]) {
+        let number = |at: usize| input.get(at..)?.first_chunk().map(|bytes| i64::from_be_bytes(*bytes));
+        let [Some(t_ns), Some(tick), Some(running)] = [8, 16, 24].map(number) else { return };
+        let changed = std::mem::replace(&mut self.running, running) ^ running;
+        for k in (0..self.controllers.len()).filter(|k| changed >> k & 1 == 1) {
+            let what = if running >> k & 1 == 1 { "starts" } else { "stops" };
+            let text = format!("controller {} {what}", self.controllers[k]);
+            self.tell(t_ns, tick, Event::LEVEL_INFO, "executor", text);
+        }
+    }
+
     fn tell_lateness(&mut self, at_end: bool) {
         if let Some((t_ns, tick, text)) = self.lateness.tell(at_end) {
             self.tell(t_ns, tick, Event::LEVEL_WARNING, "executor", text);
@@ -141,14 +167,75 @@ impl Carrier {
             std::thread::sleep(REST);
             return;
         };
-        for message in heard {
-            let t_ns = now_ns();
+        heard.iter().for_each(|message| self.hear(message));
+        // Sources run out of time in silence.
+        self.follow_operator();
+    }
+
+    fn hear(&mut self, message: &Received) {
+        let t_ns = now_ns();
+        if let Some(source) = self.arbiter.source_of(&message.channel) {
             match OperatorCommand::decode(&message.data) {
                 Ok(command) => {
-                    self.done.not_called += u64::from(self.calls.push(Call::Operator { t_ns, command }).is_err());
+                    self.arbiter.hear(source, t_ns, &command);
+                    // After each: an emergency stop that is taken back at once was one.
+                    self.follow_operator();
+                }
+                Err(_) => self.done.unreadable += 1,
+            }
+        } else if message.channel == channels::EXECUTOR_COMMAND {
+            match ExecutorCommand::decode(&message.data) {
+                Ok(command) => {
+                    if let Some(call) = self.start_or_stop(t_ns, &command) {
+                        self.call(call);
+                    }
                 }
                 Err(_) => self.done.unreadable += 1,
             }
         }
+    }
+
+    fn call(&mut self, call: Call) {
+        self.done.not_called += u64::from(self.calls.push(call).is_err());
+    }
+
+    fn follow_operator(&mut self) {
+        let now_ns = now_ns();
+        if let Some(choice) = self.arbiter.news(now_ns) {
+            let call = Call::Operator { t_ns: choice.arrival_ns, command: choice.command.clone() };
+            self.call(call);
+        }
+        while let Some(switch) = self.arbiter.switch() {
+            let level = if switch.is_alarming() { Event::LEVEL_WARNING } else { Event::LEVEL_INFO };
+            let text = self.arbiter.text(switch);
+            self.tell(now_ns, -1, level, "operator", text);
+        }
+    }
+
+    /// The call that a wish means; says so where it means none.
+    fn start_or_stop(&mut self, t_ns: i64, wish: &ExecutorCommand) -> Option<Call> {
+        let place = self.controllers.iter().position(|name| *name == wish.controller);
+        let call = match (place, wish.action) {
+            (Some(k), ExecutorCommand::ACTION_START) => Some(Call::Start(k)),
+            (Some(k), ExecutorCommand::ACTION_STOP) => Some(Call::Stop(k)),
+            _ => None,
+        };
+        let text = match (place, &call) {
+            (None, _) => {
+                format!(
+                    "no controller \"{}\" to start or stop: there are {}",
+                    wish.controller,
+                    self.controllers.join(", ")
+                )
+            }
+            (_, None) => format!("action {} of EXECUTOR_COMMAND, expected 0 (start) or 1 (stop)", wish.action),
+            (Some(k), Some(call)) if (self.running >> k & 1 == 1) == matches!(call, Call::Start(_)) => {
+                let is = if matches!(call, Call::Start(_)) { "running" } else { "stopped" };
+                format!("controller {} is {is} already", wish.controller)
+            }
+            _ => return call,
+        };
+        self.tell(t_ns, -1, Event::LEVEL_WARNING, "executor", text);
+        None
     }
 }

@@ -2,16 +2,16 @@
 
 use super::carrier::{Carried, Carrier};
 use super::clock::Beat;
-use super::runner::{Runner, Ticked};
+use super::runner::{End, Ending, Runner, Ticked};
 use super::{Granted, Hardware, Lateness, RealtimeParams};
 use crate::DriverError;
+use crate::operators::Arbiter;
 use controller::Controller;
-use lcmtypes::RunInfo;
 use lcmtypes::bus::Bus;
+use lcmtypes::{RunInfo, channels};
 use replay::record::byte_ring;
 use rtrb::RingBuffer;
 use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc;
 use std::thread::JoinHandle;
 
@@ -22,12 +22,16 @@ const CALLS: usize = 256;
 
 /// What to run.
 pub struct Plan {
-    /// The controller, as RUN_INFO describes it.
+    /// The controllers as one, as RUN_INFO describes it.
     pub controller: Box<dyn Controller>,
+    /// Their names, and whether each starts at once; those that RUN_INFO names, in its order.
+    pub controllers: Vec<(String, bool)>,
     /// The robot.
     pub hardware: Box<dyn Hardware>,
     /// Where messages go to and wishes come from.
     pub bus: Box<dyn Bus>,
+    /// Who may command.
+    pub operators: Arbiter,
     /// The run's description; the executor fills in time and real-time settings.
     pub info: RunInfo,
     /// When ticks are due.
@@ -56,7 +60,7 @@ impl Summary {
 
 /// A run in progress; stops when dropped.
 pub struct Executor {
-    stop: Arc<AtomicBool>,
+    ending: Arc<Ending>,
     granted: Granted,
     runner: Option<JoinHandle<Ticked>>,
     carrier: Option<JoinHandle<Carried>>,
@@ -68,27 +72,31 @@ impl Executor {
     /// # Errors
     /// If the bus takes no subscription, or there can be no further thread.
     pub fn start(plan: Plan) -> Result<Self, DriverError> {
-        let Plan { controller, hardware, mut bus, mut info, beat, ticks, realtime } = plan;
-        bus.subscribe(Carrier::CHANNELS)?;
-        let stop = Arc::new(AtomicBool::new(false));
+        let Plan { controller, controllers, hardware, mut bus, operators, mut info, beat, ticks, realtime } = plan;
+        bus.subscribe(channels::EXECUTOR_COMMAND)?;
+        operators.sources().iter().try_for_each(|source| bus.subscribe(&source.channel))?;
+        let ending = Arc::<Ending>::default();
         let (ring_in, ring_out) = byte_ring(RING_BYTES);
         let (calls_in, calls_out) = RingBuffer::new(CALLS);
         let (granted_in, granted_out) = mpsc::channel();
-        let mut runner = Runner::new(controller, hardware, calls_out, ring_in, beat);
+        let running = controllers.iter().enumerate().fold(0, |bits, (k, (_, starts))| bits | i64::from(*starts) << k);
+        let mut runner = Runner::new(controller, running, hardware, calls_out, ring_in, beat);
         let runner = spawn("real-time", {
-            let stop = stop.clone();
+            let ending = ending.clone();
             move || {
                 // Whoever started us waits for it.
                 let _ = granted_in.send(realtime.apply());
                 drop(granted_in);
-                runner.run(ticks.unwrap_or(i64::MAX), &stop)
+                runner.run(ticks.unwrap_or(i64::MAX), &ending)
             }
         })?;
         let granted = granted_out.recv().unwrap_or_default();
         info.realtime = format!("live, every {} us, {}", beat.period_ns / 1000, granted.text());
-        let carrier = Carrier::new(ring_out, calls_in, bus, info, Lateness::new(beat.period_ns));
+        let names = controllers.into_iter().map(|(name, _)| name).collect();
+        let lateness = Lateness::new(beat.period_ns);
+        let carrier = Carrier::new((ring_out, calls_in), bus, operators, info, names, lateness);
         let carrier = spawn("carrier", move || carrier.run())?;
-        Ok(Executor { stop, granted, runner: Some(runner), carrier: Some(carrier) })
+        Ok(Executor { ending, granted, runner: Some(runner), carrier: Some(carrier) })
     }
 
     /// What the system granted.
@@ -101,13 +109,18 @@ impl Executor {
         self.runner.as_ref().is_none_or(JoinHandle::is_finished)
     }
 
-    /// Leads to the safe state, stops, and waits until every message is out.
+    /// Lets a robot that stands sit down; then it ends by itself.
+    pub fn sit_down(&self) {
+        self.ending.ask(End::Sit);
+    }
+
+    /// Damps the joints, ends, and waits until every message is out.
     pub fn finish(mut self) -> Summary {
         self.close()
     }
 
     fn close(&mut self) -> Summary {
-        self.stop.store(true, Ordering::Relaxed);
+        self.ending.ask(End::Damp);
         let ticked = self.runner.take().map(join).unwrap_or_default();
         Summary { ticked, carried: self.carrier.take().map(join).unwrap_or_default() }
     }

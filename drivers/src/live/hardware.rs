@@ -26,6 +26,15 @@ pub trait Hardware: Send {
     }
 }
 
+/// Joints for which there is memory from the beginning; a robot with more costs some allocations in its first ticks.
+const JOINTS: usize = 64;
+
+/// A state without joints, and with room for them.
+pub fn empty_state() -> RobotState {
+    let room = || Vec::with_capacity(JOINTS);
+    RobotState { q: room(), qd: room(), tau: room(), ..RobotState::default() }
+}
+
 /// No robot: joints at rest in a posture, IMU upright. For trying an executor and measuring its jitter.
 pub struct Dummy {
     state: RobotState,
@@ -71,16 +80,16 @@ impl LcmRobot {
     /// # Errors
     /// If it cannot be joined.
     pub fn open(url: &Url) -> Result<Self, DriverError> {
-        let (states, commands) = (Ear::open(url, channels::ROBOT_STATE)?, Speaker::open(url)?);
-        Ok(LcmRobot { states, commands, heard: RobotState::default(), unsent: 0 })
+        let (states, commands) = (Ear::open(url)?, Speaker::open(url)?);
+        Ok(LcmRobot { states, commands, heard: empty_state(), unsent: 0 })
     }
 }
 
 impl Hardware for LcmRobot {
     fn receive(&mut self, state: &mut RobotState) -> bool {
         let (mut taken, heard) = (false, &mut self.heard);
-        self.states.hear(|data| {
-            if heard.decode_into(data).is_ok() {
+        self.states.hear(|channel, data| {
+            if channel == channels::ROBOT_STATE && heard.decode_into(data).is_ok() {
                 let younger_ns = heard.t_ns.saturating_sub(state.t_ns);
                 if !(-CLOCK_BEGAN_ANEW_NS..=0).contains(&younger_ns) {
                     std::mem::swap(state, heard);

@@ -2,14 +2,20 @@
 
 use super::Hardware;
 use super::clock::{Beat, now_ns, sleep_until, wall_ns};
+use super::hardware::empty_state;
 use controller::{Controller, Outbox, Probe, Stage};
-use lcmtypes::{ControllerInput, Message, OperatorCommand, Timing, channels};
+use lcmtypes::{ControllerInput, ControllerTick, Event, Message, OperatorCommand, Timing, channels};
 use replay::record::BytesIn;
 use rtrb::Consumer;
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::sync::atomic::{AtomicU8, Ordering};
 
 /// Ticks with which a run ends, in which the operator is taken to ask for the safe state: the last command that a driver hears is to damp.
 pub const LAST_TICKS: i64 = 20;
+/// How long a robot that is to sit down before the end may take, ns.
+const SIT_NS: i64 = 15_000_000_000;
+/// Ticks in a row that may take longer than a period.
+const OVERRUNS: u32 = 3;
 
 /// What another thread wants of the real-time thread; carried out at the beginning of the next tick, in order.
 #[derive(Clone, Debug)]
@@ -21,6 +27,41 @@ pub enum Call {
         /// The command.
         command: OperatorCommand,
     },
+    /// Start the k-th controller.
+    Start(usize),
+    /// Stop the k-th controller.
+    Stop(usize),
+}
+
+/// How a run is to end, told from any thread.
+#[derive(Debug, Default)]
+pub struct Ending(AtomicU8);
+
+/// What is asked of a run.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+#[repr(u8)]
+pub enum End {
+    /// To go on.
+    No,
+    /// To sit down, if the robot stands, and then to end.
+    Sit,
+    /// To damp the joints and to end.
+    Damp,
+}
+
+impl Ending {
+    /// Asks for an end; what is more urgent stays.
+    pub fn ask(&self, end: End) {
+        self.0.fetch_max(end as u8, Ordering::Relaxed);
+    }
+
+    fn asked(&self) -> End {
+        match self.0.load(Ordering::Relaxed) {
+            0 => End::No,
+            1 => End::Sit,
+            _ => End::Damp,
+        }
+    }
 }
 
 /// What a real-time thread has done.
@@ -36,6 +77,8 @@ pub struct Ticked {
     pub not_carried: u64,
     /// Commands that the hardware could not send.
     pub unsent: u64,
+    /// Ticks in which a controller panicked.
+    pub panics: u64,
 }
 
 /// All that the real-time thread works with.
@@ -49,19 +92,22 @@ pub struct Runner {
     outbox: Outbox,
     bytes: Vec<u8>,
     clock: StageClock,
+    /// Ticks in a row whose controllers took longer than a period.
+    overruns: u32,
     done: Ticked,
 }
 
 impl Runner {
-    /// Takes everything together, and allocates whatever a tick needs.
+    /// Takes everything together, and allocates whatever a tick needs. Bit k of `running`: the k-th controller starts at once.
     pub fn new(
         controller: Box<dyn Controller>,
+        running: i64,
         hardware: Box<dyn Hardware>,
         calls: Consumer<Call>,
         ring: BytesIn,
         beat: Beat,
     ) -> Self {
-        let mut input = ControllerInput { running: 1, ..ControllerInput::default() };
+        let mut input = ControllerInput { running, state: empty_state(), ..ControllerInput::default() };
         input.op.seq = -1;
         Runner {
             controller,
@@ -73,24 +119,35 @@ impl Runner {
             outbox: Outbox::new(),
             bytes: Vec::with_capacity(1 << 16),
             clock: StageClock::default(),
+            overruns: 0,
             done: Ticked::default(),
         }
     }
 
-    /// Runs for `ticks` ticks or until `stop` is set; the last [`LAST_TICKS`] lead to the safe state.
-    pub fn run(&mut self, ticks: i64, stop: &AtomicBool) -> Ticked {
+    /// Runs for `ticks` ticks, of which the last [`LAST_TICKS`] lead to the safe state, or until `ending` asks for an end.
+    pub fn run(&mut self, ticks: i64, ending: &Ending) -> Ticked {
         let mut due_ns = self.beat.after(now_ns());
-        let mut end = ticks;
+        let (mut end, mut sit_until_ns) = (ticks, None);
         while self.done.ticks < end {
-            if stop.load(Ordering::Relaxed) {
-                end = end.min(self.done.ticks + LAST_TICKS);
-            }
             sleep_until(due_ns);
             let wake_ns = now_ns();
             let deadline_ns = due_ns + self.beat.period_ns;
+            let at_rest = self.mode() == Some(ControllerTick::MODE_IDLE);
+            let rest = if at_rest { OperatorCommand::MODE_IDLE } else { OperatorCommand::MODE_DAMPING };
+            let mut instead = (end - self.done.ticks <= LAST_TICKS).then_some(rest);
+            match ending.asked() {
+                End::No => {}
+                End::Sit if self.stands() && wake_ns < *sit_until_ns.get_or_insert(wake_ns + SIT_NS) => {
+                    // Refused until it lies, and then the way out.
+                    let sits = self.mode() == Some(ControllerTick::MODE_SIT);
+                    let mode = if sits { OperatorCommand::MODE_IDLE } else { OperatorCommand::MODE_SIT };
+                    instead = instead.or(Some(mode));
+                }
+                _ => end = end.min(self.done.ticks + LAST_TICKS),
+            }
             // Woken so late, it would act on a measurement from before. The next tick is near, and finds a fresh one.
             if wake_ns < deadline_ns {
-                self.tick(wake_ns, deadline_ns, end - self.done.ticks <= LAST_TICKS);
+                self.tick(wake_ns, deadline_ns, instead);
             }
             let next_ns = self.beat.after(now_ns()).max(deadline_ns);
             let ticked = u64::from(wake_ns < deadline_ns);
@@ -101,28 +158,44 @@ impl Runner {
         self.done
     }
 
-    fn tick(&mut self, wake_ns: i64, deadline_ns: i64, is_last: bool) {
+    /// `controller_tick_t` MODE_* of the last tick.
+    fn mode(&self) -> Option<i8> {
+        let tick = self.outbox.get(channels::CONTROLLER_TICK)?;
+        tick.get(24).map(|mode| mode.cast_signed())
+    }
+
+    /// The robot is on its legs, or on its way there or back.
+    fn stands(&self) -> bool {
+        !matches!(self.mode(), None | Some(ControllerTick::MODE_IDLE | ControllerTick::MODE_DAMPING))
+    }
+
+    /// One tick; `instead` is the mode that the executor asks for in the operator's place.
+    fn tick(&mut self, wake_ns: i64, deadline_ns: i64, instead: Option<i8>) {
         let wall_ns = wall_ns();
         self.hardware.receive(&mut self.input.state);
         while let Ok(call) = self.calls.pop() {
             match call {
                 Call::Operator { t_ns, command } => (self.input.t_op_ns, self.input.op) = (t_ns, command),
+                Call::Start(k) => self.input.running |= 1 << k,
+                Call::Stop(k) => self.input.running &= !(1 << k),
             }
         }
-        if is_last {
-            (self.input.t_op_ns, self.input.op.mode) = (wake_ns, OperatorCommand::MODE_DAMPING);
+        if let Some(mode) = instead {
+            let seq = self.input.op.seq.max(0);
+            (self.input.t_op_ns, self.input.op) =
+                (wake_ns, OperatorCommand { mode, seq, ..OperatorCommand::default() });
         }
         (self.input.t_ns, self.input.tick) = (wake_ns, self.done.ticks);
 
-        self.clock.start();
-        self.controller.step_probed(&self.input, &mut self.outbox, &mut self.clock);
+        self.step();
         if let Some(command) = self.outbox.get(channels::ROBOT_COMMAND) {
             self.hardware.send(command);
         }
         let end_ns = now_ns();
         self.done.late += u64::from(end_ns > deadline_ns);
-
         self.hand_over_tick();
+        self.stop_overrun(end_ns - self.clock.start_ns);
+
         let timing = Timing {
             t_ns: wake_ns,
             tick: self.input.tick,
@@ -138,6 +211,49 @@ impl Runner {
         self.done.ticks += 1;
     }
 
+    /// The controllers' step. One that panics takes all of them with it: the tick is computed again with none of them running, which damps the
+    /// joints, and it is that tick which the log holds and a replay finds.
+    fn step(&mut self) {
+        self.clock.start();
+        let Runner { controller, input, outbox, clock, .. } = self;
+        // What a panic leaves half done is scratch, or state that a start begins anew.
+        let stepped = catch_unwind(AssertUnwindSafe(|| controller.step_probed(input, outbox, clock)));
+        let Err(panic) = stepped else { return };
+        let running = std::mem::take(&mut input.running);
+        outbox.clear();
+        let damped = catch_unwind(AssertUnwindSafe(|| controller.step_probed(input, outbox, clock)));
+        // Were even that to fail, no command leaves, and the driver's watchdog damps.
+        if damped.is_err() {
+            outbox.clear();
+        }
+        self.done.panics += 1;
+        self.tell(format!(
+            "a controller panicked and all are stopped: {}; it happens again in a replay of this tick with running = {running}",
+            text_of(&*panic)
+        ));
+    }
+
+    /// Stops all controllers when they take longer than a period several times in a row: there is no control any more.
+    fn stop_overrun(&mut self, took_ns: i64) {
+        self.overruns = if took_ns > self.beat.period_ns && self.input.running != 0 { self.overruns + 1 } else { 0 };
+        if self.overruns > OVERRUNS {
+            self.overruns = 0;
+            self.input.running = 0;
+            self.tell(format!(
+                "all controllers are stopped: {} ticks in a row took longer than a period",
+                OVERRUNS + 1
+            ));
+        }
+    }
+
+    /// Says why the controllers were stopped. This allocates: the run is not in time any more.
+    fn tell(&mut self, text: String) {
+        let ControllerInput { t_ns, tick, .. } = self.input;
+        let event = Event { t_ns, tick, level: Event::LEVEL_ERROR, source: "executor".to_owned(), text };
+        encode(&mut self.bytes, &event);
+        self.done.not_carried += hand_over(&mut self.ring, channels::EVENT, &self.bytes);
+    }
+
     /// Input and outputs of the tick, to the carrier.
     fn hand_over_tick(&mut self) {
         encode(&mut self.bytes, &self.input);
@@ -148,6 +264,12 @@ impl Runner {
             }
         }
     }
+}
+
+/// What a panic says.
+fn text_of(panic: &(dyn std::any::Any + Send)) -> &str {
+    let text = panic.downcast_ref::<String>().map(String::as_str);
+    text.or_else(|| panic.downcast_ref::<&str>().copied()).unwrap_or("without a word")
 }
 
 fn encode(bytes: &mut Vec<u8>, message: &impl Message) {

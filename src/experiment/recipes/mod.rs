@@ -130,6 +130,15 @@ pub const ALL: &[Experiment] = &[
         run: walks::speed_of_gaits,
     },
     Experiment {
+        id: "posture",
+        title: "no terrain estimator, no task for roll and pitch of the trunk: the posture adapts",
+        published: "section 3.4, no number",
+        robot: "hyq",
+        seeds: 10,
+        minutes: 3.0,
+        run: walks::posture_alone,
+    },
+    Experiment {
         id: "limits",
         title: "the highest step and the largest push that are survived, by bisection",
         published: "no number",

@@ -7,6 +7,7 @@ use crate::robot::RobotFiles;
 use analysis::Run;
 use analysis::figures::{Ask, Kind, Named, draw};
 use analysis::tables::tracking_rows;
+use controller::stack::S1;
 use std::collections::BTreeMap;
 
 /// Every rms of the paper's Table 3, and its Figure 9.
@@ -62,6 +63,7 @@ pub fn port(bench: &Bench) -> anyhow::Result<Vec<Row>> {
     bench.note(note);
     let mut rows = table3(bench, "A2: ")?;
     rows.extend(rough(bench, "A3: ")?);
+    rows.extend(speeds(bench, "speed: ")?);
     rows.push(Row::noted("parameters that differ from HyQ's", count(differing.len()), ""));
     Ok(rows)
 }
@@ -83,6 +85,37 @@ fn parameters(robot: &str) -> anyhow::Result<BTreeMap<String, String>> {
     let mut all = BTreeMap::new();
     collect("", &toml::Value::Table(table), &mut all);
     Ok(all)
+}
+
+/// Without terrain estimator and without the trunk's roll and pitch: the posture alone brings the base parallel to what the feet stand on.
+pub fn posture_alone(bench: &Bench) -> anyhow::Result<Vec<Row>> {
+    let spec = |scenario: &str| {
+        let formula = S1.replace("trunk", "trunk[2]");
+        let spec = Spec::of(scenario).named(format!("{scenario}_posture")).set("terrain.estimator", "false");
+        spec.set("stack.formula", format!("{formula:?}"))
+    };
+    let scenarios = ["flat_trot", "flat_crawl", "base_motion", "slope", "rough_trot"];
+    let samples = bench.all("posture alone", scenarios.map(spec).to_vec())?;
+    let mut rows = Vec::new();
+    for (scenario, sample) in scenarios.iter().zip(&samples) {
+        rows.push(falls(&format!("{scenario}: "), std::slice::from_ref(sample)));
+        // On a slope the base goes with the ground, which no reference knows.
+        if *scenario != "slope" {
+            for row in
+                tracking_rows(&sample.metrics).into_iter().filter(|row| ["roll", "pitch"].contains(&row.name.as_str()))
+            {
+                let rms = row.measured.map_or(f64::NAN, |measured| measured.rms);
+                rows.push(Row::noted(format!("{scenario}: {}, rms", row.name), rms, row.unit));
+            }
+        }
+        if scenario.starts_with("flat") {
+            rows.extend(speed(&format!("{scenario}: "), std::slice::from_ref(sample)));
+        }
+    }
+    let tracks =
+        bench.all("posture alone, rough", bench.seeds().map(|seed| spec("rough_track").seed(seed)).collect())?;
+    rows.push(falls("rough_track: ", &tracks));
+    Ok(rows)
 }
 
 /// Force on the leg opposite to the swing, and falls, with ramps and residual load and without, at two swing frequencies.
@@ -185,9 +218,13 @@ impl Walk {
 
 /// One direction at a time: means over the whole walk, its beginning included.
 pub fn speed_of_gaits(bench: &Bench) -> anyhow::Result<Vec<Row>> {
+    speeds(bench, "")
+}
+
+fn speeds(bench: &Bench, prefix: &str) -> anyhow::Result<Vec<Row>> {
     let walks = Walk::all();
     let samples = bench.all("speeds", walks.iter().map(Walk::spec).collect())?;
-    let mut rows = vec![falls("", &samples)];
+    let mut rows = vec![falls(prefix, &samples)];
     for (Walk { gait, direction, .. }, sample) in walks.iter().zip(&samples) {
         let way = &sample.metrics.locomotion;
         let (commanded, realised) = match direction {
@@ -196,10 +233,11 @@ pub fn speed_of_gaits(bench: &Bench) -> anyhow::Result<Vec<Row>> {
             Direction::Sideways => (way.commanded_velocity.map(|v| v[1]), way.true_velocity.map(|v| v[1])),
         };
         let (commanded, realised) = (commanded.unwrap_or(f64::NAN), realised.unwrap_or(f64::NAN));
-        let (name, _, unit) = direction.names();
-        rows.push(Row::noted(format!("{gait}, {name}: commanded"), commanded, unit));
-        rows.push(Row::noted(format!("{gait}, {name}: true"), realised, unit));
-        let off = Row::noted(format!("{gait}, {name}: off by"), 100.0 * (realised / commanded - 1.0).abs(), "%");
+        let (direction, _, unit) = direction.names();
+        let noted = |what, value, unit| Row::noted(format!("{prefix}{gait}, {direction}: {what}"), value, unit);
+        rows.push(noted("commanded", commanded, unit));
+        rows.push(noted("true", realised, unit));
+        let off = noted("off by", 100.0 * (realised / commanded - 1.0).abs(), "%");
         rows.push(off.at_most(5.0));
     }
     Ok(rows)

@@ -1,36 +1,15 @@
-//! The stack against the closed forms of Cartesian impedance control: Raiola et al. 2020, appendix, eqs. (4), (10), (15), (17).
-//!
-//! All nv coordinates of HyQ, base included, count as actuated here, as the appendix has it: no contacts, no gravity, and of the
-//! torques what moves the masses, `M vd`. Expected values by dense linear algebra, without the stack.
+//! Cartesian tasks against differences of the pose, and against dense linear algebra.
 #![allow(non_snake_case, clippy::unwrap_used, missing_docs)]
 
 mod common;
 
 use common::{PARAMS, Rng, URDF};
 use controller::math::{Rx, Ry, Rz};
-use controller::model::{
-    BaseState, FrameId, Kinematics, frame_jacobian, mass_matrix, point_bias_acceleration, point_jacobian_linear,
-};
+use controller::model::{BaseState, FrameId, Kinematics, frame_jacobian, mass_matrix};
 use controller::params::Params;
-use controller::qp::Qp;
-use controller::quadruped::leg::Leg;
 use controller::quadruped::robot::Robot;
-use controller::stack::{Cartesian, CartesianConfig, Cascade, Rows, Solver, Term};
+use controller::stack::{Cartesian, CartesianConfig};
 use nalgebra::{DMatrix, DVector, Vector3};
-
-const CONFIGURATIONS: usize = 20;
-/// Relative error allowed. The regularization below is what is left of it.
-const ALLOWED: f64 = 1e-8;
-const REGULARIZATION: f64 = 1e-13;
-
-/// A robot at a random configuration: mass matrix, Jacobian and bias of a foot, impedance torques and force.
-struct Case {
-    M: DMatrix<f64>,
-    J: DMatrix<f64>,
-    Jd_v: DVector<f64>,
-    tau_r: DVector<f64>,
-    F_r: DVector<f64>,
-}
 
 fn robot() -> Robot {
     Robot::new(URDF, &Params::from_toml(PARAMS, "hyq.toml").unwrap().robot).unwrap()
@@ -50,113 +29,8 @@ fn random_kinematics(robot: &Robot, rng: &mut Rng) -> Kinematics {
     kin
 }
 
-fn vector(n: usize, rng: &mut Rng, size: f64) -> DVector<f64> {
-    DVector::from_fn(n, |_, _| size * rng.symmetric())
-}
-
-fn cases() -> Vec<Case> {
-    let robot = robot();
-    let (nv, mut rng) = (robot.model.nv(), Rng(10));
-    let case = |_| {
-        let kin = random_kinematics(&robot, &mut rng);
-        let foot = robot.legs[Leg::RF].foot;
-        let (mut M, mut J) = (DMatrix::zeros(nv, nv), DMatrix::zeros(3, nv));
-        mass_matrix(&robot.model, &kin, &mut M);
-        point_jacobian_linear(&robot.model, &kin, foot, &Vector3::zeros(), J.as_view_mut());
-        let bias = point_bias_acceleration(&robot.model, &kin, foot, &Vector3::zeros());
-        let Jd_v = DVector::from_row_slice(&bias.as_slice()[..3]);
-        Case { M, J, Jd_v, tau_r: vector(nv, &mut rng, 50.0), F_r: vector(3, &mut rng, 100.0) }
-    };
-    (0..CONFIGURATIONS).map(case).collect()
-}
-
-/// Rows of the whole-robot kind: one dense block.
-fn rows(A: &DMatrix<f64>, b: &DVector<f64>) -> Rows {
-    let mut rows = Rows::new(A.ncols(), [(A.nrows(), (0..A.ncols()).collect())]);
-    rows.switch(0, true);
-    rows.A.copy_from(A);
-    rows.b.copy_from(b);
-    rows
-}
-
-/// Accelerations that a stack without constraints gives; one task a level, the most important first.
-fn accelerations(tasks: &[Rows]) -> DVector<f64> {
-    let nv = tasks[0].A.ncols();
-    let mut pattern = Qp::zeros(nv, 0, 0);
-    pattern.H.fill(1.0);
-    let levels =
-        tasks.iter().enumerate().map(|(task, rows)| vec![Term { task, weight: 1.0, takes: vec![true; rows.len()] }]);
-    let regularization = DVector::from_element(nv, REGULARIZATION);
-    let mut stack = Cascade::new(levels.collect(), &pattern, regularization, nv, &Solver::Shared(100));
-    stack.build(tasks);
-    stack.solve(tasks);
-    let last = &stack.levels[tasks.len() - 1];
-    assert!(last.solved(), "{:?}", last.info);
-    last.x.clone()
-}
-
-#[track_caller]
-fn assert_near(found: &DVector<f64>, expected: &DVector<f64>) {
-    let off = (found - expected).norm() / expected.norm();
-    assert!(off < ALLOWED, "off by {off:e}");
-}
-
 fn inverse(A: &DMatrix<f64>) -> DMatrix<f64> {
     A.clone().try_inverse().unwrap()
-}
-
-/// The posture in the norm of kinetic energy, `|vd - M⁻¹ tau_r|²_M`: its rows are `Lᵀ` of `M = L Lᵀ`.
-fn posture(case: &Case) -> Rows {
-    let L = case.M.clone().cholesky().unwrap().l();
-    rows(&L.transpose(), &(L.transpose() * inverse(&case.M) * &case.tau_r))
-}
-
-/// Gains premultiplied by the inertia, `xdd = J M⁻¹ Jᵀ F_r - Jd v`.
-fn task(case: &Case) -> Rows {
-    let premultiplied = &case.J * inverse(&case.M) * case.J.transpose() * &case.F_r;
-    rows(&case.J, &(premultiplied - &case.Jd_v))
-}
-
-#[test]
-fn a4_a_posture_with_premultiplied_gains_gives_its_torques() {
-    for case in cases() {
-        let n = case.M.nrows();
-        let single = rows(&DMatrix::identity(n, n), &(inverse(&case.M) * &case.tau_r));
-        assert_near(&(&case.M * accelerations(&[single])), &case.tau_r);
-    }
-}
-
-#[test]
-fn a10_a_full_rank_task_with_premultiplied_gains_is_cartesian_impedance() {
-    let mut rng = Rng(11);
-    for case in cases() {
-        // A task of as many rows as coordinates: the foot and random combinations, well conditioned.
-        let n = case.M.nrows();
-        let mut J = DMatrix::from_fn(n, n, |i, j| 0.1 * rng.symmetric() + if i == j { 1.0 } else { 0.0 });
-        J.rows_mut(0, 3).copy_from(&case.J);
-        let (F_r, Jd_v) = (vector(n, &mut rng, 100.0), vector(n, &mut rng, 1.0));
-        let full = rows(&J, &(&J * inverse(&case.M) * J.transpose() * &F_r - &Jd_v));
-        let expected = J.transpose() * &F_r - &case.M * inverse(&J) * &Jd_v;
-        assert_near(&(&case.M * accelerations(&[full])), &expected);
-    }
-}
-
-#[test]
-fn a15_and_a17_a_task_above_a_posture_is_impedance_with_a_dynamically_consistent_null_space() {
-    for case in cases() {
-        let Case { M, J, Jd_v, tau_r, F_r } = &case;
-        let (n, M_inv) = (M.nrows(), inverse(M));
-        let Lambda = inverse(&(J * &M_inv * J.transpose()));
-        let J_bar = &M_inv * J.transpose() * &Lambda;
-        let I = DMatrix::<f64>::identity(n, n);
-        let xdd = inverse(&Lambda) * F_r - Jd_v;
-
-        let found = accelerations(&[task(&case), posture(&case)]);
-        assert_near(&found, &(&J_bar * &xdd + (&I - &J_bar * J) * &M_inv * tau_r));
-        let tau =
-            J.transpose() * F_r - J.transpose() * &Lambda * Jd_v + (&I - J.transpose() * J_bar.transpose()) * tau_r;
-        assert_near(&(M * found), &tau);
-    }
 }
 
 /// Pose of one link in the frame of another as rows of the stack see it, and what its differences say.

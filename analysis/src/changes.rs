@@ -1,0 +1,94 @@
+//! Logs that replay otherwise than they were recorded: what differs first, and figures before and after side by side.
+
+use crate::fields::Field;
+use crate::figures::{self, Ask, Figure, Kind, Named, Quantity};
+use crate::html::changes as html;
+use crate::run::Run;
+use crate::{Error, Progress, Stage};
+use lcmtypes::channels;
+use replay::log::{ChannelDiff, Selection, Types};
+use std::path::{Path, PathBuf};
+
+/// Width of a figure that stands beside another, mm.
+const HALF_MM: f64 = 88.0;
+/// Figures that are drawn of both sides.
+const KINDS: [Kind; 6] =
+    [Kind::BaseTracking, Kind::FeetTracking, Kind::ContactForces, Kind::Gait, Kind::JointTracking, Kind::Qp];
+/// What says which stage differs, but is nothing to look at.
+const NOT_DRAWN: [&str; 2] = ["CONTROLLER_TICK", "CONTROLLER_SNAPSHOT"];
+
+/// A golden log, and how it fared.
+#[derive(Clone, Debug)]
+pub struct Log {
+    /// Its name.
+    pub name: String,
+    /// What it is for.
+    pub why: String,
+    /// It replays bit for bit.
+    pub identical: bool,
+    /// How it fared, in words.
+    pub verdict: String,
+    /// What it says of its outputs, and what they are today, as logs of the same ticks; of logs that have changed.
+    pub sides: Option<[PathBuf; 2]>,
+}
+
+/// What is shown of a log that has changed.
+pub(crate) struct Shown<'a> {
+    pub log: &'a Log,
+    /// Time between the ticks shown, s.
+    pub period_s: f64,
+    /// Channels that differ.
+    pub channels: Vec<ChannelDiff>,
+    /// The first field of each that differs, both sides in one panel.
+    pub overlaid: Vec<Figure>,
+    /// Figures before and after.
+    pub pairs: Vec<[Figure; 2]>,
+}
+
+/// Writes `index.html`, which needs no other file, into a directory, which is made if need be. Gives back its path.
+///
+/// # Errors
+/// [`Error::Log`] if a side cannot be read, [`Error::Write`].
+pub fn changes(logs: &[Log], out_dir: &Path, progress: &mut dyn FnMut(Progress)) -> Result<PathBuf, Error> {
+    std::fs::create_dir_all(out_dir).map_err(|source| Error::Write { path: out_dir.to_owned(), source })?;
+    let changed: Vec<(&Log, &[PathBuf; 2])> = logs.iter().filter_map(|log| Some((log, log.sides.as_ref()?))).collect();
+    let mut shown = Vec::new();
+    for (done, (log, sides)) in (0..).zip(&changed) {
+        progress(Progress { stage: Stage::Draw, done, total: changed.len() as u64 });
+        shown.push(show(log, sides)?);
+    }
+    let path = out_dir.join("index.html");
+    let page = html::page(logs, &shown);
+    std::fs::write(&path, page).map_err(|source| Error::Write { path: path.clone(), source })?;
+    Ok(path)
+}
+
+fn show<'a>(log: &'a Log, [before, after]: &[PathBuf; 2]) -> Result<Shown<'a>, Error> {
+    let diff = replay::log::diff(before, after, &Selection::default(), Types::default(), &mut |_| {})
+        .map_err(|source| Error::Log { path: before.clone(), source })?;
+    let is_output = |name: &str| channels::find(name).is_some_and(|channel| channel.stage.is_some());
+    let differs = |channel: &ChannelDiff| channel.first.is_some() && is_output(&channel.name);
+    let channels: Vec<ChannelDiff> = diff.channels.into_iter().filter(differs).collect();
+    let drawn = channels.iter().filter(|channel| !NOT_DRAWN.contains(&channel.name.as_str()));
+    let fields: Vec<Field> = drawn
+        .filter_map(|channel| Some((channel, channel.first.as_ref()?)))
+        .filter(|(_, first)| !first.field.is_empty())
+        .map(|(channel, first)| Field { channel: channel.name.clone(), path: first.field.clone() })
+        .collect();
+    let runs = [before, after].map(|side| Run::read_with(side, &fields, &mut |_| {}));
+    let [before, after] = runs;
+    let [before, after] = [before?, after?];
+    let both = [(Named("before".to_owned()), &before), (Named("after".to_owned()), &after)];
+    let overlaid = fields.into_iter().filter_map(|field| {
+        let title = Some(field.to_string());
+        figures::draw(&Ask { title, fields: vec![field], ..Ask::new(Kind::Fields) }, &both).ok()
+    });
+    let asks = KINDS.map(|kind| Ask { width_mm: HALF_MM, quantity: Quantity::Torque, ..Ask::new(kind) });
+    let pairs = asks.iter().filter_map(|ask| {
+        let pair = both.each_ref().map(|side| figures::draw(ask, std::slice::from_ref(side)).ok());
+        let [Some(before), Some(after)] = pair else { return None };
+        // What looks the same tells nothing.
+        (!before.looks_like(&after)).then_some([before, after])
+    });
+    Ok(Shown { log, period_s: before.period_s(), channels, overlaid: overlaid.collect(), pairs: pairs.collect() })
+}

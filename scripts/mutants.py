@@ -1,0 +1,140 @@
+#!/usr/bin/env python3
+"""Changes one line of the controller, builds what a replay needs, and replays an unchanged log: is the change found in its stage, at its tick?
+
+    scripts/mutants.py HOOF [--only WORDS] [--markdown docs/mutants.md]
+
+HOOF makes the log, 2 s of HyQ on stones; the mutants stand in mutants.toml. At which tick each must show is read off the log by rules that know nothing
+of replays. Builds go to $CARGO_TARGET_DIR/mutants (or target/mutants). Exit code 1 if a mutant is not found where it must be.
+"""
+
+import argparse
+import json
+import os
+import re
+import shutil
+import subprocess
+import sys
+import tomllib
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parent.parent
+WORK = Path(os.environ.get("CARGO_TARGET_DIR", ROOT / "target")).resolve() / "mutants"
+TREE, CORPUS, LOG = WORK / "tree", WORK / "corpus", WORK / "run.mcap"
+FOUND = re.compile(r"differs from tick (\d+) on, first in stage (\w+): (\w+) ([\w.\[\]]*)")
+
+
+def ticks(hoof):
+    """First tick of each kind that mutants.toml names."""
+    channels = "CONTROLLER_INPUT|LEG_STATE|WBC_SOLUTION|ROBOT_COMMAND"
+    text = subprocess.run([hoof, "log", "cat", "--json", "--channels", channels, LOG], check=True, capture_output=True, text=True).stdout
+    messages = {}
+    for line in text.splitlines():
+        event = json.loads(line)
+        messages.setdefault(event["channel"], []).append(event["fields"])
+
+    def first(channel, holds):
+        return next(m["tick"] for m in messages[channel] if holds(m))
+
+    start = messages["CONTROLLER_INPUT"][0]
+    lift_off = first("LEG_STATE", lambda m: any(m["state"]))
+    return {
+        "start": 0,
+        "swing": first("LEG_STATE", lambda m: any(t > 0 for t in m["t_swing"])),
+        "swing+2": lift_off + 2,
+        # Every iteration takes a row in or gives one back.
+        "release": first("WBC_SOLUTION", lambda m: m["iterations"] > m["n_active"]),
+        "tilt": first("CONTROLLER_INPUT", lambda m: m["state"]["q_WI_wxyz"] != start["state"]["q_WI_wxyz"]),
+        "clamps": first("WBC_SOLUTION", lambda m: m["n_clamped"] > 0),
+        "moves": first("ROBOT_COMMAND", lambda m: any(m["qd_des"])),
+    }
+
+
+def mirror():
+    """Copies the sources; what has not changed keeps its time, so that cargo builds only what has."""
+    names = subprocess.run(["git", "-C", ROOT, "ls-files"], check=True, capture_output=True, text=True).stdout.splitlines()
+    for name in names:
+        source, copy = ROOT / name, TREE / name
+        if not source.is_file() or name.startswith(("logs/", "docs/")):
+            continue
+        if not copy.is_file() or copy.read_bytes() != source.read_bytes():
+            copy.parent.mkdir(parents=True, exist_ok=True)
+            shutil.copy(source, copy)
+
+
+def replay():
+    """Builds the tree and replays the log: what is said of it."""
+    build = ["cargo", "build", "--quiet", "--release", "--package", "replay", "--example", "replay_golden", "--target-dir", WORK / "target"]
+    environment = {**os.environ, "CARGO_INCREMENTAL": "1", "RUSTFLAGS": "-Awarnings"}
+    subprocess.run(build, check=True, cwd=TREE, env=environment)
+    said = subprocess.run([WORK / "target/release/examples/replay_golden", CORPUS], capture_output=True, text=True)
+    if said.returncode not in (0, 1):
+        sys.exit(said.stderr)
+    return said.stdout.strip()
+
+
+def main():
+    arguments = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    arguments.add_argument("hoof", type=Path, help="the command to record with, such as target/release/hoof")
+    arguments.add_argument("--only", default="", help="only mutants with these words in what they are")
+    arguments.add_argument("--markdown", type=Path, help="write the table of results here")
+    args = arguments.parse_args()
+    hoof = args.hoof.resolve()
+    shutil.rmtree(CORPUS, ignore_errors=True)
+    CORPUS.mkdir(parents=True)
+    run = lambda *words: subprocess.run([hoof, *words], check=True, cwd=ROOT, stdout=subprocess.DEVNULL)
+    run("sim", "--robot", "hyq", "--scenario", "scenarios/short_rough.toml", "--log", LOG)
+    run("corpus", "add", LOG, "--name", "run", "--why", "mutants", "--keep", "all", "--dir", CORPUS)
+    mirror()
+    said = replay()
+    if "identical" not in said:
+        sys.exit(f"error: without a mutant the log does not replay: {said}")
+
+    expected = ticks(hoof)
+    mutants = tomllib.loads((ROOT / "scripts/mutants.toml").read_text())["mutant"]
+    rows, failed = [], False
+    for mutant in (m for m in mutants if args.only in m["what"]):
+        file = TREE / mutant["file"]
+        text = file.read_text()
+        if text.count(mutant["from"]) != 1:
+            sys.exit(f"error: {mutant['file']}: \"{mutant['from']}\" stands there {text.count(mutant['from'])} times, expected once")
+        file.write_text(text.replace(mutant["from"], mutant["to"]))
+        try:
+            said = replay()
+        finally:
+            file.write_text(text)
+        found = FOUND.search(said)
+        place = (int(found[1]), found[2], f"{found[3]} {found[4]}") if found else None
+        wanted = (expected[mutant["tick"]], mutant["stage"], mutant["shows"])
+        seen = said.split("also ")[-1] if "also " in said else ""
+        good = place == wanted and mutant.get("also", "") in seen
+        failed |= not good
+        print(f"{'found ' if good else f'MISSED, expected {wanted}:'} {mutant['what']}: {said}", flush=True)
+        rows.append((mutant, place, seen, good))
+    if args.markdown:
+        args.markdown.write_text(table(rows))
+    sys.exit(failed)
+
+
+def table(rows):
+    """The results as a page."""
+    lines = [
+        "# Mutants of the controller",
+        "",
+        "One line of the controller changed, all else as it was: where does the replay of an unchanged log say that it differs? Made by",
+        "`scripts/mutants.py target/release/hoof --markdown docs/mutants.md`: 2 s of HyQ on stones with all outputs kept. The expected tick is read off the log",
+        "by rules that know nothing of replays (`scripts/mutants.toml`).",
+        "",
+        "| stage | mutant | line | expected | first differs | so do |",
+        "|---|---|---|---|---|---|",
+    ]
+    for mutant, place, seen, good in rows:
+        where = f"`{Path(mutant['file']).name}`: `{mutant['to']}`"
+        found = f"{place[1]}, tick {place[0]}, {place[2]}" if place else "nowhere"
+        lines.append(
+            f"| {mutant['stage']} | {mutant['what']} | {where} | {mutant['tick']} | {found}{'' if good else ' **(missed)**'} | {seen} |".replace("| |", "| - |")
+        )
+    return "\n".join(lines) + "\n"
+
+
+if __name__ == "__main__":
+    main()

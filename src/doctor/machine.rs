@@ -1,0 +1,255 @@
+//! What a control loop needs of the machine.
+
+use super::Check;
+use super::files::{CAP_IPC_LOCK, CAP_SYS_NICE, System};
+use drivers::live::RealtimeParams;
+use nix::sys::statvfs::statvfs;
+use std::path::Path;
+
+/// What a live run of a quadruped writes, bytes a second, with some to spare: 20 s of HyQ are a log of 38 MB.
+const LOG_BYTES_PER_S: u64 = 2_500_000;
+
+const LIMITS: &str = "printf '%s - rtprio 95\\n%s - memlock unlimited\\n' $USER $USER | sudo tee /etc/security/limits.d/60-hoofprint.conf";
+
+/// Every check of the machine.
+pub fn checks(system: &System, logs: &Path) -> Vec<Check> {
+    vec![
+        scheduler(system, try_scheduler()),
+        memory(system),
+        kernel(system),
+        governor(system),
+        wake_up(system),
+        timer_slack(system),
+        clock_source(system),
+        cores(std::thread::available_parallelism().map_or(1, usize::from)),
+        mujoco(&system.text("/proc/self/maps").unwrap_or_default()),
+        disk(logs, free_bytes(logs)),
+    ]
+}
+
+/// Asks for the real-time scheduler on a thread that ends at once; what was refused.
+fn try_scheduler() -> Option<String> {
+    let asked = RealtimeParams { priority: 1, core: None, lock_memory: false, stay_awake: false };
+    let refused = std::thread::spawn(move || asked.apply().refused).join().unwrap_or_default();
+    refused.into_iter().find(|refused| refused.starts_with("SCHED_FIFO"))
+}
+
+fn scheduler(system: &System, refused: Option<String>) -> Check {
+    const NAME: &str = "real-time scheduler";
+    let Some(refused) = refused else { return Check::ok(NAME, "SCHED_FIFO is granted") };
+    let limit = system.limit("Max realtime priority").unwrap_or(0);
+    let capable = system.is_capable(CAP_SYS_NICE);
+    let (found, mend) = match (capable, limit) {
+        (false, 0) => {
+            (format!("{refused}: the limit of real-time priorities is 0"), format!("{LIMITS}   (then log in again)"))
+        }
+        _ => (
+            format!("{refused}, though permitted: the control group has no real-time share"),
+            "sudo sysctl -w kernel.sched_rt_runtime_us=-1".to_owned(),
+        ),
+    };
+    Check::warn(NAME, format!("{found}; other programs delay the control loop"), mend)
+}
+
+fn memory(system: &System) -> Check {
+    const NAME: &str = "locked memory";
+    match system.limit("Max locked memory") {
+        _ if system.is_capable(CAP_IPC_LOCK) => Check::ok(NAME, "granted"),
+        Some(u64::MAX) => Check::ok(NAME, "unlimited"),
+        limit => {
+            let found =
+                format!("at most {} kB; a page fault in the control loop costs a tick", limit.unwrap_or(0) / 1024);
+            Check::warn(NAME, found, format!("{LIMITS}   (then log in again)"))
+        }
+    }
+}
+
+fn kernel(system: &System) -> Check {
+    const NAME: &str = "kernel";
+    let release = system.text("/proc/sys/kernel/osrelease").unwrap_or_default();
+    let version = system.text("/proc/sys/kernel/version").unwrap_or_default();
+    if system.number("/sys/kernel/realtime") == Some(1) || version.contains("PREEMPT_RT") {
+        return Check::ok(NAME, format!("{release}, PREEMPT_RT"));
+    }
+    let kind = if version.contains("PREEMPT") { "preemptible" } else { "not preemptible" };
+    let found = format!("{release}, {kind}, no PREEMPT_RT: now and then a tick is late by some ms");
+    Check::warn(NAME, found, "apt-get install linux-image-rt-amd64   (Debian; then start again with it)")
+}
+
+fn governor(system: &System) -> Check {
+    const NAME: &str = "processor clock";
+    let folder = "/sys/devices/system/cpu";
+    let names = system.names(folder);
+    let governors: Vec<String> =
+        names.iter().filter_map(|cpu| system.text(&format!("{folder}/{cpu}/cpufreq/scaling_governor"))).collect();
+    match governors.iter().find(|governor| *governor != "performance") {
+        _ if governors.is_empty() => Check::ok(NAME, "it is not the system that scales it"),
+        None => Check::ok(NAME, "governor performance"),
+        Some(slow) => Check::warn(
+            NAME,
+            format!("governor {slow}: the same tick takes longer after a rest"),
+            "echo performance | sudo tee /sys/devices/system/cpu/cpu*/cpufreq/scaling_governor",
+        ),
+    }
+}
+
+fn wake_up(system: &System) -> Check {
+    const NAME: &str = "wake-up latency";
+    let file = "/dev/cpu_dma_latency";
+    if system.is_writable(file) {
+        return Check::ok(NAME, format!("{file} may be written: cores are kept awake while the controller runs"));
+    }
+    if !system.has(file) {
+        return Check::ok(NAME, format!("no {file}: the kernel puts no core to sleep that deeply"));
+    }
+    let found = format!("{file} may not be written: a core that sleeps deeply wakes up to 0.2 ms late");
+    Check::warn(NAME, found, format!("sudo chgrp $(id -gn) {file} && sudo chmod g+w {file}"))
+}
+
+fn timer_slack(system: &System) -> Check {
+    const NAME: &str = "timer slack";
+    let slack = system.number("/proc/self/timerslack_ns").unwrap_or(0);
+    Check::ok(NAME, format!("{} us for a new process; the control thread sets its own to none", slack / 1000))
+}
+
+fn clock_source(system: &System) -> Check {
+    const NAME: &str = "clock source";
+    let folder = "/sys/devices/system/clocksource/clocksource0";
+    let current = system.text(&format!("{folder}/current_clocksource")).unwrap_or_else(|| "unknown".to_owned());
+    let available = system.text(&format!("{folder}/available_clocksource")).unwrap_or_default();
+    let fast = ["tsc", "kvm-clock", "arch_sys_counter", "hyperv_clocksource_tsc_page"];
+    if fast.contains(&&*current) || current == "unknown" {
+        return Check::ok(NAME, current);
+    }
+    let better = available.split_whitespace().find(|name| fast.contains(name));
+    let found = format!("{current}: reading the clock takes microseconds");
+    match better {
+        Some(better) => Check::warn(NAME, found, format!("echo {better} | sudo tee {folder}/current_clocksource")),
+        None => Check::warn(NAME, found, "start the kernel with tsc=reliable, if the processor's counter is"),
+    }
+}
+
+fn cores(count: usize) -> Check {
+    const NAME: &str = "cores";
+    match count {
+        1 => Check::warn(
+            NAME,
+            "1: controller, driver and recorder take turns",
+            "give the machine a second core, or run the recorder elsewhere",
+        ),
+        _ => Check::ok(NAME, count.to_string()),
+    }
+}
+
+fn mujoco(maps: &str) -> Check {
+    const NAME: &str = "MuJoCo";
+    match maps.split_whitespace().find(|word| word.contains("libmujoco")) {
+        Some(path) => Check::ok(NAME, path),
+        None => Check::fail(NAME, "the library is not loaded", "make setup && make build"),
+    }
+}
+
+fn free_bytes(folder: &Path) -> Option<u64> {
+    let disk = statvfs(folder).ok()?;
+    Some(disk.blocks_available() * disk.fragment_size())
+}
+
+fn disk(folder: &Path, free: Option<u64>) -> Check {
+    const NAME: &str = "disk for logs";
+    let Some(free) = free else {
+        let folder = folder.display();
+        return Check::fail(NAME, format!("{folder} is not there"), format!("mkdir -p {folder}"));
+    };
+    let minutes = free / LOG_BYTES_PER_S / 60;
+    let found = format!("{} GB free: {minutes} minutes of a run", free / 1_000_000_000);
+    let mend = "hoof log info logs/runs/*.mcap, and remove what nobody needs; or --logs another disk";
+    match minutes {
+        0..=1 => Check::fail(NAME, found, mend),
+        2..=29 => Check::warn(NAME, found, mend),
+        _ => Check::ok(NAME, found),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::Level;
+    use super::super::files::tests::machine;
+    use super::*;
+
+    fn level_and_mend(check: &Check) -> (Level, &str) {
+        (check.level, check.mend.as_deref().unwrap_or(""))
+    }
+
+    #[test]
+    fn who_may_not_be_real_time_is_told_the_limits_file() {
+        let nobody = [
+            ("/proc/self/status", "CapEff:\t0000000000000000\n"),
+            ("/proc/self/limits", "Max realtime priority     0  0\nMax locked memory    8388608  8388608 bytes\n"),
+        ];
+        let system = machine("nobody", &nobody);
+        let check = scheduler(&system, Some("SCHED_FIFO 1 refused: EPERM".to_owned()));
+        assert_eq!(level_and_mend(&check), (Level::Warn, &*format!("{LIMITS}   (then log in again)")));
+        assert!(memory(&system).found.starts_with("at most 8192 kB"));
+        assert_eq!(scheduler(&system, None).level, Level::Ok);
+
+        let root = machine("root", &[("/proc/self/status", "CapEff:\t000001ffffffffff\n")]);
+        assert_eq!(memory(&root).level, Level::Ok);
+        let in_group = scheduler(&root, Some("SCHED_FIFO 1 refused: EPERM".to_owned()));
+        assert_eq!(level_and_mend(&in_group), (Level::Warn, "sudo sysctl -w kernel.sched_rt_runtime_us=-1"));
+    }
+
+    #[test]
+    fn kernels_are_told_apart() {
+        let of = |version: &str, realtime: &str| {
+            kernel(&machine("kernel", &[("/proc/sys/kernel/version", version), ("/sys/kernel/realtime", realtime)]))
+        };
+        assert_eq!(of("#1 SMP PREEMPT_RT Debian", "").level, Level::Ok);
+        assert_eq!(of("#1 SMP", "1").level, Level::Ok);
+        assert!(of("#1 SMP PREEMPT_DYNAMIC", "").found.contains(", preemptible, no PREEMPT_RT"));
+        assert!(of("#1 SMP", "").found.contains(", not preemptible, "));
+    }
+
+    #[test]
+    fn a_single_slow_governor_counts() {
+        let file = |n| format!("/sys/devices/system/cpu/cpu{n}/cpufreq/scaling_governor");
+        let of = |a: &str, b: &str| governor(&machine("governor", &[(&file(0), a), (&file(1), b)]));
+        assert_eq!(of("performance", "performance").level, Level::Ok);
+        assert!(of("performance", "schedutil").found.starts_with("governor schedutil"));
+        assert_eq!(governor(&machine("fixed", &[])).level, Level::Ok);
+    }
+
+    #[test]
+    fn a_slow_clock_is_changed_for_one_that_is_there() {
+        let folder = "/sys/devices/system/clocksource/clocksource0";
+        let of = |current: &str, available: &str| {
+            let (a, b) = (format!("{folder}/current_clocksource"), format!("{folder}/available_clocksource"));
+            clock_source(&machine("clock", &[(&a, current), (&b, available)]))
+        };
+        assert_eq!(of("tsc\n", "tsc hpet").level, Level::Ok);
+        let mend = format!("echo tsc | sudo tee {folder}/current_clocksource");
+        assert_eq!(level_and_mend(&of("hpet", "tsc hpet")), (Level::Warn, &*mend));
+        assert!(of("hpet", "hpet acpi_pm").mend.unwrap().contains("tsc=reliable"));
+    }
+
+    #[test]
+    fn disk_and_library() {
+        let here = Path::new(".");
+        let level = |free| disk(here, free).level;
+        assert_eq!(
+            [Some(0), Some(1_000_000_000), Some(100_000_000_000), None].map(level),
+            [Level::Fail, Level::Warn, Level::Ok, Level::Fail]
+        );
+        assert_eq!(disk(here, Some(100_000_000_000)).found, "100 GB free: 666 minutes of a run");
+        assert_eq!(mujoco("7f r-xp 0 08:01 12 /a/libmujoco.so.3.17.0\n").found, "/a/libmujoco.so.3.17.0");
+        assert_eq!(mujoco("7f r-xp 0 08:01 12 /a/libc.so\n").level, Level::Fail);
+        assert_eq!((cores(1).level, cores(2).level), (Level::Warn, Level::Ok));
+    }
+
+    #[test]
+    fn cores_that_sleep_deeply_are_named() {
+        let file = "/dev/cpu_dma_latency";
+        assert_eq!(wake_up(&machine("awake", &[(file, "")])).level, Level::Ok);
+        assert!(wake_up(&machine("none", &[])).found.starts_with("no /dev/cpu_dma_latency"));
+        assert!(timer_slack(&machine("slack", &[("/proc/self/timerslack_ns", "50000\n")])).found.starts_with("50 us"));
+    }
+}
