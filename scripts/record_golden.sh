@@ -9,9 +9,9 @@ hoof=${1:?the command to record with, such as target/release/hoof}
 runs=$(mktemp -d)
 trap 'rm -rf "$runs"' EXIT
 
-record() {  # NAME ROBOT SCENARIO WHY
+record() {  # NAME ROBOT SCENARIO WHY [SET]...
     # 1: the robot went to its safe state, which may be what the log is for.
-    "$hoof" sim --robot "$2" --scenario "scenarios/$3.toml" --log "$runs/$1.mcap" || [ $? = 1 ]
+    "$hoof" sim --robot "$2" --scenario "scenarios/$3.toml" --log "$runs/$1.mcap" "${@:5}" || [ $? = 1 ]
     "$hoof" corpus add "$runs/$1.mcap" --name "$1" --why "$4"
 }
 
@@ -21,3 +21,5 @@ record rough_trot hyq short_rough "HyQ trots for two seconds on rough ground"
 record crawl_to_trot hyq short_crawl "HyQ crawls, leaning, and changes to a trot while it walks"
 record fault_to_damping hyq short_fault "a weak knee, a lost message, at last an encoder that reads no number: the joints are damped"
 record anymal_trot anymal_b short_rough "ANYmal B trots for two seconds on rough ground"
+record lie_stand_walk_sit hyq short_lie "HyQ gets up, trots, sits down, is stopped and let go, fast" \
+    --set stand.rise_speed=1.0 --set stand.joint_speed=5.0

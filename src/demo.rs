@@ -32,7 +32,7 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
     drop(bar);
     say_unless_json(format!("{}\n", summary.text()))?;
     let replayed = replay_log::replay(&log, &Options { jobs: threads(), ..Options::default() })?;
-    say_unless_json(format!("{}\n", replay_log::text(&replayed)))?;
+    say_unless_json(format!("{}\n", replay_log::text(&replayed, &[])))?;
     let written = report::write(&log, &report_dir)?;
     say_unless_json(tables::tracking_text(&written.metrics))?;
     say_unless_json(format!("log:    {}\nreport: {}", log.display(), written.html.display()))?;

@@ -196,8 +196,9 @@ fn damping_too_is_limited_to_the_effort() {
     puppet.input.state.qd[2] = 20.0;
     puppet.input.state.qd[5] = -15.0;
     controller.step(&puppet.input, &mut out);
-    // 8 N m s/rad at 20 rad/s would be 160 N m.
-    let expected: Vec<f64> = (0..12).map(|j| if j == 2 { 7.5 } else { 8.0 }).collect();
+    // 20 N m s/rad would be 400 and 300 N m, of 150.
+    let expected: Vec<f64> =
+        (0..12).map(|j| [20.0, 7.5, 10.0][usize::from(j == 2) + 2 * usize::from(j == 5)]).collect();
     assert_eq!((command_of(&out).mode, command_of(&out).kd), (RobotCommand::MODE_DAMPING, expected));
 }
 

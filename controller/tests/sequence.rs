@@ -66,7 +66,7 @@ fn the_last_started_has_the_robot_and_the_others_are_heard_beside() {
                 assert_eq!(channels, [&["ROBOT_COMMAND", "CONTROLLER_TICK"], snapshot].concat());
             }
             0 => {
-                assert_eq!((command.mode, command.kd[3]), (RobotCommand::MODE_DAMPING, 8.0), "tick {tick}");
+                assert_eq!((command.mode, command.kd[3]), (RobotCommand::MODE_DAMPING, 20.0), "tick {tick}");
                 assert_eq!((status.mode, status.fault), (ControllerTick::MODE_IDLE, ControllerTick::FAULT_CONTROLLER));
             }
             started => {

@@ -10,6 +10,7 @@ use crate::terrain::{BadKey, check_range};
 use controller::quadruped::leg::Leg;
 use lcmtypes::{RobotCommand, RobotState};
 use serde::Deserialize;
+use std::collections::VecDeque;
 
 /// What goes wrong.
 #[derive(Clone, Debug, PartialEq)]
@@ -21,6 +22,27 @@ pub enum FaultKind {
     },
     /// No state message arrives.
     DropState,
+    /// State messages arrive late.
+    DelayState {
+        /// How late, ns.
+        delay_ns: i64,
+    },
+    /// No command arrives: the drives keep to the last one.
+    DropCommand,
+    /// The driver's process stands still: nothing passes in either direction.
+    LateProcess,
+    /// The driver's clock is ahead.
+    ClockJump {
+        /// By how much, ns; negative = behind.
+        jump_ns: i64,
+    },
+    /// The IMU reads something besides the truth, in its own axes.
+    ImuBias {
+        /// Angular velocity, rad/s.
+        gyro: [f64; 3],
+        /// Rotation vector of the orientation, rad.
+        orientation: [f64; 3],
+    },
     /// Position of a joint keeps the value it had when the fault began, its velocity reads 0.
     StuckEncoder {
         /// The joint.
@@ -49,6 +71,11 @@ impl std::fmt::Display for FaultKind {
         match self {
             FaultKind::NanSensor { joint } => write!(f, "nan_sensor of {joint}"),
             FaultKind::DropState => write!(f, "drop_state"),
+            FaultKind::DelayState { delay_ns } => write!(f, "delay_state by {} us", delay_ns / 1000),
+            FaultKind::DropCommand => write!(f, "drop_command"),
+            FaultKind::LateProcess => write!(f, "late_process"),
+            FaultKind::ClockJump { jump_ns } => write!(f, "clock_jump by {} us", jump_ns / 1000),
+            FaultKind::ImuBias { gyro, orientation } => write!(f, "imu_bias of {gyro:?} rad/s and {orientation:?} rad"),
             FaultKind::StuckEncoder { joint } => write!(f, "stuck_encoder of {joint}"),
             FaultKind::TorqueLoss { joint, factor } => write!(f, "torque_loss of {joint} to {factor}"),
             FaultKind::FalseTouch { leg, force, .. } => {
@@ -72,6 +99,11 @@ pub struct FaultWindow {
 enum FaultName {
     NanSensor,
     DropState,
+    DelayState,
+    DropCommand,
+    LateProcess,
+    ClockJump,
+    ImuBias,
     StuckEncoder,
     TorqueLoss,
     FalseTouch,
@@ -91,23 +123,36 @@ pub(crate) struct FaultEntry {
     force: Option<f64>,
     after_lift_off_s: Option<f64>,
     length_s: Option<f64>,
+    delay_s: Option<f64>,
+    jump_s: Option<f64>,
+    #[serde(rename = "gyro_rad_s")]
+    gyro: Option<[f64; 3]>,
+    #[serde(rename = "orientation_rad")]
+    orientation: Option<[f64; 3]>,
 }
 
 impl FaultEntry {
     pub(crate) fn resolve(self) -> Result<FaultWindow, BadKey> {
         check_range("t_s", &[self.t_s], 0.0..=36_000.0)?;
         check_range("duration_s", &[self.duration_s], 0.0..=36_000.0)?;
-        let FaultEntry { t_s, duration_s, kind, joint, factor, leg, force, after_lift_off_s, length_s } = self;
+        let FaultEntry { t_s, duration_s, kind, joint, factor, leg, force, after_lift_off_s, length_s, .. } = self;
+        let FaultEntry { delay_s, jump_s, gyro, orientation, .. } = self;
         let missing = |key, expected: &str| BadKey { key, found: "missing".to_owned(), expected: expected.to_owned() };
 
+        let of_joint = matches!(kind, FaultName::NanSensor | FaultName::StuckEncoder | FaultName::TorqueLoss);
         let false_touch = matches!(kind, FaultName::FalseTouch);
+        let imu_bias = matches!(kind, FaultName::ImuBias);
         let keys = [
-            ("joint", joint.is_some(), !false_touch && !matches!(kind, FaultName::DropState)),
+            ("joint", joint.is_some(), of_joint),
             ("factor", factor.is_some(), matches!(kind, FaultName::TorqueLoss)),
             ("leg", leg.is_some(), false_touch),
             ("force_N", force.is_some(), false_touch),
             ("after_lift_off_s", after_lift_off_s.is_some(), false_touch),
             ("length_s", length_s.is_some(), false_touch),
+            ("delay_s", delay_s.is_some(), matches!(kind, FaultName::DelayState)),
+            ("jump_s", jump_s.is_some(), matches!(kind, FaultName::ClockJump)),
+            ("gyro_rad_s", gyro.is_some(), imu_bias),
+            ("orientation_rad", orientation.is_some(), imu_bias),
         ];
         if let Some((key, ..)) = keys.into_iter().find(|(_, given, belongs)| *given && !belongs) {
             let expected = "no such key with this kind of fault".to_owned();
@@ -117,6 +162,24 @@ impl FaultEntry {
         let kind = match kind {
             FaultName::NanSensor => FaultKind::NanSensor { joint: joint()? },
             FaultName::DropState => FaultKind::DropState,
+            FaultName::DelayState => {
+                let delay = delay_s.ok_or_else(|| missing("delay_s", "how late messages arrive, s"))?;
+                check_range("delay_s", &[delay], 0.0..=10.0)?;
+                FaultKind::DelayState { delay_ns: to_ns(delay) }
+            }
+            FaultName::DropCommand => FaultKind::DropCommand,
+            FaultName::LateProcess => FaultKind::LateProcess,
+            FaultName::ClockJump => {
+                let jump = jump_s.ok_or_else(|| missing("jump_s", "by how much the clock is ahead, s"))?;
+                check_range("jump_s", &[jump], -1e6..=1e6)?;
+                FaultKind::ClockJump { jump_ns: to_ns(jump) }
+            }
+            FaultName::ImuBias => {
+                let (gyro, orientation) = (gyro.unwrap_or_default(), orientation.unwrap_or_default());
+                check_range("gyro_rad_s", &gyro, -100.0..=100.0)?;
+                check_range("orientation_rad", &orientation, -4.0..=4.0)?;
+                FaultKind::ImuBias { gyro, orientation }
+            }
             FaultName::StuckEncoder => FaultKind::StuckEncoder { joint: joint()? },
             FaultName::TorqueLoss => {
                 let factor = factor.ok_or_else(|| missing("factor", "the part of the torque that remains"))?;
@@ -152,6 +215,11 @@ struct ActiveFault {
 enum Effect {
     NanSensor { joint: usize },
     DropState,
+    DelayState { delay_ns: i64, under_way: VecDeque<(i64, RobotState)> },
+    DropCommand,
+    LateProcess,
+    ClockJump { jump_ns: i64 },
+    ImuBias { gyro: [f64; 3], turn_wxyz: [f64; 4] },
     StuckEncoder { joint: usize, held: Option<f64> },
     TorqueLoss { joint: usize, factor: f64 },
     FalseTouch { leg: Option<Leg>, force: f64, swing: Window },
@@ -175,6 +243,15 @@ impl Faults {
             let effect = match &fault.kind {
                 FaultKind::NanSensor { joint } => Effect::NanSensor { joint: index(number, joint)? },
                 FaultKind::DropState => Effect::DropState,
+                FaultKind::DelayState { delay_ns } => {
+                    Effect::DelayState { delay_ns: *delay_ns, under_way: VecDeque::new() }
+                }
+                FaultKind::DropCommand => Effect::DropCommand,
+                FaultKind::LateProcess => Effect::LateProcess,
+                FaultKind::ClockJump { jump_ns } => Effect::ClockJump { jump_ns: *jump_ns },
+                FaultKind::ImuBias { gyro, orientation } => {
+                    Effect::ImuBias { gyro: *gyro, turn_wxyz: quaternion(*orientation) }
+                }
                 FaultKind::StuckEncoder { joint } => Effect::StuckEncoder { joint: index(number, joint)?, held: None },
                 FaultKind::TorqueLoss { joint, factor } => {
                     Effect::TorqueLoss { joint: index(number, joint)?, factor: *factor }
@@ -188,32 +265,48 @@ impl Faults {
         Ok(Faults { faults: faults.iter().enumerate().map(bind).collect::<Result<_, DriverError>>()? })
     }
 
-    /// Spoils a measurement in place. False: the message is lost and must not be sent.
+    /// Spoils a measurement in place, at `t_ns` of the scenario. False: no message arrives, and none must be sent.
     #[must_use]
-    pub fn on_state(&mut self, state: &mut RobotState) -> bool {
+    pub fn on_state(&mut self, t_ns: i64, state: &mut RobotState) -> bool {
         let mut arrives = true;
-        for ActiveFault { window, effect } in &mut self.faults {
-            let active = window.contains(state.t_ns);
-            match effect {
-                Effect::NanSensor { joint } if active => {
+        for fault in self.faults.iter_mut().filter(|fault| fault.window.contains(t_ns)) {
+            match &mut fault.effect {
+                Effect::NanSensor { joint } => {
                     for values in [&mut state.q, &mut state.qd, &mut state.tau] {
                         set(values, *joint, f64::NAN);
                     }
                 }
-                Effect::DropState if active => arrives = false,
-                Effect::StuckEncoder { joint, held } if active => {
+                Effect::DropState | Effect::LateProcess => arrives = false,
+                Effect::DelayState { delay_ns, under_way } => {
+                    under_way.push_back((t_ns + *delay_ns, state.clone()));
+                    arrives &= arrived(under_way, t_ns, state);
+                }
+                Effect::StuckEncoder { joint, held } => {
                     let measured = state.q.get(*joint).copied().unwrap_or_default();
                     set(&mut state.q, *joint, *held.get_or_insert(measured));
                     set(&mut state.qd, *joint, 0.0);
                 }
-                Effect::NanSensor { .. }
-                | Effect::DropState
-                | Effect::StuckEncoder { .. }
-                | Effect::TorqueLoss { .. }
-                | Effect::FalseTouch { .. } => {}
+                Effect::ClockJump { jump_ns } => state.t_ns = state.t_ns.saturating_add(*jump_ns),
+                Effect::ImuBias { gyro, turn_wxyz } => {
+                    state.w_WI_I.iter_mut().zip(gyro).for_each(|(read, bias)| *read += *bias);
+                    state.q_WI_wxyz = product(state.q_WI_wxyz, *turn_wxyz);
+                }
+                Effect::DropCommand | Effect::TorqueLoss { .. } | Effect::FalseTouch { .. } => {}
             }
         }
         arrives
+    }
+
+    /// Whether a command reaches the drives at `t_ns`; if not, they keep to the last one.
+    pub fn command_arrives(&self, t_ns: i64) -> bool {
+        let stops = |effect: &Effect| matches!(effect, Effect::DropCommand | Effect::LateProcess);
+        !self.faults.iter().any(|fault| fault.window.contains(t_ns) && stops(&fault.effect))
+    }
+
+    /// Until when the driver's process stands still, if it does at `t_ns`.
+    pub fn stands_still_until(&self, t_ns: i64) -> Option<i64> {
+        let still = self.faults.iter().filter(|fault| matches!(fault.effect, Effect::LateProcess));
+        still.filter(|fault| fault.window.contains(t_ns)).map(|fault| fault.window.end_ns).max()
     }
 
     /// Whether any fault is a false touch at some time.
@@ -251,6 +344,34 @@ impl Faults {
     }
 }
 
+/// Puts the newest message that has arrived into `state`; false if none has.
+fn arrived(under_way: &mut VecDeque<(i64, RobotState)>, t_ns: i64, state: &mut RobotState) -> bool {
+    let mut any = false;
+    while let Some((_, message)) = under_way.pop_front_if(|(at_ns, _)| *at_ns <= t_ns) {
+        (*state, any) = (message, true);
+    }
+    any
+}
+
+/// Unit quaternion w x y z of a rotation vector.
+fn quaternion(v: [f64; 3]) -> [f64; 4] {
+    let angle = (v[0] * v[0] + v[1] * v[1] + v[2] * v[2]).sqrt();
+    let scale = if angle > 0.0 { libm::sin(angle / 2.0) / angle } else { 0.5 };
+    [libm::cos(angle / 2.0), scale * v[0], scale * v[1], scale * v[2]]
+}
+
+/// Product of quaternions w x y z: first the turn `b`, in the axes that `a` has turned.
+fn product(a: [f64; 4], b: [f64; 4]) -> [f64; 4] {
+    let [aw, ax, ay, az] = a;
+    let [bw, bx, by, bz] = b;
+    [
+        aw * bw - ax * bx - ay * by - az * bz,
+        aw * bx + ax * bw + ay * bz - az * by,
+        aw * by - ax * bz + ay * bw + az * bx,
+        aw * bz + ax * by - ay * bx + az * bw,
+    ]
+}
+
 fn set(values: &mut [f64], index: usize, value: f64) {
     if let Some(slot) = values.get_mut(index) {
         *slot = value;
@@ -274,7 +395,7 @@ mod tests {
 
     fn spoiled(faults: &mut Faults, t_ns: i64) -> (bool, RobotState) {
         let mut state = state(t_ns);
-        let arrives = faults.on_state(&mut state);
+        let arrives = faults.on_state(t_ns, &mut state);
         (arrives, state)
     }
 
@@ -302,6 +423,50 @@ mod tests {
     fn dropped_states_do_not_arrive() {
         let mut faults = faults(FaultKind::DropState);
         assert_eq!([9, 10, 19, 20].map(|t_ns| spoiled(&mut faults, t_ns).0), [true, false, false, true]);
+    }
+
+    #[test]
+    fn a_delayed_state_arrives_later_as_it_was() {
+        let mut faults = faults(FaultKind::DelayState { delay_ns: 3 });
+        assert_eq!(spoiled(&mut faults, 9), (true, state(9)));
+        let arrived: Vec<Option<i64>> = (10..16)
+            .map(|t_ns| spoiled(&mut faults, t_ns))
+            .map(|(arrives, state)| arrives.then_some(state.t_ns))
+            .collect();
+        assert_eq!(arrived, [None, None, None, Some(10), Some(11), Some(12)]);
+        // After a gap the newest that has arrived counts.
+        assert_eq!(spoiled(&mut faults, 19), (true, state(15)));
+        assert_eq!(spoiled(&mut faults, 20), (true, state(20)));
+    }
+
+    #[test]
+    fn a_process_that_stands_still_passes_nothing_on() {
+        let mut late = faults(FaultKind::LateProcess);
+        assert_eq!([9, 10, 19, 20].map(|t_ns| spoiled(&mut late, t_ns).0), [true, false, false, true]);
+        assert_eq!([9, 10, 19, 20].map(|t_ns| late.command_arrives(t_ns)), [true, false, false, true]);
+        assert_eq!([9, 10, 20].map(|t_ns| late.stands_still_until(t_ns)), [None, Some(20), None]);
+        let mut deaf = faults(FaultKind::DropCommand);
+        assert_eq!([9, 10, 19, 20].map(|t_ns| deaf.command_arrives(t_ns)), [true, false, false, true]);
+        assert_eq!((spoiled(&mut deaf, 12), deaf.stands_still_until(12)), ((true, state(12)), None));
+    }
+
+    #[test]
+    fn a_clock_that_jumps_spoils_the_time_alone() {
+        let mut faults = faults(FaultKind::ClockJump { jump_ns: -7 });
+        assert_eq!(spoiled(&mut faults, 12).1, RobotState { t_ns: 5, ..state(12) });
+    }
+
+    /// By hand: a quarter turn to the left, then one about the new x axis, in half-angles of 45 degrees.
+    #[test]
+    fn a_biased_imu_reads_a_turn_in_its_own_axes() {
+        let quarter = std::f64::consts::FRAC_PI_2;
+        let mut faults = faults(FaultKind::ImuBias { gyro: [0.1, 0.0, -0.2], orientation: [quarter, 0.0, 0.0] });
+        let half = std::f64::consts::FRAC_1_SQRT_2;
+        let mut state = RobotState { q_WI_wxyz: [half, 0.0, 0.0, half], w_WI_I: [1.0, 2.0, 3.0], ..state(12) };
+        assert!(faults.on_state(12, &mut state));
+        assert_eq!(state.w_WI_I, [1.1, 2.0, 2.8]);
+        // (1 + k)(1 + i) / 2 = (1 + i + k + ki) / 2, and ki = j.
+        state.q_WI_wxyz.iter().for_each(|part| assert!((part - 0.5).abs() < 1e-15, "{:?}", state.q_WI_wxyz));
     }
 
     #[test]

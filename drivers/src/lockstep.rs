@@ -154,7 +154,7 @@ impl Run {
         }
         sim.robot_state(t_ns, tick, &mut self.measured);
         self.touch_falsely(sim, t_ns);
-        if self.faults.on_state(&mut self.measured) {
+        if self.faults.on_state(t_ns, &mut self.measured) {
             self.input.state.clone_from(&self.measured);
             put(&mut self.bytes, log, channels::ROBOT_STATE, t_ns, &self.measured)?;
         }
@@ -176,7 +176,7 @@ impl Run {
         self.watch_mode(log, t_ns, tick)?;
         self.watch_swings()?;
 
-        if let Some(bytes) = self.outbox.get(channels::ROBOT_COMMAND) {
+        if let (Some(bytes), true) = (self.outbox.get(channels::ROBOT_COMMAND), self.faults.command_arrives(t_ns)) {
             self.command = RobotCommand::decode(bytes)?;
             self.faults.on_command(t_ns, &mut self.command);
             sim.apply(&self.command)?;

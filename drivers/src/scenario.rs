@@ -41,8 +41,8 @@
 //! leg = "LF"
 //! height_m = -0.05
 //!
-//! [[fault]]             # nan_sensor, stuck_encoder, torque_loss (joint), drop_state, false_touch
-//! t_s = 4.0
+//! [[fault]]             # nan_sensor, stuck_encoder, torque_loss (joint), drop_state, drop_command, late_process, false_touch,
+//! t_s = 4.0             # delay_state (delay_s), clock_jump (jump_s), imu_bias (gyro_rad_s, orientation_rad)
 //! duration_s = 0.5
 //! kind = "torque_loss"
 //! joint = "rh_kfe_joint"

@@ -52,26 +52,21 @@ impl ModeWatch {
         self.mode = mode;
         let mut text = format!("controller {} in {}", if stays { "stays" } else { "is" }, words::mode(mode));
         let mut level = Event::LEVEL_INFO;
-        if refused {
-            level = Event::LEVEL_WARNING;
-            text += &format!(" and refuses: {}", words::fault(fault));
-            if fault == ControllerTick::FAULT_OPERATOR_REFUSED {
-                text += &format!(": {}", i8::try_from(fault_index).map_or("?", words::operator_mode));
-            } else {
-                text += &format!(", value {fault_value}");
-            }
-            if fault == ControllerTick::FAULT_OPERATOR_RANGE {
-                let of =
-                    usize::try_from(fault_index).ok().and_then(|i| ["swing_frequency", "duty", "step_height"].get(i));
-                text += &format!(" of {}", of.unwrap_or(&"?"));
-            }
-        }
-        if is_safe_state {
-            level = Event::LEVEL_ERROR;
-            text += &format!(": {}, value {fault_value}", words::fault(fault));
-            if fault_index >= 0 {
-                text += &format!(", index {fault_index}");
-            }
+        if refused || is_safe_state {
+            level = if refused { Event::LEVEL_WARNING } else { Event::LEVEL_ERROR };
+            let index = usize::try_from(fault_index).ok();
+            text += &format!("{}: {}", if refused { " and refuses" } else { "" }, words::fault(fault));
+            text += &match (fault, index) {
+                (ControllerTick::FAULT_OPERATOR_REFUSED, _) => {
+                    format!(": {}", i8::try_from(fault_index).map_or("?", words::operator_mode))
+                }
+                (ControllerTick::FAULT_OPERATOR_RANGE, index) => {
+                    let of = index.and_then(|i| ["swing_frequency", "duty", "step_height"].get(i));
+                    format!(", value {fault_value} of {}", of.unwrap_or(&"?"))
+                }
+                (_, Some(index)) => format!(", value {fault_value}, index {index}"),
+                (_, None) => format!(", value {fault_value}"),
+            };
         }
         Some(Said { level, text, is_safe_state: is_safe_state && !stays })
     }

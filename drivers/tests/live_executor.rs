@@ -3,8 +3,10 @@
 
 use controller::sequence::Sequence;
 use controller::{Controller, Outbox, Probe, RestoreError};
+use drivers::Scenario;
 use drivers::live::clock::{Beat, now_ns};
-use drivers::live::{Dummy, Executor, Plan, RealtimeParams, Summary};
+use drivers::live::{Dummy, Executor, Faulty, Hardware, Plan, RealtimeParams, Summary};
+use drivers::operators::{Arbiter, default_sources};
 use lcmtypes::bus::{Bus, MemoryBus, Received};
 use lcmtypes::channels::{CONTROLLER_INPUT, CONTROLLER_TICK, EVENT, EXECUTOR_COMMAND, ROBOT_COMMAND, RUN_INFO};
 use lcmtypes::{ControllerInput, ControllerTick, Event, ExecutorCommand, Message, RobotCommand, RunInfo};
@@ -61,13 +63,18 @@ fn sequence(controllers: &[(&'static str, Deed)]) -> Sequence {
 
 /// An executor whose first controller starts at once; everything it says is on the bus.
 fn start(controllers: &[(&'static str, Deed)], ticks: i64) -> (Executor, MemoryBus) {
+    start_with(controllers, ticks, Box::new(Dummy::new(vec![0.0])))
+}
+
+fn start_with(controllers: &[(&'static str, Deed)], ticks: i64, hardware: Box<dyn Hardware>) -> (Executor, MemoryBus) {
     let mut bus = MemoryBus::new();
     bus.subscribe(".*").unwrap();
     let plan = Plan {
         controller: Box::new(sequence(controllers)),
         controllers: controllers.iter().enumerate().map(|(k, (name, _))| ((*name).to_owned(), k == 0)).collect(),
-        hardware: Box::new(Dummy::new(vec![0.0])),
+        hardware,
         bus: Box::new(bus.connect()),
+        operators: Arbiter::new(default_sources()).unwrap(),
         info: RunInfo { robot: "dummy".to_owned(), ..RunInfo::default() },
         beat: BEAT,
         ticks: Some(ticks),
@@ -198,6 +205,43 @@ fn controllers_start_and_stop_on_request() {
         [on.tick - 1, on.tick, off.tick, again.tick].map(torque),
         [on.tick, 1, off.tick + 1, 1].map(|n| n as f64)
     );
+    replays(controllers, &heard);
+}
+
+/// What passes between controller and robot fails as the lines of a scenario say, at their times, and the run goes on.
+#[test]
+fn hardware_fails_as_a_scenario_says() {
+    let text = "name = \"t\"\nduration_s = 1.0\n[terrain]\nkind = \"flat\"\n[[operator]]\nt_s = 0.0\n\
+        [[fault]]\nt_s = 0.1\nduration_s = 0.2\nkind = \"drop_state\"\n\
+        [[fault]]\nt_s = 0.4\nduration_s = 0.2\nkind = \"nan_sensor\"\njoint = \"knee\"\n\
+        [[fault]]\nt_s = 0.7\nduration_s = 0.2\nkind = \"clock_jump\"\njump_s = 5.0\n\
+        [[fault]]\nt_s = 1.0\nduration_s = 0.2\nkind = \"late_process\"\n";
+    let faults = Scenario::parse(text, "t.toml").unwrap().faults;
+    let hardware = Faulty::new(Box::new(Dummy::new(vec![0.5])), &faults, &["knee".to_owned()]).unwrap();
+    let controllers: &[(&'static str, Deed)] = &[("only", |_| ())];
+    let (executor, mut bus) = start_with(controllers, i64::MAX, Box::new(hardware));
+    let (mut heard, mut inputs) = (Vec::new(), Vec::<ControllerInput>::new());
+    while inputs.last().is_none_or(|last| last.t_ns - inputs[0].t_ns < 1_300_000_000) {
+        let new = bus.handle(Duration::from_millis(20)).unwrap();
+        inputs.extend(of::<ControllerInput>(&new, CONTROLLER_INPUT));
+        heard.extend(new);
+    }
+    executor.finish();
+    // A tick's wake-up is before its measurement, by much where the machine stalls: only what is well inside a window is certain.
+    for pair in inputs.windows(2) {
+        let (before, now) = (&pair[0], &pair[1]);
+        let (t_ms, knee) = ((now.t_ns - inputs[0].t_ns) / 1_000_000, now.state.q[0]);
+        let new = now.state.seq - before.state.seq;
+        let ahead_s = (now.state.t_ns - now.t_ns) / 1_000_000_000;
+        match t_ms {
+            110..200 => assert_eq!(new, 0, "a measurement in spite of drop_state at {t_ms} ms"),
+            410..500 => assert!(knee.is_nan(), "a number from a broken sensor at {t_ms} ms"),
+            710..800 => assert_eq!(ahead_s, 5, "the clock has not jumped at {t_ms} ms"),
+            1010..1200 => panic!("a tick of a process that stands still at {t_ms} ms"),
+            10..50 | 310..350 | 610..650 | 910..950 => assert_eq!((new, knee, ahead_s), (1, 0.5, 0), "{t_ms} ms"),
+            _ => {}
+        }
+    }
     replays(controllers, &heard);
 }
 

@@ -148,7 +148,8 @@ impl<'a> Replay<'a> {
             let later = self.later(&info, &options.changes)?;
             let mut runner = Runner::new(self.controller(&info)?, own_state).then(later).collecting(collector);
             self.run_alone(feed, &mut runner, out.as_mut(), progress)?;
-            (runner.tally, runner.what_if.map(Collector::finish))
+            let not_reached = runner.still_to_come() as u64;
+            (runner.tally, runner.what_if.map(|collector| collector.finish(not_reached)))
         } else {
             (self.run_shared(feed, &info, options.jobs, progress)?, None)
         };

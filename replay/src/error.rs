@@ -117,13 +117,13 @@ pub enum Error {
         why: String,
     },
     /// A moment behind the end of a log.
-    #[error("{path}: nothing at {moment_s} s: the log ends {duration_s:.3} s after its first event", path = path.display())]
+    #[error("{path}: nothing at {moment_s} s: the log ends {duration_s:.3} s after its first tick", path = path.display())]
     NothingThere {
         /// File.
         path: PathBuf,
-        /// Time asked for, s since the first event.
+        /// Time asked for, s since the first tick.
         moment_s: f64,
-        /// Time of the last event, s since the first one.
+        /// Time of the last event, s since the first tick.
         duration_s: f64,
     },
     /// No state to start a replay from.

@@ -5,14 +5,16 @@ use super::{Length, Shared, Stop, refuse_a_second};
 use crate::robot::{RobotFiles, read, with_overrides};
 use crate::run_info;
 use crate::{Outcome, say, say_json};
-use anyhow::Context;
+use anyhow::{Context, bail};
+use controller::model::JointKind;
 use controller::params::Params;
 use drivers::Scenario;
-use drivers::live::{self, Dummy, Executor, LcmRobot, Plan, Summary};
+use drivers::live::{self, Dummy, Executor, Faulty, LcmRobot, Plan, Summary};
 use drivers::operators::Arbiter;
 use lcmtypes::bus::LcmBus;
 use lcmtypes::{RunInfo, channels};
 use replay::udpm::Url;
+use std::path::Path;
 use std::time::Duration;
 
 /// How often the main thread asks whether to stop.
@@ -21,8 +23,8 @@ const REST: Duration = Duration::from_millis(20);
 /// Run the controller in real time against a driver on LCM
 ///
 /// A real-time thread wakes by the absolute clock, takes the newest ROBOT_STATE, steps the controller and sends ROBOT_COMMAND; a second thread
-/// publishes everything else. What the system refuses (scheduler, locked memory, ...) is said and done without. When it ends, it first leads
-/// the robot to its safe state.
+/// publishes everything else. What the system refuses (scheduler, locked memory, ...) is said and done without. Ctrl-C lets a robot that stands
+/// sit down; a second one, or the end of --ticks or --seconds, damps the joints at once.
 #[derive(clap::Args)]
 #[command(after_help = "Example: hoof controller runs/hyq_sim.toml --seconds 60")]
 pub struct ControllerArgs {
@@ -55,6 +57,12 @@ pub fn run(args: &ControllerArgs) -> anyhow::Result<Outcome> {
     while !stop.is_due() && !executor.is_finished() {
         std::thread::sleep(REST);
     }
+    // A robot that stands sits down; who asks twice does not want to wait for that.
+    stop.forget();
+    executor.sit_down();
+    while !stop.is_asked() && !executor.is_finished() {
+        std::thread::sleep(REST);
+    }
     report(&executor.finish(), args.shared.json)
 }
 
@@ -77,19 +85,37 @@ fn prepare(file: &RunFile, url: &Url) -> anyhow::Result<(RunInfo, Box<dyn live::
         scenario: (&scenario_name, &scenario),
         seed,
     });
+    let tree = files.tree()?;
+    let joints = tree.joints.iter().filter(|joint| joint.kind != JointKind::Fixed);
+    let joints: Vec<String> = joints.map(|joint| joint.name.clone()).collect();
     let hardware: Box<dyn live::Hardware> = match file.hardware {
         Hardware::Lcm => {
             refuse_a_second("controller", channels::ROBOT_COMMAND, url)?;
             Box::new(LcmRobot::open(url)?)
         }
         Hardware::Dummy => {
-            let tree = files.tree()?;
-            let names = tree.joints.iter().filter(|joint| joint.kind != controller::model::JointKind::Fixed);
-            let q = names.map(|joint| params.robot.posture.get(&joint.name).copied().unwrap_or_default());
-            Box::new(Dummy::new(q.collect()))
+            let posture = |name: &String| params.robot.posture.get(name).copied().unwrap_or_default();
+            Box::new(Dummy::new(joints.iter().map(posture).collect()))
         }
     };
+    let hardware = match &file.faults {
+        Some(path) => faulty(hardware, path, &joints).with_context(|| path.display().to_string())?,
+        None => hardware,
+    };
     Ok((info, hardware))
+}
+
+/// The hardware, made to fail.
+fn faulty(
+    hardware: Box<dyn live::Hardware>,
+    path: &Path,
+    joints: &[String],
+) -> anyhow::Result<Box<dyn live::Hardware>> {
+    let faults = Scenario::load(path)?.faults;
+    if let Some(fault) = faults.iter().find(|fault| !Faulty::can(&fault.kind)) {
+        bail!("{} happens to drives and feet: put it into the scenario of the simulator", fault.kind);
+    }
+    Ok(Box::new(Faulty::new(hardware, &faults, joints)?))
 }
 
 fn report(summary: &Summary, json: bool) -> anyhow::Result<Outcome> {

@@ -24,6 +24,8 @@ pub struct RunFile {
     /// What the controller's side of the network is.
     #[serde(default)]
     pub hardware: Hardware,
+    /// Scenario whose `[[fault]]` lines spoil what passes between controller and hardware.
+    pub faults: Option<PathBuf>,
     /// Who may command.
     #[serde(default = "default_sources")]
     pub operator: Vec<Source>,
@@ -132,9 +134,11 @@ impl RunFile {
         let mut file: RunFile = toml::from_str(&text)
             .map_err(|error| anyhow::anyhow!("{}", error.to_string().trim_end()))
             .with_context(|| path.display().to_string())?;
+        let folder = path.parent().unwrap_or(Path::new(""));
         if let Some(simulation) = &mut file.simulation {
-            simulation.scenario = path.parent().unwrap_or(Path::new("")).join(&simulation.scenario);
+            simulation.scenario = folder.join(&simulation.scenario);
         }
+        file.faults = file.faults.map(|faults| folder.join(faults));
         file.check().with_context(|| path.display().to_string())?;
         Ok(file)
     }

@@ -46,7 +46,7 @@ pub struct TrimArgs {
     out: PathBuf,
     #[command(flatten)]
     part: Part,
-    /// A bundle around this time, s since the log's first event
+    /// A bundle around this time, s since the log's first tick, as for `hoof replay --from`
     #[arg(long, value_name = "S", value_parser = seconds, conflicts_with_all = ["from", "to"])]
     around: Option<f64>,
     /// At least so much before it, s

@@ -11,6 +11,7 @@ use crate::progress::Progress;
 use crate::robot::{overrides, read};
 use crate::sim::Stack;
 use crate::{Outcome, run_info, say, say_json};
+use analysis::skeleton::Skeleton;
 use replay::engine::{DEFAULT_BOUND, Options, Replay, ReplayReport};
 use std::path::{Path, PathBuf};
 
@@ -43,6 +44,9 @@ pub struct Args {
     /// Another stack of tasks
     #[arg(long, value_enum)]
     stack: Option<Stack>,
+    /// Another solver of quadratic programs
+    #[arg(long, value_enum)]
+    solver: Option<Solver>,
     /// Another URDF, with the joints of the log's
     #[arg(long, value_name = "FILE")]
     urdf: Option<PathBuf>,
@@ -59,7 +63,7 @@ pub struct Args {
     #[arg(long, value_name = "LOG2", conflicts_with = "changes")]
     resim: Option<PathBuf>,
     /// Show every quantity of a tick: inputs, results of each stage, constraints that contradict each other if the solver failed
-    #[arg(long = "break", value_name = "TICK", conflicts_with_all = ["sweep", "resim", "out", "plot", "changes", "from", "to"])]
+    #[arg(long = "break", value_name = "TICK", allow_negative_numbers = true, conflicts_with_all = ["sweep", "resim", "out", "plot", "changes", "from", "to"])]
     at: Option<i64>,
     /// Begin at the last snapshot at or before this time, s since the log's first tick
     #[arg(long, value_name = "S")]
@@ -78,6 +82,15 @@ pub struct Args {
     json: bool,
 }
 
+#[derive(Clone, Copy, clap::ValueEnum)]
+#[value(rename_all = "snake_case")]
+enum Solver {
+    /// Goldfarb and Idnani's dual active-set method, the default of the parameters
+    ActiveSet,
+    /// Clarabel, an interior-point method
+    Clarabel,
+}
+
 #[derive(clap::Subcommand)]
 enum Command {
     /// Find the first revision that changes an output bit of a log, and what in it did
@@ -89,17 +102,32 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
         return bisect::run(args);
     }
     let Some(log) = &args.log else { anyhow::bail!("a log to replay is missing") };
-    let options = options(args)?;
+    run_log(args, log, &options(args)?).map_err(|error| name_files(args, error))
+}
+
+/// What the controller refuses may stand in a file that was given: the log alone would be the wrong one to look into.
+fn name_files(args: &Args, error: anyhow::Error) -> anyhow::Error {
+    let given = [("--urdf", &args.urdf), ("--changes", &args.changes)];
+    let given: Vec<String> =
+        given.iter().filter_map(|(name, file)| Some(format!("{name} {}", file.as_ref()?.display()))).collect();
+    match error.downcast_ref() {
+        Some(replay::Error::Load { .. }) if !given.is_empty() => error.context(format!("with {}", given.join(" and "))),
+        _ => error,
+    }
+}
+
+fn run_log(args: &Args, log: &Path, options: &Options) -> anyhow::Result<Outcome> {
     if let Some(tick) = args.at {
-        return break_at::run(log, &options, tick, args.json);
+        return break_at::run(log, options, tick, args.json);
     }
     if let Some(sweep) = &args.sweep {
-        return sweep::run(log, &options, sweep, args.plot.as_deref(), args.json);
+        return sweep::run(log, options, sweep, args.plot.as_deref(), args.json);
     }
     if let Some(out) = &args.resim {
-        return resim::run(log, &options, out, args.json);
+        return resim::run(log, options, out, args.json);
     }
-    let report = replay(log, &options)?;
+    let replay = Replay::open(log)?;
+    let report = with_bar(&replay, options)?;
     if let (Some(path), Some(what_if)) = (&args.plot, &report.what_if) {
         sweep::plot(path, &[("replayed".to_owned(), what_if)])?;
     }
@@ -110,7 +138,7 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
     if args.json {
         say_json(&report)?
     } else {
-        say(text(&report))?
+        say(text(&report, &joints(&replay)))?
     }
     Ok(outcome(&report))
 }
@@ -128,6 +156,13 @@ fn options(args: &Args) -> anyhow::Result<Options> {
     let mut set = overrides(&args.set)?;
     if let Some(stack) = args.stack {
         set.insert(0, ("stack.formula".to_owned(), stack.formula().to_owned()));
+    }
+    if let Some(solver) = args.solver {
+        let name = match solver {
+            Solver::ActiveSet => "active_set",
+            Solver::Clarabel => "clarabel",
+        };
+        set.insert(0, ("qp.solver".to_owned(), name.to_owned()));
     }
     Ok(Options {
         set,
@@ -149,9 +184,18 @@ pub fn threads() -> usize {
 
 /// Replays with a progress bar.
 pub fn replay(log: &Path, options: &Options) -> anyhow::Result<ReplayReport> {
-    let replay = Replay::open(log)?;
+    with_bar(&Replay::open(log)?, options)
+}
+
+fn with_bar(replay: &Replay, options: &Options) -> anyhow::Result<ReplayReport> {
     let bar = Progress::new("replay");
     Ok(replay.run(options, &mut |part| bar.set(part))?)
+}
+
+/// Names of the joints, URDF order.
+fn joints(replay: &Replay) -> Vec<String> {
+    let skeleton = Skeleton::parse(&replay.info().urdf);
+    skeleton.iter().flat_map(Skeleton::movable).map(|joint| joint.name.clone()).collect()
 }
 
 /// How a replay counts: differences before losses.

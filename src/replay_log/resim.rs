@@ -22,7 +22,11 @@ pub fn run(log: &Path, options: &Options, out: &Path, json: bool) -> anyhow::Res
         "{}: RUN_INFO holds no scenario, so there is nothing to simulate (was it a real robot?)",
         log.display()
     );
-    ensure!(log.canonicalize().ok() != out.canonicalize().ok() || !out.exists(), "{}: the log itself", out.display());
+    ensure!(
+        log.canonicalize().ok() != out.canonicalize().ok() || !out.exists(),
+        "--resim {}: this is the log itself, expected another file",
+        out.display()
+    );
     let mut scenario = Scenario::parse(&recorded.scenario, &format!("scenario of {}", log.display()))?;
     let (commands, duration_s) = operator(log)?;
     scenario.duration_s = options.to_s.map_or(duration_s, |to| to.min(duration_s));

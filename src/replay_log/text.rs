@@ -6,8 +6,8 @@ use replay::engine::{Deviation, Divergence, Index, ReplayReport, WhatIf, lines};
 /// Stretches of missing ticks that are listed.
 const GAPS_LISTED: usize = 8;
 
-/// The report in words: first what is not as it was when the log was written.
-pub fn text(report: &ReplayReport) -> String {
+/// The report in words: first what is not as it was when the log was written. `joints`: names, URDF order.
+pub fn text(report: &ReplayReport, joints: &[String]) -> String {
     let ReplayReport { ticks, messages_compared, real_time_factor, wall_seconds, .. } = report;
     let mut text = deviations(&report.deviations);
     text += &match &report.first_divergence {
@@ -38,7 +38,7 @@ pub fn text(report: &ReplayReport) -> String {
         text += &format!("\nmissing, not different: ticks {}{more}", listed.join(", "));
     }
     if let Some(what_if) = &report.what_if {
-        text += &format!("\n{}", what_if_text(what_if));
+        text += &format!("\n{}", what_if_text(what_if, joints));
     }
     text + &report.first_divergence.as_ref().map(inputs).unwrap_or_default()
 }
@@ -53,23 +53,28 @@ fn deviations(found: &[Deviation]) -> String {
     text
 }
 
-fn what_if_text(what_if: &WhatIf) -> String {
+fn what_if_text(what_if: &WhatIf, joints: &[String]) -> String {
     let WhatIf { bound, ticks, tau_difference_max, tau_difference_rms, qp_failed_ticks, .. } = what_if;
     let how_far = match &what_if.departure {
         Some(departure) => {
             #[expect(clippy::cast_precision_loss, reason = "a time for a person to read")]
             let t_s = departure.t_ns as f64 * 1e-9;
+            let joint = joints.get(departure.joint).cloned().unwrap_or_else(|| format!("joint {}", departure.joint));
             format!(
-                "what if: from tick {} (t = {t_s:.3} s) on, joint {} by {:+.1} N m, the command leaves the recorded one by more than {bound} N m:\n\
+                "what if: from tick {} (t = {t_s:.3} s) on, {joint} by {:+.1} N m, the command leaves the recorded one by more than {bound} N m:\n\
                  the robot would have moved otherwise, and what follows answers inputs that would not have come",
-                departure.tick, departure.joint, departure.by
+                departure.tick, departure.by
             )
         }
         None => format!("what if: the command stays within {bound} N m of the recorded one"),
     };
+    let late = match what_if.changes_not_reached {
+        0 => String::new(),
+        n => format!("\n{n} of the changes come behind the end of what was replayed"),
+    };
     format!(
         "{how_far}\n{ticks} ticks before that: torques differ by {tau_difference_max:.3} N m at most, {tau_difference_rms:.3} N m rms; \
-         {qp_failed_ticks} without a solution"
+         {qp_failed_ticks} without a solution{late}"
     )
 }
 

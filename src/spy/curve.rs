@@ -15,13 +15,14 @@ pub struct Curve {
 }
 
 impl Curve {
-    /// Smallest and largest finite value.
-    pub fn range(&self) -> Option<(f64, f64)> {
-        let finite = self.points.iter().map(|(_, value)| *value).filter(|value| value.is_finite());
-        finite.fold(None, |range, x| {
-            let (low, high) = range.unwrap_or((x, x));
-            Some((x.min(low), x.max(high)))
-        })
+    /// What is finite of the last `span_s`.
+    fn shown(&self, span_s: f64) -> impl Iterator<Item = (f64, f64)> {
+        self.points.iter().copied().filter(move |(t, value)| *t >= -span_s && value.is_finite())
+    }
+
+    /// Smallest and largest value of the last `span_s`.
+    pub fn range(&self, span_s: f64) -> Option<(f64, f64)> {
+        range(self.shown(span_s).map(|(_, value)| value))
     }
 
     /// The last value.
@@ -36,9 +37,9 @@ impl Curve {
         reason = "limited to the columns and bars there are"
     )]
     pub fn bars(&self, span_s: f64, width: usize) -> String {
-        let Some((low, high)) = self.range() else { return " ".repeat(width) };
+        let Some((low, high)) = self.range(span_s) else { return " ".repeat(width) };
         let mut bars = vec![' '; width];
-        for (t, value) in self.points.iter().filter(|(t, value)| *t >= -span_s && value.is_finite()) {
+        for (t, value) in self.shown(span_s) {
             let column = ((t / span_s + 1.0) * width as f64) as usize;
             let part = if high > low { (value - low) / (high - low) } else { 0.5 };
             let bar = BARS[((part * BARS.len() as f64) as usize).min(BARS.len() - 1)];
@@ -53,8 +54,7 @@ impl Curve {
     #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "limited to the columns there are")]
     pub fn thinned(&self, span_s: f64, columns: usize) -> Vec<(f64, f64)> {
         let column = |point: &(f64, f64)| ((point.0 / span_s + 1.0) * columns as f64) as usize;
-        let shown: Vec<_> =
-            self.points.iter().copied().filter(|(t, value)| *t >= -span_s && value.is_finite()).collect();
+        let shown: Vec<_> = self.shown(span_s).collect();
         shown.chunk_by(|a, b| column(a) == column(b)).flat_map(extremes).collect()
     }
 }
@@ -66,6 +66,14 @@ fn extremes(points: &[(f64, f64)]) -> impl Iterator<Item = (f64, f64)> {
     let high = places().max_by(|a, b| points[*a].1.total_cmp(&points[*b].1)).unwrap_or(0);
     let second = Some(low.max(high)).filter(|_| low != high);
     std::iter::once(low.min(high)).chain(second).map(|place| points[place])
+}
+
+/// Smallest and largest of some values.
+pub fn range(values: impl Iterator<Item = f64>) -> Option<(f64, f64)> {
+    values.fold(None, |range, x| {
+        let (low, high) = range.unwrap_or((x, x));
+        Some((x.min(low), x.max(high)))
+    })
 }
 
 /// Bounds of an axis around a range: some room, and never none.
@@ -89,7 +97,7 @@ mod tests {
         assert_eq!(curve.bars(4.0, 4), "▁█ ▅");
         assert_eq!(curve.bars(2.0, 4), "  ▅ ");
         assert_eq!(Curve::default().bars(4.0, 3), "   ");
-        assert_eq!(curve.range(), Some((0.0, 7.0)));
+        assert_eq!((curve.range(4.0), curve.range(2.0)), (Some((0.0, 7.0)), Some((3.6, 3.6))));
     }
 
     #[test]

@@ -5,6 +5,7 @@ mod help;
 mod once;
 mod picture;
 mod plot;
+mod processes;
 mod recording;
 mod session;
 mod source;

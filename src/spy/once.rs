@@ -69,8 +69,9 @@ impl Report {
         note(*damaged, "stretches of the log are damaged");
         note(u64::from(*cut), "cut: the log stops inside a record");
         text += &format!("\n\n{}", table::text(&s.channels));
-        if !s.senders.is_empty() {
-            text += &format!("\n\n{}", table::senders_text(&s.senders));
+        for (place, account) in s.senders.iter().enumerate() {
+            text += if place == 0 { "\n\n" } else { "\n" };
+            text += &table::sender_text(account);
         }
         for raised in alarms {
             text += &format!("\nALARM {}", table::alarm_text(raised));

@@ -1,10 +1,10 @@
 //! Chosen fields over time, in one plot.
 
-use super::curve::bounds;
+use super::curve::{Curve, bounds, range};
 use super::picture::Picture;
 use super::state::State;
 use super::table;
-use super::view::{cut, dim_style, ruled};
+use super::view::{cut, dim_style, first_shown, ruled};
 use ratatui::Frame;
 use ratatui::layout::{Constraint, Layout, Rect};
 use ratatui::style::{Color, Modifier, Style};
@@ -38,10 +38,7 @@ pub fn draw(frame: &mut Frame, area: Rect, picture: &Picture, state: &State) {
         let style = Style::new().fg(color(place));
         Dataset::default().marker(Marker::Braille).graph_type(GraphType::Line).style(style).data(points)
     };
-    let values = points.iter().flatten().map(|(_, value)| *value);
-    let range = values
-        .fold(None, |range: Option<(f64, f64)>, x| Some(range.map_or((x, x), |(low, high)| (low.min(x), high.max(x)))));
-    let y = bounds(range);
+    let y = bounds(range(points.iter().flatten().map(|(_, value)| *value)));
     let label = |x: f64| Span::styled(table::number(x), dim_style());
     let y_labels = if state.is_normalised {
         ["min", "", "max"].map(Span::raw)
@@ -54,16 +51,16 @@ pub fn draw(frame: &mut Frame, area: Rect, picture: &Picture, state: &State) {
         .x_axis(Axis::default().bounds([-state.span_s, 0.0]).labels(x_labels).style(dim_style()))
         .y_axis(Axis::default().bounds(y).labels(y_labels).style(dim_style()));
     frame.render_widget(chart, plot);
-    let name = |(place, curve): (usize, &super::curve::Curve)| {
+    let name = |(place, curve): (usize, &Curve)| {
         let at = if place == state.curve { Modifier::REVERSED } else { Modifier::empty() };
-        let shown = super::curve::Curve { points: curve.thinned(state.span_s, 1), ..curve.clone() };
-        let [last, low, high] = [curve.last(), shown.range().map(|r| r.0), shown.range().map(|r| r.1)]
-            .map(|x| x.map_or("-".to_owned(), table::number));
+        let range = curve.range(state.span_s);
+        let [last, low, high] =
+            [curve.last(), range.map(|r| r.0), range.map(|r| r.1)].map(|x| x.map_or("-".to_owned(), table::number));
         let name = cut(&format!("{} {}", curve.channel, curve.path), NAME);
         let text = format!("{name:<NAME$} {last:>10}  from {low} to {high}");
         Line::styled(text, Style::new().fg(color(place)).add_modifier(at))
     };
-    let from = super::view::first_shown(state.curve, picture.curves.len(), listed.into());
+    let from = first_shown(state.curve, picture.curves.len(), listed.into());
     let lines: Vec<Line> = picture.curves.iter().enumerate().map(name).skip(from).collect();
     frame.render_widget(Paragraph::new(lines), list);
 }
@@ -74,8 +71,7 @@ fn color(place: usize) -> Color {
 
 /// Values from 0 to 1.
 fn normalised(mut points: Vec<(f64, f64)>) -> Vec<(f64, f64)> {
-    let low = points.iter().map(|(_, value)| *value).fold(f64::INFINITY, f64::min);
-    let high = points.iter().map(|(_, value)| *value).fold(f64::NEG_INFINITY, f64::max);
+    let (low, high) = range(points.iter().map(|(_, value)| *value)).unwrap_or_default();
     let part = |value: f64| if high > low { (value - low) / (high - low) } else { 0.5 };
     points.iter_mut().for_each(|(_, value)| *value = part(*value));
     points

@@ -1,6 +1,7 @@
 //! The screen at work: keys in, pictures out.
 
 use super::picture::{Picture, Wanted};
+use super::processes::Processes;
 use super::recording::Recording;
 use super::source::{Source, nothing_heard};
 use super::state::{State, Wish};
@@ -32,6 +33,7 @@ pub fn interact(source: Source, alarms: Alarms, stop: &AtomicBool) -> anyhow::Re
         picture,
         frozen: false,
         recording: None,
+        processes: Processes::default(),
         message: String::new(),
         since: now,
         terminal,
@@ -48,6 +50,7 @@ struct Session {
     picture: Picture,
     frozen: bool,
     recording: Option<Recording>,
+    processes: Processes,
     message: String,
     /// When counting began.
     since: Instant,
@@ -110,6 +113,7 @@ impl Session {
             *picture = taken;
         }
         self.state.settle(&self.picture);
+        self.processes.look(self.picture.senders.iter().map(|account| &*account.sender));
         if let Source::Live(live) = &self.source
             && live.has_failed()
         {
@@ -121,7 +125,7 @@ impl Session {
     }
 
     fn draw(&mut self) -> anyhow::Result<()> {
-        let Session { source, alarms, state, picture, frozen, recording, message, since, terminal } = self;
+        let Session { source, alarms, state, picture, frozen, recording, processes, message, since, terminal } = self;
         let (title, silence, is_log) = match source {
             Source::Live(live) => {
                 let silence = if since.elapsed() < PATIENCE { String::new() } else { nothing_heard(live.url()) };
@@ -139,6 +143,7 @@ impl Session {
             alarms: alarms.times().map(|(text, times)| (text.to_owned(), times)).collect(),
             picture,
             state,
+            processes,
         };
         terminal.draw(|frame| screen.draw(frame))?;
         Ok(())

@@ -179,16 +179,13 @@ pub fn text(rows: &[Row]) -> String {
     table.iter().map(line).collect::<Vec<_>>().join("\n")
 }
 
-/// The senders' accounts.
-pub fn senders_text(senders: &[Account]) -> String {
-    let one = |account: &Account| {
-        let Account { sender, received, lost, duplicates, reordered, restarts, lost_runs: _ } = account;
-        let restarts = if *restarts > 0 { format!(", began anew {restarts} times") } else { String::new() };
-        format!(
-            "{sender:<21} {received:>9} received, lost {lost}, came again {duplicates}, came late {reordered}{restarts}"
-        )
-    };
-    senders.iter().map(one).collect::<Vec<_>>().join("\n")
+/// The account of a sender.
+pub fn sender_text(account: &Account) -> String {
+    let Account { sender, received, lost, duplicates, reordered, restarts, lost_runs: _ } = account;
+    let restarts = if *restarts > 0 { format!(", began anew {restarts} times") } else { String::new() };
+    format!(
+        "{sender:<21} {received:>9} received, lost {lost}, came again {duplicates}, came late {reordered}{restarts}"
+    )
 }
 
 /// An alarm in a sentence.

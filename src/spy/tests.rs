@@ -2,6 +2,7 @@
 #![allow(clippy::unwrap_used)]
 
 use super::picture::{Picture, Wanted};
+use super::processes::Processes;
 use super::state::{Page, State, Wish};
 use super::view::Screen;
 use crossterm::event::{KeyCode, KeyEvent};
@@ -91,6 +92,7 @@ impl Shown {
             alarms: self.alarms.times().map(|(text, times)| (text.to_owned(), times)).collect(),
             picture: &picture,
             state: &self.state,
+            processes: &Processes::default(),
         };
         terminal.draw(|frame| screen.draw(frame)).unwrap();
         terminal

@@ -1,11 +1,13 @@
 //! How a picture is drawn.
 
+use super::curve::Curve;
 use super::help;
 use super::picture::Picture;
 use super::plot;
+use super::processes::Processes;
 use super::state::{Page, State};
 use super::table::{self, Column};
-use super::tree::Decoded;
+use super::tree::{self, Decoded};
 use ratatui::Frame;
 use ratatui::layout::{Constraint, Layout, Rect};
 use ratatui::style::{Color, Modifier, Style};
@@ -38,6 +40,8 @@ pub struct Screen<'a> {
     pub alarms: Vec<(String, u64)>,
     pub picture: &'a Picture,
     pub state: &'a State,
+    /// Who the senders are.
+    pub processes: &'a Processes,
 }
 
 impl Screen<'_> {
@@ -133,7 +137,7 @@ impl Screen<'_> {
         let lines: Vec<Line> = rows.iter().enumerate().map(line).skip(from).take(body.height.into()).collect();
         frame.render_widget(Paragraph::new(lines), body);
 
-        let bars = |curve: &super::curve::Curve| {
+        let bars = |curve: &Curve| {
             let name = format!("{} {}", curve.channel, curve.path);
             let width = usize::from(area.width).saturating_sub(NAME + 13);
             let last = curve.last().map_or(String::new(), table::number);
@@ -142,8 +146,9 @@ impl Screen<'_> {
         let strip: Vec<Line> = self.picture.curves.iter().take(STRIP).map(bars).collect();
         frame.render_widget(Paragraph::new(strip).style(Style::new().fg(Color::Cyan)), curves);
         if let Some(row) = rows.get(at) {
-            let senders =
-                if row.senders.is_empty() { String::new() } else { format!("  from {}", row.senders.join(" ")) };
+            let sender = |sender: &String| self.processes.of(sender).unwrap_or(sender).to_owned();
+            let senders: Vec<String> = row.senders.iter().map(sender).collect();
+            let senders = if senders.is_empty() { String::new() } else { format!("  from {}", senders.join(", ")) };
             let gap = Column::Gap.cell(row);
             let text = format!("{}  max gap {gap}{senders}", table::type_text(row));
             frame.render_widget(Line::styled(text, dim_style()), detail);
@@ -189,7 +194,7 @@ impl Screen<'_> {
     }
 
     /// A line of the tree; behind a chosen field stand its bars.
-    fn part(&self, channel: &str, line: &super::tree::Line, is_at: bool, width: usize) -> Line<'static> {
+    fn part(&self, channel: &str, line: &tree::Line, is_at: bool, width: usize) -> Line<'static> {
         let fold = match line.is_open {
             Some(true) => "▾ ",
             Some(false) => "▸ ",
@@ -214,7 +219,12 @@ impl Screen<'_> {
         let mut lines = Vec::new();
         if !self.is_log {
             lines.push(heading("Senders: messages, from the sequence numbers of each"));
-            lines.extend(table::senders_text(senders).lines().map(|line| Line::from(line.to_owned())));
+            for account in senders {
+                lines.push(Line::from(table::sender_text(account)));
+                lines.extend(
+                    self.processes.of(&account.sender).map(|name| Line::styled(format!("  {name}"), dim_style())),
+                );
+            }
             lines.push(Line::default());
         }
         lines.push(heading("Alarms: how often each was raised"));

@@ -73,7 +73,7 @@ pub fn what_if(replays: &[(String, &WhatIf)]) -> Figure {
         if row == 1 {
             layers.push(Layer::Level(bound, BOUND));
         }
-        let y_label = ["torque [N m]", "largest difference [N m]"][row].to_owned();
+        let y_label = [format!("torque of joint {joint} [N m]"), "largest difference [N m]".to_owned()][row].clone();
         let y = Range::covering(&seen, 1.0);
         plots.push(Plot { y_label, x: time, y, height: PANEL_HEIGHT, layers, ..Plot::default() });
     }

@@ -219,12 +219,8 @@ impl Quadruped {
         let state = &mut self.state;
         match (state.mode, found) {
             (Mode::Damping, None) => {}
-            (Mode::Damping, Some(fault)) => {
-                state.t_still = 0.0;
-                if asked.wish == Wish::Idle {
-                    state.fault = fault;
-                }
-            }
+            (Mode::Damping, Some(fault)) if asked.wish == Wish::Idle => state.fault = fault,
+            (Mode::Damping, Some(_)) => {}
             // Before the first good input there is nothing to save: the controller waits and says what for.
             (_, Some(fault)) => {
                 state.fault = fault;
@@ -286,6 +282,9 @@ impl Controller for Quadruped {
         let mut digests = Digests::default();
         digests.0[Stage::Input as usize] = digests::input(input);
         let found = safety::check_input(&self.robot, &self.params, &self.state, input);
+        if found.is_some() {
+            self.state.t_still = 0.0;
+        }
         let mut asked = modes::asked(&self.params, input);
         let dt = if self.state.started {
             seconds(input.t_ns.saturating_sub(self.state.t_ns)).clamp(0.0, MAX_DT)

@@ -3,7 +3,7 @@
 //! | phase | what moves | ends when | then |
 //! |---|---|---|---|
 //! | gather | joints, from where they are to folded under the trunk | they are there | rise |
-//! | rise | feet, straight down from folded to standing | they are there, every foot carries, the joints rest | stance |
+//! | rise | feet, straight down from folded to standing | they are there, every foot carries (three, after a while), the joints rest | stance |
 //! | lower | feet, straight up to folded | they are there | spread |
 //! | spread | joints, to the posture in which the robot lies | they are there | release |
 //! | release | nothing; the joints grow soft | the robot rests | lie |
@@ -17,7 +17,8 @@
 //! tau = support (h_joint - J_legᵀ f) ,  command = tau + kp (q_des - q) + kd (qd_des - qd)
 //! ```
 //! `f` are the vertical forces of least squares that hold the weight at the centre of mass over the four feet. `support` goes to 1 while the
-//! robot is to stand on its feet and to 0 while it is to lie: a foot that finds no ground is pushed after it, by a few centimetres on a soft loop.
+//! robot is to get or to stand on its feet and to 0 while it is to lie: legs that lie spread lift the trunk while they are drawn under it, and
+//! a foot that finds no ground is pushed after it, by a few centimetres on a soft loop.
 
 use super::estimation::Estimate;
 use super::leg::{Leg, PerLeg};
@@ -144,7 +145,7 @@ impl Rise {
         state.motion.t_held = if waits { state.motion.t_held + dt } else { 0.0 };
 
         let wanted = match state.motion.phase {
-            MovePhase::Rise | MovePhase::Lower => 1.0,
+            MovePhase::Gather | MovePhase::Rise | MovePhase::Lower => 1.0,
             MovePhase::Spread => 1.0 - state.motion.progress,
             _ => 0.0,
         };
@@ -162,7 +163,7 @@ impl Rise {
             };
         }
         match state.motion.phase {
-            MovePhase::Rise if done && pace >= 1.0 && self.is_up(measured, state) => {
+            MovePhase::Rise if done && pace >= 1.0 && self.is_up(params, measured, state) => {
                 state.motion.phase = MovePhase::None
             }
             MovePhase::Gather if done => begin(state, MovePhase::Rise),
@@ -186,10 +187,13 @@ impl Rise {
         }
     }
 
-    /// The base is where standing begins: full support, every foot on the ground, joints at rest.
-    fn is_up(&self, measured: &RobotState, state: &State) -> bool {
+    /// The base is where standing begins: full support, the feet on the ground, joints at rest.
+    fn is_up(&self, params: &Params, measured: &RobotState, state: &State) -> bool {
         let rests = measured.qd.iter().all(|qd| qd.abs() < 3.0 * REST_SPEED);
-        state.motion.support >= 1.0 && rests && Leg::ALL.into_iter().all(|leg| state.contact[leg])
+        let feet = state.contact.0.into_iter().filter(|contact| *contact).count();
+        // A foot over a hole is found ground for by the stance.
+        let enough = if state.motion.t_held > 0.5 * params.stand.patience { 3 } else { 4 };
+        state.motion.support >= 1.0 && rests && feet >= enough
     }
 
     /// How long the present phase takes, s.

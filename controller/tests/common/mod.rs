@@ -302,5 +302,5 @@ pub fn assert_damps(command: &RobotCommand) {
     assert_eq!(command.tau, vec![0.0; 12]);
     assert_eq!(command.qd_des, vec![0.0; 12]);
     assert_eq!(command.kp, vec![0.0; 12]);
-    assert_eq!(command.kd, vec![8.0; 12], "safety.damping");
+    assert_eq!(command.kd, vec![20.0; 12], "safety.damping of HyQ");
 }

@@ -10,6 +10,7 @@
 //! - [`Executor`]: starts and ends both threads. The real-time thread allocates nothing, takes no lock, and calls the system for the clock
 //!   and for the sockets of [`Hardware`] only; whatever may block happens in the carrier.
 //! - [`Hardware`]: the robot as the executor sees it; [`LcmRobot`] is any driver process that speaks ROBOT_STATE and ROBOT_COMMAND.
+//! - [`Faulty`]: any of them, made to fail by the fault lines of a scenario.
 //! - [`plant`]: the simulator as such a driver process, in real time.
 //! - [`RealtimeParams`]: scheduler, core and memory of a thread, used where permitted and reported where not.
 //! - [`clock`]: the monotonic clock, and sleep until a time on it.
@@ -19,6 +20,7 @@
 mod carrier;
 pub mod clock;
 mod executor;
+mod faulty;
 mod hardware;
 mod lateness;
 pub mod plant;
@@ -28,8 +30,9 @@ mod socket;
 
 pub use carrier::{Carried, RUN_INFO_EVERY_NS};
 pub use executor::{Executor, Plan, Summary};
+pub use faulty::Faulty;
 pub use hardware::{Dummy, Hardware, LcmRobot};
 pub use lateness::Lateness;
 pub use realtime::{Granted, RealtimeParams};
-pub use runner::{Call, Runner, Ticked};
+pub use runner::{Call, End, Ending, Runner, Ticked};
 pub use socket::{Ear, Speaker, somebody_speaks};

@@ -56,6 +56,11 @@ impl Runner {
         self
     }
 
+    /// Changes whose time has not come.
+    pub fn still_to_come(&self) -> usize {
+        self.later.len()
+    }
+
     /// The controller, after the last tick.
     pub fn controller(&self) -> &dyn Controller {
         &*self.controller

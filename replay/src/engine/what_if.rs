@@ -61,6 +61,8 @@ pub struct WhatIf {
     pub residuals: [f64; 3],
     /// Ticks in which the new controller damped the joints.
     pub damped_ticks: u64,
+    /// Changes whose time does not come in what was replayed.
+    pub changes_not_reached: u64,
     /// A sample a tick, of the whole replay.
     #[serde(skip)]
     pub samples: Vec<Sample>,
@@ -164,7 +166,8 @@ impl Collector {
         }
     }
 
-    pub fn finish(self) -> WhatIf {
+    /// What was collected; `changes_not_reached` as in [`WhatIf`].
+    pub fn finish(self, changes_not_reached: u64) -> WhatIf {
         let mean = |sum: f64, n: u64| if n > 0 { sum / n as f64 } else { 0.0 };
         WhatIf {
             bound: self.bound,
@@ -177,6 +180,7 @@ impl Collector {
             qp_iterations: mean(self.iterations, self.ticks),
             residuals: self.residuals.map(|sum| mean(sum, self.ticks)),
             damped_ticks: self.damped,
+            changes_not_reached,
             samples: self.samples,
         }
     }

@@ -67,11 +67,6 @@ impl Alarm {
         Ok(Alarm { text, channels, names, quantity, is_above, limit })
     }
 
-    /// As it was given.
-    pub fn text(&self) -> &str {
-        &self.text
-    }
-
     fn value(&self, row: &Row) -> Option<f64> {
         match self.quantity {
             Quantity::Rate => Some(row.rate_hz),
@@ -132,11 +127,6 @@ impl Alarms {
     /// Those.
     pub fn new(alarms: Vec<Alarm>) -> Self {
         Alarms { alarms, states: BTreeMap::new() }
-    }
-
-    /// There is none.
-    pub fn is_empty(&self) -> bool {
-        self.alarms.is_empty()
     }
 
     /// Every condition that holds now.

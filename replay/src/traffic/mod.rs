@@ -33,7 +33,6 @@ use channel::{Arrival, Channel};
 use lcmtypes::channels;
 use std::collections::{BTreeMap, VecDeque};
 use std::hash::{DefaultHasher, Hash, Hasher};
-use std::net::SocketAddrV4;
 
 /// Channels that are told apart; beyond, messages are counted together.
 const MAX_CHANNELS: usize = 1000;
@@ -210,11 +209,6 @@ impl Traffic {
         self.hearing.accounts()
     }
 
-    /// The account of one sender.
-    pub fn sender(&self, sender: SocketAddrV4) -> Option<&Account> {
-        self.hearing.account(sender)
-    }
-
     /// Messages lost, datagrams that came again, datagrams that came late: of all senders.
     pub fn lost_twice_late(&self) -> [u64; 3] {
         self.hearing.totals()
@@ -233,5 +227,49 @@ impl Traffic {
     /// What was found, with the time when, ns; oldest first.
     pub fn news(&self) -> impl DoubleEndedIterator<Item = &(i64, String)> {
         self.news.iter()
+    }
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used)]
+mod tests {
+    use super::*;
+    use std::sync::Arc;
+
+    fn say(traffic: &mut Traffic, channel: &str, t_ns: i64, data: &[u8]) {
+        let channel: &Arc<str> = &channel.into();
+        traffic.event(&EventRef { channel, t_ns, number: 0, data, offset: 0, schema: None });
+    }
+
+    #[test]
+    fn memory_does_not_grow_with_channels_or_messages() {
+        let mut traffic = Traffic::default();
+        for n in 0..1500 {
+            say(&mut traffic, &format!("C{n}"), n, &[0; 100_000]);
+        }
+        let summary = traffic.summary(1500);
+        assert_eq!((summary.channels.len(), summary.untold, summary.events), (MAX_CHANNELS, 500, 1500));
+        // 671 of them fit into 64 MiB; of the others, the length is known.
+        let kept = |name: &str| traffic.message(name).map(|(bytes, length)| (bytes.len(), length));
+        assert_eq!((kept("C670"), kept("C671")), (Some((100_000, 100_000)), Some((0, 100_000))));
+        assert_eq!(traffic.kept, 671 * 100_000);
+        // A channel known already is counted on, and what it gives up others may keep.
+        say(&mut traffic, "C0", 1500, b"short");
+        say(&mut traffic, "C671", 1500, &[0; 100_000]);
+        assert_eq!(traffic.message("C671").unwrap().0.len(), 100_000);
+        // Longer than anybody wants to look at.
+        say(&mut traffic, "C0", 1501, &vec![0; channel::KEPT + 1]);
+        assert_eq!(traffic.message("C0").unwrap().0.len(), 0);
+    }
+
+    #[test]
+    fn counting_anew_keeps_what_was_chosen() {
+        let mut traffic = Traffic::default();
+        assert!(traffic.follow("A", "x") && !traffic.follow("A", "x[one]"));
+        say(&mut traffic, "A", 5, b"12345678");
+        traffic.clear();
+        assert_eq!((traffic.rows(10).len(), traffic.traces().len(), traffic.is_silent()), (0, 1, true));
+        traffic.unfollow("A", "x");
+        assert_eq!(traffic.traces().len(), 0);
     }
 }
