@@ -188,5 +188,5 @@ fn what_is_not_as_in_the_log_is_named() {
     let options = Options { set: vec![set("wbc.friction", "0.7")], ..Options::default() };
     let named = replay.run(&options, &mut |_| {}).unwrap().deviations;
     assert_eq!(named.len(), 1);
-    assert_eq!((&*named[0].what, &*named[0].log, &*named[0].here), ("wbc.friction", "0.8", "0.7"));
+    assert_eq!((&*named[0].what, &*named[0].log, &*named[0].here), ("wbc.friction", "0.6", "0.7"));
 }
