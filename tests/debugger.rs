@@ -70,7 +70,7 @@ fn the_debugger_stops_where_something_happens() {
 fn a_solver_that_fails_is_found() {
     let folder = folder("failure");
     let log = folder.join("run.mcap");
-    run(&log, "--set wbc.max_iterations=9");
+    run(&log, "--set wbc.max_iterations=12");
     let found = hoof(&format!("debug {} --once --json --next qp-failure", log.display())).exits(0).json();
     let statuses: Vec<i8> = messages::<WbcSolution>(&log, WBC_SOLUTION).iter().map(|wbc| wbc.status).collect();
     let first = statuses.iter().skip(1).position(|status| *status != WbcSolution::STATUS_SOLVED).unwrap() + 1;

@@ -118,7 +118,7 @@ fn robot_file() {
     with(
         "duty =",
         "duty_factor = 0.5\nduty =",
-        &["unknown field `duty_factor`, expected one of `duty`, `swing_frequency`", "line 27"],
+        &["unknown field `duty_factor`, expected one of `duty`, `swing_frequency`", "line 42"],
     );
     with("duty = 0.55", "duty = 1.5", &["parameter gait.trot.duty is 1.5, expected at least 0.5 and below 1"]);
     with("duty = 0.55", "duty = \"half\"", &["invalid type: string \"half\", expected f64"]);

@@ -4,7 +4,7 @@
 mod common;
 
 use common::{command, events, folder, hoof, rewrite};
-use lcmtypes::channels::{CONTROLLER_INPUT, CONTROLLER_TICK, EVENT, RUN_INFO};
+use lcmtypes::channels::{CONTROLLER_INPUT, CONTROLLER_TICK, RUN_INFO};
 use replay::log::LogWriter;
 use serde_json::Value;
 use std::io::{BufRead, BufReader};
@@ -110,7 +110,8 @@ fn filter_and_trim_keep_what_is_asked_for() {
     assert!(found.iter().all(|e| &*e.channel == CONTROLLER_TICK && (500_000_000..=600_000_000).contains(&e.t_ns)));
     assert_eq!((&copied["events"], &copied["left_out"]), (&101.into(), &(events(&log).len() - 101).into()));
     hoof(&format!("{filter} --exclude CONTROLLER.*")).exits(0);
-    assert!(events(&out).iter().all(|e| [RUN_INFO, EVENT].contains(&&*e.channel)));
+    let left: Vec<_> = events(&out).iter().map(|e| e.channel.to_string()).collect();
+    assert!(left.iter().any(|name| name == RUN_INFO) && !left.iter().any(|name| name.starts_with("CONTROLLER")));
     hoof(&format!("log trim {} {} --to 0.1", log.display(), out.display())).exits(0);
     assert_eq!(events(&out).iter().filter(|e| &*e.channel == CONTROLLER_INPUT).count(), 101);
     assert_eq!(hoof(&format!("replay {} --json", out.display())).exits(0).json()["ticks"], 101);
@@ -131,11 +132,11 @@ fn merge_is_by_time_and_recover_takes_what_is_there() {
     let folder = folder("merge");
     let log = converted(&folder, "run.lcmlog");
     let path = |name: &str| folder.join(name);
-    let split = |pattern: &str, out: &str| {
-        hoof(&format!("log filter {} {} --channels {pattern}", log.display(), path(out).display())).exits(0);
+    let split = |which: &str, out: &str| {
+        hoof(&format!("log filter {} {} {which}", log.display(), path(out).display())).exits(0);
     };
-    split("CONTROLLER_TICK", "ticks.mcap");
-    split("CONTROLLER_[IS].*|RUN_INFO|EVENT", "rest.lcmlog");
+    split("--channels CONTROLLER_TICK", "ticks.mcap");
+    split("--exclude CONTROLLER_TICK", "rest.lcmlog");
     let merged = path("merged.lcmlog");
     let logs = format!("{} {}", path("rest.lcmlog").display(), path("ticks.mcap").display());
     hoof(&format!("log merge {logs} --out {}", merged.display())).exits(0);

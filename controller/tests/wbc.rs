@@ -67,7 +67,7 @@ fn standing_level_the_feet_carry_the_weight_with_the_smallest_forces_and_static_
 #[test]
 fn every_solution_keeps_the_dynamics_the_friction_pyramid_and_the_bounds() {
     let (mut controller, mut puppet, mut out) = (hyq(), Puppet::new(2), Outbox::new());
-    let (mut estimate, c) = (Estimate::new(controller.robot()), 0.8 / 2.0_f64.sqrt());
+    let (mut estimate, c) = (Estimate::new(controller.robot()), 0.6 / 2.0_f64.sqrt());
     let (mut on_pyramid, mut swinging) = (0, 0);
     for tick in 0..1500 {
         // Pushed around now and then, so that the limits matter.

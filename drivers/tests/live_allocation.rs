@@ -5,7 +5,7 @@
 
 use controller::params::apply_overrides;
 use drivers::live::clock::{Beat, now_ns, sleep_until};
-use drivers::live::{Call, LcmRobot, Runner, Speaker};
+use drivers::live::{Call, Ending, LcmRobot, Runner, Speaker};
 use lcmtypes::channels::{CONTROLLER_INPUT, CONTROLLER_TICK, ROBOT_STATE, RUN_INFO};
 use lcmtypes::{ControllerInput, ControllerTick, Message, RunInfo};
 use replay::log::LogReader;
@@ -90,7 +90,7 @@ fn the_real_time_thread_allocates_nothing() {
         modes
     });
     let mut ticked = None;
-    let counted = allocation_counter::measure(|| ticked = Some(runner.run(TICKS, &AtomicBool::new(false))));
+    let counted = allocation_counter::measure(|| ticked = Some(runner.run(TICKS, &Ending::default())));
     drop(runner);
     over.store(true, Ordering::Relaxed);
     sender.join().unwrap();

@@ -129,7 +129,7 @@ fn a_pushed_robot_stays_where_it_is_with_the_capture_point_and_runs_away_without
         libm::hypot(last[0], last[1])
     };
     let (with, without) = (way("true"), way("false"));
-    assert!(with < 0.3 && without > 1.0, "{with} m with, {without} m without");
+    assert!(with < 0.2 && without > 0.45, "{with} m with, {without} m without");
 }
 
 #[test]

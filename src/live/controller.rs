@@ -23,8 +23,8 @@ const REST: Duration = Duration::from_millis(20);
 /// Run the controller in real time against a driver on LCM
 ///
 /// A real-time thread wakes by the absolute clock, takes the newest ROBOT_STATE, steps the controller and sends ROBOT_COMMAND; a second thread
-/// publishes everything else. What the system refuses (scheduler, locked memory, ...) is said and done without. When it ends, it first leads
-/// the robot to its safe state.
+/// publishes everything else. What the system refuses (scheduler, locked memory, ...) is said and done without. Ctrl-C lets a robot that stands
+/// sit down; a second one, or the end of --ticks or --seconds, damps the joints at once.
 #[derive(clap::Args)]
 #[command(after_help = "Example: hoof controller runs/hyq_sim.toml --seconds 60")]
 pub struct ControllerArgs {
@@ -55,6 +55,12 @@ pub fn run(args: &ControllerArgs) -> anyhow::Result<Outcome> {
     }
     eprintln!("controlling {} on {url}: {}", file.robot, executor.granted().text());
     while !stop.is_due() && !executor.is_finished() {
+        std::thread::sleep(REST);
+    }
+    // A robot that stands sits down; who asks twice does not want to wait for that.
+    stop.forget();
+    executor.sit_down();
+    while !stop.is_asked() && !executor.is_finished() {
         std::thread::sleep(REST);
     }
     report(&executor.finish(), args.shared.json)

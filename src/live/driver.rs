@@ -7,7 +7,7 @@ use anyhow::{Context, bail};
 use controller::params::Params;
 use drivers::live::plant::{self, Plant, Summary};
 use drivers::live::{Ear, RealtimeParams, Speaker};
-use drivers::{MujocoSim, Scenario, SimParams, Simulator, Terrain};
+use drivers::{MujocoSim, Scenario, SimParams, Terrain};
 use lcmtypes::channels;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -39,9 +39,8 @@ pub fn run(args: &DriverArgs) -> anyhow::Result<Outcome> {
     let scenario = Scenario::load(&simulation.scenario)?;
     let terrain = Terrain::new(&scenario.terrain, scenario.seed);
     let mut sim = MujocoSim::new(&files.tree()?, &params.robot, terrain, SimParams::of(&scenario))?;
-    sim.reset(&params.robot.posture)?;
     refuse_a_second("driver", channels::ROBOT_STATE, &url)?;
-    let (speaker, commands) = (Speaker::open(&url)?, Ear::open(&url, channels::ROBOT_COMMAND)?);
+    let (speaker, network) = (Speaker::open(&url)?, Ear::open(&url)?);
     // One below the controller: on one core, the command must not wait for the physics.
     let realtime = RealtimeParams { priority: file.realtime.priority.saturating_sub(1), ..file.realtime.clone() };
     let over = Arc::new(AtomicBool::new(false));
@@ -54,7 +53,7 @@ pub fn run(args: &DriverArgs) -> anyhow::Result<Outcome> {
             eprintln!("warning: {refused}");
         }
         eprintln!("driving {} in {name} on {url}: {}", file.robot, granted.text());
-        plant::run(Plant { scenario: &scenario, send_operator, sim: &mut sim, speaker, commands }, &asked)
+        plant::run(Plant { scenario: &scenario, send_operator, sim: &mut sim, speaker, network }, &asked)
     })?;
     while !stop.is_due() && !thread.is_finished() {
         std::thread::sleep(REST);

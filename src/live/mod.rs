@@ -58,7 +58,7 @@ impl Shared {
 }
 
 /// Refuses where another process does the same job: two who command one robot, or two robots in one place, are a danger.
-fn refuse_a_second(job: &str, channel: &'static str, url: &Url) -> anyhow::Result<()> {
+fn refuse_a_second(job: &str, channel: &str, url: &Url) -> anyhow::Result<()> {
     anyhow::ensure!(
         !somebody_speaks(url, channel, HEARING)?,
         "another {job} sends {channel} on {url}: end it first, or give this run a port of its own (--lcm-url)"
@@ -108,6 +108,16 @@ impl Stop {
     }
 
     fn is_due(&self) -> bool {
-        self.asked.load(Ordering::Relaxed) || self.parent.is_some_and(|parent| getppid() != parent)
+        self.is_asked() || self.parent.is_some_and(|parent| getppid() != parent)
+    }
+
+    /// By a signal.
+    fn is_asked(&self) -> bool {
+        self.asked.load(Ordering::Relaxed)
+    }
+
+    /// Forgets that somebody asked, so that asking again can be told from it.
+    fn forget(&self) {
+        self.asked.store(false, Ordering::Relaxed);
     }
 }

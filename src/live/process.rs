@@ -10,12 +10,6 @@ use std::os::unix::process::{CommandExt, ExitStatusExt};
 use std::process::{Child, Command, ExitStatus, Stdio};
 use std::sync::mpsc::Sender;
 use std::thread::JoinHandle;
-use std::time::{Duration, Instant};
-
-/// How long a process may take to end before it is killed.
-const PATIENCE: Duration = Duration::from_secs(10);
-/// How often it is asked whether it has ended.
-const REST: Duration = Duration::from_millis(5);
 
 /// A line that a process wrote on its standard error.
 pub struct Line {
@@ -83,23 +77,18 @@ impl Process {
         Ok(self.status)
     }
 
-    /// Asks it to end, waits, and kills it when it does not; whether it had to be killed.
-    pub fn end(&mut self) -> anyhow::Result<bool> {
-        if self.status()?.is_some() {
-            return Ok(false);
+    /// Asks it to end, unless it has.
+    pub fn ask_to_end(&mut self) -> anyhow::Result<()> {
+        if self.status()?.is_none() {
+            let pid = Pid::from_raw(self.child.id().cast_signed());
+            kill(pid, Signal::SIGINT).with_context(|| self.name)?;
         }
-        let pid = Pid::from_raw(self.child.id().cast_signed());
-        kill(pid, Signal::SIGINT).with_context(|| self.name)?;
-        let asked = Instant::now();
-        let mut killed = false;
-        while self.status()?.is_none() {
-            if !killed && asked.elapsed() > PATIENCE {
-                self.child.kill().with_context(|| self.name)?;
-                killed = true;
-            }
-            std::thread::sleep(REST);
-        }
-        Ok(killed)
+        Ok(())
+    }
+
+    /// Kills it.
+    pub fn kill(&mut self) -> anyhow::Result<()> {
+        self.child.kill().with_context(|| self.name)
     }
 
     /// How it ended, as JSON: exit code or signal, and what it said itself.

@@ -17,12 +17,15 @@ use std::time::{Duration, Instant};
 
 /// How long one look at the processes waits for an event.
 const LOOK: Duration = Duration::from_millis(50);
+/// How long a process may take to end before it is killed: a robot that sits down takes its time.
+const PATIENCE: Duration = Duration::from_secs(25);
 /// How long the driver and the recorder go on when the controller has died, so that the log shows what came of it.
 const AFTERMATH: Duration = Duration::from_secs(1);
 
 /// Start recorder, driver and controller as processes over LCM, and leave one log
 ///
-/// Shows their state and what happens. Ctrl-C ends them in order: the controller, which leads the robot to its safe state, then driver and recorder.
+/// Shows their state and what happens. Ctrl-C ends them in order: the controller, which lets a robot that stands sit down, then driver and recorder;
+/// Ctrl-C a second time damps the joints at once.
 /// In simulation a run lasts as long as its scenario, if nothing else is said. The robot walks on without its recorder; without its driver the
 /// controller damps and waits for one (`hoof driver RUN_FILE`).
 #[derive(clap::Args)]
@@ -83,7 +86,7 @@ pub fn run(args: &RunArgs) -> anyhow::Result<Outcome> {
             run.look(&mut events)?;
         }
     }
-    run.end(&mut events)?;
+    run.end(&mut events, &stop)?;
     let Running { processes, screen, .. } = run;
     drop(screen);
     report(args, log, &processes)
@@ -179,12 +182,24 @@ impl Running {
         Ok(())
     }
 
-    /// Ends them: who commands first, who listens last.
-    fn end(&mut self, events: &mut dyn Bus) -> anyhow::Result<()> {
+    /// Ends them: who commands first, who listens last. Asking twice hurries.
+    fn end(&mut self, events: &mut dyn Bus, stop: &Stop) -> anyhow::Result<()> {
         self.ending = true;
         for place in (0..self.processes.len()).rev() {
-            if self.processes[place].end()? {
-                self.screen.say(&format!("{} did not end when asked to: killed", self.processes[place].name));
+            let mut asked = Instant::now();
+            stop.forget();
+            self.processes[place].ask_to_end()?;
+            while self.processes[place].status()?.is_none() {
+                self.look(events)?;
+                if stop.is_asked() {
+                    stop.forget();
+                    self.processes[place].ask_to_end()?;
+                }
+                if asked.elapsed() > PATIENCE {
+                    self.screen.say(&format!("{} does not end when asked to: killed", self.processes[place].name));
+                    self.processes[place].kill()?;
+                    asked = Instant::now();
+                }
             }
             self.look(events)?;
         }

@@ -2,7 +2,7 @@
 
 use super::carrier::{Carried, Carrier};
 use super::clock::Beat;
-use super::runner::{Runner, Ticked};
+use super::runner::{End, Ending, Runner, Ticked};
 use super::{Granted, Hardware, Lateness, RealtimeParams};
 use crate::DriverError;
 use crate::operators::Arbiter;
@@ -12,7 +12,6 @@ use lcmtypes::{RunInfo, channels};
 use replay::record::byte_ring;
 use rtrb::RingBuffer;
 use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc;
 use std::thread::JoinHandle;
 
@@ -61,7 +60,7 @@ impl Summary {
 
 /// A run in progress; stops when dropped.
 pub struct Executor {
-    stop: Arc<AtomicBool>,
+    ending: Arc<Ending>,
     granted: Granted,
     runner: Option<JoinHandle<Ticked>>,
     carrier: Option<JoinHandle<Carried>>,
@@ -76,19 +75,19 @@ impl Executor {
         let Plan { controller, controllers, hardware, mut bus, operators, mut info, beat, ticks, realtime } = plan;
         bus.subscribe(channels::EXECUTOR_COMMAND)?;
         operators.sources().iter().try_for_each(|source| bus.subscribe(&source.channel))?;
-        let stop = Arc::new(AtomicBool::new(false));
+        let ending = Arc::<Ending>::default();
         let (ring_in, ring_out) = byte_ring(RING_BYTES);
         let (calls_in, calls_out) = RingBuffer::new(CALLS);
         let (granted_in, granted_out) = mpsc::channel();
         let running = controllers.iter().enumerate().fold(0, |bits, (k, (_, starts))| bits | i64::from(*starts) << k);
         let mut runner = Runner::new(controller, running, hardware, calls_out, ring_in, beat);
         let runner = spawn("real-time", {
-            let stop = stop.clone();
+            let ending = ending.clone();
             move || {
                 // Whoever started us waits for it.
                 let _ = granted_in.send(realtime.apply());
                 drop(granted_in);
-                runner.run(ticks.unwrap_or(i64::MAX), &stop)
+                runner.run(ticks.unwrap_or(i64::MAX), &ending)
             }
         })?;
         let granted = granted_out.recv().unwrap_or_default();
@@ -97,7 +96,7 @@ impl Executor {
         let lateness = Lateness::new(beat.period_ns);
         let carrier = Carrier::new((ring_out, calls_in), bus, operators, info, names, lateness);
         let carrier = spawn("carrier", move || carrier.run())?;
-        Ok(Executor { stop, granted, runner: Some(runner), carrier: Some(carrier) })
+        Ok(Executor { ending, granted, runner: Some(runner), carrier: Some(carrier) })
     }
 
     /// What the system granted.
@@ -110,13 +109,18 @@ impl Executor {
         self.runner.as_ref().is_none_or(JoinHandle::is_finished)
     }
 
-    /// Leads to the safe state, stops, and waits until every message is out.
+    /// Lets a robot that stands sit down; then it ends by itself.
+    pub fn sit_down(&self) {
+        self.ending.ask(End::Sit);
+    }
+
+    /// Damps the joints, ends, and waits until every message is out.
     pub fn finish(mut self) -> Summary {
         self.close()
     }
 
     fn close(&mut self) -> Summary {
-        self.stop.store(true, Ordering::Relaxed);
+        self.ending.ask(End::Damp);
         let ticked = self.runner.take().map(join).unwrap_or_default();
         Summary { ticked, carried: self.carrier.take().map(join).unwrap_or_default() }
     }

@@ -80,7 +80,7 @@ impl LcmRobot {
     /// # Errors
     /// If it cannot be joined.
     pub fn open(url: &Url) -> Result<Self, DriverError> {
-        let (states, commands) = (Ear::open(url, channels::ROBOT_STATE)?, Speaker::open(url)?);
+        let (states, commands) = (Ear::open(url)?, Speaker::open(url)?);
         Ok(LcmRobot { states, commands, heard: empty_state(), unsent: 0 })
     }
 }
@@ -88,8 +88,8 @@ impl LcmRobot {
 impl Hardware for LcmRobot {
     fn receive(&mut self, state: &mut RobotState) -> bool {
         let (mut taken, heard) = (false, &mut self.heard);
-        self.states.hear(|data| {
-            if heard.decode_into(data).is_ok() {
+        self.states.hear(|channel, data| {
+            if channel == channels::ROBOT_STATE && heard.decode_into(data).is_ok() {
                 let younger_ns = heard.t_ns.saturating_sub(state.t_ns);
                 if !(-CLOCK_BEGAN_ANEW_NS..=0).contains(&younger_ns) {
                     std::mem::swap(state, heard);

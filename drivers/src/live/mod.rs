@@ -34,5 +34,5 @@ pub use faulty::Faulty;
 pub use hardware::{Dummy, Hardware, LcmRobot};
 pub use lateness::Lateness;
 pub use realtime::{Granted, RealtimeParams};
-pub use runner::{Call, Runner, Ticked};
+pub use runner::{Call, End, Ending, Runner, Ticked};
 pub use socket::{Ear, Speaker, somebody_speaks};

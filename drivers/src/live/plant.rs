@@ -6,7 +6,7 @@
 use super::clock::{Beat, now_ns, sleep_until};
 use super::socket::{Ear, Speaker};
 use crate::{DriverError, Faults, Scenario, Simulator};
-use lcmtypes::{Event, GroundTruth, Message, RobotCommand, RobotState, channels};
+use lcmtypes::{ControllerTick, Event, GroundTruth, Message, RobotCommand, RobotState, channels};
 use std::sync::atomic::{AtomicBool, Ordering};
 
 /// Age of the newest command beyond which the joints are damped, ns: with a step and a late wake-up it stays below 20 ms.
@@ -42,7 +42,7 @@ pub struct Plant<'a> {
     /// Where messages go to.
     pub speaker: Speaker,
     /// Where commands come from.
-    pub commands: Ear,
+    pub network: Ear,
 }
 
 /// Runs until `stop` is set. When the scenario ends, the last of its operator commands goes on.
@@ -70,7 +70,7 @@ pub fn run(plant: Plant<'_>, stop: &AtomicBool) -> Result<Summary, DriverError> 
 struct Run<'a> {
     scenario: &'a Scenario,
     sim: &'a mut dyn Simulator,
-    commands: Ear,
+    network: Ear,
     talk: Talk,
     faults: Faults,
     operator: Option<crate::operator::OperatorScript>,
@@ -84,6 +84,8 @@ struct Run<'a> {
     t_ns: i64,
     number: i64,
     started: bool,
+    /// The controller is to hold the robot up: one that lies, sits or has been damped is low, and has not fallen for that.
+    upright: bool,
     watching: bool,
     arrived_ns: i64,
     summary: Summary,
@@ -91,7 +93,7 @@ struct Run<'a> {
 
 impl<'a> Run<'a> {
     fn new(plant: Plant<'a>) -> Result<Self, DriverError> {
-        let Plant { scenario, send_operator, sim, speaker, commands } = plant;
+        let Plant { scenario, send_operator, sim, speaker, network } = plant;
         Ok(Run {
             faults: Faults::new(&scenario.faults, sim.joints())?,
             operator: send_operator.then(|| scenario.operator.clone()),
@@ -103,11 +105,12 @@ impl<'a> Run<'a> {
             damping: damping(sim.joints().len()),
             scenario,
             sim,
-            commands,
+            network,
             talk: Talk { speaker, bytes: Vec::new() },
             t_ns: 0,
             number: 0,
             started: false,
+            upright: false,
             watching: false,
             arrived_ns: 0,
             summary: Summary::default(),
@@ -166,7 +169,15 @@ impl<'a> Run<'a> {
         let Run { newest, talk, .. } = self;
         let mut came = false;
         let arrives = self.faults.command_arrives(self.t_ns);
-        self.commands.hear(|data| came |= arrives && newest.decode_into(data).is_ok());
+        let upright = &mut self.upright;
+        self.network.hear(|channel, data| match channel {
+            channels::ROBOT_COMMAND => came |= arrives && newest.decode_into(data).is_ok(),
+            channels::CONTROLLER_TICK => {
+                let mode = ControllerTick::decode(data).map_or(ControllerTick::MODE_IDLE, |tick| tick.mode);
+                *upright = matches!(mode, ControllerTick::MODE_STANCE | ControllerTick::MODE_WALK);
+            }
+            _ => {}
+        });
         if came {
             if !self.started {
                 let text = format!("scenario {} begins", self.scenario.name);

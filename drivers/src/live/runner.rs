@@ -4,14 +4,16 @@ use super::Hardware;
 use super::clock::{Beat, now_ns, sleep_until, wall_ns};
 use super::hardware::empty_state;
 use controller::{Controller, Outbox, Probe, Stage};
-use lcmtypes::{ControllerInput, Event, Message, OperatorCommand, Timing, channels};
+use lcmtypes::{ControllerInput, ControllerTick, Event, Message, OperatorCommand, Timing, channels};
 use replay::record::BytesIn;
 use rtrb::Consumer;
 use std::panic::{AssertUnwindSafe, catch_unwind};
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::atomic::{AtomicU8, Ordering};
 
 /// Ticks with which a run ends, in which the operator is taken to ask for the safe state: the last command that a driver hears is to damp.
 pub const LAST_TICKS: i64 = 20;
+/// How long a robot that is to sit down before the end may take, ns.
+const SIT_NS: i64 = 15_000_000_000;
 /// Ticks in a row that may take longer than a period.
 const OVERRUNS: u32 = 3;
 
@@ -29,6 +31,37 @@ pub enum Call {
     Start(usize),
     /// Stop the k-th controller.
     Stop(usize),
+}
+
+/// How a run is to end, told from any thread.
+#[derive(Debug, Default)]
+pub struct Ending(AtomicU8);
+
+/// What is asked of a run.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+#[repr(u8)]
+pub enum End {
+    /// To go on.
+    No,
+    /// To sit down, if the robot stands, and then to end.
+    Sit,
+    /// To damp the joints and to end.
+    Damp,
+}
+
+impl Ending {
+    /// Asks for an end; what is more urgent stays.
+    pub fn ask(&self, end: End) {
+        self.0.fetch_max(end as u8, Ordering::Relaxed);
+    }
+
+    fn asked(&self) -> End {
+        match self.0.load(Ordering::Relaxed) {
+            0 => End::No,
+            1 => End::Sit,
+            _ => End::Damp,
+        }
+    }
 }
 
 /// What a real-time thread has done.
@@ -91,20 +124,30 @@ impl Runner {
         }
     }
 
-    /// Runs for `ticks` ticks or until `stop` is set; the last [`LAST_TICKS`] lead to the safe state.
-    pub fn run(&mut self, ticks: i64, stop: &AtomicBool) -> Ticked {
+    /// Runs for `ticks` ticks, of which the last [`LAST_TICKS`] lead to the safe state, or until `ending` asks for an end.
+    pub fn run(&mut self, ticks: i64, ending: &Ending) -> Ticked {
         let mut due_ns = self.beat.after(now_ns());
-        let mut end = ticks;
+        let (mut end, mut sit_until_ns) = (ticks, None);
         while self.done.ticks < end {
-            if stop.load(Ordering::Relaxed) {
-                end = end.min(self.done.ticks + LAST_TICKS);
-            }
             sleep_until(due_ns);
             let wake_ns = now_ns();
             let deadline_ns = due_ns + self.beat.period_ns;
+            let at_rest = self.mode() == Some(ControllerTick::MODE_IDLE);
+            let rest = if at_rest { OperatorCommand::MODE_IDLE } else { OperatorCommand::MODE_DAMPING };
+            let mut instead = (end - self.done.ticks <= LAST_TICKS).then_some(rest);
+            match ending.asked() {
+                End::No => {}
+                End::Sit if self.stands() && wake_ns < *sit_until_ns.get_or_insert(wake_ns + SIT_NS) => {
+                    // Refused until it lies, and then the way out.
+                    let sits = self.mode() == Some(ControllerTick::MODE_SIT);
+                    let mode = if sits { OperatorCommand::MODE_IDLE } else { OperatorCommand::MODE_SIT };
+                    instead = instead.or(Some(mode));
+                }
+                _ => end = end.min(self.done.ticks + LAST_TICKS),
+            }
             // Woken so late, it would act on a measurement from before. The next tick is near, and finds a fresh one.
             if wake_ns < deadline_ns {
-                self.tick(wake_ns, deadline_ns, end - self.done.ticks <= LAST_TICKS);
+                self.tick(wake_ns, deadline_ns, instead);
             }
             let next_ns = self.beat.after(now_ns()).max(deadline_ns);
             let ticked = u64::from(wake_ns < deadline_ns);
@@ -115,7 +158,19 @@ impl Runner {
         self.done
     }
 
-    fn tick(&mut self, wake_ns: i64, deadline_ns: i64, is_last: bool) {
+    /// `controller_tick_t` MODE_* of the last tick.
+    fn mode(&self) -> Option<i8> {
+        let tick = self.outbox.get(channels::CONTROLLER_TICK)?;
+        tick.get(24).map(|mode| mode.cast_signed())
+    }
+
+    /// The robot is on its legs, or on its way there or back.
+    fn stands(&self) -> bool {
+        !matches!(self.mode(), None | Some(ControllerTick::MODE_IDLE | ControllerTick::MODE_DAMPING))
+    }
+
+    /// One tick; `instead` is the mode that the executor asks for in the operator's place.
+    fn tick(&mut self, wake_ns: i64, deadline_ns: i64, instead: Option<i8>) {
         let wall_ns = wall_ns();
         self.hardware.receive(&mut self.input.state);
         while let Ok(call) = self.calls.pop() {
@@ -125,8 +180,10 @@ impl Runner {
                 Call::Stop(k) => self.input.running &= !(1 << k),
             }
         }
-        if is_last {
-            (self.input.t_op_ns, self.input.op.mode) = (wake_ns, OperatorCommand::MODE_DAMPING);
+        if let Some(mode) = instead {
+            let seq = self.input.op.seq.max(0);
+            (self.input.t_op_ns, self.input.op) =
+                (wake_ns, OperatorCommand { mode, seq, ..OperatorCommand::default() });
         }
         (self.input.t_ns, self.input.tick) = (wake_ns, self.done.ticks);
 

@@ -14,10 +14,9 @@ const LOOK: Duration = Duration::from_millis(2);
 /// First bytes of a message in one datagram.
 const SHORT: [u8; 4] = *b"LC02";
 
-/// Hears one channel of an LCM network. Its messages fit one datagram each.
+/// Hears an LCM network, as far as its messages fit one datagram each.
 pub struct Ear {
     listener: Listener,
-    channel: &'static str,
 }
 
 impl Ear {
@@ -25,20 +24,17 @@ impl Ear {
     ///
     /// # Errors
     /// If it cannot be joined.
-    pub fn open(url: &Url, channel: &'static str) -> Result<Self, DriverError> {
-        let listener = Listener::open(&Url { recv_buf_size: Some(BUFFER), ..url.clone() })?;
-        Ok(Ear { listener, channel })
+    pub fn open(url: &Url) -> Result<Self, DriverError> {
+        Ok(Ear { listener: Listener::open(&Url { recv_buf_size: Some(BUFFER), ..url.clone() })? })
     }
 
-    /// Gives each message that has come since the last call to `take`, oldest first.
-    pub fn hear(&mut self, mut take: impl FnMut(&[u8])) {
+    /// Gives channel and bytes of each message that has come since the last call to `take`, oldest first.
+    pub fn hear(&mut self, mut take: impl FnMut(&str, &[u8])) {
         for _ in 0..DATAGRAMS {
             // A socket that fails gives no messages, and who waits for them sees the last one grow old.
             let Ok(Some(datagram)) = self.listener.receive_now() else { return };
-            if let Ok(Packet::Short(message)) = Packet::parse(datagram.bytes)
-                && message.channel == self.channel
-            {
-                take(message.data);
+            if let Ok(Packet::Short(message)) = Packet::parse(datagram.bytes) {
+                take(message.channel, message.data);
             }
         }
     }
@@ -48,12 +44,12 @@ impl Ear {
 ///
 /// # Errors
 /// If the network cannot be joined.
-pub fn somebody_speaks(url: &Url, channel: &'static str, within: Duration) -> Result<bool, DriverError> {
-    let mut ear = Ear::open(url, channel)?;
+pub fn somebody_speaks(url: &Url, channel: &str, within: Duration) -> Result<bool, DriverError> {
+    let mut ear = Ear::open(url)?;
     let (end, mut heard) = (Instant::now() + within, false);
     while !heard && Instant::now() < end {
         std::thread::sleep(LOOK);
-        ear.hear(|_| heard = true);
+        ear.hear(|from, _| heard |= from == channel);
     }
     Ok(heard)
 }
