@@ -3,6 +3,7 @@
 //! ```text
 //! lossy_relay udpm://239.255.76.67:7667 udpm://239.255.76.67:7668 --drop 0.01 --seed 1 [--duplicate 0.001] [--reorder 0.001] [--count N]
 //! ```
+//! With `--channels` only short messages of these channels pass: two relays, one each way, carry a robot's states and its commands over a bad network.
 //! It ends on Ctrl-C or after so many datagrams and prints, as JSON, what it did per channel and per sender. The two networks need different
 //! ports: on Linux, liblcm hears every group of its port. Relayed long messages keep their fragments.
 #![allow(clippy::unwrap_used)]
@@ -10,16 +11,17 @@
 mod relay;
 
 use relay::{Relay, Shares};
-use replay::udpm::{Listener, Url};
+use replay::record::Pattern;
+use replay::udpm::{Listener, Packet, Url};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-const USAGE: &str =
-    "lossy_relay FROM_URL TO_URL [--drop SHARE] [--duplicate SHARE] [--reorder SHARE] [--seed N] [--count DATAGRAMS]";
+const USAGE: &str = "lossy_relay FROM_URL TO_URL [--drop SHARE] [--duplicate SHARE] [--reorder SHARE] [--seed N] [--count DATAGRAMS] [--channels REGEX]";
 
 fn main() {
     let mut arguments = std::env::args().skip(1);
     let (mut urls, mut shares, mut seed, mut count) = (Vec::new(), Shares::default(), 1u64, u64::MAX);
+    let mut channels: Option<Pattern> = None;
     while let Some(argument) = arguments.next() {
         let mut value = || arguments.next().expect(USAGE);
         match argument.as_str() {
@@ -28,12 +30,18 @@ fn main() {
             "--reorder" => shares.reorder = value().parse().expect(USAGE),
             "--seed" => seed = value().parse().expect(USAGE),
             "--count" => count = value().parse().expect(USAGE),
+            "--channels" => channels = Some(Pattern::new(&value()).expect(USAGE)),
             url => urls.push(url.parse::<Url>().unwrap_or_else(|error| panic!("{error}\n{USAGE}"))),
         }
     }
     let [from, to] = &urls[..] else { panic!("{USAGE}") };
     assert!(from.port != to.port, "{from} and {to}: the two networks need different ports");
 
+    let passes = |bytes: &[u8]| {
+        let named =
+            |channels: &Pattern| matches!(Packet::parse(bytes), Ok(Packet::Short(m)) if channels.matches(m.channel));
+        channels.as_ref().is_none_or(named)
+    };
     let stop = Arc::new(AtomicBool::new(false));
     for signal in [signal_hook::consts::SIGINT, signal_hook::consts::SIGTERM] {
         signal_hook::flag::register(signal, Arc::clone(&stop)).unwrap();
@@ -45,6 +53,7 @@ fn main() {
     let (mut taken, mut kernel_dropped) = (0, 0);
     while taken < count && !stop.load(Ordering::Relaxed) {
         match listener.receive().unwrap() {
+            Some(datagram) if !passes(datagram.bytes) => kernel_dropped = datagram.kernel_dropped,
             Some(datagram) => {
                 taken += 1;
                 kernel_dropped = datagram.kernel_dropped;
