@@ -220,7 +220,7 @@ fn another_driver_is_taken_up_when_the_operator_asks_for_it() {
     let text = "name = \"again\"\nduration_s = 60.0\n[terrain]\nkind = \"flat\"\n[start]\nposture = \"lying\"\n\
         [[operator]]\nt_s = 0.0\nmode = \"idle\"\n[[operator]]\nt_s = 1.5\nmode = \"stand\"\n";
     std::fs::write(&scenario, text).unwrap();
-    let mut run = Talker::run(9, &log, "");
+    let mut run = Talker::run(9, &log, "--seconds 60");
     let driver = run.process("driver");
     run.hear(&["controller is in STANCE"]);
     kill("-KILL", &driver);
