@@ -2,7 +2,7 @@
 SHELL := /bin/bash
 .SHELLFLAGS := -euo pipefail -c
 .DEFAULT_GOAL := help
-.PHONY: help setup build demo test guard bench bindings lcm-spy
+.PHONY: help setup build demo run test guard bench bindings lcm-spy
 
 export PATH := $(PATH):$(HOME)/.cargo/bin
 TARGET_DIR := $(or $(CARGO_TARGET_DIR),target)
@@ -18,6 +18,10 @@ build: setup ## build the command, TARGET_DIR/release/hoof
 
 demo: build ## simulate, log, replay bit for bit and report, in one go
 	$(TARGET_DIR)/release/hoof demo
+
+run: build ## HyQ in simulation, live: recorder, driver and controller as processes over LCM, one log, replayed
+	$(TARGET_DIR)/release/hoof run runs/hyq_sim.toml --scenario scenarios/lie_stand_walk_sit.toml --seconds 20
+	$(TARGET_DIR)/release/hoof replay logs/runs/hyq_sim.mcap
 
 test: setup ## the gate: format, lints, tests, replay by other builds, documentation
 	cargo fmt --all --check

@@ -176,7 +176,7 @@ fn the_robot_walks_on_when_the_disk_is_full() {
 #[test]
 fn ctrl_c_lets_the_robot_sit_down_and_completes_the_log() {
     let log = folder("interrupt").join("run.mcap");
-    let mut run = Talker::run(5, &log, "");
+    let mut run = Talker::run(5, &log, "--ticks 30000");
     run.process("controller");
     run.hear(&["controller is in STANCE"]);
     kill("-INT", &run.child.id().to_string());
@@ -199,7 +199,7 @@ fn ctrl_c_lets_the_robot_sit_down_and_completes_the_log() {
 #[test]
 fn ctrl_c_twice_damps_at_once() {
     let log = folder("twice").join("run.mcap");
-    let mut run = Talker::run(8, &log, "");
+    let mut run = Talker::run(8, &log, "--ticks 30000");
     run.process("controller");
     run.hear(&["controller is in STANCE"]);
     kill("-INT", &run.child.id().to_string());
@@ -220,7 +220,7 @@ fn another_driver_is_taken_up_when_the_operator_asks_for_it() {
     let text = "name = \"again\"\nduration_s = 60.0\n[terrain]\nkind = \"flat\"\n[start]\nposture = \"lying\"\n\
         [[operator]]\nt_s = 0.0\nmode = \"idle\"\n[[operator]]\nt_s = 1.5\nmode = \"stand\"\n";
     std::fs::write(&scenario, text).unwrap();
-    let mut run = Talker::run(9, &log, "--seconds 60");
+    let mut run = Talker::run(9, &log, "--ticks 30000");
     let driver = run.process("driver");
     run.hear(&["controller is in STANCE"]);
     kill("-KILL", &driver);

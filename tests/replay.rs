@@ -4,8 +4,8 @@
 mod common;
 
 use common::{Ran, events, folder, hoof, messages, rewrite_one};
-use lcmtypes::channels::{CONTROLLER_INPUT, CONTROLLER_TICK, LEG_STATE, ROBOT_COMMAND, RUN_INFO, TIMING};
-use lcmtypes::{ControllerInput, ControllerTick, LegState, RobotCommand};
+use lcmtypes::channels::{CONTROLLER_INPUT, CONTROLLER_TICK, LEG_STATE, ROBOT_COMMAND, RUN_INFO, TIMING, WBC_SOLUTION};
+use lcmtypes::{ControllerInput, ControllerTick, LegState, RobotCommand, WbcSolution};
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
 
@@ -162,6 +162,43 @@ fn a_changed_parameter_is_found_at_the_first_tick_in_which_it_matters() {
     for set in ["trunk.max_height_offset=0.11", "wbc.friction=0.6"] {
         assert_identical(&replay(&log, &format!("--set {set}")).exits(0).json(), 2000);
     }
+}
+
+/// One parameter of each stage behind the input, changed so that it first matters in a tick that the record tells. `scripts/mutants.py` does the same to the
+/// code.
+#[test]
+fn a_change_in_a_stage_of_the_controller_is_attributed_to_it() {
+    let folder = folder("stages");
+    let log = folder.join("run.mcap");
+    run(&log, "").exits(0);
+    let inputs: Vec<ControllerInput> = messages(&log, CONTROLLER_INPUT);
+    let solutions: Vec<WbcSolution> = messages(&log, WBC_SOLUTION);
+    let legs: Vec<LegState> = messages(&log, LEG_STATE);
+
+    // The filter of the velocity takes nothing in before time has passed and a joint has moved.
+    let moves = |input: &ControllerInput| input.tick > 0 && input.state.qd.iter().any(|qd| *qd != 0.0);
+    let moves = inputs.iter().position(moves).unwrap();
+    let set = "--set recovery.velocity_time_constant=0.06";
+    divergence(replay(&log, set), &json!({ "tick": moves, "stage": "estimation", "field": "digest_estimation" }));
+
+    // A foot is drawn to its reference, and a joint to its own, from the tick on in which a leg lifts off.
+    let swings = |legs: &LegState| legs.state.iter().any(|state| *state != LegState::STATE_STANCE);
+    let lift_off = legs.iter().position(swings).unwrap();
+    divergence(replay(&log, "--set swing.clik_gain=10.5"), &json!({ "tick": lift_off, "stage": "gait" }));
+    divergence(replay(&log, "--set posture.swing_kd=[31,31,31]"), &json!({ "tick": lift_off, "stage": "tasks" }));
+
+    // A solver that may not go on so long gives up in the first tick that takes it longer.
+    let most = solutions.iter().map(|solution| solution.iterations).max().unwrap() - 1;
+    let long = solutions.iter().position(|solution| solution.iterations > most).unwrap();
+    let expected = json!({ "tick": long, "stage": "qp", "channel": WBC_SOLUTION, "field": "status" });
+    divergence(replay(&log, &format!("--set wbc.max_iterations={most}")), &expected);
+
+    // Damping is put out in damping alone.
+    let fault = "[[fault]]\nkind = \"nan_sensor\"\njoint = \"rf_hfe_joint\"\nt_s = 0.9\nduration_s = 0.01";
+    let (_, ticks) = run_with(&folder, "nan", fault);
+    let damped = ticks.iter().position(|tick| tick.mode == ControllerTick::MODE_DAMPING).unwrap();
+    let expected = json!({ "tick": damped, "stage": "output", "channel": ROBOT_COMMAND, "field": "kd", "index": 0 });
+    divergence(replay(&folder.join("nan.mcap"), "--set safety.damping=6.5"), &expected);
 }
 
 /// Two seconds of trot on flat ground with something happening in it. Gives the summary of the run, and its ticks.

@@ -86,7 +86,7 @@ pub enum Press {
     Walk,
     /// Stands up, or sits down.
     Posture,
-    /// Level and at nominal height; after an emergency stop, takes it back: no torque.
+    /// Level and at nominal height; of a robot that sits or was stopped, no torque: an emergency stop is taken back.
     Reset,
     /// Emergency stop.
     Stop,
@@ -227,6 +227,7 @@ impl Desk {
         match (press, self.mode) {
             (Press::Stop, _) => self.set_mode(Op::MODE_DAMPING),
             (Press::Reset, _) if self.is_stopped() => self.set_mode(Op::MODE_IDLE),
+            (Press::Reset, Some(Op::MODE_SIT)) => self.set_mode(Op::MODE_IDLE),
             (Press::Reset, _) => (self.roll, self.pitch, self.height) = (0.0, 0.0, 0.0),
             (Press::Walk | Press::Posture | Press::Move(..), _) if self.is_stopped() => {
                 return Err("emergency stop: r takes it back");

@@ -11,8 +11,9 @@ use ratatui::widgets::{Block, Borders, Paragraph};
 use replay::engine::Moment;
 
 const LEGS: [&str; 4] = ["LF", "RF", "LH", "RH"];
+/// As long as a screen of 100 columns is wide.
 const HELP: &str =
-    "←→ tick  ↑↓ 10  PgUp/Dn 100  b/s state  n/N event  t touchdown  f QP  m late  d differs  e EVENT  g go  q quit";
+    "←→ tick ↑↓ 10 PgUp/Dn 100 b/s state n/N event t touchdown f QP m late d differs e EVENT g go q quit";
 
 /// All that is shown.
 pub struct Screen<'a> {
@@ -167,12 +168,8 @@ impl Screen<'_> {
                     Some(Quantity::Number(x)) => *x,
                     _ => f64::NAN,
                 };
-                let text = format!(
-                    "  {:<12} weight {:<9} |A vd - b| {:.3e}",
-                    shown(term.get("task")),
-                    of("weight"),
-                    of("residual")
-                );
+                let (weight, residual) = (of("weight"), of("residual"));
+                let text = format!("  {:<10} weight {weight:<7e} |A vd - b| {residual:.2e}", shown(term.get("task")));
                 lines.push(Line::from(text));
             }
         }

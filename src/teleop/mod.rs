@@ -62,7 +62,7 @@ Example: hoof teleop
          printf 'stand\\nwait 2\\nwalk vx=0.2\\nwait 5\\nstand\\n' | hoof teleop --no-screen
 
 Keys:    Esc x   EMERGENCY STOP            Enter    stand up, sit down
-         Space   walk, stop walking        r        level; after an emergency stop: take it back
+         Space   walk, stop walking        r        level; sitting: no torque; stopped: take it back
          w s     forward, backward         o l      higher, lower
          q e     left, right               u j      nose up, down
          a d     turn left, right          h k      roll left, right
@@ -70,7 +70,7 @@ Keys:    Esc x   EMERGENCY STOP            Enter    stand up, sit down
          Ctrl-C  end
 
 Gamepad: left stick moves, right stick turns and pitches, L1 or R1 held walks (let go: stands), cross/A gait, circle/B EMERGENCY STOP,
-         Start stands up and sits down, Select levels and takes the emergency stop back, directional pad height and roll
+         Start stands up and sits down, Select is r, directional pad height and roll
 
 Lines:   stand, walk, sit, idle, estop, each with or without vx= vy= yaw= roll= pitch= height= gait= swing_frequency= duty=
          step_height=, which stay until set again; wait SECONDS; # begins a comment";

@@ -13,7 +13,7 @@ use ratatui::widgets::{Block, Borders, Paragraph};
 const BAR: usize = 6;
 
 const HELP: [&str; 3] = [
-    "Space walk/stop   Enter stand up/sit   r level, take the stop back   Ctrl-C end",
+    "Space walk/stop  Enter stand up/sit  r level/no torque/stop back  Ctrl-C end",
     "w s forward/back   q e left/right   a d turn   + - pace        (hold to move)",
     "o l higher/lower   u j nose up/down   h k roll   g gait        (stays as set)",
 ];

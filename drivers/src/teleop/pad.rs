@@ -9,7 +9,7 @@
 //! | south | cross | A | the other gait |
 //! | east | circle | B | emergency stop |
 //! | start | Options | Menu | stand up, sit down |
-//! | select | Share | View | level; after an emergency stop, takes it back |
+//! | select | Share | View | level; no torque for a robot that sits; after an emergency stop, takes it back |
 
 use super::{Pose, Press, Sign};
 

@@ -141,6 +141,18 @@ fn keys_go_from_lying_to_walking_and_back() {
 }
 
 #[test]
+fn a_robot_that_sits_is_let_go() {
+    let mut desk = Desk::new(LIMITS);
+    desk.hear(Tick::MODE_STANCE);
+    desk.press(Press::Posture, 0).unwrap();
+    assert_eq!(desk.mode(), Some(Op::MODE_SIT));
+    desk.press(Press::Reset, 0).unwrap();
+    assert_eq!(desk.mode(), Some(Op::MODE_IDLE));
+    desk.press(Press::Posture, 0).unwrap();
+    assert_eq!(desk.mode(), Some(Op::MODE_STAND));
+}
+
+#[test]
 fn an_emergency_stop_holds_until_it_is_taken_back() {
     let mut desk = walking();
     desk.press(FORWARD, 0).unwrap();

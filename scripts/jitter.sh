@@ -1,0 +1,52 @@
+#!/usr/bin/env bash
+# How punctual the real-time thread is here: `hoof run` with no robot, beside cyclictest at the same time, period and priority, first on the machine as it
+# is, then with every core busy. Needs cyclictest (Debian's rt-tests). README, "Live", has what it printed on one machine.
+#
+#     scripts/jitter.sh HOOF [SECONDS]
+set -euo pipefail
+cd "$(dirname "$0")/.."
+hoof=${1:?the command to measure, such as target/release/hoof}
+seconds=${2:-60}
+command -v cyclictest >/dev/null || { echo "error: cyclictest is not there: apt-get install rt-tests" >&2; exit 1; }
+out=$(mktemp -d)
+trap 'kill $(jobs -p) 2>/dev/null || true; rm -rf "$out"' EXIT
+
+measure() {  # NAME
+    cyclictest --mlockall --priority=80 --interval=1000 --duration="$seconds" --quiet --histogram=100000 >"$out/cyclictest" &
+    local beside=$!
+    "$hoof" run runs/hyq_dummy.toml --seconds "$seconds" --log "$out/$1.mcap" 2>"$out/said" >/dev/null || { cat "$out/said" >&2; exit 1; }
+    wait "$beside"
+    "$hoof" replay "$out/$1.mcap" >"$out/replay" || { cat "$out/replay" >&2; exit 1; }
+    "$hoof" log cat "$out/$1.mcap" --channels TIMING --json >"$out/timing"
+    python3 - "$1" "$out" <<'PYTHON'
+import json, sys
+
+PERIOD = 1_000_000  # ns
+name, out = sys.argv[1:]
+
+
+def quantiles(us):
+    us = sorted(us)
+    return [us[min(int(q * len(us)), len(us) - 1)] for q in (0.5, 0.99, 0.999)] + [us[-1]]
+
+
+ticks = [json.loads(line)["fields"] for line in open(f"{out}/timing")]
+late = [(tick["wake_ns"] - (tick["deadline_ns"] - PERIOD)) / 1e3 for tick in ticks]
+missed = sum(tick["end_ns"] > tick["deadline_ns"] for tick in ticks)
+# A tick that was left out is a period too long.
+off = [(b["wake_ns"] - a["wake_ns"] - PERIOD) / 1e3 for a, b in zip(ticks, ticks[1:])]
+rms = (sum(x * x for x in off) / len(off)) ** 0.5
+skipped = round((ticks[-1]["deadline_ns"] - ticks[0]["deadline_ns"]) / PERIOD) + 1 - len(ticks)
+counts = [(int(us), int(n)) for us, n, *_ in (line.split() for line in open(f"{out}/cyclictest") if line[:1].isdigit())]
+stock = [us for us, n in counts for _ in range(n)]
+replayed = open(f"{out}/replay").readline().strip()
+print(f"{name}: {replayed}; {missed} late, {skipped} left out; period off by {rms:.0f} us rms")
+for who, us in (("this", late), ("cyclictest", stock)):
+    p50, p99, p999, worst = quantiles(us)
+    print(f"  {who:<10} woken late, us: p50 {p50:.0f}, p99 {p99:.0f}, p99.9 {p999:.0f}, max {worst:.0f}")
+PYTHON
+}
+
+measure idle
+for _ in $(seq "$(nproc)"); do sha256sum /dev/zero & done
+measure loaded
