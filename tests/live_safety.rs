@@ -209,7 +209,7 @@ fn ctrl_c_twice_damps_at_once() {
     assert_eq!(ran.json()["controller"]["exit_code"], 0);
     is_identical(&log);
     let commands: Vec<RobotCommand> = messages(&log, ROBOT_COMMAND);
-    assert!(commands.iter().rev().take(10).all(|command| command.mode == RobotCommand::MODE_DAMPING));
+    assert!(commands.iter().rev().take(20).all(|command| command.mode == RobotCommand::MODE_DAMPING));
 }
 
 /// A driver dies and another one begins; the operator, who comes with it, brings the robot back to its feet.

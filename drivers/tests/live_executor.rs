@@ -78,7 +78,7 @@ fn start_with(controllers: &[(&'static str, Deed)], ticks: i64, hardware: Box<dy
         info: RunInfo { robot: "dummy".to_owned(), ..RunInfo::default() },
         beat: BEAT,
         ticks: Some(ticks),
-        realtime: RealtimeParams { priority: 0, core: None, lock_memory: false, stay_awake: false },
+        realtime: RealtimeParams::none(),
     };
     (Executor::start(plan).unwrap(), bus)
 }

@@ -17,6 +17,8 @@ use std::thread::JoinHandle;
 
 /// Bytes that may wait for the carrier: more than a second of a quadruped's messages.
 const RING_BYTES: usize = 1 << 24;
+/// Real-time priority of the carrier: before whatever else the machine does, behind all that is in control.
+const CARRIER_PRIORITY: u8 = 1;
 /// Calls that may wait for the real-time thread.
 const CALLS: usize = 256;
 
@@ -82,7 +84,7 @@ impl Executor {
         let running = controllers.iter().enumerate().fold(0, |bits, (k, (_, starts))| bits | i64::from(*starts) << k);
         let mut runner = Runner::new(controller, running, hardware, calls_out, ring_in, beat);
         let runner = spawn("real-time", {
-            let ending = ending.clone();
+            let (ending, realtime) = (ending.clone(), realtime.clone());
             move || {
                 // Whoever started us waits for it.
                 let _ = granted_in.send(realtime.apply());
@@ -95,7 +97,12 @@ impl Executor {
         let names = controllers.into_iter().map(|(name, _)| name).collect();
         let lateness = Lateness::new(beat.period_ns);
         let carrier = Carrier::new((ring_out, calls_in), bus, operators, info, names, lateness);
-        let carrier = spawn("carrier", move || carrier.run())?;
+        // On a busy machine it must not fall behind by more than a log's reader puts in order again.
+        let ahead = RealtimeParams { priority: realtime.priority.min(CARRIER_PRIORITY), ..RealtimeParams::none() };
+        let carrier = spawn("carrier", move || {
+            ahead.apply();
+            carrier.run()
+        })?;
         Ok(Executor { ending, granted, runner: Some(runner), carrier: Some(carrier) })
     }
 

@@ -51,6 +51,11 @@ impl Granted {
 }
 
 impl RealtimeParams {
+    /// Nothing out of the ordinary.
+    pub fn none() -> Self {
+        RealtimeParams { priority: 0, core: None, lock_memory: false, stay_awake: false }
+    }
+
     /// Asks it of the system for the calling thread.
     pub fn apply(&self) -> Granted {
         let mut granted = Granted::default();
@@ -108,7 +113,7 @@ mod tests {
     #[test]
     fn what_is_not_granted_is_said() {
         std::thread::spawn(|| {
-            let asked = RealtimeParams { priority: 0, core: Some(1_000_000), lock_memory: false, stay_awake: false };
+            let asked = RealtimeParams { core: Some(1_000_000), ..RealtimeParams::none() };
             let granted = asked.apply();
             assert_eq!(granted.held, ["no timer slack"]);
             assert_eq!(granted.refused.len(), 1);

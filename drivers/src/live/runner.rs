@@ -132,18 +132,19 @@ impl Runner {
             sleep_until(due_ns);
             let wake_ns = now_ns();
             let deadline_ns = due_ns + self.beat.period_ns;
-            let at_rest = self.mode() == Some(ControllerTick::MODE_IDLE);
-            let rest = if at_rest { OperatorCommand::MODE_IDLE } else { OperatorCommand::MODE_DAMPING };
-            let mut instead = (end - self.done.ticks <= LAST_TICKS).then_some(rest);
+            let mut instead = None;
             match ending.asked() {
                 End::No => {}
                 End::Sit if self.stands() && wake_ns < *sit_until_ns.get_or_insert(wake_ns + SIT_NS) => {
                     // Refused until it lies, and then the way out.
                     let sits = self.mode() == Some(ControllerTick::MODE_SIT);
-                    let mode = if sits { OperatorCommand::MODE_IDLE } else { OperatorCommand::MODE_SIT };
-                    instead = instead.or(Some(mode));
+                    instead = Some(if sits { OperatorCommand::MODE_IDLE } else { OperatorCommand::MODE_SIT });
                 }
                 _ => end = end.min(self.done.ticks + LAST_TICKS),
+            }
+            if end - self.done.ticks <= LAST_TICKS {
+                let at_rest = self.mode() == Some(ControllerTick::MODE_IDLE);
+                instead = Some(if at_rest { OperatorCommand::MODE_IDLE } else { OperatorCommand::MODE_DAMPING });
             }
             // Woken so late, it would act on a measurement from before. The next tick is near, and finds a fresh one.
             if wake_ns < deadline_ns {
