@@ -68,7 +68,7 @@ pub struct Args {
     /// TOML file with a list `alarms` of conditions
     #[arg(long, value_name = "FILE")]
     alarms: Option<PathBuf>,
-    /// Plot a field from the start, such as 'ROBOT_STATE q[2]'. May be repeated
+    /// Plot a field from the start, such as `ROBOT_STATE q[2]`. May be repeated
     #[arg(long, value_name = "CHANNEL FIELD", conflicts_with = "once")]
     plot: Vec<String>,
     /// Listen for a while (of a log: read it to its end), print the table and end

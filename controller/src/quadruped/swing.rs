@@ -26,7 +26,7 @@ pub struct SwingPoint {
 /// s  = ( L_s/2 (1 - cos(π φ)),  H_s sin(π φ) ),   φ = φ(t/T_sw)         t < T_sw
 /// s  = ( L_s,                   H_s sin(π t/T_sw) )                     up to T_sw (1 + reach), then held
 /// ```
-/// Source: Raiola et al. 2020, eqs. (26), (29), with [`progress`] for φ; the reach goes straight down, since the ellipse would pull the foot back.
+/// Source: Raiola et al. 2020, eqs. (26), (29), with `progress` for φ; the reach goes straight down, since the ellipse would pull the foot back.
 ///
 /// - `length`, `height`: `L_s`, `H_s`, m; `T_sw`: swing time, s; `reach`: in swing times, at most 0.5.
 pub fn swing_point(t: f64, T_sw: f64, length: f64, height: f64, reach: f64) -> SwingPoint {

@@ -124,7 +124,7 @@ impl Runner {
         }
     }
 
-    /// Runs for `ticks` ticks, of which the last [`LAST_TICKS`] lead to the safe state, or until `ending` asks for an end.
+    /// Runs for `ticks` ticks, of which the last `LAST_TICKS` lead to the safe state, or until `ending` asks for an end.
     pub fn run(&mut self, ticks: i64, ending: &Ending) -> Ticked {
         let mut due_ns = self.beat.after(now_ns());
         let (mut end, mut sit_until_ns) = (ticks, None);

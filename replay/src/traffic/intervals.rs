@@ -133,7 +133,7 @@ fn quantile(sorted: &[(i64, f64)], weight: f64) -> i64 {
     reached.or(sorted.last()).map_or(0, |(interval, _)| *interval)
 }
 
-/// The last two seconds of a channel, or its last [`FEW`] intervals if those took longer.
+/// The last two seconds of a channel, or its last `FEW` intervals if those took longer.
 #[derive(Debug, Clone, Default)]
 pub struct Window {
     slices: VecDeque<(i64, Intervals)>,
