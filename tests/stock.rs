@@ -15,8 +15,12 @@ use std::time::Duration;
 /// A run as an event log, and what is in it.
 fn run(folder: &Path, seconds: f64) -> (PathBuf, Vec<LogEvent>) {
     let log = folder.join("run.lcmlog");
-    let scenario = "--robot hyq --scenario scenarios/short_rough.toml";
-    hoof(&format!("sim {scenario} --seconds {seconds} --log {}", log.display())).exits(0);
+    let scenario = folder.join("scenario.toml");
+    let mut text = std::fs::read_to_string("scenarios/short_rough.toml").unwrap();
+    text += "[[parameter]]\nt_s = 0.5\nkey = \"trunk.kp\"\nvalue = [700.0, 700.0, 700.0]\n";
+    std::fs::write(&scenario, text).unwrap();
+    let (scenario, out) = (scenario.display(), log.display());
+    hoof(&format!("sim --robot hyq --scenario {scenario} --seconds {seconds} --log {out}")).exits(0);
     let events = events(&log);
     (log, events)
 }
@@ -68,6 +72,8 @@ fn line(number: usize, event: &LogEvent) -> String {
         RUN_INFO => show!(RunInfo, |m| m.urdf.len(), m.seed, m.num_lcm_types, m.lcm_types.last().unwrap().name),
         ROBOT_STATE => show!(RobotState, |m| m.seq, m.q, m.tau[11], m.a_I[2]),
         OPERATOR_COMMAND => show!(OperatorCommand, |m| m.seq, m.mode, m.v_H[0], m.height_offset),
+        PARAMETER_REQUEST => show!(ParameterRequest, |m| m.seq, m.key, m.value),
+        PARAMETER_CHANGE => show!(ParameterChange, |m| m.tick, m.seq, m.key, m.value),
         CONTROLLER_INPUT => show!(ControllerInput, |m| m.tick, m.state.seq, m.state.q[5], m.op.v_H[0], m.op.seq),
         CONTROLLER_TICK => show!(ControllerTick, |m| m.tick, m.mode, m.fault_value, m.digest_output),
         CONTACT_ESTIMATE => show!(ContactEstimate, |m| m.tick, m.f_F_W[2][1], m.contact[3], m.n_W[2]),

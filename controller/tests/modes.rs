@@ -309,7 +309,7 @@ fn damping_is_left_for_idle_alone_at_rest_and_when_its_cause_is_gone() {
         assert_eq!((tick.mode, tick.fault), (Tick::MODE_DAMPING, Tick::FAULT_INPUT_NOT_FINITE), "asked for {asked}");
     }
     // It is at rest by now. A joint that moves is not.
-    story.spoil = |puppet| puppet.input.state.qd[1] = 0.2;
+    story.spoil = |puppet| puppet.input.state.qd[1] = 0.4;
     refuses(&mut story, Tick::MODE_DAMPING, Op::MODE_IDLE);
     story.spoil = |_| ();
     let ticks = (1..).find(|_| story.ask(Op::MODE_IDLE, 1).mode == Tick::MODE_IDLE).unwrap();

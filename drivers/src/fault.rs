@@ -20,6 +20,17 @@ pub enum FaultKind {
         /// The joint.
         joint: String,
     },
+    /// One sensor of a joint reads something besides the truth.
+    FalseReading {
+        /// The joint.
+        joint: String,
+        /// Which sensor.
+        quantity: Quantity,
+        /// What it reads besides, in its own unit.
+        offset: f64,
+    },
+    /// No command of the operator arrives.
+    DropOperator,
     /// No state message arrives.
     DropState,
     /// State messages arrive late.
@@ -66,10 +77,26 @@ pub enum FaultKind {
     },
 }
 
+/// What a joint's sensors read.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Quantity {
+    /// rad.
+    Position,
+    /// rad/s.
+    Velocity,
+    /// N m.
+    Torque,
+}
+
 impl std::fmt::Display for FaultKind {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         match self {
             FaultKind::NanSensor { joint } => write!(f, "nan_sensor of {joint}"),
+            FaultKind::FalseReading { joint, quantity, offset } => {
+                write!(f, "false_reading of {offset} in the {quantity:?} of {joint}")
+            }
+            FaultKind::DropOperator => write!(f, "drop_operator"),
             FaultKind::DropState => write!(f, "drop_state"),
             FaultKind::DelayState { delay_ns } => write!(f, "delay_state by {} us", delay_ns / 1000),
             FaultKind::DropCommand => write!(f, "drop_command"),
@@ -98,6 +125,8 @@ pub struct FaultWindow {
 #[serde(rename_all = "snake_case")]
 enum FaultName {
     NanSensor,
+    FalseReading,
+    DropOperator,
     DropState,
     DelayState,
     DropCommand,
@@ -118,6 +147,8 @@ pub(crate) struct FaultEntry {
     kind: FaultName,
     joint: Option<String>,
     factor: Option<f64>,
+    quantity: Option<Quantity>,
+    offset: Option<f64>,
     leg: Option<LegName>,
     #[serde(rename = "force_N")]
     force: Option<f64>,
@@ -136,15 +167,19 @@ impl FaultEntry {
         check_range("t_s", &[self.t_s], 0.0..=36_000.0)?;
         check_range("duration_s", &[self.duration_s], 0.0..=36_000.0)?;
         let FaultEntry { t_s, duration_s, kind, joint, factor, leg, force, after_lift_off_s, length_s, .. } = self;
-        let FaultEntry { delay_s, jump_s, gyro, orientation, .. } = self;
+        let FaultEntry { delay_s, jump_s, gyro, orientation, quantity, offset, .. } = self;
         let missing = |key, expected: &str| BadKey { key, found: "missing".to_owned(), expected: expected.to_owned() };
 
-        let of_joint = matches!(kind, FaultName::NanSensor | FaultName::StuckEncoder | FaultName::TorqueLoss);
+        let false_reading = matches!(kind, FaultName::FalseReading);
+        let of_joint =
+            false_reading || matches!(kind, FaultName::NanSensor | FaultName::StuckEncoder | FaultName::TorqueLoss);
         let false_touch = matches!(kind, FaultName::FalseTouch);
         let imu_bias = matches!(kind, FaultName::ImuBias);
         let keys = [
             ("joint", joint.is_some(), of_joint),
             ("factor", factor.is_some(), matches!(kind, FaultName::TorqueLoss)),
+            ("quantity", quantity.is_some(), false_reading),
+            ("offset", offset.is_some(), false_reading),
             ("leg", leg.is_some(), false_touch),
             ("force_N", force.is_some(), false_touch),
             ("after_lift_off_s", after_lift_off_s.is_some(), false_touch),
@@ -161,6 +196,13 @@ impl FaultEntry {
         let joint = || joint.ok_or_else(|| missing("joint", "the name of a joint"));
         let kind = match kind {
             FaultName::NanSensor => FaultKind::NanSensor { joint: joint()? },
+            FaultName::FalseReading => {
+                let quantity = quantity.ok_or_else(|| missing("quantity", "position, velocity or torque"))?;
+                let offset = offset.ok_or_else(|| missing("offset", "what is read besides the truth"))?;
+                check_range("offset", &[offset], -1e6..=1e6)?;
+                FaultKind::FalseReading { joint: joint()?, quantity, offset }
+            }
+            FaultName::DropOperator => FaultKind::DropOperator,
             FaultName::DropState => FaultKind::DropState,
             FaultName::DelayState => {
                 let delay = delay_s.ok_or_else(|| missing("delay_s", "how late messages arrive, s"))?;
@@ -214,6 +256,8 @@ struct ActiveFault {
 #[derive(Clone, Debug)]
 enum Effect {
     NanSensor { joint: usize },
+    FalseReading { joint: usize, quantity: Quantity, offset: f64 },
+    DropOperator,
     DropState,
     DelayState { delay_ns: i64, under_way: VecDeque<(i64, RobotState)> },
     DropCommand,
@@ -242,6 +286,10 @@ impl Faults {
         let bind = |(number, fault): (usize, &FaultWindow)| {
             let effect = match &fault.kind {
                 FaultKind::NanSensor { joint } => Effect::NanSensor { joint: index(number, joint)? },
+                FaultKind::FalseReading { joint, quantity, offset } => {
+                    Effect::FalseReading { joint: index(number, joint)?, quantity: *quantity, offset: *offset }
+                }
+                FaultKind::DropOperator => Effect::DropOperator,
                 FaultKind::DropState => Effect::DropState,
                 FaultKind::DelayState { delay_ns } => {
                     Effect::DelayState { delay_ns: *delay_ns, under_way: VecDeque::new() }
@@ -276,6 +324,16 @@ impl Faults {
                         set(values, *joint, f64::NAN);
                     }
                 }
+                Effect::FalseReading { joint, quantity, offset } => {
+                    let values = match quantity {
+                        Quantity::Position => &mut state.q,
+                        Quantity::Velocity => &mut state.qd,
+                        Quantity::Torque => &mut state.tau,
+                    };
+                    if let Some(value) = values.get_mut(*joint) {
+                        *value += *offset;
+                    }
+                }
                 Effect::DropState | Effect::LateProcess => arrives = false,
                 Effect::DelayState { delay_ns, under_way } => {
                     under_way.push_back((t_ns + *delay_ns, state.clone()));
@@ -291,10 +349,16 @@ impl Faults {
                     state.w_WI_I.iter_mut().zip(gyro).for_each(|(read, bias)| *read += *bias);
                     state.q_WI_wxyz = product(state.q_WI_wxyz, *turn_wxyz);
                 }
-                Effect::DropCommand | Effect::TorqueLoss { .. } | Effect::FalseTouch { .. } => {}
+                Effect::DropOperator | Effect::DropCommand | Effect::TorqueLoss { .. } | Effect::FalseTouch { .. } => {}
             }
         }
         arrives
+    }
+
+    /// Whether a command of the operator arrives at `t_ns`.
+    pub fn operator_arrives(&self, t_ns: i64) -> bool {
+        let stops = |effect: &Effect| matches!(effect, Effect::DropOperator);
+        !self.faults.iter().any(|fault| fault.window.contains(t_ns) && stops(&fault.effect))
     }
 
     /// Whether a command reaches the drives at `t_ns`; if not, they keep to the last one.
@@ -407,6 +471,27 @@ mod tests {
         assert_eq!((during.q[0], during.qd[0], during.tau[0]), (10.0, 1.0, 3.0));
         assert_eq!(spoiled(&mut faults, 9), (true, state(9)));
         assert_eq!(spoiled(&mut faults, 20), (true, state(20)));
+    }
+
+    #[test]
+    fn a_false_reading_spoils_one_sensor_of_one_joint() {
+        for (quantity, expected) in [
+            (Quantity::Position, [112.5, 2.0, 4.0]),
+            (Quantity::Velocity, [110.0, 4.5, 4.0]),
+            (Quantity::Torque, [110.0, 2.0, 6.5]),
+        ] {
+            let mut faults = faults(FaultKind::FalseReading { joint: "knee".to_owned(), quantity, offset: 2.5 });
+            let (_, during) = spoiled(&mut faults, 10);
+            assert_eq!([during.q[1], during.qd[1], during.tau[1]], expected, "{quantity:?}");
+            assert_eq!((during.q[0], during.qd[0], during.tau[0]), (10.0, 1.0, 3.0));
+            assert_eq!(spoiled(&mut faults, 20), (true, state(20)));
+        }
+    }
+
+    #[test]
+    fn an_operator_who_is_cut_off_is_not_heard() {
+        let faults = faults(FaultKind::DropOperator);
+        assert_eq!([9, 10, 19, 20].map(|t_ns| faults.operator_arrives(t_ns)), [true, false, false, true]);
     }
 
     #[test]

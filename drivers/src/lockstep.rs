@@ -3,14 +3,17 @@
 //! Everything that a live run sends over the bus goes into the log, stamped with the simulation time, so that two runs of one
 //! scenario and seed give equal logs but for TIMING, which holds the wall clock.
 
+use crate::changes::{self, ParameterDesk};
 use crate::watch::{ModeWatch, Said};
 use crate::{DriverError, Faults, Scenario, Simulator};
+use controller::change::take_over;
 use controller::{Controller, Outbox, Probe, Stage};
 use lcmtypes::{
-    ControllerInput, ControllerTick, Event, GroundTruth, LegState, Message, RobotCommand, RobotState, RunInfo, Timing,
-    channels,
+    ControllerInput, ControllerTick, Event, GroundTruth, LegState, Message, ParameterChange, ParameterRequest,
+    RobotCommand, RobotState, RunInfo, Timing, channels,
 };
 use replay::record::EventSink;
+use std::collections::VecDeque;
 use std::time::{Instant, SystemTime, UNIX_EPOCH};
 
 /// How a lockstep run went.
@@ -51,7 +54,7 @@ pub fn run(
     log: &mut dyn EventSink,
     progress: &mut dyn FnMut(f64),
 ) -> Result<Outcome, DriverError> {
-    let mut run = Run::new(scenario, sim)?;
+    let mut run = Run::new(scenario, info, sim)?;
     check_pushes(scenario, sim)?;
     let period_ns = sim.period_ns();
     let ticks = scenario.duration_ns() / period_ns;
@@ -95,7 +98,13 @@ fn check_pushes(scenario: &Scenario, sim: &mut dyn Simulator) -> Result<(), Driv
 struct Run {
     operator: crate::operator::OperatorScript,
     faults: Faults,
-    timeline: std::collections::VecDeque<(i64, String)>,
+    timeline: VecDeque<(i64, String)>,
+    /// Parameters that are to be otherwise, who answers, and the controller that has taken over.
+    wishes: VecDeque<ParameterRequest>,
+    desk: ParameterDesk,
+    changed: Option<Box<dyn Controller>>,
+    /// A state on its way from controller to controller.
+    state: Vec<u8>,
     input: ControllerInput,
     measured: RobotState,
     truth: GroundTruth,
@@ -113,13 +122,17 @@ struct Run {
 }
 
 impl Run {
-    fn new(scenario: &Scenario, sim: &dyn Simulator) -> Result<Self, DriverError> {
+    fn new(scenario: &Scenario, info: &RunInfo, sim: &dyn Simulator) -> Result<Self, DriverError> {
         let mut input = ControllerInput::default();
         (input.running, input.op.seq) = (1, -1);
         Ok(Run {
             operator: scenario.operator.clone(),
             faults: Faults::new(&scenario.faults, sim.joints())?,
             timeline: scenario.timeline().into(),
+            wishes: scenario.parameters.clone().into(),
+            desk: ParameterDesk::new(info),
+            changed: None,
+            state: Vec::new(),
             input,
             measured: RobotState::default(),
             truth: GroundTruth::default(),
@@ -150,7 +163,9 @@ impl Run {
         }
         if let Some(op) = self.operator.operator_at(t_ns) {
             self.put(log, channels::OPERATOR_COMMAND, t_ns, &op)?;
-            (self.input.t_op_ns, self.input.op) = (t_ns, op);
+            if self.faults.operator_arrives(t_ns) {
+                (self.input.t_op_ns, self.input.op) = (t_ns, op);
+            }
         }
         sim.robot_state(t_ns, tick, &mut self.measured);
         self.touch_falsely(sim, t_ns);
@@ -164,6 +179,8 @@ impl Run {
             self.measure_distance();
         }
 
+        self.change_parameters(controller, log, t_ns, tick)?;
+        let controller = self.changed.as_deref_mut().map_or(controller, |changed| changed as &mut dyn Controller);
         (self.input.t_ns, self.input.tick) = (t_ns, tick);
         put(&mut self.bytes, log, channels::CONTROLLER_INPUT, t_ns, &self.input)?;
         self.clock.start();
@@ -186,14 +203,42 @@ impl Run {
             sim.add_push(push.link.as_deref(), push.f_W, push.tau_W)?;
         }
         sim.step()?;
-        // A robot that lies, sits or has been damped is low, and has not fallen for that.
-        let upright = matches!(self.mode.mode(), ControllerTick::MODE_STANCE | ControllerTick::MODE_WALK);
-        let fell = if upright { sim.fallen() } else { sim.tipped() };
+        // A robot that gets up, sits or has been damped is low, and has not fallen for that; one without torque lies as it was put.
+        let fell = match self.mode.mode() {
+            ControllerTick::MODE_STANCE | ControllerTick::MODE_WALK => sim.fallen(),
+            ControllerTick::MODE_IDLE => false,
+            _ => sim.tipped(),
+        };
         if self.fell_at.is_none() && fell {
             self.fell_at = Some(tick);
             let p = self.truth.p_WB;
             let text = format!("the robot fell at x {:.2} m, y {:.2} m", p[0], p[1]);
             self.event(log, t_ns, tick, Event::LEVEL_ERROR, "driver", text)?;
+        }
+        Ok(())
+    }
+
+    /// Answers the wishes for other parameters whose time has come: another controller takes over before this tick.
+    fn change_parameters(
+        &mut self,
+        controller: &dyn Controller,
+        log: &mut dyn EventSink,
+        t_ns: i64,
+        tick: i64,
+    ) -> Result<(), DriverError> {
+        while let Some(request) = self.wishes.pop_front_if(|request| request.t_ns <= t_ns) {
+            self.put(log, channels::PARAMETER_REQUEST, t_ns, &request)?;
+            let answer = self.desk.answer(&request).and_then(|mut next| {
+                let now = self.changed.as_deref().map_or(controller, |changed| changed as &dyn Controller);
+                take_over(now, &mut *next, &mut self.state).map_err(|error| error.to_string())?;
+                self.changed = Some(next);
+                let ParameterRequest { seq, key, value, .. } = request;
+                Ok(ParameterChange { t_ns, tick, seq, key, value })
+            });
+            if let Ok(change) = &answer {
+                self.put(log, channels::PARAMETER_CHANGE, t_ns, change)?;
+            }
+            self.put(log, channels::EVENT, t_ns, &changes::event(t_ns, tick, answer.as_ref()))?;
         }
         Ok(())
     }

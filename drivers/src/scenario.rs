@@ -42,16 +42,22 @@
 //! height_m = -0.05
 //!
 //! [[fault]]             # nan_sensor, stuck_encoder, torque_loss (joint), drop_state, drop_command, late_process, false_touch,
-//! t_s = 4.0             # delay_state (delay_s), clock_jump (jump_s), imu_bias (gyro_rad_s, orientation_rad)
-//! duration_s = 0.5
+//! t_s = 4.0             # delay_state (delay_s), clock_jump (jump_s), imu_bias (gyro_rad_s, orientation_rad), drop_operator,
+//! duration_s = 0.5      # false_reading (joint, quantity = "position" | "velocity" | "torque", offset)
 //! kind = "torque_loss"
 //! joint = "rh_kfe_joint"
 //! factor = 0.2
+//!
+//! [[parameter]]         # asked of the controller while it runs; an EVENT says why where it is refused
+//! t_s = 4.5
+//! key = "trunk.kp"
+//! value = [800.0, 800.0, 800.0]
 //! ```
 //!
 //! A scenario is read whole and checked whole; after that nothing in it can fail but names of links and joints.
 
 use crate::DriverError;
+use crate::changes::ParameterEntry;
 use crate::drives::DriveParams;
 use crate::fault::{FaultEntry, FaultWindow};
 use crate::floor::{FloorEntry, FloorMove};
@@ -59,6 +65,7 @@ use crate::operator::{OperatorKey, OperatorScript};
 use crate::sensors::NoiseParams;
 use crate::start::StartParams;
 use crate::terrain::{BadKey, TerrainParams, check_range};
+use lcmtypes::ParameterRequest;
 use serde::Deserialize;
 use std::path::Path;
 
@@ -89,6 +96,8 @@ pub struct Scenario {
     pub floors: Vec<FloorMove>,
     /// Faults, as in the file.
     pub faults: Vec<FaultWindow>,
+    /// Parameters that are to be otherwise, in the order of time.
+    pub parameters: Vec<ParameterRequest>,
 }
 
 /// A force on a link for some time.
@@ -173,6 +182,12 @@ impl Scenario {
             let place = at("fault", index + 1);
             faults.push(place.check(fault.resolve())?);
         }
+        let mut parameters = Vec::with_capacity(file.parameter.len());
+        for (index, parameter) in file.parameter.into_iter().enumerate() {
+            let place = at("parameter", index + 1);
+            parameters.push(place.check(parameter.resolve(index))?);
+        }
+        parameters.sort_by_key(|parameter| parameter.t_ns);
         Ok(Scenario {
             name: file.name,
             duration_s: file.duration_s,
@@ -186,6 +201,7 @@ impl Scenario {
             pushes,
             floors,
             faults,
+            parameters,
         })
     }
 
@@ -249,6 +265,8 @@ struct ScenarioFile {
     floor: Vec<FloorEntry>,
     #[serde(default)]
     fault: Vec<FaultEntry>,
+    #[serde(default)]
+    parameter: Vec<ParameterEntry>,
 }
 
 fn default_friction() -> f64 {

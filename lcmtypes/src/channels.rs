@@ -2,7 +2,8 @@
 
 use crate::{
     BaseTracking, ContactEstimate, ControllerInput, ControllerTick, Event, ExecutorCommand, GroundTruth, LegState,
-    Message, OperatorCommand, QuadrupedState, RobotCommand, RobotState, RunInfo, Timing, WbcSolution,
+    Message, OperatorCommand, ParameterChange, ParameterRequest, QuadrupedState, RobotCommand, RobotState, RunInfo,
+    Timing, WbcSolution,
 };
 
 /// All that a log needs to explain itself; first message of a run.
@@ -13,6 +14,10 @@ pub const ROBOT_STATE: &str = "ROBOT_STATE";
 pub const OPERATOR_COMMAND: &str = "OPERATOR_COMMAND";
 /// What is asked of a live run's executor.
 pub const EXECUTOR_COMMAND: &str = "EXECUTOR_COMMAND";
+/// A parameter of the controller that somebody wants otherwise.
+pub const PARAMETER_REQUEST: &str = "PARAMETER_REQUEST";
+/// A parameter of the controller that is otherwise from a tick on.
+pub const PARAMETER_CHANGE: &str = "PARAMETER_CHANGE";
 /// Everything that the controller consumed in one tick.
 pub const CONTROLLER_INPUT: &str = "CONTROLLER_INPUT";
 /// What the controller was and how its tick went, with one digest a stage.
@@ -113,6 +118,8 @@ pub const CHANNELS: &[Channel] = &[
     channel::<RobotState>(ROBOT_STATE, None, Class::Debug),
     channel::<OperatorCommand>(OPERATOR_COMMAND, None, Class::Debug),
     channel::<ExecutorCommand>(EXECUTOR_COMMAND, None, Class::Debug),
+    channel::<ParameterRequest>(PARAMETER_REQUEST, None, Class::Debug),
+    channel::<ParameterChange>(PARAMETER_CHANGE, None, Class::ReplayInput),
     channel::<ControllerInput>(CONTROLLER_INPUT, Some(Stage::Input), Class::ReplayInput),
     channel::<ControllerTick>(CONTROLLER_TICK, Some(Stage::Output), Class::Output),
     channel::<ContactEstimate>(CONTACT_ESTIMATE, Some(Stage::Estimation), Class::Debug),

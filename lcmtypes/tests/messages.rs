@@ -147,7 +147,7 @@ fn the_channel_table_agrees_with_the_texts() {
     let fingerprints: std::collections::BTreeSet<u64> = CHANNELS.iter().map(|c| c.fingerprint).collect();
     assert_eq!(fingerprints.len(), CHANNELS.len(), "a fingerprint names one type");
     let inputs: Vec<&str> = CHANNELS.iter().filter(|c| c.class == Class::ReplayInput).map(|c| c.name).collect();
-    assert_eq!(inputs, ["CONTROLLER_INPUT"], "a replay feeds this and nothing else");
+    assert_eq!(inputs, ["PARAMETER_CHANGE", "CONTROLLER_INPUT"], "a replay follows these and nothing else");
     assert!(CHANNELS.iter().all(|c| c.stage.is_none() || c.class != Class::Timing));
     assert_eq!(Stage::ALL.map(Stage::name), ["input", "estimation", "gait", "tasks", "qp", "output"]);
 }

@@ -130,7 +130,7 @@ impl<'a> Corpus<'a> {
     /// [`Error::Io`] if there is no such folder, [`Error::Manifest`] if its manifest cannot be used.
     pub fn open_with(
         dir: impl AsRef<Path>,
-        load: impl Fn(&RunInfo) -> Result<Box<dyn Controller>, LoadError> + 'a,
+        load: impl Fn(&RunInfo) -> Result<Box<dyn Controller>, LoadError> + Sync + 'a,
     ) -> Result<Self, Error> {
         let dir = dir.as_ref();
         std::fs::read_dir(dir).map_err(|source| io(dir, source))?;

@@ -9,10 +9,12 @@
 //! - At each recorded state the comparison starts afresh, so a log gives the same report whether it is replayed in one go or in
 //!   stretches by several threads. With changes ([`Options::set`] and its kin) or a log to write ([`Options::out`]) the state is carried
 //!   through instead.
+//! - Parameters that changed on the way (PARAMETER_CHANGE) change in the replay too, in the same tick; those that are asked to be other stay so.
 //! - A [`Cursor`] goes to any tick and shows everything in it.
 //!
 //! Nothing here knows a controller: it is built by [`controller::load`] from the RUN_INFO of the log.
 
+mod builder;
 mod compare;
 mod cursor;
 mod inputs;
@@ -35,7 +37,8 @@ pub use what_if::{Change, DEFAULT_BOUND, Departure, Sample, WhatIf, When};
 
 use crate::Error;
 use crate::log::LogReader;
-use controller::{Controller, LoadError, RestoreError};
+use builder::Builder;
+use controller::{Controller, LoadError};
 use lcmtypes::{Message, RunInfo, channels};
 use out::Out;
 use report::Tally;
@@ -76,11 +79,8 @@ impl Options {
     }
 }
 
-/// A controller that takes over on the way.
-type Later = (When, Box<dyn Controller>);
-
 /// Builds a controller from a run's description.
-pub type Load<'a> = dyn Fn(&RunInfo) -> Result<Box<dyn Controller>, LoadError> + 'a;
+pub type Load<'a> = dyn Fn(&RunInfo) -> Result<Box<dyn Controller>, LoadError> + Sync + 'a;
 
 /// A log that can be replayed.
 pub struct Replay<'a> {
@@ -104,7 +104,7 @@ impl<'a> Replay<'a> {
     /// As [`Replay::open`].
     pub fn open_with(
         path: impl AsRef<Path>,
-        load: impl Fn(&RunInfo) -> Result<Box<dyn Controller>, LoadError> + 'a,
+        load: impl Fn(&RunInfo) -> Result<Box<dyn Controller>, LoadError> + Sync + 'a,
     ) -> Result<Self, Error> {
         let path = path.as_ref();
         let info = run_info(path)?;
@@ -125,7 +125,7 @@ impl<'a> Replay<'a> {
     /// - [`Error::Io`], [`Error::SameFile`] and what [`crate::log::LogWriter`] says of [`Options::out`].
     pub fn run(&self, options: &Options, progress: &mut dyn FnMut(f64)) -> Result<ReplayReport, Error> {
         let begin = Instant::now();
-        let info = self.changed(options)?;
+        let builder = Builder::new(self, options)?;
         let what_if = options.asks_what_if();
         if !options.changes.is_empty() && options.out.is_some() {
             return Err(Error::ChangesInLog);
@@ -135,23 +135,25 @@ impl<'a> Replay<'a> {
         let mut out = match &options.out {
             Some(path) => {
                 Error::unless_apart(&self.path, path)?;
-                Some(Out::create(path, &info)?)
+                Some(Out::create(path, &builder.info)?)
             }
             None => None,
         };
         let mut stretch = Stretch::find(&self.path, options)?;
         let mut ticks = Ticks::open(&self.path, if out.is_some() { Beside::InPlace } else { Beside::Nothing })?;
-        let feed = Feed { ticks: &mut ticks, stretch: &mut stretch, bytes: file_length(&self.path)? };
+        let bytes = file_length(&self.path)?;
+        let feed = Feed { ticks: &mut ticks, stretch: &mut stretch, bytes, changes: Vec::new() };
         let alone = own_state || options.jobs < 2;
         let (tally, found) = if alone {
             let collector = what_if.then(|| Collector::new(options.bound.unwrap_or(DEFAULT_BOUND)));
-            let later = self.later(&info, &options.changes)?;
-            let mut runner = Runner::new(self.controller(&info)?, own_state).then(later).collecting(collector);
-            self.run_alone(feed, &mut runner, out.as_mut(), progress)?;
+            let later = builder.later(&options.changes)?;
+            let mut runner = Runner::new(&builder, own_state)?.then(later).collecting(collector);
+            run_alone(feed, &mut runner, out.as_mut(), progress)?;
             let not_reached = runner.still_to_come() as u64;
             (runner.tally, runner.what_if.map(|collector| collector.finish(not_reached)))
         } else {
-            (self.run_shared(feed, &info, options.jobs, progress)?, None)
+            let runners = (0..options.jobs).map(|_| Runner::new(&builder, false)).collect::<Result<_, Error>>()?;
+            (shared::run(feed, runners, progress)?, None)
         };
         if let Some(mut out) = out {
             out.rest(ticks.rest())?;
@@ -161,52 +163,9 @@ impl<'a> Replay<'a> {
             return Err(Error::NoInput { path: self.path.clone() });
         }
         let mut report = tally.report(ticks.late, ticks.health(), begin.elapsed().as_secs_f64());
-        report.deviations = origin::deviations(&self.info, &info, options.here.as_ref());
+        report.deviations = origin::deviations(&self.info, &builder.info, options.here.as_ref());
         report.what_if = found;
         Ok(report)
-    }
-
-    fn run_alone(
-        &self,
-        mut feed: Feed,
-        runner: &mut Runner,
-        mut out: Option<&mut Out>,
-        progress: &mut dyn FnMut(f64),
-    ) -> Result<(), Error> {
-        while let Some(part) = feed.next()? {
-            match part {
-                Part::Start(tick, snapshot) => {
-                    runner.restore(tick, &snapshot).map_err(|source| restore_error(&self.path, tick, source))?;
-                }
-                Part::Tick(mut tick) => {
-                    if tick.tick % 1024 == 0 {
-                        progress(feed.read());
-                    }
-                    let outbox = runner.tick(&tick).map_err(|source| restore_error(&self.path, tick.tick, source))?;
-                    if let Some(out) = &mut out {
-                        out.tick(&mut tick, outbox)?;
-                    }
-                }
-            }
-        }
-        Ok(())
-    }
-
-    /// Goes through the stretches between snapshots with several threads.
-    fn run_shared(
-        &self,
-        feed: Feed,
-        info: &RunInfo,
-        jobs: usize,
-        progress: &mut dyn FnMut(f64),
-    ) -> Result<Tally, Error> {
-        let runner = |_| Ok(Runner::new(self.controller(info)?, false));
-        let runners = (0..jobs).map(runner).collect::<Result<_, Error>>()?;
-        shared::run(&self.path, feed, runners, progress)
-    }
-
-    fn controller(&self, info: &RunInfo) -> Result<Box<dyn Controller>, Error> {
-        (self.load)(info).map_err(|source| Error::Load { path: self.path.clone(), source: source.into() })
     }
 
     /// The run's description with all that is to be other from the beginning on.
@@ -226,21 +185,30 @@ impl<'a> Replay<'a> {
         }
         Ok(info)
     }
-
-    /// Controllers for changes on the way, each with those before it, in the order in which they are given.
-    fn later(&self, info: &RunInfo, changes: &[Change]) -> Result<Vec<Later>, Error> {
-        let mut info = info.clone();
-        let mut later = Vec::with_capacity(changes.len());
-        for change in changes {
-            info = self.with_params(&info, &[(change.key.clone(), change.value.clone())])?;
-            later.push((change.when, self.controller(&info)?));
-        }
-        Ok(later)
-    }
 }
 
-fn restore_error(path: &Path, tick: i64, source: RestoreError) -> Error {
-    Error::Restore { path: path.into(), tick, source: source.into() }
+/// Leads a runner through all parts.
+fn run_alone(
+    mut feed: Feed,
+    runner: &mut Runner,
+    mut out: Option<&mut Out>,
+    progress: &mut dyn FnMut(f64),
+) -> Result<(), Error> {
+    while let Some(part) = feed.next()? {
+        match part {
+            Part::Start(tick, snapshot, changes) => runner.start(tick, &snapshot, &changes)?,
+            Part::Tick(mut tick) => {
+                if tick.tick % 1024 == 0 {
+                    progress(feed.read());
+                }
+                let outbox = runner.tick(&tick)?;
+                if let Some(out) = &mut out {
+                    out.tick(&mut tick, outbox)?;
+                }
+            }
+        }
+    }
+    Ok(())
 }
 
 /// Reads on until RUN_INFO is found.

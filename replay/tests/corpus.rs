@@ -23,7 +23,7 @@ fn folder(name: &str) -> PathBuf {
     dir
 }
 
-fn open<'a>(dir: &Path, change: impl Fn(Toy) -> Toy + 'a) -> Corpus<'a> {
+fn open<'a>(dir: &Path, change: impl Fn(Toy) -> Toy + Sync + 'a) -> Corpus<'a> {
     Corpus::open_with(dir, move |info| Ok(Box::new(change(toy::toy(info)?)))).unwrap()
 }
 

@@ -21,7 +21,7 @@ fn log(name: &str, change: impl FnOnce(&mut Vec<Message>)) -> PathBuf {
     path
 }
 
-fn open(path: &Path, change: impl Fn(Toy) -> Toy + 'static) -> Replay<'static> {
+fn open(path: &Path, change: impl Fn(Toy) -> Toy + Sync + 'static) -> Replay<'static> {
     Replay::open_with(path, move |info| Ok(Box::new(change(toy::toy(info)?)))).unwrap()
 }
 

@@ -28,7 +28,7 @@ fn replay(path: &Path, options: &Options) -> ReplayReport {
 }
 
 /// Replays with a toy that is no longer the one that ran.
-fn replay_toy(path: &Path, options: &Options, change: impl Fn(Toy) -> Toy) -> ReplayReport {
+fn replay_toy(path: &Path, options: &Options, change: impl Fn(Toy) -> Toy + Sync) -> ReplayReport {
     let replay = Replay::open_with(path, |info| Ok(Box::new(change(toy::toy(info)?)))).unwrap();
     replay.run(options, &mut |_| {}).unwrap()
 }

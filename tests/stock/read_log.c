@@ -53,6 +53,14 @@ static void operator_command(const hoofprint_operator_command_t *m) {
     integer(m->seq), integer(m->mode), real(m->v_H[0]), real(m->height_offset);
 }
 
+static void parameter_change(const hoofprint_parameter_change_t *m) {
+    integer(m->tick), integer(m->seq), printf(" %s %s", m->key, m->value);
+}
+
+static void parameter_request(const hoofprint_parameter_request_t *m) {
+    integer(m->seq), printf(" %s %s", m->key, m->value);
+}
+
 static void quadruped_state(const hoofprint_quadruped_state_t *m) {
     integer(m->started), integer(m->contact_count[1]), real(m->q_des[m->nj - 1]), real(m->yaw_rate_des);
 }
@@ -116,6 +124,8 @@ static int print(const lcm_eventlog_event_t *e) {
     CHANNEL("ROBOT_COMMAND", robot_command)
     CHANNEL("CONTROLLER_SNAPSHOT", quadruped_state)
     CHANNEL("GROUND_TRUTH", ground_truth)
+    CHANNEL("PARAMETER_REQUEST", parameter_request)
+    CHANNEL("PARAMETER_CHANGE", parameter_change)
     CHANNEL("TIMING", timing)
     CHANNEL("EVENT", event)
     fprintf(stderr, "event %" PRId64 ": unknown channel %s\n", e->eventnum, e->channel);

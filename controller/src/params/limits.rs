@@ -15,7 +15,7 @@ pub struct WbcParams {
     pub f_xy_max: f64,
     /// Largest vertical force of a foot, N.
     pub f_z_max: f64,
-    /// Smallest vertical force of a stance foot, N.
+    /// Smallest vertical force of a stance foot, N; at most four fifths of `contact.release_load`.
     pub f_z_min: f64,
     /// Largest joint acceleration, rad/s².
     pub qdd_max: f64,

@@ -24,6 +24,8 @@ use super::state::{Cadence, Gait, Mode, State};
 use crate::model::GRAVITY;
 use crate::params::{GaitTiming, Params};
 
+/// Part of the load below which a foot touches no more, over which no foot is asked to press.
+const LEAST_PART: f64 = 0.8;
 /// Time in which the base goes from rest into a gait's sway, s.
 const SWAY_LEAD_IN: f64 = 0.8;
 
@@ -234,7 +236,8 @@ fn leg_transition(state: &State, params: &Params, timing: &Timing, leg: Leg) -> 
 ///
 /// Source: Raiola et al. 2020, section 6, where the upper bound goes to zero continuously before lift-off. The lower bound keeps to half the
 /// upper one on the way, so that an interior point is left. While a leg unloads or swings, the lower bound of the opposite one rises to the
-/// gait's residual load: the centre of mass is kept from the edge of the support triangle, where the robot would tip.
+/// gait's residual load: the centre of mass is kept from the edge of the support triangle, where the robot would tip. It stays below the load at
+/// which a foot touches no more: otherwise a light robot's feet would touch the air, by what is commanded of them.
 ///
 /// - `mass`: of the robot, kg.
 pub fn force_bounds(state: &State, params: &Params, mass: f64, leg: Leg) -> (f64, f64) {
@@ -243,8 +246,10 @@ pub fn force_bounds(state: &State, params: &Params, mass: f64, leg: Leg) -> (f64
     }
     let timing = Timing::of(state, params);
     let upper = params.wbc.f_z_max * loaded_part(state, &timing, leg);
-    let residual = (row_of(state.gait, params).residual_load * mass * GRAVITY - params.wbc.f_z_min).max(0.0);
-    let lower = params.wbc.f_z_min + residual * (1.0 - loaded_part(state, &timing, leg.opposite()));
+    let weight = mass * GRAVITY;
+    let least = params.wbc.f_z_min.min(LEAST_PART * params.contact.release_load * weight);
+    let residual = (row_of(state.gait, params).residual_load * weight - least).max(0.0);
+    let lower = least + residual * (1.0 - loaded_part(state, &timing, leg.opposite()));
     (lower.min(0.5 * upper), upper)
 }
 

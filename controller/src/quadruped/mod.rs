@@ -44,6 +44,7 @@ use rise::Rise;
 use robot::Robot;
 use safety::{fault, seconds};
 use state::{Fault, Mode, State};
+use std::cell::RefCell;
 use wbc::{TrunkReference, Wbc};
 use wire::Messages;
 
@@ -64,6 +65,8 @@ pub struct Quadruped {
     place: BasePlace,
     scratch: Scratch,
     messages: Messages,
+    /// Through which a state goes in and out, kept so that no memory is asked for then.
+    passage: RefCell<QuadrupedState>,
 }
 
 /// Memory of a tick; nothing in it survives one.
@@ -98,7 +101,8 @@ impl Quadruped {
         let state = State::new(robot.nj());
         let scratch = Scratch::new(&robot, &params)?;
         let messages = Messages::new(&robot, &scratch.wbc);
-        Ok(Quadruped { params, robot, rise, state, place: BasePlace::default(), scratch, messages })
+        let passage = RefCell::new(messages.snapshot.clone());
+        Ok(Quadruped { params, robot, rise, state, place: BasePlace::default(), scratch, messages, passage })
     }
 
     /// The state between two ticks.
@@ -194,7 +198,7 @@ impl Quadruped {
         digests: &mut Digests,
         probe: &mut dyn Probe,
     ) -> Option<Fault> {
-        let Quadruped { params, robot, rise, state, place, scratch: Scratch { estimate, .. }, messages } = self;
+        let Quadruped { params, robot, rise, state, place, scratch: Scratch { estimate, .. }, messages, .. } = self;
         estimate.update_at(robot, &input.state, place, state.gradient_W);
         if let Some(fault) = safety::check_tilt(params, &estimate.base.rpy) {
             return Some(fault);
@@ -321,15 +325,15 @@ impl Controller for Quadruped {
     }
 
     fn snapshot(&self, out: &mut Vec<u8>) {
-        let mut message = QuadrupedState::default();
+        let mut message = self.passage.borrow_mut();
         self.state.write(&mut message);
         message.encode(out).expect("the state's arrays have the robot's length");
     }
 
     fn restore(&mut self, bytes: &[u8]) -> Result<(), RestoreError> {
-        let message = QuadrupedState::decode(bytes)?;
-        self.state = State::read(&message, self.robot.nj())?;
-        Ok(())
+        let message = self.passage.get_mut();
+        message.decode_into(bytes)?;
+        self.state.read(message)
     }
 
     fn poison_workspace(&mut self) {

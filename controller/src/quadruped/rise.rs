@@ -46,8 +46,8 @@ const SUPPORT_RATE: f64 = 2.0;
 const MIN_TIME: f64 = 0.3;
 /// Time in which the joints grow soft, s.
 const RELEASE_TIME: f64 = 1.0;
-/// Speed below which a joint rests, rad/s.
-pub const REST_SPEED: f64 = 0.1;
+/// Speed below which a joint rests, rad/s: damped, it carries no more than a small part of its effort then.
+pub const REST_SPEED: f64 = 0.3;
 /// Time of rest after which the robot lies, s.
 const REST_TIME: f64 = 0.3;
 /// Part of its pace below which a move stands.
@@ -189,7 +189,7 @@ impl Rise {
 
     /// The base is where standing begins: full support, the feet on the ground, joints at rest.
     fn is_up(&self, params: &Params, measured: &RobotState, state: &State) -> bool {
-        let rests = measured.qd.iter().all(|qd| qd.abs() < 3.0 * REST_SPEED);
+        let rests = measured.qd.iter().all(|qd| qd.abs() < REST_SPEED);
         let feet = state.contact.0.into_iter().filter(|contact| *contact).count();
         // A foot over a hole is found ground for by the stance.
         let enough = if state.motion.t_held > 0.5 * params.stand.patience { 3 } else { 4 };

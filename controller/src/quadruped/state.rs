@@ -349,11 +349,13 @@ impl State {
         m.t_held = *t_held;
     }
 
-    /// The state that [`State::write`] took apart.
+    /// Takes over the state that [`State::write`] took apart. The arrays change places with those of the message, so this allocates nothing.
     ///
     /// # Errors
-    /// A state of a robot with another number of joints than `nj`; numbers that are not finite; numbers that name no mode, gait or leg phase.
-    pub fn read(m: &QuadrupedState, nj: usize) -> Result<Self, RestoreError> {
+    /// A state of a robot with another number of joints; numbers that are not finite; numbers that name no mode, gait, leg phase or move. The
+    /// state is then as it was.
+    pub fn read(&mut self, m: &mut QuadrupedState) -> Result<(), RestoreError> {
+        let nj = self.q_des.len();
         if m.q_des.len() != nj {
             return Err(RestoreError::Joints { found: m.q_des.len(), expected: nj });
         }
@@ -408,14 +410,17 @@ impl State {
         for leg in Leg::ALL {
             leg_phase[leg] = of_number("leg_state", &LegPhase::ALL, m.leg_state[leg as usize])?;
         }
-        Ok(State {
+        let (mode, gait) = (of_number("mode", &Mode::ALL, m.mode)?, of_number("gait", &Gait::ALL, m.gait)?);
+        let phase = of_number("move_phase", &MovePhase::ALL, m.move_phase)?;
+        let take = std::mem::take;
+        let next = State {
             t_ns: m.t_ns,
             tick: m.tick,
-            mode: of_number("mode", &Mode::ALL, m.mode)?,
+            mode,
             fault: Fault { code: m.fault, index: m.fault_index, value: m.fault_value },
             started: m.started,
             qp_failures: m.qp_failures,
-            gait: of_number("gait", &Gait::ALL, m.gait)?,
+            gait,
             gait_clock: m.gait_clock,
             gait_running: m.gait_running,
             leg_phase,
@@ -431,10 +436,10 @@ impl State {
             sway_rate_H: m.sway_rate_H,
             sway_rest_H: m.sway_rest_H,
             sway_rest_rate_H: m.sway_rest_rate_H,
-            q_des: m.q_des.clone(),
-            tau_last: m.tau_last.clone(),
-            qd_des: m.qd_des.clone(),
-            qdd_des: m.qdd_des.clone(),
+            q_des: take(&mut m.q_des),
+            tau_last: take(&mut m.tau_last),
+            qd_des: take(&mut m.qd_des),
+            qdd_des: take(&mut m.qdd_des),
             yaw_des: m.yaw_des,
             rp_des: m.rp_des,
             height: m.height,
@@ -453,14 +458,18 @@ impl State {
             t_still: m.t_still,
             t_no_contact: m.t_no_contact,
             motion: Motion {
-                phase: of_number("move_phase", &MovePhase::ALL, m.move_phase)?,
+                phase,
                 progress: m.move_progress,
                 start: m.move_start,
-                q: m.move_q.clone(),
+                q: take(&mut m.move_q),
                 support: m.support,
                 t_held: m.t_held,
             },
-        })
+        };
+        let before = std::mem::replace(self, next);
+        (m.q_des, m.tau_last, m.qd_des, m.qdd_des) = (before.q_des, before.tau_last, before.qd_des, before.qdd_des);
+        m.move_q = before.motion.q;
+        Ok(())
     }
 }
 
@@ -506,7 +515,8 @@ mod tests {
         let mut m = QuadrupedState::default();
         State::new(0).write(&mut m);
         m.leg_state[2] = 9;
-        assert_eq!(State::read(&m, 0).unwrap_err().to_string(), "snapshot field leg_state is 9, which means nothing");
-        assert_eq!(State::read(&m, 12).unwrap_err().to_string(), "snapshot has 0 joints, the robot has 12");
+        let mut refused = |nj| State::new(nj).read(&mut m).unwrap_err().to_string();
+        assert_eq!(refused(0), "snapshot field leg_state is 9, which means nothing");
+        assert_eq!(refused(12), "snapshot has 0 joints, the robot has 12");
     }
 }

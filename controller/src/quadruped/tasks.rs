@@ -12,7 +12,7 @@ use super::leg::{Leg, PerLeg};
 use super::reference::References;
 use super::robot::Robot;
 use super::state::State;
-use super::wbc::{TrunkReference, carries};
+use super::wbc::{TrunkReference, carries, is_airborne};
 use crate::LoadError;
 use crate::math::log;
 use crate::model::{BaseState, Kinematics};
@@ -118,7 +118,7 @@ impl Tasks {
         state: &State,
     ) {
         self.contact(estimate, state);
-        self.trunk(params, estimate, trunk);
+        self.trunk(params, estimate, trunk, state);
         self.posture(robot, params, measured, estimate, references, state);
         for (task, rows) in self.cartesian.iter_mut().zip(&mut self.rows[BUILT_IN.len()..]) {
             task.fill(&robot.model, &estimate.kin, &estimate.M, state.yaw_des, rows);
@@ -164,12 +164,17 @@ impl Tasks {
     }
 
     /// `wd = K_P e_o + K_D (w_des - w)`, e_o = log(R_des Rᵀ). Source: eq. (8), error and feedback both in W axes.
-    fn trunk(&mut self, params: &Params, estimate: &Estimate, trunk: &TrunkReference) {
+    fn trunk(&mut self, params: &Params, estimate: &Estimate, trunk: &TrunkReference, state: &State) {
         self.e_o_W = log(&(trunk.R_WB * estimate.base.R_WB.transpose()));
         let e_w = trunk.w_WB_W - estimate.base.w_WB_W;
         for k in 0..3 {
             self.wd_trunk[k] = params.trunk.kp[k] * self.e_o_W[k] + params.trunk.kd[k] * e_w[k];
-            self.rows[TRUNK].b[k] = self.wd_trunk[k];
+            let rows = &mut self.rows[TRUNK];
+            rows.switch(k, !is_airborne(state));
+            if !is_airborne(state) {
+                rows.A[(k, 3 + k)] = 1.0;
+                rows.b[k] = self.wd_trunk[k];
+            }
         }
     }
 

@@ -31,6 +31,8 @@ const FORCE_UNIT: f64 = 100.0;
 const RELEASED: f64 = 1.0;
 /// Rows of the friction pyramid of a foot.
 const ROWS_FC: usize = 5;
+/// Time without a foot on the ground after which there is none, s: longer than estimates take from one pair of legs to the next.
+const AIRBORNE_TIME: f64 = 0.05;
 
 /// Trunk orientation reference.
 #[derive(Clone, Copy, Debug)]
@@ -291,9 +293,14 @@ impl Wbc {
     }
 }
 
-/// A foot carries load while it is in stance.
+/// A foot carries load while it is in stance, and the robot not in the air.
 pub(super) fn carries(state: &State, leg: Leg) -> bool {
-    state.leg_phase[leg].is_stance()
+    state.leg_phase[leg].is_stance() && !is_airborne(state)
+}
+
+/// Nothing holds the robot: forces would push legs against nothing, and the trunk could be turned by throwing them only.
+pub(super) fn is_airborne(state: &State) -> bool {
+    state.t_no_contact > AIRBORNE_TIME
 }
 
 /// Where the programs may ever have numbers.

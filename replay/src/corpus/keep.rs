@@ -9,8 +9,9 @@ use std::collections::BTreeSet;
 use std::path::Path;
 
 /// What every golden log keeps of every tick.
-pub const CHANNELS: [&str; 5] = [
+pub const CHANNELS: [&str; 6] = [
     channels::RUN_INFO,
+    channels::PARAMETER_CHANGE,
     channels::CONTROLLER_INPUT,
     channels::CONTROLLER_TICK,
     channels::CONTROLLER_SNAPSHOT,
@@ -65,7 +66,7 @@ pub(super) fn copy(log: &Path, out: &Path, mut keep: impl FnMut(&Event) -> bool)
     out.finish()
 }
 
-/// Copies the ticks around an incident: RUN_INFO, the recorded state before them, and of every tick what a golden log keeps.
+/// Copies the ticks around an incident: RUN_INFO, changes of parameters, the recorded state before them, and of every tick what a golden log keeps.
 pub(super) fn copy_part(log: &Path, out: &Path, part: Part, more: &[&str]) -> Result<u64, Error> {
     let (from_s, to_s) = (part.around_s - 0.5 * part.span_s, part.around_s + 0.5 * part.span_s);
     let (mut first_t_ns, mut start, mut last) = (None, None, None);
@@ -90,7 +91,9 @@ pub(super) fn copy_part(log: &Path, out: &Path, part: Part, more: &[&str]) -> Re
         let tick = integer_at(&event.data, 16);
         let is_start = *event.channel == *channels::CONTROLLER_SNAPSHOT && start.is_some() && tick == start;
         let kept = is_kept(event, |channel| more.contains(&channel));
-        *event.channel == *channels::RUN_INFO || is_start || kept && tick.is_some_and(within)
+        // What changed before the part holds in it.
+        let is_change = *event.channel == *channels::PARAMETER_CHANGE && tick.is_some_and(|tick| tick <= last);
+        *event.channel == *channels::RUN_INFO || is_change || is_start || kept && tick.is_some_and(within)
     })
 }
 

@@ -1,5 +1,6 @@
 //! A place in a replay that can be moved: every quantity of any tick.
 
+use super::builder::Builder;
 use super::runner::Runner;
 use super::stretch::Stretch;
 use super::ticks::{Beside, Tick, Ticks};
@@ -8,7 +9,7 @@ use crate::Error;
 use crate::log::Event;
 use controller::Dump;
 use controller::dump::Quantity;
-use lcmtypes::ControllerInput;
+use lcmtypes::{ControllerInput, ParameterChange};
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
@@ -61,17 +62,22 @@ impl Moment {
 struct Page {
     /// Tick of the snapshot it begins behind, and the state; `None` at the beginning of a log.
     start: Option<(i64, Vec<u8>)>,
+    /// Changes of parameters before it, in order.
+    changes: Vec<ParameterChange>,
     ticks: Vec<Tick>,
 }
 
 /// A replay that stands at a tick.
 pub struct Cursor<'r> {
     replay: &'r Replay<'r>,
-    options: Options,
-    runner: Runner,
+    builder: Builder<'r>,
+    own_state: bool,
+    runner: Runner<'r>,
     reader: Ticks,
     /// State behind which the reader stands.
     behind: Option<(i64, Vec<u8>)>,
+    /// Changes of parameters up to there.
+    changes: Vec<ParameterChange>,
     /// By the number of their first tick.
     pages: BTreeMap<i64, Arc<Page>>,
     stretch: Stretch,
@@ -93,8 +99,8 @@ impl<'r> Cursor<'r> {
     /// As [`Replay::run`].
     pub fn open(replay: &'r Replay<'r>, options: &Options, progress: &mut dyn FnMut(f64)) -> Result<Self, Error> {
         let options = Options { set: options.set.clone(), urdf: options.urdf.clone(), ..Options::default() };
-        let info = replay.changed(&options)?;
-        let runner = Runner::new(replay.controller(&info)?, options.asks_what_if());
+        let (builder, own_state) = (Builder::new(replay, &options)?, options.asks_what_if());
+        let runner = Runner::new(&builder, own_state)?;
         let bytes = super::file_length(&replay.path)?.max(1);
         let mut ticks = Ticks::open(&replay.path, Beside::Nothing)?;
         let (mut first, mut last, mut first_t_ns, mut snapshots) = (None, 0, None, Vec::new());
@@ -117,6 +123,7 @@ impl<'r> Cursor<'r> {
             runner,
             reader: Ticks::open(&replay.path, Beside::ByTick)?,
             behind: None,
+            changes: Vec::new(),
             pages: BTreeMap::new(),
             stretch: Stretch { first_t_ns, ..Stretch::default() },
             place: None,
@@ -124,7 +131,8 @@ impl<'r> Cursor<'r> {
             last_tick: last,
             snapshots,
             dumps: true,
-            options,
+            builder,
+            own_state,
         })
     }
 
@@ -234,10 +242,9 @@ impl<'r> Cursor<'r> {
 
     /// Puts the controller before the first tick of a page.
     fn enter(&mut self, page: &Page) -> Result<(), Error> {
-        let info = self.replay.changed(&self.options)?;
-        let mut runner = Runner::new(self.replay.controller(&info)?, self.options.asks_what_if());
+        let mut runner = Runner::new(&self.builder, self.own_state)?;
         if let Some((tick, state)) = &page.start {
-            runner.restore(*tick, state).map_err(|source| super::restore_error(&self.replay.path, *tick, source))?;
+            runner.start(*tick, state, &page.changes)?;
         }
         self.runner = runner;
         Ok(())
@@ -246,8 +253,7 @@ impl<'r> Cursor<'r> {
     /// Computes a tick; the moment is put together only if it is looked at.
     fn step(&mut self, tick: &Tick, looked_at: bool) -> Result<Option<Moment>, Error> {
         self.runner.tally = super::Tally::default();
-        let done =
-            self.runner.tick(tick).map_err(|source| super::restore_error(&self.replay.path, tick.tick, source))?;
+        let done = self.runner.tick(tick)?;
         let (Some(outbox), Some(input), true) = (done, &tick.input, looked_at) else { return Ok(None) };
         let replayed = outbox.iter().map(|(channel, bytes)| (channel, bytes.to_vec())).collect();
         let since_ns = input.t_ns.saturating_sub(self.stretch.first_t_ns.unwrap_or(input.t_ns));
@@ -278,6 +284,7 @@ impl<'r> Cursor<'r> {
             if again {
                 self.reader = Ticks::open(&self.replay.path, Beside::ByTick)?;
                 self.behind = None;
+                self.changes.clear();
             }
             if self.behind.as_ref().is_some_and(|(behind, _)| *behind >= tick) {
                 continue;
@@ -294,8 +301,9 @@ impl<'r> Cursor<'r> {
     /// Reads the next page; of those that are kept, the one farthest from `wanted` is forgotten.
     fn read_page(&mut self, wanted: i64) -> Result<Option<Arc<Page>>, Error> {
         let mut ticks = Vec::new();
-        let start = self.behind.take();
+        let (start, changes) = (self.behind.take(), self.changes.clone());
         while let Some(tick) = self.reader.next()? {
+            self.changes.extend(tick.changes.iter().cloned());
             let state = tick.snapshot().map(|state| (tick.tick, state.to_vec()));
             ticks.push(tick);
             if state.is_some() {
@@ -304,7 +312,7 @@ impl<'r> Cursor<'r> {
             }
         }
         let Some(first) = ticks.first().map(|tick| tick.tick) else { return Ok(None) };
-        let page = Arc::new(Page { start, ticks });
+        let page = Arc::new(Page { start, changes, ticks });
         self.pages.insert(first, Arc::clone(&page));
         if self.pages.len() > PAGES {
             let far = |page: Option<(&i64, _)>| page.map_or(0, |(first, _)| first.abs_diff(wanted));

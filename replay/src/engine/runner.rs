@@ -1,19 +1,25 @@
 //! One controller that is led through a stretch of a log.
 
+use super::builder::{Builder, Later};
 use super::compare::{Pair, attribute};
 use super::inputs::stage_inputs;
 use super::report::Tally;
 use super::ticks::Tick;
-use super::what_if::{Collector, When};
-use controller::{Controller, Outbox, RestoreError};
+use super::what_if::Collector;
+use crate::Error;
+use controller::change::take_over;
+use controller::{Controller, Outbox};
+use lcmtypes::ParameterChange;
 use lcmtypes::channels::{CONTROLLER_SNAPSHOT, ROBOT_COMMAND};
-use std::collections::VecDeque;
 
 /// A controller, and what its replay has found so far.
-pub(super) struct Runner {
+pub(super) struct Runner<'b> {
+    builder: Builder<'b>,
     controller: Box<dyn Controller>,
-    /// Controllers with other parameters that take over on the way, in the order of time.
-    later: VecDeque<(When, Box<dyn Controller>)>,
+    /// Changes of parameters that the controller is built with, in the order in which they came.
+    changes: Vec<ParameterChange>,
+    /// Changes that are to come besides those of the log.
+    later: Later,
     outbox: Outbox,
     state: Vec<u8>,
     /// Tick that should come next, if one has come.
@@ -28,11 +34,14 @@ pub(super) struct Runner {
     pub tally: Tally,
 }
 
-impl Runner {
-    pub fn new(controller: Box<dyn Controller>, own_state: bool) -> Self {
-        Runner {
-            controller,
-            later: VecDeque::new(),
+impl<'b> Runner<'b> {
+    /// A runner before the first tick of a run.
+    pub fn new(builder: &Builder<'b>, own_state: bool) -> Result<Self, Error> {
+        Ok(Runner {
+            builder: builder.clone(),
+            controller: builder.build(&[])?,
+            changes: Vec::new(),
+            later: Later::new(),
             outbox: Outbox::new(),
             state: Vec::new(),
             next: None,
@@ -41,12 +50,12 @@ impl Runner {
             own_state,
             what_if: None,
             tally: Tally { ulps: !own_state, ..Tally::default() },
-        }
+        })
     }
 
-    /// Lets other controllers take over on the way, given in the order of time.
-    pub fn then(mut self, later: impl IntoIterator<Item = (When, Box<dyn Controller>)>) -> Self {
-        self.later = later.into_iter().collect();
+    /// Changes parameters on the way.
+    pub fn then(mut self, later: Later) -> Self {
+        self.later = later;
         self
     }
 
@@ -66,9 +75,18 @@ impl Runner {
         &*self.controller
     }
 
-    /// Goes on behind `tick` with the state that was recorded then.
-    pub fn restore(&mut self, tick: i64, snapshot: &[u8]) -> Result<(), RestoreError> {
-        self.controller.restore(snapshot)?;
+    /// Goes on behind `tick` with the state that was recorded then, and the parameters that held after the `changes` of the log up to there.
+    pub fn start(&mut self, tick: i64, snapshot: &[u8], changes: &[ParameterChange]) -> Result<(), Error> {
+        let followed = || changes.iter().filter(|change| self.builder.follows(change));
+        if !self.changes.iter().eq(followed()) {
+            self.changes = followed().cloned().collect();
+            self.controller = self.builder.build(&self.changes)?;
+        }
+        self.restore(tick, snapshot)
+    }
+
+    fn restore(&mut self, tick: i64, snapshot: &[u8]) -> Result<(), Error> {
+        self.controller.restore(snapshot).map_err(|source| self.builder.restore_error(tick, source))?;
         self.next = tick.checked_add(1);
         self.agreed = Some(tick);
         self.lost = false;
@@ -76,7 +94,11 @@ impl Runner {
     }
 
     /// Takes a tick. Gives back what the controller put out, if it could be computed.
-    pub fn tick(&mut self, tick: &Tick) -> Result<Option<&Outbox>, RestoreError> {
+    ///
+    /// # Errors
+    /// [`Error::Restore`]; [`Error::Load`] for a change of parameters that this build cannot follow.
+    pub fn tick(&mut self, tick: &Tick) -> Result<Option<&Outbox>, Error> {
+        self.change(tick)?;
         // A controller is new at tick 0; at any other one it has a past.
         let begins_late = self.next.is_none() && tick.tick != 0;
         let gap = self.next.map_or(0, |next| tick.tick.saturating_sub(next) as u64 + u64::from(tick.input.is_none()));
@@ -93,7 +115,6 @@ impl Runner {
             self.tally.skipped += 1;
             return self.find_again(tick).map(|()| None);
         }
-        self.take_over(tick)?;
         self.outbox.clear();
         self.controller.step(input, &mut self.outbox);
         self.tally.ticks += 1;
@@ -102,23 +123,29 @@ impl Runner {
         Ok(Some(&self.outbox))
     }
 
-    /// Hands the state to the controllers whose time has come.
-    fn take_over(&mut self, tick: &Tick) -> Result<(), RestoreError> {
+    /// Has a controller with other parameters take over, if a change holds from this tick on.
+    fn change(&mut self, tick: &Tick) -> Result<(), Error> {
+        let count = self.changes.len();
+        self.changes.extend(tick.changes.iter().filter(|change| self.builder.follows(change)).cloned());
         let since_s = tick.since_ns.unwrap_or_default() as f64 * 1e-9;
-        while let Some((_, mut next)) = self.later.pop_front_if(|(when, _)| when.has_come(tick.tick, since_s)) {
-            self.state.clear();
-            self.controller.snapshot(&mut self.state);
-            next.restore(&self.state)?;
-            self.controller = next;
+        while let Some((_, change)) = self.later.pop_front_if(|(when, _)| when.has_come(tick.tick, since_s)) {
+            self.changes.push(change);
         }
+        if self.changes.len() == count {
+            return Ok(());
+        }
+        let mut next = self.builder.build(&self.changes)?;
+        take_over(&*self.controller, &mut *next, &mut self.state)
+            .map_err(|source| self.builder.restore_error(tick.tick, source))?;
+        self.controller = next;
         Ok(())
     }
 
-    fn find_again(&mut self, tick: &Tick) -> Result<(), RestoreError> {
+    fn find_again(&mut self, tick: &Tick) -> Result<(), Error> {
         tick.snapshot().map_or(Ok(()), |snapshot| self.restore(tick.tick, snapshot))
     }
 
-    fn compare(&mut self, tick: &Tick, t_ns: i64) -> Result<(), RestoreError> {
+    fn compare(&mut self, tick: &Tick, t_ns: i64) -> Result<(), Error> {
         let snapshot = tick.snapshot();
         if snapshot.is_some() {
             self.state.clear();

@@ -4,11 +4,9 @@
 //! thread that it came from.
 
 use super::report::Tally;
-use super::restore_error;
 use super::runner::Runner;
 use super::stretch::{Feed, Part};
 use crate::Error;
-use std::path::Path;
 use std::sync::mpsc::{Sender, channel};
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
@@ -35,8 +33,11 @@ impl Source<'_> {
                 self.over = true;
                 return Ok(true);
             };
+            let changes = &self.feed.changes;
             let snapshot = match &part {
-                Part::Tick(tick) => tick.snapshot().map(|snapshot| Part::Start(tick.tick, snapshot.to_vec())),
+                Part::Tick(tick) => {
+                    tick.snapshot().map(|snapshot| Part::Start(tick.tick, snapshot.to_vec(), changes.clone()))
+                }
                 Part::Start(..) => None,
             };
             parts.push(part);
@@ -53,18 +54,13 @@ impl Source<'_> {
 ///
 /// # Errors
 /// The one that comes first in the log, as if a single runner had gone through it.
-pub(super) fn run(
-    path: &Path,
-    feed: Feed,
-    runners: Vec<Runner>,
-    progress: &mut dyn FnMut(f64),
-) -> Result<Tally, Error> {
+pub(super) fn run(feed: Feed, runners: Vec<Runner>, progress: &mut dyn FnMut(f64)) -> Result<Tally, Error> {
     let source = &Mutex::new(Source { feed, start: None, taken: 0, over: false });
     std::thread::scope(|scope| {
         let (read, told) = channel();
         let work = |runner| {
             let read = read.clone();
-            scope.spawn(move || work(path, runner, source, &read))
+            scope.spawn(move || work(runner, source, &read))
         };
         let threads: Vec<_> = runners.into_iter().map(work).collect();
         drop(read);
@@ -82,13 +78,11 @@ pub(super) fn run(
 }
 
 /// Takes stretches and goes through them. An error comes with the number of its stretch.
-fn work(path: &Path, mut runner: Runner, source: &Mutex<Source>, read: &Sender<f64>) -> Result<Tally, (u64, Error)> {
+fn work(mut runner: Runner, source: &Mutex<Source>, read: &Sender<f64>) -> Result<Tally, (u64, Error)> {
     let mut parts = Vec::new();
     let mut lead = |part| match part {
-        Part::Start(tick, snapshot) => {
-            runner.restore(tick, &snapshot).map_err(|source| restore_error(path, tick, source))
-        }
-        Part::Tick(tick) => runner.tick(&tick).map(drop).map_err(|source| restore_error(path, tick.tick, source)),
+        Part::Start(tick, snapshot, changes) => runner.start(tick, &snapshot, &changes),
+        Part::Tick(tick) => runner.tick(&tick).map(drop),
     };
     loop {
         let mut log = lock(source);

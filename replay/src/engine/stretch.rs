@@ -3,6 +3,7 @@
 use super::Options;
 use super::ticks::{Beside, Tick, Ticks};
 use crate::Error;
+use lcmtypes::ParameterChange;
 use std::path::Path;
 
 /// The part of a log that is to be replayed.
@@ -49,8 +50,8 @@ impl Stretch {
 
 /// What a runner is given.
 pub(super) enum Part {
-    /// Take over the state that was recorded after a tick.
-    Start(i64, Vec<u8>),
+    /// Take over the state that was recorded after a tick, and the parameters that held after these changes.
+    Start(i64, Vec<u8>, Vec<ParameterChange>),
     /// Go on by a tick.
     Tick(Box<Tick>),
 }
@@ -61,6 +62,8 @@ pub(super) struct Feed<'f> {
     pub stretch: &'f mut Stretch,
     /// Length of the file.
     pub bytes: u64,
+    /// Changes of parameters up to the last tick read, in order.
+    pub changes: Vec<ParameterChange>,
 }
 
 impl Feed<'_> {
@@ -72,6 +75,7 @@ impl Feed<'_> {
     /// The next part, or `None` behind the last.
     pub fn next(&mut self) -> Result<Option<Part>, Error> {
         while let Some(mut tick) = self.ticks.next()? {
+            self.changes.extend(tick.changes.iter().cloned());
             let t_ns = tick.input.as_ref().map(|input| input.t_ns);
             self.stretch.first_t_ns = self.stretch.first_t_ns.or(t_ns);
             let since = t_ns.zip(self.stretch.first_t_ns).map(|(t, first)| t.saturating_sub(first));
@@ -82,7 +86,8 @@ impl Feed<'_> {
             match self.stretch.start {
                 Some(start) if tick.tick < start => {}
                 Some(start) if tick.tick == start => {
-                    return Ok(tick.snapshot().map(|snapshot| Part::Start(start, snapshot.to_vec())));
+                    let changes = self.changes.clone();
+                    return Ok(tick.snapshot().map(|snapshot| Part::Start(start, snapshot.to_vec(), changes)));
                 }
                 _ => return Ok(Some(Part::Tick(Box::new(tick)))),
             }

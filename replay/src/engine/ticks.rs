@@ -4,7 +4,7 @@ use crate::Error;
 use crate::log::{Event, Events, Health, LogReader};
 use lcm_idl::ast::{Field, FieldType, Primitive};
 use lcmtypes::channels::{self, Class};
-use lcmtypes::{ControllerInput, Message};
+use lcmtypes::{ControllerInput, Message, ParameterChange};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -21,6 +21,8 @@ pub(crate) struct Tick {
     pub input: Option<ControllerInput>,
     /// What the controller put out then, in the order of the log.
     pub recorded: Vec<(Arc<str>, Vec<u8>)>,
+    /// Changes of parameters that hold from this tick on, or from one before it that is not in the log, in order.
+    pub changes: Vec<ParameterChange>,
     /// Time of the tick since the first one of the log, ns.
     pub since_ns: Option<i64>,
     /// Everything else that stands in the log between the last input and this one, if it was asked for.
@@ -52,6 +54,8 @@ pub(crate) struct Ticks {
     path: PathBuf,
     events: Events,
     waiting: BTreeMap<i64, Tick>,
+    /// Changes of parameters whose ticks have not been handed out, by the first tick that they hold in.
+    changes: BTreeMap<i64, Vec<ParameterChange>>,
     handed_out: Option<i64>,
     kinds: Vec<(Arc<str>, Option<u64>, Kind)>,
     run_info: Option<Vec<u8>>,
@@ -70,6 +74,8 @@ pub(crate) struct Ticks {
 enum Kind {
     RunInfo,
     Input,
+    /// Says which parameter is otherwise from a tick on.
+    Change,
     /// Says its tick, so the controller may have put it out.
     Output,
     /// Says of which tick it speaks, but does not come from the controller.
@@ -83,6 +89,7 @@ impl Ticks {
             path: path.into(),
             events: LogReader::open(path)?.events(),
             waiting: BTreeMap::new(),
+            changes: BTreeMap::new(),
             handed_out: None,
             kinds: Vec::new(),
             run_info: None,
@@ -114,6 +121,10 @@ impl Ticks {
         }
         let mut tick = self.waiting.pop_first().map(|(_, tick)| tick);
         self.handed_out = tick.as_ref().map(|tick| tick.tick).or(self.handed_out);
+        if let Some(tick) = &mut tick {
+            let later = self.changes.split_off(&tick.tick.saturating_add(1));
+            tick.changes = std::mem::replace(&mut self.changes, later).into_values().flatten().collect();
+        }
         if let (Some(waiting), Some(tick)) = (&mut self.beside, &mut tick) {
             let later = waiting.split_off(&tick.tick.saturating_add(1));
             tick.beside = waiting.remove(&tick.tick).unwrap_or_default();
@@ -145,6 +156,20 @@ impl Ticks {
                     tick.others.extend(others);
                     tick.input.get_or_insert(input);
                 }
+            }
+            Kind::Change => {
+                let change = ParameterChange::decode(&event.data).map_err(|source| Error::Decode {
+                    path: self.path.clone(),
+                    channel: event.channel.to_string(),
+                    offset: event.offset,
+                    source: source.into(),
+                })?;
+                if self.handed_out.is_some_and(|last| change.tick <= last) {
+                    self.late += 1;
+                } else {
+                    self.changes.entry(change.tick).or_default().push(change);
+                }
+                self.other(event);
             }
             Kind::Output => {
                 let number = integer_at(&event.data, 16);
@@ -193,6 +218,7 @@ impl Ticks {
             Some(known) => {
                 let kind = match (known.name, known.class, known.stage) {
                     (channels::RUN_INFO, ..) => Kind::RunInfo,
+                    (channels::PARAMETER_CHANGE, ..) => Kind::Change,
                     (_, Class::ReplayInput, _) => Kind::Input,
                     (_, Class::Output | Class::Debug, Some(_)) => Kind::Output,
                     (channels::TIMING | channels::EVENT, ..) if fingerprint == Some(known.fingerprint) => Kind::Beside,

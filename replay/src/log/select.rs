@@ -3,6 +3,7 @@
 use super::EventRef;
 use crate::Error;
 use crate::record::{Filter, Pattern};
+use lcmtypes::channels;
 use std::sync::Arc;
 
 /// Which events of a log are wanted: by channel and by time.
@@ -11,7 +12,7 @@ pub struct Selection {
     channels: Filter,
     from_ns: Option<i64>,
     to_ns: Option<i64>,
-    /// RUN_INFO is wanted whatever its time: without it a log cannot be read.
+    /// RUN_INFO is wanted whatever its time, and changes of parameters before the time: without them a log cannot be read.
     always_run_info: bool,
     first_t_ns: Option<i64>,
     decided: Vec<(Arc<str>, bool)>,
@@ -39,7 +40,7 @@ impl Selection {
         })
     }
 
-    /// Wants RUN_INFO whatever its time.
+    /// Wants RUN_INFO whatever its time, and changes of parameters that came before.
     #[must_use]
     pub fn always_run_info(self) -> Self {
         Selection { always_run_info: true, ..self }
@@ -51,8 +52,14 @@ impl Selection {
         if !self.wants_channel(event.channel) {
             return false;
         }
-        let in_time = self.from_ns.is_none_or(|from| since >= from) && self.to_ns.is_none_or(|to| since <= to);
-        in_time || self.always_run_info && **event.channel == *lcmtypes::channels::RUN_INFO
+        let before_end = self.to_ns.is_none_or(|to| since <= to);
+        let in_time = self.from_ns.is_none_or(|from| since >= from) && before_end;
+        let needed = match &**event.channel {
+            channels::RUN_INFO => true,
+            channels::PARAMETER_CHANGE => before_end,
+            _ => false,
+        };
+        in_time || self.always_run_info && needed
     }
 
     /// Whether a channel is wanted.

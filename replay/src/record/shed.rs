@@ -120,12 +120,20 @@ mod tests {
         shedder.see(51, 100);
         assert_eq!(
             kept(&shedder),
-            ["RUN_INFO", "CONTROLLER_INPUT", "CONTROLLER_TICK", "ROBOT_COMMAND", "CONTROLLER_SNAPSHOT", "EVENT"]
+            [
+                "RUN_INFO",
+                "PARAMETER_CHANGE",
+                "CONTROLLER_INPUT",
+                "CONTROLLER_TICK",
+                "ROBOT_COMMAND",
+                "CONTROLLER_SNAPSHOT",
+                "EVENT"
+            ]
         );
         shedder.see(76, 100);
-        assert_eq!(kept(&shedder), ["RUN_INFO", "CONTROLLER_INPUT", "EVENT"]);
+        assert_eq!(kept(&shedder), ["RUN_INFO", "PARAMETER_CHANGE", "CONTROLLER_INPUT", "EVENT"]);
         shedder.see(100, 100);
-        assert_eq!(kept(&shedder), ["RUN_INFO", "CONTROLLER_INPUT", "EVENT"]);
+        assert_eq!(kept(&shedder), ["RUN_INFO", "PARAMETER_CHANGE", "CONTROLLER_INPUT", "EVENT"]);
     }
 
     #[test]
@@ -146,7 +154,7 @@ mod tests {
     fn the_disk_counts_too_and_a_vital_channel_stays() {
         let mut shedder = Shedder::new(Pattern::new("OTHER|LEG.*").ok());
         shedder.disk = Keep::Inputs;
-        assert_eq!(kept(&shedder), ["RUN_INFO", "CONTROLLER_INPUT", "LEG_STATE", "EVENT", "OTHER"]);
+        assert_eq!(kept(&shedder), ["RUN_INFO", "PARAMETER_CHANGE", "CONTROLLER_INPUT", "LEG_STATE", "EVENT", "OTHER"]);
     }
 
     #[test]

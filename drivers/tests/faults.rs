@@ -1,0 +1,129 @@
+//! Every fault that leads to the safe state, in a walk in simulation: in the same tick, with its reason in the log, within the efforts.
+#![allow(clippy::unwrap_used, missing_docs)]
+
+mod common;
+
+use common::{ROBOTS, Seen, assert_torques_bounded, run, scenario};
+use lcmtypes::{ControllerTick as Tick, Event, RobotCommand};
+
+/// When it happens, ms: the robot trots by then.
+const AT: i64 = 2000;
+
+/// A trot to which something happens.
+fn walk(robot: &str, what: &str, set: &[(&str, &str)]) -> Seen {
+    let asked = [(0.0, "mode = \"stand\""), (0.3, "mode = \"walk\"\nv_x = 0.2")];
+    let (seen, _) = run(robot, &scenario(4.0, "kind = \"flat\"", "", &asked, what), set);
+    assert_torques_bounded(robot, &seen);
+    seen
+}
+
+/// The joint of that number, by name.
+fn joint(robot: &str, index: usize) -> String {
+    let leg = ["LF", "RF", "LH", "RH"][index / 3];
+    let joint = ["HAA", "HFE", "KFE"][index % 3];
+    if robot == "hyq" { format!("{leg}_{joint}_joint").to_lowercase() } else { format!("{leg}_{joint}") }
+}
+
+fn fault(kind: &str, rest: &str) -> String {
+    format!("[[fault]]\nt_s = {}\nduration_s = 0.002\nkind = \"{kind}\"\n{rest}\n", AT as f64 * 1e-3)
+}
+
+/// The robot is damped from tick `at` on, and stays so; the log says why.
+#[track_caller]
+fn assert_damped(robot: &str, seen: &Seen, at: i64, code: i32, index: i32) {
+    let first = seen.first(Tick::MODE_DAMPING).unwrap_or_else(|| panic!("{robot} is never damped: {:?}", seen.modes()));
+    assert_eq!((first.tick, first.fault, first.fault_index), (at, code, index), "{robot}: {first:?}");
+    let after = usize::try_from(at).unwrap();
+    assert!(seen.ticks[after..].iter().all(|tick| (tick.mode, tick.fault) == (Tick::MODE_DAMPING, code)));
+    assert!(seen.commands[after..].iter().all(|command| command.mode == RobotCommand::MODE_DAMPING));
+    assert!(seen.commands[..after].iter().all(|command| command.mode == RobotCommand::MODE_TORQUE));
+    let said =
+        seen.said.iter().find(|event| event.level == Event::LEVEL_ERROR && event.source == "controller").unwrap();
+    let reason = format!("controller is in DAMPING: {}", lcmtypes::words::fault(code));
+    assert!(said.tick == at && said.text.starts_with(&reason), "{robot}: {said:?}");
+}
+
+#[test]
+fn sensors_that_read_what_cannot_be() {
+    for robot in ROBOTS {
+        let of = |index: usize, rest: &str| format!("joint = \"{}\"\n{rest}", joint(robot, index));
+        let reading = |index, quantity: &str, offset: f64| {
+            fault("false_reading", &of(index, &format!("quantity = \"{quantity}\"\noffset = {offset:?}")))
+        };
+        for (what, code, index) in [
+            (fault("nan_sensor", &of(10, "")), Tick::FAULT_INPUT_NOT_FINITE, 10),
+            (reading(4, "position", 20.0), Tick::FAULT_JOINT_POSITION, 4),
+            (reading(7, "velocity", -80.0), Tick::FAULT_JOINT_VELOCITY, 7),
+            (reading(11, "torque", 500.0), Tick::FAULT_JOINT_TORQUE, 11),
+            (reading(2, "velocity", 1e6), Tick::FAULT_JOINT_VELOCITY, 2),
+            (fault("imu_bias", "orientation_rad = [0.9, 0.0, 0.0]"), Tick::FAULT_TILT, -1),
+            (fault("clock_jump", "jump_s = 0.5"), Tick::FAULT_CLOCK, -1),
+            (fault("clock_jump", "jump_s = -0.5"), Tick::FAULT_STATE_STALE, -1),
+        ] {
+            assert_damped(robot, &walk(robot, &what, &[]), AT, code, index);
+        }
+    }
+}
+
+#[test]
+fn states_that_do_not_come() {
+    for robot in ROBOTS {
+        let lost = fault("drop_state", "").replace("0.002", "5.0");
+        let asked = [(0.0, "mode = \"stand\""), (0.3, "mode = \"walk\"\nv_x = 0.2")];
+        let (seen, _) = run(robot, &scenario(3.0, "kind = \"flat\"", "", &asked, &lost), &[]);
+        // The last state is of tick AT - 1, and up to 10 ms old it will do.
+        let damped = seen.first(Tick::MODE_DAMPING).unwrap();
+        assert_eq!((damped.tick, damped.fault), (AT + 10, Tick::FAULT_STATE_STALE), "{robot}");
+    }
+}
+
+#[test]
+fn an_operator_who_is_cut_off_ends_the_walk_and_nothing_else() {
+    for robot in ROBOTS {
+        let lost = fault("drop_operator", "").replace("0.002", "1.2");
+        let seen = walk(robot, &lost, &[]);
+        assert!(!seen.modes().contains(&Tick::MODE_DAMPING));
+        // The last command is at most 20 ms older than the cut, and good for half a second.
+        let stale = seen.ticks.iter().find(|tick| tick.fault == Tick::FAULT_OPERATOR_STALE).unwrap();
+        assert!((AT + 480..=AT + 501).contains(&stale.tick), "{robot}: {stale:?}");
+        let stands = seen.ticks.iter().find(|tick| tick.tick > AT && tick.mode == Tick::MODE_STANCE).unwrap();
+        assert!(stands.tick < AT + 1100, "{robot} stands at {}", stands.tick);
+        // It is heard again, and followed.
+        assert_eq!(seen.ticks.last().unwrap().mode, Tick::MODE_WALK);
+        let refusals: Vec<_> =
+            seen.said.iter().filter(|event| event.text.contains("operator command too old")).collect();
+        assert!(refusals.len() == 1 && refusals[0].level == Event::LEVEL_WARNING, "{refusals:?}");
+    }
+}
+
+#[test]
+fn a_robot_lifted_off_the_ground_or_pressed_to_it() {
+    for (robot, up, down) in [("hyq", 900.0, -6000.0), ("anymal_b", 320.0, -2000.0)] {
+        let push = |force: f64| format!("[[push]]\nt_s = 2.0\nduration_s = 1.5\nforce_W = [0.0, 0.0, {force:?}]\n");
+        let asked = [(0.0, "mode = \"stand\"")];
+        let (lifted, _) = run(robot, &scenario(4.0, "kind = \"flat\"", "", &asked, &push(up)), &[]);
+        assert_torques_bounded(robot, &lifted);
+        let first = lifted.first(Tick::MODE_DAMPING).unwrap();
+        assert_eq!(first.fault, Tick::FAULT_NO_CONTACT, "{robot}: {first:?}");
+        assert!((AT + 500..AT + 600).contains(&first.tick), "{robot}: {first:?}");
+        // Legs that hang are not thrown about.
+        let in_the_air = lifted.states.iter().filter(|state| (AT..first.tick).contains(&state.seq));
+        let fastest = in_the_air.flat_map(|state| &state.qd).fold(0.0_f64, |most, qd| most.max(qd.abs()));
+        assert!(fastest < 8.0, "{robot}: {fastest} rad/s");
+        let pressed = walk(robot, &push(down), &[]);
+        let first = pressed.first(Tick::MODE_DAMPING).unwrap();
+        assert_eq!(first.fault, Tick::FAULT_HEIGHT, "{robot}: {first:?}");
+    }
+}
+
+#[test]
+fn programs_without_a_solution() {
+    for robot in ROBOTS {
+        let starved = [("qp.solver", "\"clarabel\""), ("wbc.max_iterations", "1"), ("safety.max_qp_failures", "3")];
+        let asked = [(0.0, "mode = \"stand\"")];
+        let (seen, _) = run(robot, &scenario(0.1, "kind = \"flat\"", "", &asked, ""), &starved);
+        let damped = seen.first(Tick::MODE_DAMPING).unwrap();
+        assert_eq!((damped.tick, damped.fault, damped.fault_value), (3, Tick::FAULT_QP, 4.0), "{robot}");
+        assert_torques_bounded(robot, &seen);
+    }
+}

@@ -1,0 +1,191 @@
+//! Parameters changed while the robot walks: in the log with their tick, and in every replay of it.
+#![allow(clippy::unwrap_used, missing_docs)]
+
+mod common;
+
+use common::{Seen, run, scenario};
+use lcmtypes::{Event, Message, ParameterChange, ParameterRequest, channels};
+use replay::engine::{Cursor, Options, Replay};
+use replay::log::LogWriter;
+use std::path::{Path, PathBuf};
+use std::sync::LazyLock;
+
+/// Two changes in the trot, one of them a new stack of tasks, and three that are refused.
+static CHANGES: &str = r#"
+[[parameter]]
+t_s = 1.2005
+key = "trunk.kp"
+value = [700.0, 700.0, 700.0]
+[[parameter]]
+t_s = 1.5
+key = "robot.posture.lf_haa_joint"
+value = 0.0
+[[parameter]]
+t_s = 1.6
+key = "trunk.kpp"
+value = 3
+[[parameter]]
+t_s = 1.7
+key = "wbc.friction"
+value = -1
+[[parameter]]
+t_s = 2.3
+key = "stack.formula"
+value = "contact + 0.5 * trunk + 0.1 * posture << base_dynamics << friction << force_bounds"
+"#;
+
+/// A run of 3.3 s with changes, snapshots at ticks 0, 1000, 2000, 3000.
+static RUN: LazyLock<Seen> = LazyLock::new(|| {
+    let formula = controller::stack::S3;
+    let changes = CHANGES.replace(
+        "contact + 0.5 * trunk + 0.1 * posture << base_dynamics << friction << force_bounds",
+        formula.trim_matches('"'),
+    );
+    let asked = [(0.0, "mode = \"stand\""), (0.3, "mode = \"walk\"\nv_x = 0.2")];
+    let (seen, outcome) = run("hyq", &scenario(3.3, "kind = \"flat\"", "", &asked, &changes), &[]);
+    assert_eq!((outcome.fell_at_s, outcome.safe_state), (None, None));
+    seen
+});
+
+fn path(name: &str) -> PathBuf {
+    let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join("parameters");
+    std::fs::create_dir_all(&folder).unwrap();
+    folder.join(name)
+}
+
+/// Writes those events of the run that are wanted.
+fn log(name: &str, mut wanted: impl FnMut(&str, &[u8]) -> bool) -> PathBuf {
+    let path = path(name);
+    let mut log = LogWriter::create(&path).unwrap();
+    for (channel, t_ns, data) in &RUN.events {
+        if wanted(channel, data) {
+            log.write(channel, *t_ns, data).unwrap();
+        }
+    }
+    log.finish().unwrap();
+    path
+}
+
+fn changes() -> Vec<ParameterChange> {
+    let messages = RUN.events.iter().filter(|(channel, ..)| channel == channels::PARAMETER_CHANGE);
+    messages.map(|(.., data)| ParameterChange::decode(data).unwrap()).collect()
+}
+
+#[test]
+fn the_log_says_what_changed_when_and_why_what_did_not() {
+    let found: Vec<_> = changes().into_iter().map(|change| (change.tick, change.seq, change.key)).collect();
+    assert_eq!(found, [(1201, 0, "trunk.kp".to_owned()), (2300, 4, "stack.formula".to_owned())]);
+    let requests = RUN.events.iter().filter(|(channel, ..)| channel == channels::PARAMETER_REQUEST);
+    let asked: Vec<i64> = requests.map(|(.., data)| ParameterRequest::decode(data).unwrap().seq).collect();
+    assert_eq!(asked, [0, 1, 2, 3, 4]);
+    let said: Vec<_> = RUN.said.iter().filter(|event| event.source == "parameters").collect();
+    let texts: Vec<&str> = said.iter().map(|event| &*event.text).collect();
+    assert_eq!(texts[0], "trunk.kp = [700.0, 700.0, 700.0] from this tick on");
+    assert_eq!(
+        texts[1],
+        "robot.posture.lf_haa_joint = 0.0 is refused: parameter robot.posture.lf_haa_joint cannot be changed while running: [robot] is what \
+         the run was begun with"
+    );
+    assert!(
+        texts[2].starts_with(
+            "trunk.kpp = 3 is refused: unknown parameter \"trunk.kpp\", in [trunk] there are: height_gain, kd, kp"
+        ),
+        "{}",
+        texts[2]
+    );
+    assert_eq!(texts[3], "wbc.friction = -1 is refused: parameter wbc.friction is -1, expected a positive number");
+    let levels: Vec<i8> = said.iter().map(|event| event.level).collect();
+    let warning = Event::LEVEL_WARNING;
+    assert_eq!(levels, [Event::LEVEL_INFO, warning, warning, warning, Event::LEVEL_INFO]);
+}
+
+#[test]
+fn every_way_to_replay_follows_the_changes_to_the_bit() {
+    for ending in ["lcmlog", "mcap"] {
+        let path = log(&format!("run.{ending}"), |_, _| true);
+        let replay = Replay::open(&path).unwrap();
+        for (from_s, jobs, ticks) in [(None, 1, 3300), (None, 3, 3300), (Some(1.1), 1, 2299), (Some(2.9), 2, 1299)] {
+            let options = Options { from_s, jobs, ..Options::default() };
+            let report = replay.run(&options, &mut |_| {}).unwrap();
+            assert!(report.identical && report.ticks == ticks, "{ending}, {options:?}: {:?}", report.first_divergence);
+        }
+        let out = self::path(&format!("again.{ending}"));
+        replay.run(&Options { out: Some(out.clone()), ..Options::default() }, &mut |_| {}).unwrap();
+        let report = Replay::open(&out).unwrap().run(&Options::default(), &mut |_| {}).unwrap();
+        assert!(report.identical && report.ticks == 3300, "{ending}: {:?}", report.first_divergence);
+    }
+}
+
+#[test]
+fn a_cursor_stands_among_the_parameters_of_its_tick() {
+    let path = log("cursor.mcap", |_, _| true);
+    let replay = Replay::open(&path).unwrap();
+    let mut cursor = Cursor::open(&replay, &Options::default(), &mut |_| {}).unwrap();
+    // There and back, over both changes, within a page and from page to page.
+    for tick in [3100, 1200, 1201, 2299, 2300, 900, 2500, 1500] {
+        let moment = cursor.go_to(tick).unwrap();
+        assert_eq!(moment.divergence, None, "tick {tick}");
+    }
+}
+
+#[test]
+fn mutant_a_log_without_a_change_differs_from_its_tick_on() {
+    for (name, tick) in [("trunk.kp", 1201), ("stack.formula", 2300)] {
+        let path = log(&format!("without_{name}.mcap"), |channel, data| {
+            channel != channels::PARAMETER_CHANGE || ParameterChange::decode(data).unwrap().key != name
+        });
+        for jobs in [1, 2] {
+            let options = Options { jobs, ..Options::default() };
+            let report = Replay::open(&path).unwrap().run(&options, &mut |_| {}).unwrap();
+            let first = report.first_divergence.unwrap();
+            assert_eq!((first.tick, first.stage), (tick, "tasks"), "{name}, {jobs} jobs");
+        }
+    }
+}
+
+#[test]
+fn a_change_one_tick_late_is_seen() {
+    let path = path("late.mcap");
+    let mut late = LogWriter::create(&path).unwrap();
+    for (channel, t_ns, data) in &RUN.events {
+        let mut data = data.clone();
+        if channel == channels::PARAMETER_CHANGE {
+            let mut change = ParameterChange::decode(&data).unwrap();
+            change.tick += 1;
+            data.clear();
+            change.encode(&mut data).unwrap();
+        }
+        late.write(channel, *t_ns, &data).unwrap();
+    }
+    late.finish().unwrap();
+    let report = Replay::open(&path).unwrap().run(&Options::default(), &mut |_| {}).unwrap();
+    assert_eq!(report.first_divergence.unwrap().tick, 1201);
+}
+
+#[test]
+fn what_is_asked_to_be_other_stays_so_whatever_the_log_changes() {
+    let path = log("held.mcap", |_, _| true);
+    let replay = Replay::open(&path).unwrap();
+    // The stack of the run's end from its beginning on: other torques before the change, and the run's own after it, but for the state.
+    let set = vec![("trunk.kp".to_owned(), "[1000, 1000, 1000]".to_owned())];
+    let report = replay.run(&Options { set, bound: Some(1e9), ..Options::default() }, &mut |_| {}).unwrap();
+    assert_eq!(report.first_divergence.unwrap().tick, 1201, "the log changes it there, the replay does not");
+    let set = vec![("trunk.kp".to_owned(), "[700, 700, 700]".to_owned())];
+    let report = replay.run(&Options { set, bound: Some(1e9), ..Options::default() }, &mut |_| {}).unwrap();
+    assert_eq!(report.first_divergence.unwrap().tick, 0, "it is so from the beginning on");
+}
+
+#[test]
+fn a_part_of_a_log_brings_along_what_changed_before_it() {
+    let whole = log("whole.mcap", |_, _| true);
+    let folder = path("corpus");
+    let _ = std::fs::remove_dir_all(&folder);
+    std::fs::create_dir_all(&folder).unwrap();
+    let mut corpus = replay::corpus::Corpus::open_with(&folder, controller::load).unwrap();
+    let part = replay::corpus::Part { around_s: 2.8, span_s: 0.4 };
+    corpus.add_part(&whole, Some(part), "part", "test", &[]).unwrap();
+    corpus.add(&whole, "whole", "test", &[]).unwrap();
+    for result in corpus.check(2) {
+        assert!(result.identical && result.ticks > 0, "{result:?}");
+    }
+}
