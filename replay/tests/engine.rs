@@ -328,7 +328,6 @@ fn inputs_may_come_seconds_after_their_commands() {
     let path = with_all_but_commands_late("too_late_inputs.mcap", 20_000, 17_000);
     let report = replay(&path, &Options::default());
     assert!(report.identical && report.late_messages > 0 && report.missing_input_ticks > 0, "{report:?}");
-    assert_eq!(report.ticks + report.missing_input_ticks + report.skipped_ticks, 20_000);
 }
 
 #[test]
