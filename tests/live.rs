@@ -178,7 +178,7 @@ fn a_recorder_that_comes_late_leaves_a_log_that_replays_from_the_next_state_on()
     let run_file = format!("runs/hyq_sim.toml --scenario scenarios/short_flat.toml --lcm-url {url}");
     let mut driver = Talker::start(&format!("driver {run_file}"));
     driver.hear(&["driving hyq"]);
-    // RUN_INFO comes again after 5 s.
+    // What the run is, is said again after 5 s.
     let controller = Talker::start(&format!("controller {run_file} --ticks 5100"));
     let mut ticks = 0;
     while ticks < 100 {
@@ -186,6 +186,8 @@ fn a_recorder_that_comes_late_leaves_a_log_that_replays_from_the_next_state_on()
         assert!(!heard.is_empty(), "no tick in {PATIENCE:?}");
         ticks += heard.len();
     }
+    // It comes behind a change of parameters, too.
+    hoof(&format!("set swing.height=0.07 --lcm-url {url}")).exits(0);
     let mut recorder = Talker::start(&format!("log record {} --lcm-url {url}", log.display()));
     recorder.hear(&["recording udpm://"]);
     controller.end().exits(0);

@@ -61,6 +61,8 @@ pub(crate) struct Ticks {
     with_input: usize,
     /// Changes of parameters whose ticks have not been handed out, by the first tick that they hold in.
     changes: BTreeMap<i64, Vec<ParameterChange>>,
+    /// All of them so far: a live run says them again for those who come late.
+    known: Vec<ParameterChange>,
     handed_out: Option<i64>,
     kinds: Vec<(Arc<str>, Option<u64>, Kind)>,
     run_info: Option<Vec<u8>>,
@@ -90,12 +92,16 @@ enum Kind {
 
 impl Ticks {
     pub fn open(path: &Path, beside: Beside) -> Result<Self, Error> {
+        let known = changes_before(path)?;
+        let mut changes = BTreeMap::<_, Vec<_>>::new();
+        known.iter().for_each(|change| changes.entry(change.tick).or_default().push(change.clone()));
         Ok(Ticks {
             path: path.into(),
             events: LogReader::open(path)?.events(),
             waiting: BTreeMap::new(),
             with_input: 0,
-            changes: BTreeMap::new(),
+            changes,
+            known,
             handed_out: None,
             kinds: Vec::new(),
             run_info: None,
@@ -167,16 +173,14 @@ impl Ticks {
                 }
             }
             Kind::Change => {
-                let change = ParameterChange::decode(&event.data).map_err(|source| Error::Decode {
-                    path: self.path.clone(),
-                    channel: event.channel.to_string(),
-                    offset: event.offset,
-                    source: source.into(),
-                })?;
-                if self.handed_out.is_some_and(|last| change.tick <= last) {
-                    self.late += 1;
-                } else {
-                    self.changes.entry(change.tick).or_default().push(change);
+                let change = change_of(&self.path, &event)?;
+                if !self.known.contains(&change) {
+                    if self.handed_out.is_some_and(|last| change.tick <= last) {
+                        self.late += 1;
+                    } else {
+                        self.changes.entry(change.tick).or_default().push(change.clone());
+                    }
+                    self.known.push(change);
                 }
                 self.other(event);
             }
@@ -244,6 +248,39 @@ impl Ticks {
         self.kinds.push((Arc::clone(&event.channel), fingerprint, kind));
         Ok(kind)
     }
+}
+
+/// Changes of parameters before the first tick of a log, which stand in it where they were said again: a log that was begun in the middle of a
+/// run is read for them.
+fn changes_before(path: &Path) -> Result<Vec<ParameterChange>, Error> {
+    let (mut first, mut found) = (None, Vec::<ParameterChange>::new());
+    for event in LogReader::open(path)?.events() {
+        let event = event?;
+        match (&*event.channel, first) {
+            (channels::CONTROLLER_INPUT, None) => first = integer_at(&event.data, 16),
+            (channels::PARAMETER_CHANGE, _) => {
+                let change = change_of(path, &event)?;
+                if !found.contains(&change) {
+                    found.push(change);
+                }
+            }
+            _ => {}
+        }
+        if first == Some(0) {
+            return Ok(Vec::new());
+        }
+    }
+    found.retain(|change| first.is_some_and(|first| change.tick < first));
+    Ok(found)
+}
+
+fn change_of(path: &Path, event: &Event) -> Result<ParameterChange, Error> {
+    ParameterChange::decode(&event.data).map_err(|source| Error::Decode {
+        path: path.into(),
+        channel: event.channel.to_string(),
+        offset: event.offset,
+        source: source.into(),
+    })
 }
 
 /// Whether the type of a message is still the one of its channel.
