@@ -9,8 +9,11 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-/// How many ticks late a message may be: over a bus, those of one tick do not all arrive before those of the next.
+/// How many later ticks may have their inputs before a tick is handed out: over a bus, messages of one tick do not all arrive before those of the next.
 const WINDOW: usize = 256;
+/// Ticks that wait at most, with and without input. A live controller sends its commands by itself, and all else through a ring, from which a busy
+/// machine may take it seconds later: inputs are worth waiting for as long as such a ring lasts.
+const MOST: usize = 1 << 14;
 
 /// All that a log holds of one tick.
 #[derive(Default)]
@@ -49,11 +52,13 @@ pub(crate) enum Beside {
     ByTick,
 }
 
-/// The ticks of a log in the order of their numbers. Memory is bounded by a window of ticks.
+/// The ticks of a log in the order of their numbers. Memory is bounded by a number of ticks.
 pub(crate) struct Ticks {
     path: PathBuf,
     events: Events,
     waiting: BTreeMap<i64, Tick>,
+    /// Ticks among those waiting that have their input.
+    with_input: usize,
     /// Changes of parameters whose ticks have not been handed out, by the first tick that they hold in.
     changes: BTreeMap<i64, Vec<ParameterChange>>,
     /// All of them so far: a live run says them again for those who come late.
@@ -94,6 +99,7 @@ impl Ticks {
             path: path.into(),
             events: LogReader::open(path)?.events(),
             waiting: BTreeMap::new(),
+            with_input: 0,
             changes,
             known,
             handed_out: None,
@@ -120,7 +126,7 @@ impl Ticks {
     /// # Errors
     /// A second run in the log, a type of another version, an input that cannot be decoded, a file that cannot be read.
     pub fn next(&mut self) -> Result<Option<Tick>, Error> {
-        while self.waiting.len() <= WINDOW {
+        while self.with_input <= WINDOW && self.waiting.len() <= MOST {
             let Some(event) = self.events.next().transpose()? else { break };
             self.offset = event.offset;
             self.take(event)?;
@@ -128,6 +134,7 @@ impl Ticks {
         let mut tick = self.waiting.pop_first().map(|(_, tick)| tick);
         self.handed_out = tick.as_ref().map(|tick| tick.tick).or(self.handed_out);
         if let Some(tick) = &mut tick {
+            self.with_input -= usize::from(tick.input.is_some());
             let later = self.changes.split_off(&tick.tick.saturating_add(1));
             tick.changes = std::mem::replace(&mut self.changes, later).into_values().flatten().collect();
         }
@@ -160,7 +167,9 @@ impl Ticks {
                 if let Some(tick) = self.slot(input.tick) {
                     tick.t_log_ns = event.t_ns;
                     tick.others.extend(others);
+                    let is_new = tick.input.is_none();
                     tick.input.get_or_insert(input);
+                    self.with_input += usize::from(is_new);
                 }
             }
             Kind::Change => {
