@@ -83,6 +83,24 @@ fn parameters_change_while_the_robot_walks_and_the_log_replays() {
 }
 
 #[test]
+fn a_scenario_asks_for_parameters_in_a_live_run_too() {
+    let folder = folder("scenario");
+    let (scenario, log) = (folder.join("scenario.toml"), folder.join("run.mcap"));
+    let mut text = std::fs::read_to_string("scenarios/short_flat.toml").unwrap();
+    text += "[[parameter]]\nt_s = 0.3\nkey = \"swing.height\"\nvalue = 0.07\n";
+    std::fs::write(&scenario, text).unwrap();
+    let (url, scenario, out) = (url(3), scenario.display(), log.display());
+    let run = "run runs/hyq_sim.toml --ticks 2000 --json";
+    let ran = hoof(&format!("{run} --scenario {scenario} --lcm-url {url} --log {out}"));
+    assert!(ran.code < 2, "{}", ran.stderr);
+    let changes: Vec<ParameterChange> = messages(&log, PARAMETER_CHANGE);
+    // Each of them, as often as it was said.
+    assert!(!changes.is_empty() && changes.iter().all(|change| *change == changes[0]), "{changes:?}");
+    assert_eq!((&*changes[0].key, &*changes[0].value), ("swing.height", "0.07"));
+    hoof(&format!("replay {out}")).exits(0);
+}
+
+#[test]
 fn who_asks_nobody_is_told_so() {
     let url = url(2);
     let nobody = hoof(&format!("set trunk.kp=[1,1,1] --lcm-url {url}")).exits(2);
