@@ -7,6 +7,7 @@ mod driver;
 mod process;
 mod run;
 mod run_file;
+mod screen;
 mod set;
 
 use anyhow::Context;
