@@ -141,7 +141,7 @@ impl Run {
             bytes: Vec::new(),
             clock: StageClock::default(),
             t_swing: [0.0; 4],
-            mode: ModeWatch::default(),
+            mode: ModeWatch::new(sim.joints().to_vec()),
             fell_at: None,
             safe_state: None,
             last_p_WB: None,

@@ -40,7 +40,8 @@ fn assert_damped(robot: &str, seen: &Seen, at: i64, code: i32, index: i32) {
     let said =
         seen.said.iter().find(|event| event.level == Event::LEVEL_ERROR && event.source == "controller").unwrap();
     let reason = format!("controller is in DAMPING: {}", lcmtypes::words::fault(code));
-    assert!(said.tick == at && said.text.starts_with(&reason), "{robot}: {said:?}");
+    let named = usize::try_from(index).map_or_else(|_| String::new(), |index| joint(robot, index));
+    assert!(said.tick == at && said.text.starts_with(&reason) && said.text.contains(&named), "{robot}: {said:?}");
 }
 
 #[test]

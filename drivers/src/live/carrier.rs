@@ -6,6 +6,7 @@ use super::{Call, Caller, Handover, Lateness};
 use crate::changes::{self, ParameterDesk, Proposal};
 use crate::operators::Arbiter;
 use crate::watch::{ModeWatch, Said};
+use controller::model::{JointKind, UrdfTree};
 use lcmtypes::bus::{Bus, Received};
 use lcmtypes::{
     ControllerTick, Event, ExecutorCommand, Message, OperatorCommand, ParameterChange, ParameterRequest, RunInfo,
@@ -69,7 +70,7 @@ impl Carrier {
         controllers: Vec<String>,
         lateness: Lateness,
     ) -> Self {
-        let desk = ParameterDesk::new(&info);
+        let (desk, modes) = (ParameterDesk::new(&info), ModeWatch::new(joints(&info)));
         Carrier {
             ring,
             calls,
@@ -79,7 +80,7 @@ impl Carrier {
             info_due_ns: None,
             controllers,
             running: 0,
-            modes: ModeWatch::default(),
+            modes,
             lateness,
             desk,
             wishes: VecDeque::new(),
@@ -316,4 +317,11 @@ impl Carrier {
         self.tell(t_ns, -1, Event::LEVEL_WARNING, "executor", text);
         None
     }
+}
+
+/// Names of the robot's actuated joints, in URDF order.
+fn joints(info: &RunInfo) -> Vec<String> {
+    let tree = UrdfTree::parse(&info.urdf, &info.robot).ok();
+    let joints = tree.into_iter().flat_map(|tree| tree.joints);
+    joints.filter(|joint| joint.kind != JointKind::Fixed).map(|joint| joint.name).collect()
 }
