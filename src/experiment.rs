@@ -51,7 +51,7 @@ pub enum Command {
         #[arg(long)]
         json: bool,
     },
-    /// The largest value of a key of a scenario that a robot survives, by bisection
+    /// The largest value of a key of a scenario that a robot survives
     Limit(limit::Args),
 }
 
@@ -139,9 +139,13 @@ fn list(json: bool) -> anyhow::Result<()> {
         };
         return say_json(&recipes::ALL.iter().map(entry).collect::<Vec<_>>());
     }
+    let width = recipes::ALL.iter().map(|experiment| experiment.id.len()).max().unwrap_or(0) + 2;
     for Experiment { id, title, published, robot, seeds, minutes, .. } in recipes::ALL {
         let seeds = if *seeds > 1 { format!(", {seeds} seeds") } else { String::new() };
-        say(format!("{id:<7}{title}\n       published: {published}\n       {robot}{seeds}, about {minutes} min"))?;
+        say(format!(
+            "{id:<width$}{title}\n{:width$}published: {published}\n{:width$}{robot}{seeds}, about {minutes} min",
+            "", ""
+        ))?;
     }
     Ok(())
 }

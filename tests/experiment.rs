@@ -14,14 +14,18 @@ fn the_list_holds_every_experiment_of_the_paper() {
         assert!(ids.contains(&format!("A{number}").as_str()), "{ids:?}");
     }
     let text = hoof("experiment list").exits(0).stdout;
-    assert!(text.contains("A4     A2 and A3 on another robot") && text.contains("anymal_b, 20 seeds, about"), "{text}");
+    assert!(
+        text.contains("A4               A2, A3 and speed on another robot")
+            && text.contains("anymal_b, 20 seeds, about"),
+        "{text}"
+    );
 }
 
 #[test]
 fn an_unknown_experiment_is_told_what_there_is() {
     let error = hoof("experiment run A13").exits(2).stderr;
     assert!(
-        error.contains("no experiment \"A13\", there are: A1, A2, A3,") && error.contains("limits, all"),
+        error.contains("no experiment \"A13\", there are: A1, A2, A3,") && error.contains("limits_anymal_b, all"),
         "{error}"
     );
 }

@@ -4,9 +4,10 @@
 mod common;
 
 use common::{command, folder, hoof, messages};
-use lcmtypes::channels::{CONTROLLER_INPUT, EVENT, PARAMETER_CHANGE, PARAMETER_REQUEST};
-use lcmtypes::{ControllerInput, Event, ParameterChange, ParameterRequest};
+use lcmtypes::channels::{CONTROLLER_INPUT, CONTROLLER_TICK, EVENT, PARAMETER_CHANGE, PARAMETER_REQUEST};
+use lcmtypes::{ControllerInput, ControllerTick, Event, ParameterChange, ParameterRequest};
 use std::io::{BufRead, BufReader};
+use std::path::Path;
 use std::process::Stdio;
 
 fn url(test: u32) -> String {
@@ -59,6 +60,44 @@ fn parameters_change_while_the_robot_walks_and_the_log_replays() {
     assert_eq!((&replay["identical"], &replay["late_messages"]), (&true.into(), &0.into()));
     let ticks = i64::try_from(inputs.len()).unwrap();
     assert_eq!(replay["ticks"], ticks);
+
+    // Simulated again, the robot is asked for the same, at the same times since its first tick.
+    let again = log.with_file_name("again.mcap");
+    let simulated = hoof(&format!("replay {} --json --resim {}", log.display(), again.display()));
+    assert!(simulated.code < 2, "{}", simulated.stderr);
+    let wishes = |log: &Path| -> Vec<(String, i64)> {
+        let since = messages::<ControllerInput>(log, CONTROLLER_INPUT)[0].t_ns;
+        let asked: Vec<ParameterRequest> = messages(log, PARAMETER_REQUEST);
+        asked.into_iter().map(|wish| (wish.key, wish.t_ns - since)).collect()
+    };
+    assert_eq!(wishes(&again), wishes(&log));
+    let changes: Vec<ParameterChange> = messages(&again, PARAMETER_CHANGE);
+    assert!(
+        changes.iter().map(|change| (&change.key, &change.value)).eq(first_said.iter().map(|c| (&c.key, &c.value)))
+    );
+    let walks = |log: &Path| {
+        let ticks: Vec<ControllerTick> = messages(log, CONTROLLER_TICK);
+        ticks.iter().any(|tick| tick.mode == ControllerTick::MODE_WALK)
+    };
+    assert_eq!(walks(&again), walks(&log));
+}
+
+#[test]
+fn a_scenario_asks_for_parameters_in_a_live_run_too() {
+    let folder = folder("scenario");
+    let (scenario, log) = (folder.join("scenario.toml"), folder.join("run.mcap"));
+    let mut text = std::fs::read_to_string("scenarios/short_flat.toml").unwrap();
+    text += "[[parameter]]\nt_s = 0.3\nkey = \"swing.height\"\nvalue = 0.07\n";
+    std::fs::write(&scenario, text).unwrap();
+    let (url, scenario, out) = (url(3), scenario.display(), log.display());
+    let run = "run runs/hyq_sim.toml --ticks 2000 --json";
+    let ran = hoof(&format!("{run} --scenario {scenario} --lcm-url {url} --log {out}"));
+    assert!(ran.code < 2, "{}", ran.stderr);
+    let changes: Vec<ParameterChange> = messages(&log, PARAMETER_CHANGE);
+    // Each of them, as often as it was said.
+    assert!(!changes.is_empty() && changes.iter().all(|change| *change == changes[0]), "{changes:?}");
+    assert_eq!((&*changes[0].key, &*changes[0].value), ("swing.height", "0.07"));
+    hoof(&format!("replay {out}")).exits(0);
 }
 
 #[test]

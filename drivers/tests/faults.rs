@@ -68,12 +68,14 @@ fn sensors_that_read_what_cannot_be() {
 #[test]
 fn states_that_do_not_come() {
     for robot in ROBOTS {
-        let lost = fault("drop_state", "").replace("0.002", "5.0");
-        let asked = [(0.0, "mode = \"stand\""), (0.3, "mode = \"walk\"\nv_x = 0.2")];
-        let (seen, _) = run(robot, &scenario(3.0, "kind = \"flat\"", "", &asked, &lost), &[]);
-        // The last state is of tick AT - 1, and up to 10 ms old it will do.
-        let damped = seen.first(Tick::MODE_DAMPING).unwrap();
-        assert_eq!((damped.tick, damped.fault), (AT + 10, Tick::FAULT_STATE_STALE), "{robot}");
+        for (kind, rest) in [("drop_state", ""), ("late_process", ""), ("delay_state", "delay_s = 0.05")] {
+            let lost = fault(kind, rest).replace("0.002", "5.0");
+            // The last state is of tick AT - 1, and up to 10 ms old it will do.
+            let asked = [(0.0, "mode = \"stand\""), (0.3, "mode = \"walk\"\nv_x = 0.2")];
+            let (seen, _) = run(robot, &scenario(3.0, "kind = \"flat\"", "", &asked, &lost), &[]);
+            let damped = seen.first(Tick::MODE_DAMPING).unwrap();
+            assert_eq!((damped.tick, damped.fault), (AT + 10, Tick::FAULT_STATE_STALE), "{robot}, {kind}");
+        }
     }
 }
 

@@ -1,4 +1,4 @@
-//! How much a robot survives: bisection over a key of a scenario.
+//! How much a robot survives: a search over a key of a scenario.
 
 use super::bench::{Bench, Sample, Spec, count};
 use super::scenario_edit::Change;
@@ -8,7 +8,8 @@ use std::path::PathBuf;
 #[derive(clap::Args)]
 #[command(
     after_help = "Example: hoof experiment limit --scenario scenarios/push_trot.toml --key 'push[0].force_W[1]' --from 0 --to 400 --step 10\n\n\
-    A value is survived if the robot neither falls nor gives up with any seed, and comes as far as --way asks."
+    A value is survived if the robot neither falls nor gives up with any seed, and comes as far as --way asks. What is tried doubles its distance from\n\
+    --from until a value is not survived; bisection finds the limit between that and the last that was."
 )]
 pub struct Args {
     /// Scenario (TOML)
@@ -76,7 +77,8 @@ pub struct Tried {
     pub survived: f64,
 }
 
-/// The largest value that every seed survives, not a number if `from` is not survived; and all that was tried, in the order of the values.
+/// The largest value that every seed survives, not a number if `from` is not survived; and all that was tried, in the order of the values. It comes from
+/// below, by doubled distances and then by bisection: a value that is survived by luck beyond one that is not would mislead a search from the far end.
 pub fn largest(bench: &Bench, sweep: &Sweep) -> anyhow::Result<(f64, Vec<Tried>)> {
     let mut tried = Vec::new();
     let mut survives = |value: f64| -> anyhow::Result<bool> {
@@ -98,21 +100,26 @@ pub fn largest(bench: &Bench, sweep: &Sweep) -> anyhow::Result<(f64, Vec<Tried>)
         tried.push(Tried { value, survived: count(survivors) / count(samples.len()) });
         Ok(survivors == samples.len())
     };
-    let mut good = if survives(sweep.from)? { sweep.from } else { f64::NAN };
-    if good == sweep.from {
-        if survives(sweep.to)? {
-            good = sweep.to;
-        } else {
-            let mut bad = sweep.to;
-            while (bad - good).abs() > 1.5 * sweep.step.abs() {
-                // On the grid of steps, so that the same values turn up again.
-                let middle = sweep.from + ((0.5 * (good + bad) - sweep.from) / sweep.step).round() * sweep.step;
-                *(if survives(middle)? { &mut good } else { &mut bad }) = middle;
-            }
+    // In steps from `from`, so that the same values turn up again.
+    let end = ((sweep.to - sweep.from) / sweep.step).abs().max(1.0);
+    let value = |steps: f64| if steps == end { sweep.to } else { sweep.from + steps * sweep.step };
+    if !survives(sweep.from)? {
+        return Ok((f64::NAN, tried));
+    }
+    let (mut good, mut bad) = (0.0, 1.0);
+    while survives(value(bad))? {
+        good = bad;
+        if good == end {
+            break;
         }
+        bad = (2.0 * bad).min(end);
+    }
+    while bad - good > 1.5 {
+        let middle = (0.5 * (good + bad)).round();
+        *(if survives(value(middle))? { &mut good } else { &mut bad }) = middle;
     }
     tried.sort_by(|a, b| a.value.total_cmp(&b.value));
-    Ok((good, tried))
+    Ok((value(good), tried))
 }
 
 /// A TOML float, short.

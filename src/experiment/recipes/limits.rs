@@ -1,4 +1,4 @@
-//! The highest step and the largest push, by bisection.
+//! The highest step, the deepest hole and the largest push.
 
 use crate::experiment::bench::{Bench, Spec};
 use crate::experiment::limit::{Sweep, Tried, largest};
@@ -27,16 +27,26 @@ pub fn limits(bench: &Bench) -> anyhow::Result<Vec<Row>> {
         .with("floor", "[{ t_s = 4.0, leg = \"LF\", height_m = 0.0 }]");
     // A fifth of a stride later with each seed.
     let later = |seed: i64| ("push[0].t_s".to_owned(), format!("{:.3}", 4.0 + 0.111 * f64::from(seed as i32)));
+    // Under another foot with each seed, diagonal ones first.
+    let foot = |seed: i64| ("floor[0].leg".to_owned(), format!("{:?}", ["LF", "RH", "RF", "LH"][(seed % 4) as usize]));
     let sweeps = [
         (
             "highest step up",
             "m",
-            Sweep { spec: steps, key: "terrain.step_height_m", from: 0.02, to: 0.2, step: 0.01, way: 1.6, vary: None },
+            Sweep { spec: steps, key: "terrain.step_height_m", from: 0.02, to: 0.3, step: 0.01, way: 1.6, vary: None },
         ),
         (
-            "deepest hole under one foot",
+            "deepest hole under any one foot",
             "m",
-            Sweep { spec: hole, key: "floor[0].height_m", from: -0.02, to: -0.2, step: -0.01, way: 0.0, vary: None },
+            Sweep {
+                spec: hole,
+                key: "floor[0].height_m",
+                from: -0.02,
+                to: -0.3,
+                step: -0.01,
+                way: 0.0,
+                vary: Some(&foot),
+            },
         ),
         (
             "largest push from the side, 0.2 s",
@@ -45,7 +55,7 @@ pub fn limits(bench: &Bench) -> anyhow::Result<Vec<Row>> {
                 spec: push.clone().named("push_side"),
                 key: "push[0].force_W[1]",
                 from: 50.0,
-                to: 800.0,
+                to: 3250.0,
                 step: 25.0,
                 way: 0.0,
                 vary: Some(&later),
@@ -58,7 +68,7 @@ pub fn limits(bench: &Bench) -> anyhow::Result<Vec<Row>> {
                 spec: push.named("push_behind"),
                 key: "push[0].force_W[0]",
                 from: 50.0,
-                to: 800.0,
+                to: 3250.0,
                 step: 25.0,
                 way: 0.0,
                 vary: Some(&later),
@@ -69,6 +79,12 @@ pub fn limits(bench: &Bench) -> anyhow::Result<Vec<Row>> {
     for (name, unit, sweep) in &sweeps {
         let (limit, tried) = largest(bench, sweep)?;
         rows.push(Row::noted(*name, limit.abs(), unit).at_least(sweep.from.abs()));
+        if limit == sweep.to {
+            bench.note(format!(
+                "{name}: {} {unit}, the last that is tried, is survived too: the limit lies beyond",
+                limit.abs()
+            ));
+        }
         let points: Vec<(f64, f64)> =
             tried.iter().map(|Tried { value, survived }| (*value, 100.0 * survived)).collect();
         let curves = Curves {

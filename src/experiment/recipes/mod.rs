@@ -41,7 +41,7 @@ pub const ALL: &[Experiment] = &[
     },
     Experiment {
         id: "A4",
-        title: "A2 and A3 on another robot, with the gains that differ",
+        title: "A2, A3 and speed on another robot, and the parameters that differ",
         published: "\"a slight tuning of the gains of the postural and of the trunk orientation tasks\"",
         robot: "anymal_b",
         seeds: 20,
@@ -140,11 +140,20 @@ pub const ALL: &[Experiment] = &[
     },
     Experiment {
         id: "limits",
-        title: "the highest step and the largest push that are survived, by bisection",
+        title: "the highest step, the deepest hole and the largest push that are survived",
         published: "no number",
         robot: "hyq",
-        seeds: 3,
-        minutes: 10.0,
+        seeds: 4,
+        minutes: 4.0,
+        run: limits::limits,
+    },
+    Experiment {
+        id: "limits_anymal_b",
+        title: "the same of another robot, which weighs a third",
+        published: "no number",
+        robot: "anymal_b",
+        seeds: 4,
+        minutes: 4.0,
         run: limits::limits,
     },
 ];
