@@ -5,7 +5,7 @@
 use lcmtypes::{ControllerTick, Event, OperatorCommand, WbcSolution};
 use serde::Serialize;
 
-use crate::metrics::{Safety, tick_us};
+use crate::metrics::{Safety, left_out, tick_us};
 use crate::run::{Run, Tick};
 
 /// A step between ticks longer than this many periods is a gap in the log.
@@ -230,8 +230,12 @@ fn losses(run: &Run) -> Vec<Happening> {
         if after.t_s - before.t_s > longest {
             let missing = ((after.t_s - before.t_s) / run.period_s()).round() as i64 - 1;
             if after.follows(before) {
+                let timings = before.timing.as_ref().zip(after.timing.as_ref());
+                let out = timings.map_or(missing, |(t0, t1)| left_out(t0, t1, run.period_s() * 1e6) as i64);
                 let words = |n: i64| format!("{n} ticks were left out: the controller came too late for them");
-                add(before, What::Deadline, missing.max(1), &words, &mut out_burst);
+                if out > 0 {
+                    add(before, What::Deadline, out, &words, &mut out_burst);
+                }
                 continue;
             }
             let seconds = after.t_s - before.t_s;
