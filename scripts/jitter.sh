@@ -2,19 +2,28 @@
 # How punctual the real-time thread is here: `hoof run` with no robot, beside cyclictest at the same time, period and priority, first on the machine as it
 # is, then with every core busy. Needs cyclictest (Debian's rt-tests). README, "Live", has what it printed on one machine.
 #
-#     scripts/jitter.sh HOOF [SECONDS]
+#     scripts/jitter.sh HOOF [SECONDS [CORE]]
+#
+# With CORE both keep to that core.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 hoof=${1:?the command to measure, such as target/release/hoof}
 seconds=${2:-60}
+core=${3:-}
 command -v cyclictest >/dev/null || { echo "error: cyclictest is not there: apt-get install rt-tests" >&2; exit 1; }
 out=$(mktemp -d)
 trap 'kill $(jobs -p) 2>/dev/null || true; rm -rf "$out"' EXIT
 
+run=runs/hyq_dummy.toml
+if [ -n "$core" ]; then
+    run=$out/run.toml
+    printf '\n[realtime]\ncore = %s\n' "$core" | cat runs/hyq_dummy.toml - >"$run"
+fi
+
 measure() {  # NAME
-    cyclictest --mlockall --priority=80 --interval=1000 --duration="$seconds" --quiet --histogram=100000 >"$out/cyclictest" &
+    cyclictest ${core:+--affinity="$core"} --mlockall --priority=80 --interval=1000 --duration="$seconds" --quiet --histogram=100000 >"$out/cyclictest" &
     local beside=$!
-    "$hoof" run runs/hyq_dummy.toml --seconds "$seconds" --log "$out/$1.mcap" 2>"$out/said" >/dev/null || { cat "$out/said" >&2; exit 1; }
+    "$hoof" run "$run" --seconds "$seconds" --log "$out/$1.mcap" 2>"$out/said" >/dev/null || { cat "$out/said" >&2; exit 1; }
     wait "$beside"
     "$hoof" replay "$out/$1.mcap" >"$out/replay" || { cat "$out/replay" >&2; exit 1; }
     "$hoof" log cat "$out/$1.mcap" --channels TIMING --json >"$out/timing"

@@ -45,6 +45,7 @@ enum Command {
     Driver(live::DriverArgs),
     /// Start or stop a controller of a live run
     Ctl(live::CtlArgs),
+    Set(live::SetArgs),
     /// Feed a log's inputs to its controller again and compare every bit of every output
     Replay(Box<replay_log::Args>),
     Teleop(teleop::Args),
@@ -94,6 +95,7 @@ fn main() -> ExitCode {
         Command::Controller(args) => live::controller(&args),
         Command::Driver(args) => live::driver(&args),
         Command::Ctl(args) => live::ctl(&args),
+        Command::Set(args) => live::set(&args),
         Command::Replay(args) => replay_log::run(&args),
         Command::Doctor(args) => doctor::run(&args),
         Command::Teleop(args) => teleop::run(&args),

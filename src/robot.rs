@@ -128,7 +128,7 @@ pub fn with_overrides(params: &str, set: &[String]) -> anyhow::Result<String> {
 pub fn overrides(set: &[String]) -> anyhow::Result<Vec<(String, String)>> {
     set.iter()
         .map(|text| {
-            let (key, value) = text.split_once('=').with_context(|| format!("--set {text}: expected KEY=VALUE"))?;
+            let (key, value) = text.split_once('=').with_context(|| format!("parameter {text}: expected KEY=VALUE"))?;
             Ok((key.trim().to_owned(), value.trim().to_owned()))
         })
         .collect()

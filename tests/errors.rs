@@ -155,7 +155,7 @@ fn parameters() {
             "posture.stance_kp=[1,2]",
             "parameter posture.stance_kp: found `[1,2]`, expected a value like `[500.0, 500.0, 500.0]`",
         ),
-        ("friction", "--set friction: expected KEY=VALUE"),
+        ("friction", "parameter friction: expected KEY=VALUE"),
     ];
     for (set, words) in cases {
         for command in [&sim, &replay] {

@@ -3,67 +3,17 @@
 
 mod common;
 
-use common::{Ran, command, events, folder, hoof, messages, ran};
+use common::talker::{Talker, kill};
+use common::{events, folder, hoof, messages, ran};
 use lcmtypes::channels::{CONTROLLER_INPUT, CONTROLLER_TICK, EVENT, ROBOT_COMMAND, ROBOT_STATE};
 use lcmtypes::{ControllerInput, ControllerTick, Event, Message, RobotCommand};
 use serde_json::Value;
-use std::io::{BufRead, BufReader, Read};
 use std::path::Path;
-use std::process::{Child, ChildStderr, Command, Stdio};
+use std::process::Command;
 
 /// A network of its own for each test and process.
 fn url(test: u32) -> String {
     format!("udpm://239.255.78.2:{}?ttl=0&recv_buf_size=2000000", 20_000 + std::process::id() % 4000 * 10 + test)
-}
-
-/// A process whose words are read one by one.
-struct Talker {
-    child: Child,
-    stderr: BufReader<ChildStderr>,
-    said: String,
-}
-
-impl Talker {
-    fn start(mut command: Command) -> Self {
-        let mut child = command.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
-        let stderr = BufReader::new(child.stderr.take().unwrap());
-        Talker { child, stderr, said: String::new() }
-    }
-
-    /// `hoof run` in simulation.
-    fn run(test: u32, log: &Path, more: &str) -> Self {
-        let mut run = command();
-        run.args(["run", "runs/hyq_sim.toml", "--scenario", "scenarios/short_flat.toml", "--json"]);
-        run.args(["--lcm-url", &url(test), "--log"]).arg(log).args(more.split_whitespace());
-        Talker::start(run)
-    }
-
-    /// Reads on until a line holds all of these words; gives that line.
-    fn hear(&mut self, words: &[&str]) -> String {
-        loop {
-            let mut line = String::new();
-            assert!(self.stderr.read_line(&mut line).unwrap() > 0, "it ended without {words:?}: {}", self.said);
-            self.said += &line;
-            if words.iter().all(|word| line.contains(word)) {
-                return line;
-            }
-        }
-    }
-
-    /// Number of a process of a run.
-    fn process(&mut self, name: &str) -> String {
-        let line = self.hear(&[name, ": process "]);
-        line.trim_end().rsplit(' ').next().unwrap().to_owned()
-    }
-
-    fn end(mut self) -> (Ran, String) {
-        self.stderr.read_to_string(&mut self.said).unwrap();
-        (ran(self.child.wait_with_output().unwrap()), self.said)
-    }
-}
-
-fn kill(signal: &str, process: &str) {
-    assert!(Command::new("kill").args([signal, process]).status().unwrap().success());
 }
 
 /// The log replays bit for bit. Of a controller that was killed, the last commands came by their own way before their inputs did.
@@ -76,13 +26,13 @@ fn is_identical(log: &Path) -> Value {
 #[test]
 fn a_dead_controller_is_noticed_within_20_steps_of_its_driver() {
     let log = folder("controller").join("run.mcap");
-    let mut run = Talker::run(1, &log, "");
+    let mut run = Talker::run(&url(1), &log, "");
     let controller = run.process("controller");
     run.hear(&["controller is in STANCE"]);
     kill("-KILL", &controller);
     run.hear(&["ERROR driver: no command for"]);
-    let (ran, said) = run.end();
-    assert!(said.contains("controller ended, signal: 9 (SIGKILL): the driver damps the robot"), "{said}");
+    let ran = run.end();
+    assert!(ran.stderr.contains("controller ended, signal: 9 (SIGKILL): the driver damps the robot"), "{}", ran.stderr);
     assert_eq!(ran.exits(1).json()["controller"]["signal"], 9);
     is_identical(&log);
 
@@ -106,20 +56,18 @@ fn a_dead_controller_is_noticed_within_20_steps_of_its_driver() {
 #[test]
 fn a_dead_driver_is_damped_for_and_another_one_is_heard() {
     let log = folder("driver").join("run.mcap");
-    let mut run = Talker::run(2, &log, "--ticks 3000");
+    let mut run = Talker::run(&url(2), &log, "--ticks 3000");
     let driver = run.process("driver");
     run.hear(&["controller is in STANCE"]);
     kill("-KILL", &driver);
     run.hear(&["ERROR controller: controller is in DAMPING: joint state too old"]);
-    let mut second = command();
-    second.args(["driver", "runs/hyq_sim.toml", "--lcm-url", &url(2)]);
-    let mut second = Talker::start(second);
+    let mut second = Talker::start(&format!("driver runs/hyq_sim.toml --lcm-url {}", url(2)));
     second.hear(&["driving hyq"]);
-    let (ran, said) = run.end();
-    assert!(said.contains("driver ended, signal: 9 (SIGKILL): the controller damps and waits"), "{said}");
-    kill("-INT", &second.child.id().to_string());
+    let ran = run.end();
+    assert!(ran.stderr.contains("driver ended, signal: 9 (SIGKILL): the controller damps and waits"), "{}", ran.stderr);
+    second.interrupt();
     // The controller goes on damping until the operator wants otherwise, so this robot sinks down, upright.
-    second.end().0.exits(0);
+    second.end().exits(0);
     assert_eq!(ran.exits(1).json()["controller"]["ticks"], 3000);
     assert_eq!(is_identical(&log)["ticks"], 3000);
 
@@ -139,12 +87,16 @@ fn a_dead_driver_is_damped_for_and_another_one_is_heard() {
 #[test]
 fn the_robot_walks_on_without_its_recorder() {
     let log = folder("recorder").join("run.mcap");
-    let mut run = Talker::run(3, &log, "--ticks 1500");
+    let mut run = Talker::run(&url(3), &log, "--ticks 1500");
     let recorder = run.process("recorder");
     run.hear(&["controller is in WALK"]);
     kill("-KILL", &recorder);
-    let (ran, said) = run.end();
-    assert!(said.contains("recorder ended, signal: 9 (SIGKILL): the robot goes on without a log"), "{said}");
+    let ran = run.end();
+    assert!(
+        ran.stderr.contains("recorder ended, signal: 9 (SIGKILL): the robot goes on without a log"),
+        "{}",
+        ran.stderr
+    );
     let json = ran.exits(1).json();
     assert_eq!((&json["controller"]["ticks"], &json["controller"]["exit_code"]), (&1500.into(), &0.into()));
     // A killed recorder leaves a log without its end, of which nothing else is missing.
@@ -176,11 +128,11 @@ fn the_robot_walks_on_when_the_disk_is_full() {
 #[test]
 fn ctrl_c_lets_the_robot_sit_down_and_completes_the_log() {
     let log = folder("interrupt").join("run.mcap");
-    let mut run = Talker::run(5, &log, "--ticks 30000");
+    let mut run = Talker::run(&url(5), &log, "--ticks 30000");
     run.process("controller");
     run.hear(&["controller is in STANCE"]);
-    kill("-INT", &run.child.id().to_string());
-    let (ran, said) = run.end();
+    run.interrupt();
+    let ran = run.end();
     let json = ran.json();
     for process in ["controller", "recorder"] {
         assert_eq!(json[process]["exit_code"], 0, "{json}");
@@ -191,21 +143,21 @@ fn ctrl_c_lets_the_robot_sit_down_and_completes_the_log() {
     // On a machine that stalls it may have been damped instead.
     assert!([ControllerTick::MODE_IDLE, ControllerTick::MODE_DAMPING].contains(&last), "{last}");
     let sat = ticks.iter().any(|tick| tick.mode == ControllerTick::MODE_SIT);
-    assert!(sat && last == ControllerTick::MODE_IDLE || said.contains("DAMPING: "), "{said}");
+    assert!(sat && last == ControllerTick::MODE_IDLE || ran.stderr.contains("DAMPING: "), "{}", ran.stderr);
     // The driver has seen the end of the commands as an end, not as a death.
-    assert!(!said.contains("ERROR driver: no command"), "{said}");
+    assert!(!ran.stderr.contains("ERROR driver: no command"), "{}", ran.stderr);
 }
 
 #[test]
 fn ctrl_c_twice_damps_at_once() {
     let log = folder("twice").join("run.mcap");
-    let mut run = Talker::run(8, &log, "--ticks 30000");
+    let mut run = Talker::run(&url(8), &log, "--ticks 30000");
     run.process("controller");
     run.hear(&["controller is in STANCE"]);
-    kill("-INT", &run.child.id().to_string());
+    run.interrupt();
     run.hear(&["controller is in SIT"]);
-    kill("-INT", &run.child.id().to_string());
-    let (ran, _) = run.end();
+    run.interrupt();
+    let ran = run.end();
     assert_eq!(ran.json()["controller"]["exit_code"], 0);
     is_identical(&log);
     let commands: Vec<RobotCommand> = messages(&log, ROBOT_COMMAND);
@@ -220,20 +172,19 @@ fn another_driver_is_taken_up_when_the_operator_asks_for_it() {
     let text = "name = \"again\"\nduration_s = 60.0\n[terrain]\nkind = \"flat\"\n[start]\nposture = \"lying\"\n\
         [[operator]]\nt_s = 0.0\nmode = \"idle\"\n[[operator]]\nt_s = 1.5\nmode = \"stand\"\n";
     std::fs::write(&scenario, text).unwrap();
-    let mut run = Talker::run(9, &log, "--ticks 30000");
+    let mut run = Talker::run(&url(9), &log, "--ticks 30000");
     let driver = run.process("driver");
     run.hear(&["controller is in STANCE"]);
     kill("-KILL", &driver);
     run.hear(&["ERROR controller: controller is in DAMPING: joint state too old"]);
-    let mut second = command();
-    second.args(["driver", "runs/hyq_sim.toml", "--lcm-url", &url(9), "--scenario"]).arg(&scenario);
-    let second = Talker::start(second);
+    let scenario = scenario.display();
+    let second = Talker::start(&format!("driver runs/hyq_sim.toml --lcm-url {} --scenario {scenario}", url(9)));
     run.hear(&["controller is in IDLE"]);
     run.hear(&["controller is in STAND_UP"]);
     run.hear(&["controller is in STANCE"]);
-    kill("-INT", &run.child.id().to_string());
+    run.interrupt();
     run.end();
-    kill("-INT", &second.child.id().to_string());
+    second.interrupt();
     second.end();
     is_identical(&log);
 }
@@ -241,13 +192,12 @@ fn another_driver_is_taken_up_when_the_operator_asks_for_it() {
 #[test]
 fn nobody_is_left_behind_when_the_run_is_killed() {
     let log = folder("parent").join("run.mcap");
-    let mut run = Talker::run(6, &log, "");
+    let mut run = Talker::run(&url(6), &log, "");
     let processes = ["recorder", "driver", "controller"].map(|name| run.process(name));
     run.hear(&["controller is in STANCE"]);
-    kill("-KILL", &run.child.id().to_string());
+    kill("-KILL", &run.id());
     // The pipe closes when the last of them is gone.
-    run.stderr.read_to_string(&mut run.said).unwrap();
-    run.child.wait().unwrap();
+    run.wait();
     for process in processes {
         while Path::new(&format!("/proc/{process}")).exists() {
             std::thread::yield_now();
@@ -259,7 +209,7 @@ fn nobody_is_left_behind_when_the_run_is_killed() {
 #[test]
 fn a_second_controller_and_a_second_driver_are_refused() {
     let log = folder("second").join("run.mcap");
-    let mut run = Talker::run(7, &log, "");
+    let mut run = Talker::run(&url(7), &log, "");
     run.process("controller");
     run.hear(&["controller is in STANCE"]);
     for (name, channel) in [("controller", "ROBOT_COMMAND"), ("driver", "ROBOT_STATE")] {
@@ -267,6 +217,6 @@ fn a_second_controller_and_a_second_driver_are_refused() {
         let wanted = format!("error: another {name} sends {channel} on udpm://239.255.78.2:");
         assert!(second.stderr.starts_with(&wanted), "{}", second.stderr);
     }
-    kill("-INT", &run.child.id().to_string());
+    run.interrupt();
     run.end();
 }

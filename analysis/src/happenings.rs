@@ -5,13 +5,15 @@
 use lcmtypes::{ControllerTick, Event, OperatorCommand, WbcSolution};
 use serde::Serialize;
 
-use crate::metrics::{Safety, tick_us};
+use crate::metrics::{Safety, left_out, tick_us};
 use crate::run::{Run, Tick};
 
 /// A step between ticks longer than this many periods is a gap in the log.
 const GAP_PERIODS: f64 = 1.5;
 /// Like happenings closer than this are one, s.
 const TOGETHER_S: f64 = 0.1;
+/// An event stamped farther than this from its run was stamped by another clock, s.
+const OTHER_CLOCK_S: f64 = 3600.0;
 
 /// Something that a reader wants to know of.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -99,11 +101,19 @@ pub fn happenings(run: &Run) -> Vec<Happening> {
         text: format!("{}, index {}, value {}", fault.fault, fault.index, fault.value),
     }));
     let t0_ns = run.ticks.first().map_or(0, |tick| tick.t_ns);
-    all.extend(run.events.iter().map(|event| Happening {
-        t_s: (event.t_ns - t0_ns) as f64 / 1e9,
-        tick: (event.tick >= 0).then_some(event.tick),
-        what: if event.level == Event::LEVEL_INFO { What::Event } else { What::Warning },
-        text: format!("{}: {}", event.source, event.text),
+    let mut last_s = 0.0;
+    all.extend(run.events.iter().map(|event| {
+        let t_s = event.t_ns.saturating_sub(t0_ns) as f64 / 1e9;
+        // By another clock, as a recorder's: then it is where it stands in the log.
+        if (-OTHER_CLOCK_S..run.duration_s() + OTHER_CLOCK_S).contains(&t_s) {
+            last_s = t_s;
+        }
+        Happening {
+            t_s: last_s,
+            tick: (event.tick >= 0).then_some(event.tick),
+            what: if event.level == Event::LEVEL_INFO { What::Event } else { What::Warning },
+            text: format!("{}: {}", event.source, event.text),
+        }
     }));
     all.sort_by(|a, b| a.t_s.total_cmp(&b.t_s).then(a.what.cmp(&b.what)));
     all
@@ -137,6 +147,8 @@ fn mode_text(mode: i8) -> &'static str {
         ControllerTick::MODE_STANCE => "stands",
         ControllerTick::MODE_WALK => "walks",
         ControllerTick::MODE_DAMPING => "damps the joints",
+        ControllerTick::MODE_STAND_UP => "has the robot get up",
+        ControllerTick::MODE_SIT => "has the robot sit down",
         _ => "is in a mode that this version does not know",
     }
 }
@@ -212,11 +224,20 @@ fn losses(run: &Run) -> Vec<Happening> {
             }
             *burst = Some((at, tick.t_s, total));
         };
-    let (mut lost_burst, mut stale_burst) = (None, None);
+    let (mut lost_burst, mut stale_burst, mut out_burst) = (None, None, None);
     for pair in run.ticks.windows(2) {
         let [before, after] = pair else { continue };
         if after.t_s - before.t_s > longest {
             let missing = ((after.t_s - before.t_s) / run.period_s()).round() as i64 - 1;
+            if after.follows(before) {
+                let timings = before.timing.as_ref().zip(after.timing.as_ref());
+                let out = timings.map_or(missing, |(t0, t1)| left_out(t0, t1, run.period_s() * 1e6) as i64);
+                let words = |n: i64| format!("{n} ticks were left out: the controller came too late for them");
+                if out > 0 {
+                    add(before, What::Deadline, out, &words, &mut out_burst);
+                }
+                continue;
+            }
             let seconds = after.t_s - before.t_s;
             let words = |n: i64| format!("{n} ticks are missing from the log after this one: {seconds:.3} s");
             add(before, What::Gap, missing.max(1), &words, &mut None);

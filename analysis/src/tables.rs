@@ -260,7 +260,7 @@ pub fn summary_rows(metrics: &Metrics) -> Vec<(&'static str, String)> {
     if let Some(timing) = &metrics.timing {
         let deadlines = match timing.with_deadline {
             0 => format!("none set (lockstep); {} ticks took longer than the period", timing.longer_than_period),
-            n => format!("{} of {n} missed", timing.missed_deadlines),
+            n => format!("{} of {n} missed, {} ticks left out", timing.missed_deadlines, timing.left_out),
         };
         rows.push(("deadlines", deadlines));
     }

@@ -8,7 +8,8 @@ use analysis::Run;
 use analysis::check::Limits;
 use analysis::happenings::{Happening, What, happenings};
 use analysis::metrics::Metrics;
-use common::{Plan, scratch, write};
+use common::{Plan, late_by_two_from, scratch, write};
+use lcmtypes::Event;
 
 fn run_of(name: &str, plan: &Plan) -> Run {
     let path = scratch(name).join("run.mcap");
@@ -42,6 +43,25 @@ fn losses_are_dated_and_counted() {
         (What::Lost, Some(501), "1 states of the robot did not reach the controller"),
     ];
     assert_eq!(told, expected.map(|(what, tick, text)| (what, tick, text.to_owned())));
+}
+
+/// A live run that comes too late for ticks leaves them out: their numbers go on, and nothing is missing from the log.
+#[test]
+fn ticks_that_were_left_out_are_not_missing() {
+    let mut run = run_of("left_out", &Plan { ticks: 900, live: true, ..Plan::default() });
+    late_by_two_from(&mut run, 500);
+    let told = told(&run);
+    let out = (What::Deadline, Some(499), "2 ticks were left out: the controller came too late for them".to_owned());
+    assert!(told.contains(&out) && !told.iter().any(|(what, ..)| *what == What::Gap), "{told:?}");
+}
+
+#[test]
+fn an_event_by_another_clock_is_where_it_stands_in_the_log() {
+    let mut run = run_of("clocks", &Plan { ticks: 1200, ..Plan::default() });
+    let event = Event { t_ns: 1_795_322_830_386_616_200, tick: -1, text: "lost 4".into(), ..Event::default() };
+    run.events.push(Event { source: "recorder".into(), ..event });
+    let last = happenings(&run).pop().unwrap();
+    assert_eq!((last.t_s, last.tick, &*last.text), (1.0, None, "recorder: lost 4"));
 }
 
 #[test]

@@ -9,8 +9,9 @@ use analysis::stats::ErrorStats;
 use analysis::{Error, Run};
 use common::{
     EFFORT, FOOT_ERROR, FORCE_ERROR, HEIGHT_ERROR, JOINT_ERROR, JOINT_TORQUE, JOINT_VELOCITY, MASS, Plan, RPY_ERROR,
-    SPEED, TOUCHDOWN_DELAY, YAW_RATE, scratch, write,
+    SPEED, TOUCHDOWN_DELAY, YAW_RATE, late_by_two_from, scratch, write,
 };
+use lcmtypes::ControllerTick;
 
 fn run_of(name: &str, plan: &Plan) -> Run {
     let path = scratch(name).join("run.lcmlog");
@@ -129,6 +130,22 @@ fn truth_of_another_clock_is_taken_within_half_a_period() {
     assert_eq!(later.ticks[1].truth.as_ref().unwrap().t_ns, 700_000, "but near the next");
 }
 
+/// A robot that lies without torque, gets up, sits down or is damped is low; one that stands or walks has fallen.
+#[test]
+fn low_is_fallen_only_where_it_should_stand() {
+    let fell = |name: &str, mode: i8| {
+        let mut run = run_of(name, &Plan { ticks: 300, ..Plan::default() });
+        for tick in &mut run.ticks[100..200] {
+            tick.status.as_mut().unwrap().mode = mode;
+            tick.truth.as_mut().unwrap().p_WB[2] = 0.1;
+        }
+        Metrics::of(&run).safety.fell_at_s
+    };
+    use ControllerTick as T;
+    let low = [T::MODE_IDLE, T::MODE_STAND_UP, T::MODE_SIT, T::MODE_DAMPING].map(|mode| fell("low", mode));
+    assert_eq!((low, [T::MODE_STANCE, T::MODE_WALK].map(|mode| fell("low", mode))), ([None; 4], [Some(0.1); 2]));
+}
+
 #[test]
 fn a_fall_and_its_fault_are_dated() {
     let safety = Metrics::of(&run_of("fall", &Plan { fall: 2500, ..Plan::default() })).safety;
@@ -211,5 +228,9 @@ fn a_live_run_has_jitter_and_deadlines() {
     let jitter = timing.period_error_us.unwrap();
     assert!((jitter.std - 20.0).abs() < 0.01 && jitter.max == 20.0 && jitter.min == -20.0, "{jitter:?}");
     // One tick takes 1.5 ms.
-    assert_eq!((timing.with_deadline, timing.missed_deadlines), (4000, 1));
+    assert_eq!((timing.with_deadline, timing.missed_deadlines, timing.left_out), (4000, 1, 0));
+    let mut run = run_of("live_late", &Plan { live: true, ..Plan::default() });
+    late_by_two_from(&mut run, 2000);
+    let timing = Metrics::of(&run).timing.unwrap();
+    assert_eq!((timing.missed_deadlines, timing.left_out), (1, 2));
 }

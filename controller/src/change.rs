@@ -39,41 +39,32 @@ impl Parameters {
         Parameters { info: RunInfo { lcm_types: Vec::new(), num_lcm_types: 0, ..info.clone() } }
     }
 
-    /// The run's description with them.
-    pub fn info(&self) -> &RunInfo {
-        &self.info
-    }
-
-    /// Sets one of them.
+    /// These with one of them set.
     ///
     /// - `key`, `value`: dotted key and TOML value, as in `--set`.
     ///
     /// # Errors
-    /// [`ChangeError::Fixed`] for a key of the robot; [`ChangeError::Params`]. Nothing has changed then.
-    pub fn set(&mut self, key: &str, value: &str) -> Result<(), ChangeError> {
+    /// [`ChangeError::Fixed`] for a key of the robot; [`ChangeError::Params`].
+    pub fn with(&self, key: &str, value: &str) -> Result<Self, ChangeError> {
         if key == "robot" || key.starts_with("robot.") {
             return Err(ChangeError::Fixed { key: key.to_owned() });
         }
-        self.info.params = apply_overrides(&self.info.params, &[(key.to_owned(), value.to_owned())])?;
-        Ok(())
+        let params = apply_overrides(&self.info.params, &[(key.to_owned(), value.to_owned())])?;
+        Ok(Parameters { info: RunInfo { params, ..self.info.clone() } })
     }
 
-    /// Sets one of them, and builds the controller that is to take over; takes milliseconds.
+    /// Builds the controller that they describe; takes milliseconds.
     ///
     /// # Errors
-    /// As [`Parameters::set`], and what [`crate::load`] says of parameters that fit no controller. Nothing has changed then.
-    pub fn change(&mut self, key: &str, value: &str) -> Result<Box<dyn Controller>, ChangeError> {
-        let mut changed = self.clone();
-        changed.set(key, value)?;
-        let controller = crate::load(&changed.info)?;
-        *self = changed;
-        Ok(controller)
+    /// What [`crate::load`] says of parameters that fit no controller.
+    pub fn build(&self) -> Result<Box<dyn Controller>, ChangeError> {
+        Ok(crate::load(&self.info)?)
     }
 }
 
 /// Hands the state of one controller to another, between two ticks.
 ///
-/// - `state`: memory for it. The quadruped allocates nothing here once `state` has the capacity.
+/// - `state`: memory for it. Nothing is allocated here once `state` has the capacity.
 ///
 /// # Errors
 /// The other one does not take the state; it is not fit for use then.

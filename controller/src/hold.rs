@@ -40,6 +40,8 @@ pub struct Hold {
     params: Params,
     q_posture: Vec<f64>,
     state: HoldState,
+    /// Through which a state comes in, kept so that no memory is asked for then.
+    passage: HoldState,
     command: RobotCommand,
 }
 
@@ -76,7 +78,7 @@ impl Hold {
             kd: zeros(),
             ..Default::default()
         };
-        Ok(Hold { params, q_posture, state, command })
+        Ok(Hold { params, q_posture, passage: state.clone(), state, command })
     }
 
     /// What is wrong with an input, if anything.
@@ -135,7 +137,7 @@ impl Hold {
     }
 
     fn fill_command(&mut self) {
-        let Hold { params, q_posture, state, command } = self;
+        let Hold { params, q_posture, state, command, .. } = self;
         (command.t_ns, command.tick) = (state.t_ns, state.tick);
         let moving = matches!(state.mode, ControllerTick::MODE_STAND_UP | ControllerTick::MODE_STANCE);
         let duration = params.hold.duration;
@@ -202,7 +204,8 @@ impl Controller for Hold {
     }
 
     fn restore(&mut self, bytes: &[u8]) -> Result<(), RestoreError> {
-        let state = HoldState::decode(bytes)?;
+        let state = &mut self.passage;
+        state.decode_into(bytes)?;
         let (found, expected) = (state.q_from.len(), self.q_posture.len());
         if found != expected {
             return Err(RestoreError::Joints { found, expected });
@@ -210,7 +213,7 @@ impl Controller for Hold {
         if state.q_from.iter().chain([&state.t_since]).any(|x| !x.is_finite()) {
             return Err(RestoreError::NotFinite { field: "q_from" });
         }
-        self.state = state;
+        std::mem::swap(&mut self.state, &mut self.passage);
         Ok(())
     }
 

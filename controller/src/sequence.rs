@@ -15,6 +15,7 @@ use crate::params::Params;
 use crate::{Controller, LoadError, Outbox, Probe, RestoreError};
 use lcmtypes::channels::{self, CONTROLLER_SNAPSHOT};
 use lcmtypes::{ControllerInput, ControllerState, ControllerTick, Message, RobotCommand, RunInfo, SequenceState};
+use std::cell::{RefCell, RefMut};
 use std::collections::BTreeSet;
 use std::sync::{Mutex, PoisonError};
 
@@ -34,7 +35,8 @@ pub struct Sequence {
     tick: i64,
     of_part: Outbox,
     damping: RobotCommand,
-    state: SequenceState,
+    /// Through which the states go in and out, kept so that no memory is asked for then.
+    passage: RefCell<SequenceState>,
 }
 
 struct Part {
@@ -70,9 +72,11 @@ impl Sequence {
             parts.push(Part { controller, unused, aside });
         }
         let num_parts = i32::try_from(parts.len()).expect("there are few");
-        let state =
-            SequenceState { num_parts, parts: vec![ControllerState::default(); parts.len()], ..Default::default() };
-        Ok(Sequence { parts, running: 0, t_ns: 0, tick: -1, of_part: Outbox::new(), damping, state })
+        // A state has the same size in every tick.
+        let of_part = |part: &Part| ControllerState { size: 0, data: part.unused.clone() };
+        let passage = SequenceState { num_parts, parts: parts.iter().map(of_part).collect(), ..Default::default() };
+        let (of_part, passage) = (Outbox::new(), RefCell::new(passage));
+        Ok(Sequence { parts, running: 0, t_ns: 0, tick: -1, of_part, damping, passage })
     }
 
     /// Builds the controllers that a list such as `hold, quadruped` names, for the robot and with the parameters of the run.
@@ -103,14 +107,16 @@ impl Sequence {
         self.parts.iter().map(|part| part.controller.name())
     }
 
-    fn fill_state(&mut self) {
-        let Sequence { parts, running, t_ns, tick, state, .. } = self;
-        (state.t_ns, state.tick, state.running) = (*t_ns, *tick, *running);
-        for (part, of_part) in parts.iter().zip(&mut state.parts) {
+    /// The state, in the memory for it.
+    fn state(&self) -> RefMut<'_, SequenceState> {
+        let mut state = self.passage.borrow_mut();
+        (state.t_ns, state.tick, state.running) = (self.t_ns, self.tick, self.running);
+        for (part, of_part) in self.parts.iter().zip(&mut state.parts) {
             of_part.data.clear();
             part.controller.snapshot(&mut of_part.data);
             of_part.size = i32::try_from(of_part.data.len()).expect("a state is far below 2 GB");
         }
+        state
     }
 }
 
@@ -175,39 +181,35 @@ impl Controller for Sequence {
             put = put.and_then(|()| out.put(channels::CONTROLLER_TICK, &status));
         }
         if tick % SNAPSHOT_TICKS == 0 {
-            self.fill_state();
-            put = put.and_then(|()| out.put(CONTROLLER_SNAPSHOT, &self.state));
+            put = put.and_then(|()| out.put(CONTROLLER_SNAPSHOT, &*self.state()));
         }
         put.expect("every array has the length that its length field says since construction");
     }
 
     fn snapshot(&self, out: &mut Vec<u8>) {
-        let parts = self.parts.iter().map(|part| {
-            let mut data = Vec::new();
-            part.controller.snapshot(&mut data);
-            ControllerState { size: i32::try_from(data.len()).expect("a state is far below 2 GB"), data }
-        });
-        let Sequence { running, t_ns, tick, .. } = *self;
-        let state = SequenceState { t_ns, tick, running, num_parts: self.state.num_parts, parts: parts.collect() };
-        state.encode(out).expect("the arrays have just been made");
+        self.state().encode(out).expect("the arrays have just been made");
     }
 
     fn restore(&mut self, bytes: &[u8]) -> Result<(), RestoreError> {
-        let state = SequenceState::decode(bytes)?;
-        let (found, expected) = (state.parts.len(), self.parts.len());
-        if found != expected {
-            return Err(RestoreError::Parts { found, expected });
-        }
-        for (part, of_part) in self.parts.iter_mut().zip(&state.parts) {
-            part.controller.restore(&of_part.data)?;
-        }
-        (self.running, self.t_ns, self.tick) = (state.running, state.t_ns, state.tick);
-        Ok(())
+        let Sequence { parts, running, t_ns, tick, passage, .. } = self;
+        let state = passage.get_mut();
+        let read = state.decode_into(bytes).map_err(RestoreError::from).and_then(|()| {
+            let (found, expected) = (state.parts.len(), parts.len());
+            if found != expected {
+                return Err(RestoreError::Parts { found, expected });
+            }
+            (*running, *t_ns, *tick) = (state.running, state.t_ns, state.tick);
+            parts.iter_mut().zip(&state.parts).try_for_each(|(part, state)| part.controller.restore(&state.data))
+        });
+        // What was refused may have had other parts.
+        state.num_parts = i32::try_from(parts.len()).expect("there are few");
+        state.parts.resize_with(parts.len(), ControllerState::default);
+        read
     }
 
     fn poison_workspace(&mut self) {
         self.parts.iter_mut().for_each(|part| part.controller.poison_workspace());
-        self.state.parts.iter_mut().for_each(|part| part.data.fill(0xff));
+        self.passage.get_mut().parts.iter_mut().for_each(|part| part.data.fill(0xff));
         self.of_part.clear();
     }
 

@@ -27,10 +27,21 @@ impl ParameterEntry {
     }
 }
 
-/// Answers wishes one after the other, each on top of those before it. Builds controllers, so it has no place on a real-time thread.
+/// Answers wishes one after the other, each on top of those that were granted before. Builds controllers, so it has no place on a real-time
+/// thread.
 #[derive(Debug)]
 pub struct ParameterDesk {
     parameters: Parameters,
+}
+
+/// What a wish comes to.
+pub struct Proposal {
+    /// The controller that is to take over.
+    pub controller: Box<dyn Controller>,
+    /// The change, whose time and tick are those of the take-over.
+    pub change: ParameterChange,
+    /// The parameters then, for [`ParameterDesk::granted`].
+    pub parameters: Parameters,
 }
 
 impl ParameterDesk {
@@ -39,11 +50,25 @@ impl ParameterDesk {
         ParameterDesk { parameters: Parameters::new(info) }
     }
 
-    /// The controller that is to take over, or the text of the EVENT that says why none is.
-    pub fn answer(&mut self, request: &ParameterRequest) -> Result<Box<dyn Controller>, String> {
-        let ParameterRequest { key, value, .. } = request;
-        self.parameters.change(key, value).map_err(|error| format!("{key} = {value} is refused: {error}"))
+    /// What is to take over, or the text of the EVENT that says why nothing does.
+    pub fn answer(&self, request: &ParameterRequest) -> Result<Proposal, String> {
+        let ParameterRequest { seq, key, value, .. } = request;
+        let proposed = self.parameters.with(key, value).and_then(|parameters| Ok((parameters.build()?, parameters)));
+        let (controller, parameters) = proposed.map_err(|why| refusal(key, value, &why))?;
+        let change =
+            ParameterChange { seq: *seq, key: key.clone(), value: value.clone(), ..ParameterChange::default() };
+        Ok(Proposal { controller, change, parameters })
     }
+
+    /// A proposal has taken over.
+    pub fn granted(&mut self, parameters: Parameters) {
+        self.parameters = parameters;
+    }
+}
+
+/// The text of an EVENT that says why a parameter stays as it is.
+pub fn refusal(key: &str, value: &str, why: &dyn std::fmt::Display) -> String {
+    format!("{key} = {value} is refused: {why}")
 }
 
 /// The EVENT of an answer: from a tick on, or why not.

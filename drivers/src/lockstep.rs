@@ -3,7 +3,7 @@
 //! Everything that a live run sends over the bus goes into the log, stamped with the simulation time, so that two runs of one
 //! scenario and seed give equal logs but for TIMING, which holds the wall clock.
 
-use crate::changes::{self, ParameterDesk};
+use crate::changes::{self, ParameterDesk, Proposal};
 use crate::watch::{ModeWatch, Said};
 use crate::{DriverError, Faults, Scenario, Simulator};
 use controller::change::take_over;
@@ -141,7 +141,7 @@ impl Run {
             bytes: Vec::new(),
             clock: StageClock::default(),
             t_swing: [0.0; 4],
-            mode: ModeWatch::default(),
+            mode: ModeWatch::new(sim.joints().to_vec()),
             fell_at: None,
             safe_state: None,
             last_p_WB: None,
@@ -228,13 +228,15 @@ impl Run {
     ) -> Result<(), DriverError> {
         while let Some(request) = self.wishes.pop_front_if(|request| request.t_ns <= t_ns) {
             self.put(log, channels::PARAMETER_REQUEST, t_ns, &request)?;
-            let answer = self.desk.answer(&request).and_then(|mut next| {
-                let now = self.changed.as_deref().map_or(controller, |changed| changed as &dyn Controller);
-                take_over(now, &mut *next, &mut self.state).map_err(|error| error.to_string())?;
-                self.changed = Some(next);
-                let ParameterRequest { seq, key, value, .. } = request;
-                Ok(ParameterChange { t_ns, tick, seq, key, value })
-            });
+            let answer =
+                self.desk.answer(&request).and_then(|Proposal { controller: mut next, change, parameters }| {
+                    let now = self.changed.as_deref().map_or(controller, |changed| changed as &dyn Controller);
+                    take_over(now, &mut *next, &mut self.state)
+                        .map_err(|why| changes::refusal(&change.key, &change.value, &why))?;
+                    self.changed = Some(next);
+                    self.desk.granted(parameters);
+                    Ok(ParameterChange { t_ns, tick, ..change })
+                });
             if let Ok(change) = &answer {
                 self.put(log, channels::PARAMETER_CHANGE, t_ns, change)?;
             }

@@ -40,7 +40,8 @@ fn assert_damped(robot: &str, seen: &Seen, at: i64, code: i32, index: i32) {
     let said =
         seen.said.iter().find(|event| event.level == Event::LEVEL_ERROR && event.source == "controller").unwrap();
     let reason = format!("controller is in DAMPING: {}", lcmtypes::words::fault(code));
-    assert!(said.tick == at && said.text.starts_with(&reason), "{robot}: {said:?}");
+    let named = usize::try_from(index).map_or_else(|_| String::new(), |index| joint(robot, index));
+    assert!(said.tick == at && said.text.starts_with(&reason) && said.text.contains(&named), "{robot}: {said:?}");
 }
 
 #[test]
@@ -68,12 +69,14 @@ fn sensors_that_read_what_cannot_be() {
 #[test]
 fn states_that_do_not_come() {
     for robot in ROBOTS {
-        let lost = fault("drop_state", "").replace("0.002", "5.0");
-        let asked = [(0.0, "mode = \"stand\""), (0.3, "mode = \"walk\"\nv_x = 0.2")];
-        let (seen, _) = run(robot, &scenario(3.0, "kind = \"flat\"", "", &asked, &lost), &[]);
-        // The last state is of tick AT - 1, and up to 10 ms old it will do.
-        let damped = seen.first(Tick::MODE_DAMPING).unwrap();
-        assert_eq!((damped.tick, damped.fault), (AT + 10, Tick::FAULT_STATE_STALE), "{robot}");
+        for (kind, rest) in [("drop_state", ""), ("late_process", ""), ("delay_state", "delay_s = 0.05")] {
+            let lost = fault(kind, rest).replace("0.002", "5.0");
+            // The last state is of tick AT - 1, and up to 10 ms old it will do.
+            let asked = [(0.0, "mode = \"stand\""), (0.3, "mode = \"walk\"\nv_x = 0.2")];
+            let (seen, _) = run(robot, &scenario(3.0, "kind = \"flat\"", "", &asked, &lost), &[]);
+            let damped = seen.first(Tick::MODE_DAMPING).unwrap();
+            assert_eq!((damped.tick, damped.fault), (AT + 10, Tick::FAULT_STATE_STALE), "{robot}, {kind}");
+        }
     }
 }
 

@@ -1,23 +1,30 @@
-//! The real-time thread allocates nothing from its first tick on: with the quadruped that walks, over a real network.
+//! The real-time thread allocates nothing from its first tick on: with the quadruped that walks, over a real network, while another controller
+//! is started and stopped and parameters change.
 //!
 //! The measurements are those of a golden log, sent again with the time of the clock; the operator's commands come with them.
 #![allow(clippy::unwrap_used, missing_docs)]
 
+use controller::RestoreError;
 use controller::params::apply_overrides;
+use drivers::changes::{ParameterDesk, Proposal};
 use drivers::live::clock::{Beat, now_ns, sleep_until};
-use drivers::live::{Call, Ending, LcmRobot, Runner, Speaker};
-use lcmtypes::channels::{CONTROLLER_INPUT, CONTROLLER_TICK, ROBOT_STATE, RUN_INFO};
-use lcmtypes::{ControllerInput, ControllerTick, Message, RunInfo};
+use drivers::live::{Call, Caller, Ending, Handover, LcmRobot, Runner, Speaker, calls};
+use lcmtypes::channels::{
+    CONTROLLER_INPUT, CONTROLLER_SNAPSHOT, CONTROLLER_TICK, PARAMETER_CHANGE, ROBOT_STATE, RUN_INFO,
+};
+use lcmtypes::{ControllerInput, ControllerTick, Message, ParameterRequest, RunInfo};
 use replay::log::LogReader;
 use replay::record::byte_ring;
 use replay::udpm::Url;
-use rtrb::{Producer, RingBuffer};
+use std::collections::BTreeMap;
 use std::path::Path;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
 const TICKS: i64 = 2500;
+/// Changes of parameters on the way.
+const CHANGES: usize = 10;
 const BEAT: Beat = Beat { period_ns: 1_000_000, phase_ns: 0 };
 
 fn golden() -> (RunInfo, Vec<ControllerInput>) {
@@ -33,13 +40,18 @@ fn golden() -> (RunInfo, Vec<ControllerInput>) {
     (info.unwrap(), inputs)
 }
 
-/// The driver's and the operator's side, until `over`.
-fn send(inputs: Vec<ControllerInput>, url: &Url, mut calls: Producer<Call>, over: &AtomicBool) {
+/// The driver's and the operator's side, until `over`. How many handovers came back, and what was refused of them.
+fn send(
+    inputs: Vec<ControllerInput>,
+    url: &Url,
+    (mut caller, mut changes): (Caller, Vec<Proposal>),
+    over: &AtomicBool,
+) -> Vec<Option<RestoreError>> {
     let mut speaker = Speaker::open(url).unwrap();
-    let (mut bytes, mut seq) = (Vec::new(), -1);
-    for mut input in inputs {
+    let (mut bytes, mut seq, mut returned) = (Vec::new(), -1, Vec::new());
+    for (k, mut input) in inputs.into_iter().enumerate() {
         if over.load(Ordering::Relaxed) {
-            return;
+            break;
         }
         sleep_until(BEAT.after(now_ns()));
         input.state.t_ns = now_ns();
@@ -48,9 +60,21 @@ fn send(inputs: Vec<ControllerInput>, url: &Url, mut calls: Producer<Call>, over
         assert!(speaker.say(ROBOT_STATE, &bytes));
         if input.op.seq > seq {
             seq = input.op.seq;
-            drop(calls.push(Call::Operator { t_ns: now_ns(), command: input.op }));
+            caller.call(Call::Operator { t_ns: now_ns(), command: input.op });
         }
+        match k % 100 {
+            30 => drop(caller.call(Call::Start(0))),
+            60 => drop(caller.call(Call::Stop(0))),
+            90 => {
+                if let Some(Proposal { controller, change, parameters }) = changes.pop() {
+                    caller.call(Call::Change(Box::new(Handover { controller, change, parameters, refused: None })));
+                }
+            }
+            _ => {}
+        }
+        returned.extend(std::iter::from_fn(|| caller.returned()).map(|handover| handover.refused));
     }
+    returned
 }
 
 #[test]
@@ -64,37 +88,46 @@ fn the_real_time_thread_allocates_nothing() {
         .map(|(key, value)| (key.to_owned(), value.to_owned()))
         .collect();
     info.params = apply_overrides(&info.params, &lenient).unwrap();
+    info.controller = "sequence(hold, quadruped)".to_owned();
+    let desk = ParameterDesk::new(&info);
+    let wish = |k: usize| ParameterRequest {
+        key: "trunk.kp".to_owned(),
+        value: format!("[{0}.0, {0}.0, {0}.0]", 900 + k),
+        ..ParameterRequest::default()
+    };
+    let changes: Vec<Proposal> = (0..CHANGES).map(|k| desk.answer(&wish(k)).unwrap()).collect();
     let port = u16::try_from(20_000 + std::process::id() % 40_000).unwrap();
     let url = Url { port, ..Url::default() };
     let hardware = Box::new(LcmRobot::open(&url).unwrap());
     let (ring_in, mut ring_out) = byte_ring(1 << 24);
-    let (mut calls_in, calls_out) = RingBuffer::new(256);
-    let mut runner = Runner::new(controller::load(&info).unwrap(), 2, hardware, calls_out, ring_in, BEAT);
+    let (caller, called) = calls();
+    let mut runner = Runner::new(controller::load(&info).unwrap(), 2, hardware, called, ring_in, BEAT);
 
     let over = Arc::new(AtomicBool::new(false));
     let sender = std::thread::spawn({
         let over = over.clone();
-        move || send(inputs, &url, std::mem::replace(&mut calls_in, RingBuffer::new(1).0), &over)
+        move || send(inputs, &url, (caller, changes), &over)
     });
     let carrier = std::thread::spawn(move || {
-        let (mut modes, mut parcel) = (Vec::new(), Vec::new());
+        let (mut modes, mut seen, mut parcel) = (Vec::new(), BTreeMap::<String, usize>::new(), Vec::new());
         while !ring_out.is_abandoned() {
             while ring_out.pop(&mut parcel) {
                 let (channel, data) = parcel[1..].split_at(usize::from(parcel[0]));
+                *seen.entry(String::from_utf8(channel.to_vec()).unwrap()).or_default() += 1;
                 if channel == CONTROLLER_TICK.as_bytes() {
                     modes.push(ControllerTick::decode(data).unwrap().mode);
                 }
             }
             std::thread::park_timeout(Duration::from_millis(1));
         }
-        modes
+        (modes, seen)
     });
     let mut ticked = None;
     let counted = allocation_counter::measure(|| ticked = Some(runner.run(TICKS, &Ending::default())));
     drop(runner);
     over.store(true, Ordering::Relaxed);
-    sender.join().unwrap();
-    let modes = carrier.join().unwrap();
+    let returned = sender.join().unwrap();
+    let (modes, seen) = carrier.join().unwrap();
     let of = |mode: i8| modes.iter().filter(|found| **found == mode).count();
     assert_eq!(ticked.unwrap().ticks, TICKS);
     assert!(
@@ -103,5 +136,10 @@ fn the_real_time_thread_allocates_nothing() {
         of(ControllerTick::MODE_STANCE),
         of(ControllerTick::MODE_WALK)
     );
+    // What else was to happen, did: a second controller beside the first, its starts, snapshots, changes.
+    let count = |channel: &str| seen.get(channel).copied().unwrap_or_default();
+    assert!(count("hold/ROBOT_COMMAND") > 300 && count(CONTROLLER_SNAPSHOT) == 3, "{seen:?}");
+    assert!(count(PARAMETER_CHANGE) > CHANGES / 2 && returned.len() > CHANGES / 2, "{seen:?}");
+    assert!(returned.iter().all(Option::is_none), "{returned:?}");
     assert_eq!(counted.count_total, 0, "allocations in {TICKS} ticks");
 }

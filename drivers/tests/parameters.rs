@@ -162,6 +162,36 @@ fn a_change_one_tick_late_is_seen() {
     assert_eq!(report.first_divergence.unwrap().tick, 1201);
 }
 
+/// A live run says again what has changed: for those who come late, and to no effect for the others.
+#[test]
+fn what_is_said_again_is_followed_once_also_by_a_log_that_was_begun_late() {
+    let again = |name: &str, from: i64| {
+        let path = path(name);
+        let mut log = LogWriter::create(&path).unwrap();
+        let is_change = |channel: &str| channel == channels::PARAMETER_CHANGE;
+        for (channel, t_ns, data) in &RUN.events {
+            let begun =
+                *t_ns > from * 1_000_000 || channel == channels::CONTROLLER_SNAPSHOT && *t_ns == from * 1_000_000;
+            if begun || from == 0 || channel == channels::RUN_INFO {
+                log.write(channel, *t_ns, data).unwrap();
+            }
+        }
+        for (channel, _, data) in RUN.events.iter().filter(|(channel, ..)| is_change(channel)) {
+            log.write(channel, 3_300_000_000, data).unwrap();
+        }
+        log.finish().unwrap();
+        path
+    };
+    for (name, from, ticks) in [("again_whole.mcap", 0, 3300), ("again_late.mcap", 2000, 1299)] {
+        let replay = Replay::open(again(name, from)).unwrap();
+        for jobs in [1, 2] {
+            let report = replay.run(&Options { jobs, ..Options::default() }, &mut |_| {}).unwrap();
+            assert!(report.identical, "{name}: {:?}", report.first_divergence.map(|first| first.tick));
+            assert_eq!((report.ticks, report.late_messages), (ticks, 0), "{name}");
+        }
+    }
+}
+
 #[test]
 fn what_is_asked_to_be_other_stays_so_whatever_the_log_changes() {
     let path = log("held.mcap", |_, _| true);

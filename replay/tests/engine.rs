@@ -305,6 +305,31 @@ fn the_order_of_messages_in_the_log_does_not_matter() {
     assert_eq!((report.ticks, report.late_messages, report.missing_input_ticks), (TICKS as u64, 0, 0));
 }
 
+/// A live controller sends its commands by itself; a thread that a busy machine may keep from working sends all else.
+fn with_all_but_commands_late(name: &str, ticks: i64, late: i64) -> std::path::PathBuf {
+    let path = path(name);
+    let mut events = toy::events(ticks);
+    events[1..].sort_by_key(|(channel, t_ns, _)| match channel.as_str() {
+        channels::ROBOT_COMMAND => *t_ns,
+        _ => t_ns + late * PERIOD_NS,
+    });
+    toy::write(&path, &events);
+    path
+}
+
+#[test]
+fn inputs_may_come_seconds_after_their_commands() {
+    let path = with_all_but_commands_late("late_inputs.mcap", 6000, 5000);
+    let report = replay(&path, &Options::default());
+    assert!(report.identical, "{report:?}");
+    assert_eq!((report.ticks, report.late_messages, report.missing_input_ticks), (6000, 0, 0));
+
+    // Not without end: what comes still later is missing, and the log is judged from the next state on that is not.
+    let path = with_all_but_commands_late("too_late_inputs.mcap", 20_000, 17_000);
+    let report = replay(&path, &Options::default());
+    assert!(report.identical && report.late_messages > 0 && report.missing_input_ticks > 0, "{report:?}");
+}
+
 #[test]
 fn the_log_of_a_replay_is_the_replayed_log() {
     for ending in ["mcap", "lcmlog"] {

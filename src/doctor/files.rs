@@ -34,6 +34,12 @@ impl System {
         std::fs::read_to_string(self.path(path)).ok().map(|text| text.trim().to_owned())
     }
 
+    /// The text of a file that gzip has packed.
+    pub fn unpacked(&self, path: &str) -> Option<String> {
+        let output = std::process::Command::new("zcat").arg(self.path(path)).output().ok()?;
+        output.status.success().then(|| String::from_utf8_lossy(&output.stdout).into_owned())
+    }
+
     /// The number in a file.
     pub fn number(&self, path: &str) -> Option<i64> {
         self.text(path)?.parse().ok()

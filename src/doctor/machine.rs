@@ -71,9 +71,40 @@ fn kernel(system: &System) -> Check {
     if system.number("/sys/kernel/realtime") == Some(1) || version.contains("PREEMPT_RT") {
         return Check::ok(NAME, format!("{release}, PREEMPT_RT"));
     }
-    let kind = if version.contains("PREEMPT") { "preemptible" } else { "not preemptible" };
-    let found = format!("{release}, {kind}, no PREEMPT_RT: now and then a tick is late by some ms");
-    Check::warn(NAME, found, "apt-get install linux-image-rt-amd64   (Debian; then start again with it)")
+    let holds_up = "now and then a tick is late by some ms";
+    let rt = "apt-get install linux-image-rt-amd64   (Debian; then start again with it)";
+    let (found, mend) = match preemption(system, &release, &version) {
+        Some(kind @ ("none" | "voluntary")) => (
+            format!(
+                "{release}, preemption {kind}: whatever is long in the kernel holds up the thread on its core for some ms"
+            ),
+            format!("preempt=full on the kernel's command line; better {rt}"),
+        ),
+        Some(kind) => (format!("{release}, preemption {kind}, no PREEMPT_RT: {holds_up}"), rt.to_owned()),
+        None => (format!("{release}, no PREEMPT_RT: {holds_up}"), rt.to_owned()),
+    };
+    Check::warn(NAME, found, mend)
+}
+
+/// When a kernel without PREEMPT_RT takes the processor from a program that has called it: as it says itself, as it was told when it was
+/// started, or as it was built.
+fn preemption(system: &System, release: &str, version: &str) -> Option<&'static str> {
+    const KINDS: [&str; 4] = ["none", "voluntary", "lazy", "full"];
+    let known = |found: &str| KINDS.into_iter().find(|kind| *kind == found);
+    let now = system.text("/sys/kernel/debug/sched/preempt").unwrap_or_default();
+    let told = system.text("/proc/cmdline").unwrap_or_default();
+    let built = system.text(&format!("/boot/config-{release}")).or_else(|| system.unpacked("/proc/config.gz"));
+    let built = built.unwrap_or_default();
+    now.split_whitespace()
+        .find_map(|word| known(word.strip_prefix('(')?.strip_suffix(')')?))
+        .or_else(|| told.split_whitespace().rev().find_map(|word| known(word.strip_prefix("preempt=")?)))
+        .or_else(|| {
+            let has = |name: &str| built.lines().any(|line| line == format!("CONFIG_PREEMPT{name}=y"));
+            [("_NONE", "none"), ("_VOLUNTARY", "voluntary"), ("_LAZY", "lazy"), ("", "full")]
+                .into_iter()
+                .find_map(|(name, kind)| has(name).then_some(kind))
+        })
+        .or((!version.contains("PREEMPT")).then_some("none"))
 }
 
 fn governor(system: &System) -> Check {
@@ -205,8 +236,26 @@ mod tests {
         };
         assert_eq!(of("#1 SMP PREEMPT_RT Debian", "").level, Level::Ok);
         assert_eq!(of("#1 SMP", "1").level, Level::Ok);
-        assert!(of("#1 SMP PREEMPT_DYNAMIC", "").found.contains(", preemptible, no PREEMPT_RT"));
-        assert!(of("#1 SMP", "").found.contains(", not preemptible, "));
+        assert!(of("#1 SMP PREEMPT_DYNAMIC", "").found.contains("no PREEMPT_RT: now and then"));
+        assert!(of("#1 SMP", "").found.contains(", preemption none: "));
+    }
+
+    /// What it says now goes before what it was told, and that before how it was built.
+    #[test]
+    fn a_kernel_that_lets_nobody_in_is_told_how_to() {
+        let [now, told, built] = ["/sys/kernel/debug/sched/preempt", "/proc/cmdline", "/boot/config-6.1"];
+        let of = |files: &[(&str, &str)]| preemption(&machine("preemption", files), "6.1", "#1 SMP PREEMPT_DYNAMIC");
+        assert_eq!(of(&[]), None);
+        assert_eq!(
+            of(&[(built, "CONFIG_PREEMPT_BUILD=y\nCONFIG_PREEMPT_NONE=y\n# CONFIG_PREEMPT is not set\n")]),
+            Some("none")
+        );
+        assert_eq!(of(&[(built, "CONFIG_PREEMPT=y\n")]), Some("full"));
+        assert_eq!(of(&[(built, "CONFIG_PREEMPT=y\n"), (told, "quiet preempt=voluntary\n")]), Some("voluntary"));
+        assert_eq!(of(&[(now, "none voluntary (full)\n"), (told, "preempt=none\n")]), Some("full"));
+        let check =
+            kernel(&machine("none", &[("/proc/sys/kernel/version", "#1 SMP PREEMPT_DYNAMIC"), (told, "preempt=none")]));
+        assert!(check.mend.unwrap().starts_with("preempt=full on the kernel's command line"));
     }
 
     #[test]

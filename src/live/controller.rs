@@ -113,7 +113,7 @@ fn faulty(
 ) -> anyhow::Result<Box<dyn live::Hardware>> {
     let faults = Scenario::load(path)?.faults;
     if let Some(fault) = faults.iter().find(|fault| !Faulty::can(&fault.kind)) {
-        bail!("{} happens to drives and feet: put it into the scenario of the simulator", fault.kind);
+        bail!("{} happens in the simulator: put it into its scenario", fault.kind);
     }
     Ok(Box::new(Faulty::new(hardware, &faults, joints)?))
 }

@@ -1,16 +1,12 @@
 //! `hoof ctl`: starts and stops controllers of a live run.
 
+use super::ask;
 use crate::{Outcome, say, say_json};
-use anyhow::bail;
 use clap::ValueEnum;
 use drivers::live::clock::now_ns;
 use lcmtypes::bus::{Bus, LcmBus};
 use lcmtypes::{Event, ExecutorCommand, Message, channels};
 use replay::udpm::Url;
-use std::time::{Duration, Instant};
-
-/// How long an answer is waited for.
-const PATIENCE: Duration = Duration::from_secs(2);
 
 /// Start or stop a controller of a live run
 ///
@@ -72,26 +68,17 @@ pub fn ctl(args: &CtlArgs) -> anyhow::Result<Outcome> {
     Ok(Outcome::failed_if(refused))
 }
 
-/// Sends a wish, and waits for the executor's answer to it.
+/// The executor's answer.
 fn ask(bus: &mut dyn Bus, url: &str, action: Action, controller: &str) -> anyhow::Result<Event> {
     let (wire, done) = match action {
         Action::Start => (ExecutorCommand::ACTION_START, "starts"),
         Action::Stop => (ExecutorCommand::ACTION_STOP, "stops"),
     };
     let wish = ExecutorCommand { t_ns: now_ns(), action: wire, controller: controller.to_owned() };
-    let mut bytes = Vec::new();
-    wish.encode(&mut bytes)?;
-    bus.publish(channels::EXECUTOR_COMMAND, &bytes)?;
-    let asked = Instant::now();
-    while asked.elapsed() < PATIENCE {
-        for message in bus.handle(Duration::from_millis(50))? {
-            let Ok(event) = Event::decode(&message.data) else { continue };
-            let is_done = event.text == format!("controller {controller} {done}");
-            let is_refused = event.level == Event::LEVEL_WARNING && event.text.contains(controller);
-            if event.source == "executor" && (is_done || is_refused) {
-                return Ok(event);
-            }
-        }
-    }
-    bail!("nobody answers on {url}: is `hoof run` or `hoof controller` there?")
+    ask::ask(bus, url, channels::EXECUTOR_COMMAND, &wish, |message| {
+        let event = Event::decode(&message.data).ok()?;
+        let is_done = event.text == format!("controller {controller} {done}");
+        let is_refused = event.level == Event::LEVEL_WARNING && event.text.contains(controller);
+        (event.source == "executor" && (is_done || is_refused)).then_some(event)
+    })
 }

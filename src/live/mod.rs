@@ -1,11 +1,14 @@
 //! Live runs: `hoof run`, and the processes that it starts.
 
+mod ask;
 mod controller;
 mod ctl;
 mod driver;
 mod process;
 mod run;
 mod run_file;
+mod screen;
+mod set;
 
 use anyhow::Context;
 use drivers::live::somebody_speaks;
@@ -21,6 +24,7 @@ pub use controller::{ControllerArgs, run as controller};
 pub use ctl::{CtlArgs, ctl};
 pub use driver::{DriverArgs, run as driver};
 pub use run::{RunArgs, run};
+pub use set::{SetArgs, set};
 
 /// How long a process listens for another one of its kind: some periods.
 const HEARING: Duration = Duration::from_millis(30);

@@ -1,17 +1,16 @@
 //! `hoof run`: recorder, driver and controller as processes, started and ended in their order, and one log.
 
 use super::process::{Line, Process};
+use super::screen::Screen;
 use super::{Length, Shared, Stop};
 use crate::{Outcome, say, say_json};
 use anyhow::{Context, bail};
 use drivers::Scenario;
-use indicatif::{MultiProgress, ProgressBar, ProgressStyle};
 use lcmtypes::bus::{Bus, LcmBus};
 use lcmtypes::{Event, Message, channels};
 use serde_json::{Map, Value, json};
 use std::ffi::{OsStr, OsString};
 use std::path::PathBuf;
-use std::process::ExitStatus;
 use std::sync::mpsc::{Receiver, Sender, channel};
 use std::time::{Duration, Instant};
 
@@ -56,11 +55,15 @@ pub fn run(args: &RunArgs) -> anyhow::Result<Outcome> {
     if let (None, Some(simulation)) = (ticks, &file.simulation) {
         ticks = Some(Scenario::load(&simulation.scenario)?.duration_ns() / period_ns);
     }
-    let mut events = LcmBus::open(&url.to_string())?;
-    events.subscribe(channels::EVENT)?;
+    let screen = Screen::new(log.clone());
+    let mut network = LcmBus::open(&url.to_string())?;
+    network.subscribe(channels::EVENT)?;
+    if screen.is_seen() {
+        network.subscribe(&format!("{}|{}", channels::CONTROLLER_TICK, channels::ROBOT_STATE))?;
+    }
 
     let (lines_in, lines) = channel();
-    let mut run = Running { processes: Vec::new(), lines_in, lines, screen: Screen::new(), ending: false };
+    let mut run = Running { processes: Vec::new(), lines_in, lines, screen, ending: false };
     let url = url.to_string();
     let of_run: [OsString; 4] =
         ["--lcm-url".into(), url.into(), "--parent".into(), std::process::id().to_string().into()];
@@ -78,15 +81,15 @@ pub fn run(args: &RunArgs) -> anyhow::Result<Outcome> {
     }
     run.start("controller", "controlling", &[&["controller".into()], &common[..]].concat(), &stop)?;
 
-    run.watch(&mut events, &stop)?;
+    run.watch(&mut network, &stop)?;
     let died = !run.of("controller").is_good() && !stop.is_due();
     if died {
         let end = Instant::now() + AFTERMATH;
         while Instant::now() < end && !stop.is_due() {
-            run.look(&mut events)?;
+            run.look(&mut network)?;
         }
     }
-    run.end(&mut events, &stop)?;
+    run.end(&mut network, &stop)?;
     let Running { processes, screen, .. } = run;
     drop(screen);
     report(args, log, &processes)
@@ -151,9 +154,9 @@ impl Running {
     }
 
     /// Until the controller has ended, or a stop is asked for.
-    fn watch(&mut self, events: &mut dyn Bus, stop: &Stop) -> anyhow::Result<()> {
+    fn watch(&mut self, network: &mut dyn Bus, stop: &Stop) -> anyhow::Result<()> {
         loop {
-            self.look(events)?;
+            self.look(network)?;
             let controller = self.processes.last_mut().expect("it was started last");
             if controller.status()?.is_some() || stop.is_due() {
                 return Ok(());
@@ -162,10 +165,22 @@ impl Running {
     }
 
     /// Shows what has happened since the last look.
-    fn look(&mut self, events: &mut dyn Bus) -> anyhow::Result<()> {
-        for message in events.handle(LOOK).context("the network of the run")? {
-            if let Ok(event) = Event::decode(&message.data) {
-                self.screen.event(&event);
+    fn look(&mut self, network: &mut dyn Bus) -> anyhow::Result<()> {
+        let mut wait = LOOK;
+        if self.screen.is_seen() {
+            // Ticks and states come all the time: once a look is enough.
+            std::thread::sleep(LOOK);
+            wait = Duration::ZERO;
+        }
+        for message in network.handle(wait).context("the network of the run")? {
+            match &*message.channel {
+                channels::CONTROLLER_TICK => self.screen.tick(&message.data),
+                channels::ROBOT_STATE => self.screen.state(),
+                _ => {
+                    if let Ok(event) = Event::decode(&message.data) {
+                        self.screen.event(&event);
+                    }
+                }
             }
         }
         while let Ok(line) = self.lines.try_recv() {
@@ -183,14 +198,14 @@ impl Running {
     }
 
     /// Ends them: who commands first, who listens last. Asking twice hurries.
-    fn end(&mut self, events: &mut dyn Bus, stop: &Stop) -> anyhow::Result<()> {
+    fn end(&mut self, network: &mut dyn Bus, stop: &Stop) -> anyhow::Result<()> {
         self.ending = true;
         for place in (0..self.processes.len()).rev() {
             let mut asked = Instant::now();
             stop.forget();
             self.processes[place].ask_to_end()?;
             while self.processes[place].status()?.is_none() {
-                self.look(events)?;
+                self.look(network)?;
                 if stop.is_asked() {
                     stop.forget();
                     self.processes[place].ask_to_end()?;
@@ -201,7 +216,7 @@ impl Running {
                     asked = Instant::now();
                 }
             }
-            self.look(events)?;
+            self.look(network)?;
         }
         Ok(())
     }
@@ -214,62 +229,5 @@ fn consequence(process: &Process) -> &'static str {
         "driver" => ": the controller damps and waits for another one (hoof driver)",
         _ if process.is_good() => "",
         _ => ": the driver damps the robot",
-    }
-}
-
-/// What a person sees: a line for each process at the bottom, everything that happens above it. Without a terminal, only what happens.
-struct Screen {
-    all: MultiProgress,
-    rows: Vec<ProgressBar>,
-    began: Instant,
-}
-
-impl Screen {
-    fn new() -> Self {
-        Screen { all: MultiProgress::new(), rows: Vec::new(), began: Instant::now() }
-    }
-
-    fn add(&mut self, process: &Process) {
-        let row = self.all.add(ProgressBar::no_length());
-        row.set_style(ProgressStyle::with_template("{msg}").expect("the template is a constant that parses"));
-        self.rows.push(row);
-        self.say(&format!("{}: process {}", process.name, process.id()));
-        self.show(self.rows.len() - 1, process, None);
-    }
-
-    fn show(&self, place: usize, process: &Process, ended: Option<ExitStatus>) {
-        let seconds = self.began.elapsed().as_secs();
-        let state = ended.map_or_else(|| format!("running, {seconds} s"), |status| format!("ended, {status}"));
-        self.rows[place].set_message(format!("{:<11} {:>7}  {state}", process.name, process.id()));
-        self.rows[place].tick();
-    }
-
-    fn line(&self, line: &Line) {
-        self.say(&format!("{}: {}", line.process, line.text));
-    }
-
-    fn event(&self, event: &Event) {
-        let mark = match event.level {
-            Event::LEVEL_ERROR => "ERROR ",
-            Event::LEVEL_WARNING => "warning ",
-            _ => "",
-        };
-        self.say(&format!("{mark}{}: {}", event.source, event.text));
-    }
-
-    fn say(&self, text: &str) {
-        let text = format!("{:8.3} s  {text}", self.began.elapsed().as_secs_f64());
-        if self.all.is_hidden() {
-            eprintln!("{text}");
-        } else {
-            // A terminal that takes no more text is no reason to stop a robot.
-            let _ = self.all.println(text);
-        }
-    }
-}
-
-impl Drop for Screen {
-    fn drop(&mut self) {
-        self.rows.iter().for_each(ProgressBar::finish);
     }
 }

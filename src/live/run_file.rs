@@ -49,7 +49,7 @@ pub struct RunFile {
 pub struct Simulation {
     /// Its scenario.
     pub scenario: PathBuf,
-    /// Whether the scenario's operator commands are sent.
+    /// Whether the scenario's operator commands and changes of parameters are sent.
     #[serde(default = "yes")]
     pub operator: bool,
 }

@@ -7,7 +7,7 @@ use analysis::{Metrics, Run};
 use anyhow::{Context, ensure};
 use drivers::Scenario;
 use drivers::operator::OperatorScript;
-use lcmtypes::{Message, OperatorCommand, channels};
+use lcmtypes::{ControllerInput, Message, OperatorCommand, ParameterRequest, channels};
 use replay::engine::{Options, Replay};
 use replay::log::LogReader;
 use std::path::Path;
@@ -28,10 +28,15 @@ pub fn run(log: &Path, options: &Options, out: &Path, json: bool) -> anyhow::Res
         out.display()
     );
     let mut scenario = Scenario::parse(&recorded.scenario, &format!("scenario of {}", log.display()))?;
-    let (commands, duration_s) = operator(log)?;
+    // A live run has times of a clock, and operators on several channels.
+    let live = recorded.realtime.starts_with("live");
+    let Wishes { commands, parameters, duration_s } = Wishes::of(log, live)?;
     scenario.duration_s = options.to_s.map_or(duration_s, |to| to.min(duration_s));
     scenario.seed = recorded.seed;
     scenario.operator = OperatorScript::recorded(commands);
+    // What is asked to be other stays so.
+    let held = |key: &String| options.set.iter().any(|(set, _)| set == key);
+    scenario.parameters = parameters.into_iter().filter(|wish| !held(&wish.key)).collect();
     let params = controller::params::apply_overrides(&recorded.params, &options.set)?;
     let urdf = options.urdf.clone().unwrap_or_else(|| recorded.urdf.clone());
     let setup = Setup {
@@ -47,7 +52,8 @@ pub fn run(log: &Path, options: &Options, out: &Path, json: bool) -> anyhow::Res
     let bar = Progress::new("simulate again");
     let summary = simulate_setup(setup, out, &mut |part| bar.set(part))?;
     drop(bar);
-    let same = same_run(log, out)?;
+    let same =
+        if live { Some("it was live, and no plant repeats that to the bit".to_owned()) } else { same_run(log, out)? };
     let (before, after) = (metrics(log)?, metrics(out)?);
     if json {
         say_json(&serde_json::json!({
@@ -64,26 +70,49 @@ pub fn run(log: &Path, options: &Options, out: &Path, json: bool) -> anyhow::Res
     Ok(Outcome::failed_if(summary.fell || summary.safe_state.is_some()))
 }
 
-/// The commands that the operator sent, and the length of the run, s.
-fn operator(log: &Path) -> anyhow::Result<(Vec<OperatorCommand>, f64)> {
-    let mut commands = Vec::new();
-    let (mut first, mut times) = (None, (0_i64, 0_i64));
-    for event in LogReader::open(log)?.events() {
-        let event = event?;
-        if *event.channel == *channels::OPERATOR_COMMAND {
-            let place = || format!("{}: OPERATOR_COMMAND, byte {}", log.display(), event.offset);
-            commands.push(OperatorCommand::decode(&event.data).with_context(place)?);
-        } else if *event.channel == *channels::CONTROLLER_INPUT
-            && let Some(t_ns) = event.data.get(8..16).and_then(|bytes| Some(i64::from_be_bytes(bytes.try_into().ok()?)))
-        {
-            times = (times.1, t_ns);
-            first.get_or_insert(t_ns);
+/// What people asked for in a run, in times since its first tick.
+struct Wishes {
+    commands: Vec<OperatorCommand>,
+    parameters: Vec<ParameterRequest>,
+    duration_s: f64,
+}
+
+impl Wishes {
+    /// Those of a log: commands as the operator sent them or, of a live run, as the controller followed them.
+    fn of(log: &Path, live: bool) -> anyhow::Result<Self> {
+        let (mut commands, mut parameters) = (Vec::<OperatorCommand>::new(), Vec::new());
+        let (mut first, mut times) = (None, (0, 0));
+        for event in LogReader::open(log)?.events() {
+            let event = event?;
+            let place = || format!("{}: {}, byte {}", log.display(), event.channel, event.offset);
+            match &*event.channel {
+                channels::OPERATOR_COMMAND if !live => {
+                    commands.push(OperatorCommand::decode(&event.data).with_context(place)?);
+                }
+                channels::PARAMETER_REQUEST => {
+                    parameters.push(ParameterRequest::decode(&event.data).with_context(place)?);
+                }
+                channels::CONTROLLER_INPUT => {
+                    let ControllerInput { t_ns, t_op_ns, op, .. } =
+                        ControllerInput::decode(&event.data).with_context(place)?;
+                    times = (times.1, t_ns);
+                    first.get_or_insert(t_ns);
+                    // At its end the executor damps the joints in the operator's place, by a command of that very tick.
+                    let of_executor = op.mode == OperatorCommand::MODE_DAMPING && t_op_ns == t_ns;
+                    if live && op.seq >= 0 && !of_executor && commands.last().is_none_or(|last| last.t_ns < t_op_ns) {
+                        commands.push(OperatorCommand { t_ns: t_op_ns, ..op });
+                    }
+                }
+                _ => {}
+            }
         }
+        let first = first.with_context(|| format!("{}: no CONTROLLER_INPUT", log.display()))?;
+        commands.iter_mut().for_each(|command| command.t_ns -= first);
+        parameters.iter_mut().for_each(|wish| wish.t_ns -= first);
+        #[expect(clippy::cast_precision_loss, reason = "simulation times are far below 2^53 ns")]
+        let duration_s = (times.1 - first + (times.1 - times.0)) as f64 * 1e-9;
+        Ok(Wishes { commands, parameters, duration_s })
     }
-    let first = first.with_context(|| format!("{}: no CONTROLLER_INPUT", log.display()))?;
-    #[expect(clippy::cast_precision_loss, reason = "simulation times are far below 2^53 ns")]
-    let duration_s = (times.1 - first + (times.1 - times.0)) as f64 * 1e-9;
-    Ok((commands, duration_s))
 }
 
 /// The first message in which two runs differ; descriptions and wall-clock times do not count.

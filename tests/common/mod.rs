@@ -1,6 +1,8 @@
 //! Runs the command as a person would, and reads or alters the logs that it leaves.
 #![allow(dead_code, reason = "no test file needs all of it")]
 
+pub mod talker;
+
 use lcmtypes::Message;
 use replay::log::{Event, LogReader, LogWriter};
 use serde_json::Value;

@@ -34,7 +34,7 @@ pub(super) fn traces(run: &Run, ask: &Ask) -> Result<Traces, String> {
     let damped = timeline.spans(|tick| !tick.balances());
     let pushed = timeline.spans(|tick| tick.truth.as_ref().is_some_and(|w| w.pushed));
     let mut marks = Vec::new();
-    for (spans, color, name) in [(damped, DAMPING, "idle or damping"), (pushed, PUSH, "push")] {
+    for (spans, color, name) in [(damped, DAMPING, "no whole-body control"), (pushed, PUSH, "push")] {
         if !spans.is_empty() {
             marks.push((name.to_owned(), Mark::Fill(color)));
             panels.iter_mut().for_each(|panel| panel.shades.push((spans.clone(), color)));

@@ -206,8 +206,8 @@ impl Plot {
             drawing.text(place, heading, LABEL_EM, Align::Middle, TEXT);
         }
         for (k, note) in self.notes.iter().enumerate() {
-            let place = (frame.left + frame.width - 3.0, frame.top + 9.0 + 11.0 * k as f64);
-            drawing.text(place, note, TICK_EM, Align::Right, TEXT);
+            let place = (frame.left + 5.0, frame.top + 9.0 + 11.0 * k as f64);
+            drawing.text(place, note, TICK_EM, Align::Left, TEXT);
         }
     }
 }

@@ -209,7 +209,7 @@ pub(super) fn distribution(runs: &[(Named, &Run)]) -> Result<Chart, String> {
 /// How far wake-ups were off the control period, of live runs.
 fn jitter(runs: &[(Named, &Run)]) -> Option<Section> {
     let mut layers = Vec::new();
-    let (mut widest, mut most, mut notes) = (10.0_f64, 1.0_f64, Vec::new());
+    let (mut widest, mut notes) = (10.0_f64, Vec::new());
     let each: Vec<(usize, Vec<f64>)> = runs
         .iter()
         .enumerate()
@@ -220,16 +220,17 @@ fn jitter(runs: &[(Named, &Run)]) -> Option<Section> {
         let sizes = Distribution::of(errors.iter().map(|e: &f64| e.abs()));
         widest = sizes.map_or(widest, |d| widest.max(1.2 * d.p999));
     }
+    // Half a sample: the floor on which empty bins stand.
+    let least = 50.0 / each.iter().map(|(_, errors)| errors.len()).max().unwrap_or(1).max(1) as f64;
     for (k, errors) in &each {
         let mut shares = vec![0.0; BINS];
         for error in errors {
             let bin = ((error + widest) / (2.0 * widest) * BINS as f64).clamp(0.0, BINS as f64 - 1.0) as usize;
             shares[bin] += 100.0 / errors.len() as f64;
         }
-        most = shares.iter().copied().fold(most, f64::max);
         let edge = |bin: usize| -widest + 2.0 * widest * bin as f64 / BINS as f64;
         layers.push(Layer::Path(
-            (0..BINS).flat_map(|b| [(edge(b), shares[b]), (edge(b + 1), shares[b])]).collect(),
+            (0..BINS).flat_map(|b| [edge(b), edge(b + 1)].map(|at| (at, shares[b].max(least)))).collect(),
             run_stroke(*k),
         ));
         if let Some(d) = Distribution::of(errors.iter().copied()) {
@@ -240,7 +241,8 @@ fn jitter(runs: &[(Named, &Run)]) -> Option<Section> {
         x_label: "period less control period [µs]; the last bins hold what is beyond".to_owned(),
         y_label: "share of ticks [%]".to_owned(),
         x: Range { min: -widest, max: widest },
-        y: Range { min: 0.0, max: 1.3 * most },
+        y: Range { min: least, max: 100.0 },
+        logarithmic: [false, true],
         height: 110.0,
         layers,
         notes,

@@ -15,6 +15,8 @@ use crate::stats::mean_and_std;
 
 /// A step between ticks longer than this many periods is a gap: lines break there.
 const GAP_PERIODS: f64 = 2.5;
+/// The same between neighbours by number: a live run leaves out the ticks that it is too late for, and nothing is missing.
+const STILL_PERIODS: f64 = 25.0;
 
 /// The ticks of a run inside a window, and where lines over them break.
 pub struct Timeline<'a> {
@@ -31,8 +33,9 @@ impl<'a> Timeline<'a> {
         let from = run.ticks.partition_point(|tick| tick.t_s < window.min);
         let to = run.ticks.partition_point(|tick| tick.t_s <= window.max);
         let ticks = &run.ticks[from..to];
-        let longest = GAP_PERIODS * run.period_s();
-        let after_gap: Vec<usize> = (1..ticks.len()).filter(|&i| ticks[i].t_s - ticks[i - 1].t_s > longest).collect();
+        let longest = |i: usize| if ticks[i].follows(&ticks[i - 1]) { STILL_PERIODS } else { GAP_PERIODS };
+        let is_gap = |i: &usize| ticks[*i].t_s - ticks[i - 1].t_s > longest(*i) * run.period_s();
+        let after_gap: Vec<usize> = (1..ticks.len()).filter(is_gap).collect();
         let timeline = Self { ticks, after_gap, xs: Rc::new([]) };
         let xs = timeline.broken(|tick| Some(tick.t_s), |i| 0.5 * (ticks[i - 1].t_s + ticks[i].t_s));
         Self { xs: xs.into(), ..timeline }

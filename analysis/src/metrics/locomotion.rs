@@ -37,7 +37,8 @@ pub struct Locomotion {
 /// Falls, faults and limits reached.
 #[derive(Clone, Debug, Serialize)]
 pub struct Safety {
-    /// The robot fell: roll or pitch beyond 0.6 rad, or the base below half of its first height reference.
+    /// The robot fell: roll or pitch beyond 0.6 rad, or, while it stands or walks, the base below half of its first height reference. One without
+    /// torque (`IDLE`) lies as it was put; one that gets up, sits down or is damped is low.
     pub fell: bool,
     /// When, s since the start of the run.
     pub fell_at_s: Option<f64>,
@@ -110,14 +111,18 @@ impl Safety {
     }
 
     pub(super) fn of(run: &Run, against: Reference) -> Self {
-        let reference = run.ticks.iter().find_map(|tick| tick.base.as_ref().map(|b| b.height_des));
-        let floor = reference.filter(|&h| h > 0.0).map_or(FALLEN_HEIGHT, |h| FALLEN_HEIGHT_SHARE * h);
-        let postures: Vec<(f64, f64, f64)> = run
+        let mut references = run.ticks.iter().filter_map(|tick| tick.base.as_ref().map(|b| b.height_des));
+        let floor = references.find(|&h| h > 0.0).map_or(FALLEN_HEIGHT, |h| FALLEN_HEIGHT_SHARE * h);
+        let postures: Vec<(&Tick, f64, f64)> = run
             .ticks
             .iter()
-            .filter_map(|tick| posture(tick, against).map(|(tilt, height)| (tick.t_s, tilt, height)))
+            .filter_map(|tick| posture(tick, against).map(|(tilt, height)| (tick, tilt, height)))
             .collect();
-        let fell_at_s = postures.iter().find(|(_, tilt, height)| *tilt > FALLEN_TILT || *height < floor).map(|p| p.0);
+        let is_idle = |tick: &Tick| tick.status.is_some_and(|s| s.mode == ControllerTick::MODE_IDLE);
+        let fallen = |(tick, tilt, height): &&(&Tick, f64, f64)| {
+            !is_idle(tick) && *tilt > FALLEN_TILT || tick.balances() && *height < floor
+        };
+        let fell_at_s = postures.iter().find(fallen).map(|(tick, ..)| tick.t_s);
         let clamps: Vec<u64> = run
             .ticks
             .iter()

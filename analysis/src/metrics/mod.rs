@@ -19,7 +19,7 @@ pub(crate) use energy::{joint_powers, torque_use};
 pub use locomotion::{Fault, Locomotion, Safety};
 pub use slip::FootSlip;
 pub use timing::{Qp, QpStatus, StageTime, TimingMetrics};
-pub(crate) use timing::{period_us, qp_us, tick_us};
+pub(crate) use timing::{left_out, period_us, qp_us, tick_us};
 pub use tracking::{FootTracking, Tracking};
 
 use crate::run::Run;

@@ -26,6 +26,8 @@ pub struct TimingMetrics {
     pub with_deadline: u64,
     /// Of these, ticks that ended after it.
     pub missed_deadlines: u64,
+    /// Ticks that a live run left out, since it was woken too late or the tick before took too long.
+    pub left_out: u64,
     /// Ticks that took longer than the control period, deadline or not.
     pub longer_than_period: u64,
 }
@@ -80,6 +82,13 @@ pub(crate) fn period_us(before: &Timing, after: &Timing) -> Option<f64> {
     (after.tick == before.tick + 1).then(|| (after.wake_ns - before.wake_ns) as f64 * 1e-3)
 }
 
+/// Ticks that the clock was due for between a tick and the next, and that were left out; 0 if ticks between them are missing from the log.
+pub(crate) fn left_out(before: &Timing, after: &Timing, period_us: f64) -> u64 {
+    let due = before.deadline_ns > 0 && after.tick == before.tick + 1 && period_us > 0.0;
+    let periods = (after.deadline_ns - before.deadline_ns) as f64 * 1e-3 / period_us;
+    if due { (periods.round() - 1.0).max(0.0) as u64 } else { 0 }
+}
+
 impl TimingMetrics {
     pub(super) fn of(run: &Run) -> Option<Self> {
         let timings: Vec<&Timing> = run.ticks.iter().filter_map(|tick| tick.timing.as_ref()).collect();
@@ -101,6 +110,7 @@ impl TimingMetrics {
             period_error_us: live.then(|| Distribution::of(period_errors)).flatten(),
             with_deadline: timings.iter().filter(|t| t.deadline_ns > 0).count() as u64,
             missed_deadlines: timings.iter().filter(|t| t.deadline_ns > 0 && t.end_ns > t.deadline_ns).count() as u64,
+            left_out: timings.windows(2).map(|pair| left_out(pair[0], pair[1], nominal_us)).sum(),
             longer_than_period: timings.iter().filter(|t| nominal_us > 0.0 && tick_us(t) > nominal_us).count() as u64,
         })
     }

@@ -238,6 +238,11 @@ impl Tick {
         self.legs.as_ref().map(|l| l.state[leg] == LegState::STATE_STANCE)
     }
 
+    /// By its number it is the next after `before`, however much later it came.
+    pub fn follows(&self, before: &Self) -> bool {
+        self.number().zip(before.number()).is_some_and(|(number, last)| number == last + 1)
+    }
+
     /// The controller balances: it stands or walks. A log without controller status counts as balancing throughout.
     pub fn balances(&self) -> bool {
         self.status.as_ref().is_none_or(|s| matches!(s.mode, ControllerTick::MODE_STANCE | ControllerTick::MODE_WALK))

@@ -357,6 +357,15 @@ fn quaternion([roll, pitch, yaw]: [f64; 3]) -> [f64; 4] {
     [cr * cp * cy + sr * sp * sy, sr * cp * cy - cr * sp * sy, cr * sp * cy + sr * cp * sy, cr * cp * sy - sr * sp * cy]
 }
 
+/// The controller wakes two periods late for a tick of a live run, and leaves out what was due meanwhile.
+pub fn late_by_two_from(run: &mut analysis::Run, tick: usize) {
+    for tick in &mut run.ticks[tick..] {
+        (tick.t_ns, tick.t_s) = (tick.t_ns + 2_000_000, tick.t_s + 0.002);
+        let Timing { wake_ns, start_ns, end_ns, deadline_ns, .. } = tick.timing.as_mut().unwrap();
+        [wake_ns, start_ns, end_ns, deadline_ns].into_iter().for_each(|t_ns| *t_ns += 2_000_000);
+    }
+}
+
 /// A directory of its own for a test, emptied.
 pub fn scratch(name: &str) -> std::path::PathBuf {
     let dir = std::path::Path::new(env!("CARGO_TARGET_TMPDIR")).join(name);

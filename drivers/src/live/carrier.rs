@@ -2,19 +2,27 @@
 //! what others want.
 
 use super::clock::now_ns;
-use super::{Call, Lateness};
+use super::{Call, Caller, Handover, Lateness};
+use crate::changes::{self, ParameterDesk, Proposal};
 use crate::operators::Arbiter;
 use crate::watch::{ModeWatch, Said};
+use controller::model::{JointKind, UrdfTree};
 use lcmtypes::bus::{Bus, Received};
-use lcmtypes::{ControllerTick, Event, ExecutorCommand, Message, OperatorCommand, RunInfo, Timing, channels};
+use lcmtypes::{
+    ControllerTick, Event, ExecutorCommand, Message, OperatorCommand, ParameterChange, ParameterRequest, RunInfo,
+    Timing, channels,
+};
 use replay::record::BytesOut;
-use rtrb::Producer;
+use std::collections::VecDeque;
 use std::time::Duration;
 
-/// How often RUN_INFO is said again, so that who comes late can still read the run, ns.
+/// How often RUN_INFO and what has changed since are said again, so that who comes late can still read the run, ns.
 pub const RUN_INFO_EVERY_NS: i64 = 5_000_000_000;
 /// How long it waits for what others say before it looks into the ring again.
 const REST: Duration = Duration::from_millis(1);
+
+/// Wishes for other parameters that may wait.
+const MAX_WISHES: usize = 64;
 
 /// How a carrier's work went.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -30,7 +38,7 @@ pub struct Carried {
 /// The carrier.
 pub struct Carrier {
     ring: BytesOut,
-    calls: Producer<Call>,
+    calls: Caller,
     arbiter: Arbiter,
     bus: Box<dyn Bus>,
     info: RunInfo,
@@ -40,21 +48,29 @@ pub struct Carrier {
     running: i64,
     modes: ModeWatch,
     lateness: Lateness,
+    desk: ParameterDesk,
+    /// Wishes for other parameters that wait for the one before them.
+    wishes: VecDeque<ParameterRequest>,
+    /// A wish is with the real-time thread.
+    changing: bool,
+    /// What has changed, in order, the last change of a key only.
+    changes: Vec<ParameterChange>,
     bytes: Vec<u8>,
     done: Carried,
 }
 
 impl Carrier {
-    /// A carrier between the ends of rings towards the real-time thread and `bus`, which has subscribed to [`channels::EXECUTOR_COMMAND`] and to
-    /// what the operators speak on. `controllers`: names, in the order of their bits.
+    /// A carrier between the ends of rings towards the real-time thread and `bus`, which has subscribed to [`channels::EXECUTOR_COMMAND`],
+    /// [`channels::PARAMETER_REQUEST`] and to what the operators speak on. `controllers`: names, in the order of their bits.
     pub fn new(
-        (ring, calls): (BytesOut, Producer<Call>),
+        (ring, calls): (BytesOut, Caller),
         bus: Box<dyn Bus>,
         arbiter: Arbiter,
         info: RunInfo,
         controllers: Vec<String>,
         lateness: Lateness,
     ) -> Self {
+        let (desk, modes) = (ParameterDesk::new(&info), ModeWatch::new(joints(&info)));
         Carrier {
             ring,
             calls,
@@ -64,8 +80,12 @@ impl Carrier {
             info_due_ns: None,
             controllers,
             running: 0,
-            modes: ModeWatch::default(),
+            modes,
             lateness,
+            desk,
+            wishes: VecDeque::new(),
+            changing: false,
+            changes: Vec::new(),
             bytes: Vec::new(),
             done: Carried::default(),
         }
@@ -87,6 +107,7 @@ impl Carrier {
                 return self.done;
             }
             self.listen();
+            self.change_parameters();
         }
     }
 
@@ -102,6 +123,11 @@ impl Carrier {
                     self.tell(tick.t_ns, tick.tick, level, "controller", text);
                 }
             }
+            channels::PARAMETER_CHANGE => {
+                if let Ok(change) = ParameterChange::decode(data) {
+                    self.changed(change);
+                }
+            }
             channels::TIMING => {
                 if let Ok(timing) = Timing::decode(data) {
                     self.lateness.see(&timing);
@@ -112,7 +138,7 @@ impl Carrier {
         }
     }
 
-    /// RUN_INFO is the first message of a run, and comes again now and then, always with the same bytes.
+    /// RUN_INFO is the first message of a run, and comes again now and then, always with the same bytes, with what has changed since.
     fn say_run_info(&mut self, first: &[u8]) {
         let now_ns = now_ns();
         if self.info_due_ns.is_some_and(|due| now_ns < due) {
@@ -128,6 +154,12 @@ impl Carrier {
         bytes.clear();
         self.info.encode(&mut bytes).expect("it holds as many types as it says");
         self.publish(channels::RUN_INFO, &bytes);
+        for change in std::mem::take(&mut self.changes) {
+            bytes.clear();
+            change.encode(&mut bytes).expect("a change has no arrays");
+            self.publish(channels::PARAMETER_CHANGE, &bytes);
+            self.changes.push(change);
+        }
         self.bytes = bytes;
     }
 
@@ -149,8 +181,18 @@ impl Carrier {
         }
     }
 
+    /// Another controller has taken over.
+    fn changed(&mut self, change: ParameterChange) {
+        self.say(&changes::event(change.t_ns, change.tick, Ok(&change)));
+        self.changes.retain(|before| before.key != change.key);
+        self.changes.push(change);
+    }
+
     fn tell(&mut self, t_ns: i64, tick: i64, level: i8, source: &str, text: String) {
-        let event = Event { t_ns, tick, level, source: source.to_owned(), text };
+        self.say(&Event { t_ns, tick, level, source: source.to_owned(), text });
+    }
+
+    fn say(&mut self, event: &Event) {
         let mut bytes = Vec::new();
         event.encode(&mut bytes).expect("an event has no arrays");
         self.publish(channels::EVENT, &bytes);
@@ -183,6 +225,14 @@ impl Carrier {
                 }
                 Err(_) => self.done.unreadable += 1,
             }
+        } else if message.channel == channels::PARAMETER_REQUEST {
+            match ParameterRequest::decode(&message.data) {
+                Ok(wish) if self.wishes.len() < MAX_WISHES => self.wishes.push_back(wish),
+                Ok(ParameterRequest { key, value, .. }) => {
+                    self.refuse(changes::refusal(&key, &value, &format!("{MAX_WISHES} wait before it")));
+                }
+                Err(_) => self.done.unreadable += 1,
+            }
         } else if message.channel == channels::EXECUTOR_COMMAND {
             match ExecutorCommand::decode(&message.data) {
                 Ok(command) => {
@@ -195,8 +245,37 @@ impl Carrier {
         }
     }
 
-    fn call(&mut self, call: Call) {
-        self.done.not_called += u64::from(self.calls.push(call).is_err());
+    /// Answers the next wish for another parameter, once the one before it is settled: each is built on what was granted before.
+    fn change_parameters(&mut self) {
+        while let Some(handover) = self.calls.returned() {
+            let Handover { change: ParameterChange { key, value, .. }, parameters, refused, .. } = *handover;
+            self.changing = false;
+            match refused {
+                None => self.desk.granted(parameters),
+                Some(why) => self.refuse(changes::refusal(&key, &value, &why)),
+            }
+        }
+        if self.changing {
+            return;
+        }
+        let Some(wish) = self.wishes.pop_front() else { return };
+        match self.desk.answer(&wish) {
+            Ok(Proposal { controller, change, parameters }) => {
+                let handover = Handover { controller, change, parameters, refused: None };
+                self.changing = self.call(Call::Change(Box::new(handover)));
+            }
+            Err(why) => self.refuse(why),
+        }
+    }
+
+    fn refuse(&mut self, why: String) {
+        self.say(&changes::event(now_ns(), -1, Err(&why)));
+    }
+
+    fn call(&mut self, call: Call) -> bool {
+        let called = self.calls.call(call);
+        self.done.not_called += u64::from(!called);
+        called
     }
 
     fn follow_operator(&mut self) {
@@ -238,4 +317,11 @@ impl Carrier {
         self.tell(t_ns, -1, Event::LEVEL_WARNING, "executor", text);
         None
     }
+}
+
+/// Names of the robot's actuated joints, in URDF order.
+fn joints(info: &RunInfo) -> Vec<String> {
+    let tree = UrdfTree::parse(&info.urdf, &info.robot).ok();
+    let joints = tree.into_iter().flat_map(|tree| tree.joints);
+    joints.filter(|joint| joint.kind != JointKind::Fixed).map(|joint| joint.name).collect()
 }

@@ -1,5 +1,6 @@
 //! Starts and ends the two threads of a controller process.
 
+use super::calls;
 use super::carrier::{Carried, Carrier};
 use super::clock::Beat;
 use super::runner::{End, Ending, Runner, Ticked};
@@ -10,7 +11,6 @@ use controller::Controller;
 use lcmtypes::bus::Bus;
 use lcmtypes::{RunInfo, channels};
 use replay::record::byte_ring;
-use rtrb::RingBuffer;
 use std::sync::Arc;
 use std::sync::mpsc;
 use std::thread::JoinHandle;
@@ -19,8 +19,6 @@ use std::thread::JoinHandle;
 const RING_BYTES: usize = 1 << 24;
 /// Real-time priority of the carrier: before whatever else the machine does, behind all that is in control.
 const CARRIER_PRIORITY: u8 = 1;
-/// Calls that may wait for the real-time thread.
-const CALLS: usize = 256;
 
 /// What to run.
 pub struct Plan {
@@ -76,13 +74,14 @@ impl Executor {
     pub fn start(plan: Plan) -> Result<Self, DriverError> {
         let Plan { controller, controllers, hardware, mut bus, operators, mut info, beat, ticks, realtime } = plan;
         bus.subscribe(channels::EXECUTOR_COMMAND)?;
+        bus.subscribe(channels::PARAMETER_REQUEST)?;
         operators.sources().iter().try_for_each(|source| bus.subscribe(&source.channel))?;
         let ending = Arc::<Ending>::default();
         let (ring_in, ring_out) = byte_ring(RING_BYTES);
-        let (calls_in, calls_out) = RingBuffer::new(CALLS);
+        let (caller, called) = calls();
         let (granted_in, granted_out) = mpsc::channel();
         let running = controllers.iter().enumerate().fold(0, |bits, (k, (_, starts))| bits | i64::from(*starts) << k);
-        let mut runner = Runner::new(controller, running, hardware, calls_out, ring_in, beat);
+        let mut runner = Runner::new(controller, running, hardware, called, ring_in, beat);
         let runner = spawn("real-time", {
             let (ending, realtime) = (ending.clone(), realtime.clone());
             move || {
@@ -96,7 +95,7 @@ impl Executor {
         info.realtime = format!("live, every {} us, {}", beat.period_ns / 1000, granted.text());
         let names = controllers.into_iter().map(|(name, _)| name).collect();
         let lateness = Lateness::new(beat.period_ns);
-        let carrier = Carrier::new((ring_out, calls_in), bus, operators, info, names, lateness);
+        let carrier = Carrier::new((ring_out, caller), bus, operators, info, names, lateness);
         // On a busy machine it must not fall behind by more than a log's reader puts in order again.
         let ahead = RealtimeParams { priority: realtime.priority.min(CARRIER_PRIORITY), ..RealtimeParams::none() };
         let carrier = spawn("carrier", move || {

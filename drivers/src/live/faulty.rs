@@ -1,7 +1,8 @@
 //! A wrapper around any hardware that makes it fail, as the `[[fault]]` lines of a scenario say.
 //!
 //! What fails here is the way between controller and robot. A command that leaves is the controller's own, bit for bit, or a replay would find
-//! another one in the log: drives that fail (`torque_loss`) and feet that are touched (`false_touch`) are the simulator's.
+//! another one in the log: drives that fail (`torque_loss`) and feet that are touched (`false_touch`) are the simulator's, and so is the operator of its
+//! scenario (`drop_operator`).
 
 use super::Hardware;
 use super::clock::{now_ns, sleep_until};
@@ -23,7 +24,7 @@ pub struct Faulty {
 impl Faulty {
     /// Whether a fault can happen here.
     pub fn can(kind: &FaultKind) -> bool {
-        !matches!(kind, FaultKind::TorqueLoss { .. } | FaultKind::FalseTouch { .. })
+        !matches!(kind, FaultKind::TorqueLoss { .. } | FaultKind::FalseTouch { .. } | FaultKind::DropOperator)
     }
 
     /// Wraps `inner`, a robot of these actuated joints. What [`Faulty::can`] not happen here has no effect.

@@ -17,6 +17,7 @@
 //!
 //! A live log replays like any other, since CONTROLLER_INPUT holds what was consumed, whatever the network did before.
 
+mod call;
 mod carrier;
 pub mod clock;
 mod executor;
@@ -28,11 +29,12 @@ mod realtime;
 mod runner;
 mod socket;
 
+pub use call::{Call, Called, Caller, Handover, calls};
 pub use carrier::{Carried, RUN_INFO_EVERY_NS};
 pub use executor::{Executor, Plan, Summary};
 pub use faulty::Faulty;
 pub use hardware::{Dummy, Hardware, LcmRobot};
 pub use lateness::Lateness;
 pub use realtime::{Granted, RealtimeParams};
-pub use runner::{Call, End, Ending, Runner, Ticked};
+pub use runner::{End, Ending, Runner, Ticked};
 pub use socket::{Ear, Speaker, somebody_speaks};

@@ -5,8 +5,10 @@
 
 use super::clock::{Beat, now_ns, sleep_until};
 use super::socket::{Ear, Speaker};
+use crate::operator::OperatorScript;
 use crate::{DriverError, Faults, Scenario, Simulator};
-use lcmtypes::{ControllerTick, Event, GroundTruth, Message, RobotCommand, RobotState, channels};
+use lcmtypes::{ControllerTick, Event, GroundTruth, Message, ParameterRequest, RobotCommand, RobotState, channels};
+use std::collections::VecDeque;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 /// Age of the newest command beyond which the joints are damped, ns: with a step and a late wake-up it stays below 20 ms.
@@ -35,7 +37,7 @@ pub struct Summary {
 pub struct Plant<'a> {
     /// Operator script, pushes and faults.
     pub scenario: &'a Scenario,
-    /// Whether to send the scenario's operator commands; no when a person does.
+    /// Whether to send the scenario's operator commands and changes of parameters; no when a person does.
     pub send_operator: bool,
     /// The robot, reset.
     pub sim: &'a mut dyn Simulator,
@@ -73,8 +75,10 @@ struct Run<'a> {
     network: Ear,
     talk: Talk,
     faults: Faults,
-    operator: Option<crate::operator::OperatorScript>,
-    timeline: std::collections::VecDeque<(i64, String)>,
+    operator: Option<OperatorScript>,
+    timeline: VecDeque<(i64, String)>,
+    /// Parameters that are to be otherwise, in the order of time.
+    wishes: VecDeque<ParameterRequest>,
     state: RobotState,
     truth: GroundTruth,
     newest: RobotCommand,
@@ -98,6 +102,7 @@ impl<'a> Run<'a> {
             faults: Faults::new(&scenario.faults, sim.joints())?,
             operator: send_operator.then(|| scenario.operator.clone()),
             timeline: scenario.timeline().into(),
+            wishes: if send_operator { scenario.parameters.clone().into() } else { VecDeque::new() },
             state: RobotState::default(),
             truth: GroundTruth::default(),
             newest: RobotCommand::default(),
@@ -127,9 +132,14 @@ impl<'a> Run<'a> {
         while let Some((_, text)) = self.timeline.pop_front_if(|(at, _)| *at <= *t_ns) {
             talk.tell(now, -1, Event::LEVEL_INFO, "scenario", text)?;
         }
-        if let Some(mut op) = self.operator.as_mut().and_then(|script| script.operator_at(*t_ns)) {
+        if let Some(mut op) = self.operator.as_mut().and_then(|script| script.operator_at(*t_ns))
+            && faults.operator_arrives(*t_ns)
+        {
             op.t_ns = now;
             self.summary.unsent += talk.put(channels::OPERATOR_COMMAND, &op)?;
+        }
+        while let Some(wish) = self.wishes.pop_front_if(|wish| wish.t_ns <= *t_ns) {
+            self.summary.unsent += talk.put(channels::PARAMETER_REQUEST, &ParameterRequest { t_ns: now, ..wish })?;
         }
         applied.clone_from(if self.watching { &self.damping } else { &self.newest });
         faults.on_command(*t_ns, applied);

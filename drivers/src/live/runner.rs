@@ -1,12 +1,13 @@
 //! The real-time thread: wakes by the absolute clock, takes what came, steps the controller, sends the command.
 
 use super::Hardware;
+use super::call::{Call, Called, Handover};
 use super::clock::{Beat, now_ns, sleep_until, wall_ns};
 use super::hardware::empty_state;
+use controller::change::take_over;
 use controller::{Controller, Outbox, Probe, Stage};
 use lcmtypes::{ControllerInput, ControllerTick, Event, Message, OperatorCommand, Timing, channels};
 use replay::record::BytesIn;
-use rtrb::Consumer;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::atomic::{AtomicU8, Ordering};
 
@@ -16,22 +17,6 @@ pub const LAST_TICKS: i64 = 20;
 const SIT_NS: i64 = 15_000_000_000;
 /// Ticks in a row that may take longer than a period.
 const OVERRUNS: u32 = 3;
-
-/// What another thread wants of the real-time thread; carried out at the beginning of the next tick, in order.
-#[derive(Clone, Debug)]
-pub enum Call {
-    /// Follow an operator command, which arrived at `t_ns`.
-    Operator {
-        /// Arrival, ns.
-        t_ns: i64,
-        /// The command.
-        command: OperatorCommand,
-    },
-    /// Start the k-th controller.
-    Start(usize),
-    /// Stop the k-th controller.
-    Stop(usize),
-}
 
 /// How a run is to end, told from any thread.
 #[derive(Debug, Default)]
@@ -85,12 +70,14 @@ pub struct Ticked {
 pub struct Runner {
     controller: Box<dyn Controller>,
     hardware: Box<dyn Hardware>,
-    calls: Consumer<Call>,
+    calls: Called,
     ring: BytesIn,
     beat: Beat,
     input: ControllerInput,
     outbox: Outbox,
     bytes: Vec<u8>,
+    /// A state on its way from controller to controller.
+    state: Vec<u8>,
     clock: StageClock,
     /// Ticks in a row whose controllers took longer than a period.
     overruns: u32,
@@ -103,7 +90,7 @@ impl Runner {
         controller: Box<dyn Controller>,
         running: i64,
         hardware: Box<dyn Hardware>,
-        calls: Consumer<Call>,
+        calls: Called,
         ring: BytesIn,
         beat: Beat,
     ) -> Self {
@@ -118,6 +105,7 @@ impl Runner {
             input,
             outbox: Outbox::new(),
             bytes: Vec::with_capacity(1 << 16),
+            state: Vec::with_capacity(1 << 16),
             clock: StageClock::default(),
             overruns: 0,
             done: Ticked::default(),
@@ -174,11 +162,13 @@ impl Runner {
     fn tick(&mut self, wake_ns: i64, deadline_ns: i64, instead: Option<i8>) {
         let wall_ns = wall_ns();
         self.hardware.receive(&mut self.input.state);
-        while let Ok(call) = self.calls.pop() {
+        (self.input.t_ns, self.input.tick) = (wake_ns, self.done.ticks);
+        while let Some(call) = self.calls.next() {
             match call {
                 Call::Operator { t_ns, command } => (self.input.t_op_ns, self.input.op) = (t_ns, command),
                 Call::Start(k) => self.input.running |= 1 << k,
                 Call::Stop(k) => self.input.running &= !(1 << k),
+                Call::Change(handover) => self.change(handover),
             }
         }
         if let Some(mode) = instead {
@@ -186,7 +176,6 @@ impl Runner {
             (self.input.t_op_ns, self.input.op) =
                 (wake_ns, OperatorCommand { mode, seq, ..OperatorCommand::default() });
         }
-        (self.input.t_ns, self.input.tick) = (wake_ns, self.done.ticks);
 
         self.step();
         if let Some(command) = self.outbox.get(channels::ROBOT_COMMAND) {
@@ -210,6 +199,21 @@ impl Runner {
         encode(&mut self.bytes, &timing);
         self.done.not_carried += hand_over(&mut self.ring, channels::TIMING, &self.bytes);
         self.done.ticks += 1;
+    }
+
+    /// Has a controller with other parameters take over before this tick's step, and says so before this tick's input.
+    fn change(&mut self, mut handover: Box<Handover>) {
+        let Handover { controller: next, change, refused, .. } = &mut *handover;
+        match take_over(&*self.controller, &mut **next, &mut self.state) {
+            Ok(()) => {
+                std::mem::swap(&mut self.controller, next);
+                (change.t_ns, change.tick) = (self.input.t_ns, self.input.tick);
+                encode(&mut self.bytes, change);
+                self.done.not_carried += hand_over(&mut self.ring, channels::PARAMETER_CHANGE, &self.bytes);
+            }
+            Err(error) => *refused = Some(error),
+        }
+        self.calls.give_back(handover);
     }
 
     /// The controllers' step. One that panics takes all of them with it: the tick is computed again with none of them running, which damps the

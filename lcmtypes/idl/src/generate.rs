@@ -259,12 +259,17 @@ fn take(set: &TypeSet, fields: &[Field], dims: &[Dim], element: Element, place: 
 fn retake(out: &mut String, set: &TypeSet, fields: &[Field], field: &Field, ident: &str, element: Element) {
     let place = |name: &str| format!("self.{}", identifier(name));
     let name = &field.name;
-    let _ = match (field.dims.first(), element) {
-        (Some(Dim::Variable { .. }), _) => {
+    let _ = match (&field.dims[..], element) {
+        ([Dim::Variable { field: index, name: of }], Element::Struct(ty)) => {
+            let (length, smallest) = (length(fields, *index, place), set.structs[ty].min_size);
+            let list = format!("wire.retake_list(&mut self.{ident}, \"{of}\", {length}, {smallest})");
+            writeln!(out, "        wire.field(\"{name}\", |wire| {list})?;")
+        }
+        ([Dim::Variable { .. }, ..], _) => {
             let list = list(set, fields, &field.dims, element, &place);
             writeln!(out, "        wire.field(\"{name}\", |wire| wire.refill(&mut self.{ident}, {list}))?;")
         }
-        (None, Element::Struct(_)) => {
+        ([], Element::Struct(_)) => {
             let nested = format!("wire.nested(|wire| lcm_wire::Wire::retake(&mut self.{ident}, wire))");
             writeln!(out, "        wire.field(\"{name}\", |wire| {nested})?;")
         }

@@ -38,8 +38,8 @@ pub trait Message: Wire + Clone + Default + PartialEq + std::fmt::Debug {
         message.and_then(|m| wire.finish().map(|()| m)).map_err(|e| e.of_type(Self::TYPE))
     }
 
-    /// Reads a whole message over this one. Its vectors are used again, so this does not allocate once they have the capacity; those inside
-    /// vectors are new. After an error the message is partly the new one.
+    /// Reads a whole message over this one. Its vectors are used again, also those of structs in a list, so this does not allocate once they have the
+    /// capacity; strings are new. After an error the message is partly the new one.
     ///
     /// # Errors
     /// As [`Message::decode`].
@@ -329,6 +329,29 @@ impl<'a> Reader<'a> {
         list.reserve_exact(length);
         for index in 0..length {
             list.push(item(self).map_err(|e| e.at_index(index))?);
+        }
+        Ok(())
+    }
+
+    /// Reads structs over those that are in `list`, so that what they hold is used again too.
+    ///
+    /// # Errors
+    /// As [`Reader::list`].
+    pub fn retake_list<T: Wire>(
+        &mut self,
+        list: &mut Vec<T>,
+        length_field: &str,
+        length: i64,
+        min_item: usize,
+    ) -> Result<(), DecodeError> {
+        let length = self.claim(length_field, length, min_item)?;
+        list.truncate(length);
+        for (index, item) in list.iter_mut().enumerate() {
+            self.nested(|wire| item.retake(wire)).map_err(|e| e.at_index(index))?;
+        }
+        list.reserve_exact(length - list.len());
+        for index in list.len()..length {
+            list.push(self.nested(T::take).map_err(|e| e.at_index(index))?);
         }
         Ok(())
     }

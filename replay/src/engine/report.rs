@@ -25,7 +25,7 @@ pub struct ReplayReport {
     pub missing_input_ticks: u64,
     /// Ticks not computed because the state before them is unknown: between missing inputs and the next snapshot.
     pub skipped_ticks: u64,
-    /// Messages that came more than the window of 256 ticks late, or twice, and were left out.
+    /// Messages that came behind the inputs of 256 later ticks, or twice, and were left out.
     pub late_messages: u64,
     /// Stretches of the log that could not be read.
     pub damaged: u64,

@@ -9,8 +9,11 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-/// How many ticks late a message may be: over a bus, those of one tick do not all arrive before those of the next.
+/// How many later ticks may have their inputs before a tick is handed out: over a bus, messages of one tick do not all arrive before those of the next.
 const WINDOW: usize = 256;
+/// Ticks that wait at most, with and without input. A live controller sends its commands by itself, and all else through a ring, from which a busy
+/// machine may take it seconds later: inputs are worth waiting for as long as such a ring lasts.
+const MOST: usize = 1 << 14;
 
 /// All that a log holds of one tick.
 #[derive(Default)]
@@ -49,13 +52,17 @@ pub(crate) enum Beside {
     ByTick,
 }
 
-/// The ticks of a log in the order of their numbers. Memory is bounded by a window of ticks.
+/// The ticks of a log in the order of their numbers. Memory is bounded by a number of ticks.
 pub(crate) struct Ticks {
     path: PathBuf,
     events: Events,
     waiting: BTreeMap<i64, Tick>,
+    /// Ticks among those waiting that have their input.
+    with_input: usize,
     /// Changes of parameters whose ticks have not been handed out, by the first tick that they hold in.
     changes: BTreeMap<i64, Vec<ParameterChange>>,
+    /// All of them so far: a live run says them again for those who come late.
+    known: Vec<ParameterChange>,
     handed_out: Option<i64>,
     kinds: Vec<(Arc<str>, Option<u64>, Kind)>,
     run_info: Option<Vec<u8>>,
@@ -85,11 +92,16 @@ enum Kind {
 
 impl Ticks {
     pub fn open(path: &Path, beside: Beside) -> Result<Self, Error> {
+        let known = changes_before(path)?;
+        let mut changes = BTreeMap::<_, Vec<_>>::new();
+        known.iter().for_each(|change| changes.entry(change.tick).or_default().push(change.clone()));
         Ok(Ticks {
             path: path.into(),
             events: LogReader::open(path)?.events(),
             waiting: BTreeMap::new(),
-            changes: BTreeMap::new(),
+            with_input: 0,
+            changes,
+            known,
             handed_out: None,
             kinds: Vec::new(),
             run_info: None,
@@ -114,7 +126,7 @@ impl Ticks {
     /// # Errors
     /// A second run in the log, a type of another version, an input that cannot be decoded, a file that cannot be read.
     pub fn next(&mut self) -> Result<Option<Tick>, Error> {
-        while self.waiting.len() <= WINDOW {
+        while self.with_input <= WINDOW && self.waiting.len() <= MOST {
             let Some(event) = self.events.next().transpose()? else { break };
             self.offset = event.offset;
             self.take(event)?;
@@ -122,6 +134,7 @@ impl Ticks {
         let mut tick = self.waiting.pop_first().map(|(_, tick)| tick);
         self.handed_out = tick.as_ref().map(|tick| tick.tick).or(self.handed_out);
         if let Some(tick) = &mut tick {
+            self.with_input -= usize::from(tick.input.is_some());
             let later = self.changes.split_off(&tick.tick.saturating_add(1));
             tick.changes = std::mem::replace(&mut self.changes, later).into_values().flatten().collect();
         }
@@ -154,20 +167,20 @@ impl Ticks {
                 if let Some(tick) = self.slot(input.tick) {
                     tick.t_log_ns = event.t_ns;
                     tick.others.extend(others);
+                    let is_new = tick.input.is_none();
                     tick.input.get_or_insert(input);
+                    self.with_input += usize::from(is_new);
                 }
             }
             Kind::Change => {
-                let change = ParameterChange::decode(&event.data).map_err(|source| Error::Decode {
-                    path: self.path.clone(),
-                    channel: event.channel.to_string(),
-                    offset: event.offset,
-                    source: source.into(),
-                })?;
-                if self.handed_out.is_some_and(|last| change.tick <= last) {
-                    self.late += 1;
-                } else {
-                    self.changes.entry(change.tick).or_default().push(change);
+                let change = change_of(&self.path, &event)?;
+                if !self.known.contains(&change) {
+                    if self.handed_out.is_some_and(|last| change.tick <= last) {
+                        self.late += 1;
+                    } else {
+                        self.changes.entry(change.tick).or_default().push(change.clone());
+                    }
+                    self.known.push(change);
                 }
                 self.other(event);
             }
@@ -235,6 +248,39 @@ impl Ticks {
         self.kinds.push((Arc::clone(&event.channel), fingerprint, kind));
         Ok(kind)
     }
+}
+
+/// Changes of parameters before the first tick of a log, which stand in it where they were said again: a log that was begun in the middle of a
+/// run is read for them.
+fn changes_before(path: &Path) -> Result<Vec<ParameterChange>, Error> {
+    let (mut first, mut found) = (None, Vec::<ParameterChange>::new());
+    for event in LogReader::open(path)?.events() {
+        let event = event?;
+        match (&*event.channel, first) {
+            (channels::CONTROLLER_INPUT, None) => first = integer_at(&event.data, 16),
+            (channels::PARAMETER_CHANGE, _) => {
+                let change = change_of(path, &event)?;
+                if !found.contains(&change) {
+                    found.push(change);
+                }
+            }
+            _ => {}
+        }
+        if first == Some(0) {
+            return Ok(Vec::new());
+        }
+    }
+    found.retain(|change| first.is_some_and(|first| change.tick < first));
+    Ok(found)
+}
+
+fn change_of(path: &Path, event: &Event) -> Result<ParameterChange, Error> {
+    ParameterChange::decode(&event.data).map_err(|source| Error::Decode {
+        path: path.into(),
+        channel: event.channel.to_string(),
+        offset: event.offset,
+        source: source.into(),
+    })
 }
 
 /// Whether the type of a message is still the one of its channel.

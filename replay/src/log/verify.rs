@@ -254,8 +254,8 @@ impl Lane {
             lost,
             gaps: self.numbers.gaps().to_vec(),
             duplicates: if lost.is_some() { self.numbers.duplicates } else { 0 },
-            late: self.numbers.late,
-            restarts: self.numbers.restarts,
+            late: if lost.is_some() { self.numbers.late } else { 0 },
+            restarts: if lost.is_some() { self.numbers.restarts } else { 0 },
             undecodable: self.undecodable,
         }
     }

@@ -48,7 +48,7 @@ pub mod unnamed {
 
         fn retake(&mut self, wire: &mut lcm_wire::Reader<'_>) -> ::std::result::Result<(), ::lcm_idl::DecodeError> {
             self.t = wire.field("t", lcm_wire::Wire::take)?;
-            wire.field("more", |wire| wire.refill(&mut self.more, "t", self.t, 8, |wire| wire.nested(lcm_wire::Wire::take)))?;
+            wire.field("more", |wire| wire.retake_list(&mut self.more, "t", self.t, 8))?;
             Ok(())
         }
     }
@@ -571,7 +571,7 @@ pub mod conformance {
 
         fn retake(&mut self, wire: &mut lcm_wire::Reader<'_>) -> ::std::result::Result<(), ::lcm_idl::DecodeError> {
             self.n = wire.field("n", lcm_wire::Wire::take)?;
-            wire.field("pongs", |wire| wire.refill(&mut self.pongs, "n", i64::from(self.n), 8, |wire| wire.nested(lcm_wire::Wire::take)))?;
+            wire.field("pongs", |wire| wire.retake_list(&mut self.pongs, "n", i64::from(self.n), 8))?;
             wire.field("where", |wire| wire.nested(|wire| lcm_wire::Wire::retake(&mut self.r#where, wire)))?;
             Ok(())
         }
@@ -621,7 +621,7 @@ pub mod conformance {
 
         fn retake(&mut self, wire: &mut lcm_wire::Reader<'_>) -> ::std::result::Result<(), ::lcm_idl::DecodeError> {
             self.n = wire.field("n", lcm_wire::Wire::take)?;
-            wire.field("pings", |wire| wire.refill(&mut self.pings, "n", i64::from(self.n), 17, |wire| wire.nested(lcm_wire::Wire::take)))?;
+            wire.field("pings", |wire| wire.retake_list(&mut self.pings, "n", i64::from(self.n), 17))?;
             wire.field("node", |wire| wire.nested(|wire| lcm_wire::Wire::retake(&mut self.node, wire)))?;
             Ok(())
         }
@@ -744,7 +744,7 @@ pub mod conformance {
             self.n = wire.field("n", lcm_wire::Wire::take)?;
             wire.field("p", |wire| wire.nested(|wire| lcm_wire::Wire::retake(&mut self.p, wire)))?;
             self.q = wire.field("q", |wire| wire.array(|wire| wire.nested(lcm_wire::Wire::take)))?;
-            wire.field("r", |wire| wire.refill(&mut self.r, "n", i64::from(self.n), 24, |wire| wire.nested(lcm_wire::Wire::take)))?;
+            wire.field("r", |wire| wire.retake_list(&mut self.r, "n", i64::from(self.n), 24))?;
             self.nothing = wire.field("nothing", |wire| wire.array(|wire| wire.nested(lcm_wire::Wire::take)))?;
             self.colour = wire.field("colour", lcm_wire::Wire::take)?;
             Ok(())
@@ -890,7 +890,7 @@ pub mod conformance {
         fn retake(&mut self, wire: &mut lcm_wire::Reader<'_>) -> ::std::result::Result<(), ::lcm_idl::DecodeError> {
             self.name = wire.field("name", lcm_wire::Wire::take)?;
             self.num_children = wire.field("num_children", lcm_wire::Wire::take)?;
-            wire.field("children", |wire| wire.refill(&mut self.children, "num_children", i64::from(self.num_children), 7, |wire| wire.nested(lcm_wire::Wire::take)))?;
+            wire.field("children", |wire| wire.retake_list(&mut self.children, "num_children", i64::from(self.num_children), 7))?;
             Ok(())
         }
     }
@@ -1196,7 +1196,7 @@ pub mod exlcm {
 
         fn retake(&mut self, wire: &mut lcm_wire::Reader<'_>) -> ::std::result::Result<(), ::lcm_idl::DecodeError> {
             self.n = wire.field("n", lcm_wire::Wire::take)?;
-            wire.field("examples", |wire| wire.refill(&mut self.examples, "n", i64::from(self.n), 74, |wire| wire.nested(lcm_wire::Wire::take)))?;
+            wire.field("examples", |wire| wire.retake_list(&mut self.examples, "n", i64::from(self.n), 74))?;
             Ok(())
         }
     }
@@ -1241,7 +1241,7 @@ pub mod exlcm {
 
         fn retake(&mut self, wire: &mut lcm_wire::Reader<'_>) -> ::std::result::Result<(), ::lcm_idl::DecodeError> {
             self.num_children = wire.field("num_children", lcm_wire::Wire::take)?;
-            wire.field("children", |wire| wire.refill(&mut self.children, "num_children", i64::from(self.num_children), 4, |wire| wire.nested(lcm_wire::Wire::take)))?;
+            wire.field("children", |wire| wire.retake_list(&mut self.children, "num_children", i64::from(self.num_children), 4))?;
             Ok(())
         }
     }
@@ -1482,7 +1482,7 @@ pub mod lcmtest {
 
         fn retake(&mut self, wire: &mut lcm_wire::Reader<'_>) -> ::std::result::Result<(), ::lcm_idl::DecodeError> {
             self.num_items = wire.field("num_items", lcm_wire::Wire::take)?;
-            wire.field("items", |wire| wire.refill(&mut self.items, "num_items", i64::from(self.num_items), 65, |wire| wire.nested(lcm_wire::Wire::take)))?;
+            wire.field("items", |wire| wire.retake_list(&mut self.items, "num_items", i64::from(self.num_items), 65))?;
             Ok(())
         }
     }
