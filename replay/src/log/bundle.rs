@@ -3,7 +3,7 @@
 use super::copy::{Copied, copy_with};
 use super::{EventRef, Health, LogReader, Selection, Types};
 use crate::Error;
-use lcmtypes::channels::{self, CONTROLLER_INPUT, CONTROLLER_SNAPSHOT, RUN_INFO};
+use lcmtypes::channels::{self, CONTROLLER_INPUT, CONTROLLER_SNAPSHOT, PARAMETER_CHANGE, RUN_INFO};
 use std::path::Path;
 
 /// The stretch of a log that a bundle is to hold.
@@ -17,7 +17,7 @@ pub struct Around {
     pub after_s: f64,
 }
 
-/// Writes the bundle: RUN_INFO (parameters, URDF, types), the snapshot from which a replay can start, and every event of the stretch
+/// Writes the bundle: RUN_INFO (parameters, URDF, types), every change of parameters up to its end, the snapshot from which a replay can start, and every event of the stretch
 /// behind that snapshot's tick. Times and numbers stay those of the run.
 ///
 /// # Errors
@@ -38,6 +38,8 @@ pub fn bundle(
     let mut wants = |event: &EventRef<'_>| {
         match (&**event.channel, tick_of(event)) {
             (RUN_INFO, _) => true,
+            // The snapshot's state belongs to the parameters as they had become by then.
+            (PARAMETER_CHANGE, _) => event.t_ns <= to_ns,
             (CONTROLLER_SNAPSHOT, Some(tick)) if Some(tick) == start.snapshot => true,
             // What the controller did up to the snapshot cannot be computed from it.
             (_, Some(tick)) if start.snapshot.is_some_and(|snapshot| tick <= snapshot) => false,
