@@ -3,9 +3,12 @@
 # build flag and a new field of an input make. Prints a page, docs/bisect.md. The clone and the builds are below the target directory.
 #
 #     scripts/bisect_seeded.sh HOOF > docs/bisect.md
+#     scripts/bisect_seeded.sh HOOF flag field      # some of: twenty default flag field
 set -euo pipefail
 cd "$(dirname "$0")/.."
 hoof=$(realpath "${1:?the command to bisect with, such as target/release/hoof}")
+cases=${*:2}
+cases=" ${cases:-twenty default flag field} "
 work=$(realpath -m "${CARGO_TARGET_DIR:-target}")/bisect
 clone=$work/clone
 log=$work/run.mcap
@@ -41,6 +44,7 @@ branch() {  # NAME
 
 search() {  # TITLE, then what is said of it on standard input
     local begin=$SECONDS
+    [[ $cases == *" $(git branch --show-current) "* ]] || return 0
     printf '\n## %s\n\n%s\n\n```text\n$ hoof replay bisect run.mcap --good %s --bad %s\n' "$1" "$(cat)" "${base:0:7}" "$(git branch --show-current)"
     "$hoof" replay bisect "$log" --repo "$clone" --work "$work/work" --good "$base" --bad "$(git branch --show-current)" 2>&1
     printf '```\n\n%d min %02d s.\n' $(((SECONDS - begin) / 60)) $(((SECONDS - begin) % 60))

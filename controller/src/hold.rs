@@ -4,12 +4,14 @@
 //! loop follows. Nothing is computed from a model, so it works with any robot and with the feet anywhere.
 
 use crate::digest::Digest;
-use crate::model::{Base, Model, UrdfTree};
+use crate::model::{Base, JointInfo, Model, UrdfTree};
 use crate::params::{Params, RobotConfig};
-use crate::quadruped::safety::seconds;
+use crate::quadruped::safety::{check_joints, fault, is_plausible, limit, seconds};
 use crate::quadruped::state::Fault;
 use crate::{Controller, LoadError, Outbox, Probe, RestoreError, Stage};
-use lcmtypes::{ControllerInput, ControllerTick, HoldState, Message, OperatorCommand, RobotCommand, channels};
+use lcmtypes::{
+    ControllerInput, ControllerTick, HoldState, Message, OperatorCommand, RobotCommand, RobotState, channels,
+};
 use serde::{Deserialize, Serialize};
 
 /// Name by which [`crate::load`] finds the controller.
@@ -38,6 +40,7 @@ impl Default for HoldParams {
 /// The controller.
 pub struct Hold {
     params: Params,
+    joints: Vec<JointInfo>,
     q_posture: Vec<f64>,
     state: HoldState,
     /// Through which a state comes in, kept so that no memory is asked for then.
@@ -54,7 +57,7 @@ impl Hold {
         let params = Params::from_toml(params, "parameters")?;
         let RobotConfig { name, urdf: file, posture, .. } = &params.robot;
         let model = Model::new(&UrdfTree::parse(urdf, file)?, Base::Floating)?;
-        let of_posture = |joint: &crate::model::JointInfo| {
+        let of_posture = |joint: &JointInfo| {
             let what = || format!("robot.posture does not name joint {}", joint.name);
             posture.get(&joint.name).copied().ok_or_else(|| LoadError::Robot { robot: name.clone(), what: what() })
         };
@@ -78,26 +81,28 @@ impl Hold {
             kd: zeros(),
             ..Default::default()
         };
-        Ok(Hold { params, q_posture, passage: state.clone(), state, command })
+        Ok(Hold { params, joints: model.joints, q_posture, passage: state.clone(), state, command })
     }
 
     /// What is wrong with an input, if anything.
     fn check(&self, input: &ControllerInput) -> Option<Fault> {
-        let fault = |code, index: Option<usize>, value| {
-            let index = index.map_or(-1, |i| i32::try_from(i).unwrap_or(i32::MAX));
-            Some(Fault { code, index, value })
-        };
-        let (q, nj) = (&input.state.q, self.q_posture.len());
-        if q.len() != nj {
-            #[expect(clippy::cast_precision_loss, reason = "a count for a person to read")]
-            return fault(ControllerTick::FAULT_INPUT_SIZE, None, q.len() as f64);
+        let RobotState { t_ns, q, qd, tau, .. } = &input.state;
+        for values in [q, qd, tau] {
+            if values.len() != self.joints.len() {
+                #[expect(clippy::cast_precision_loss, reason = "a count for a person to read")]
+                return fault(ControllerTick::FAULT_INPUT_SIZE, None, values.len() as f64);
+            }
+            if let Some(j) = values.iter().position(|x| !is_plausible(*x)) {
+                return fault(ControllerTick::FAULT_INPUT_NOT_FINITE, Some(j), values[j]);
+            }
         }
-        if let Some(j) = q.iter().position(|q| !q.is_finite()) {
-            return fault(ControllerTick::FAULT_INPUT_NOT_FINITE, Some(j), q[j]);
-        }
-        let age = seconds(input.t_ns.saturating_sub(input.state.t_ns));
+        let age = seconds(input.t_ns.saturating_sub(*t_ns));
         if age.abs() > self.params.safety.max_state_age {
             return fault(ControllerTick::FAULT_STATE_STALE, None, age);
+        }
+        // A robot on a stand may lean, and stand on nothing.
+        if let Some(fault) = check_joints(&self.joints, &self.params, &input.state) {
+            return Some(fault);
         }
         if input.op.mode == OperatorCommand::MODE_DAMPING {
             return fault(ControllerTick::FAULT_OPERATOR, None, 0.0);
@@ -124,27 +129,26 @@ impl Hold {
         if self.state.mode == ControllerTick::MODE_IDLE {
             self.state.mode = ControllerTick::MODE_STAND_UP;
             self.state.q_from.copy_from_slice(&input.state.q);
-            self.state.t_since = 0.0;
+            self.state.progress = 0.0;
         } else {
             // A late tick must not throw the references.
-            let duration = self.params.hold.duration;
             let dt = seconds(input.t_ns.saturating_sub(before_ns)).clamp(0.0, 0.01);
-            self.state.t_since = (self.state.t_since + dt).min(duration);
-            if self.state.t_since >= duration {
+            self.state.progress = (self.state.progress + dt / self.params.hold.duration).min(1.0);
+            if self.state.progress >= 1.0 {
                 self.state.mode = ControllerTick::MODE_STANCE;
             }
         }
     }
 
     fn fill_command(&mut self) {
+        self.command.tau.fill(0.0);
         let Hold { params, q_posture, state, command, .. } = self;
         (command.t_ns, command.tick) = (state.t_ns, state.tick);
         let moving = matches!(state.mode, ControllerTick::MODE_STAND_UP | ControllerTick::MODE_STANCE);
-        let duration = params.hold.duration;
-        let s = state.t_since / duration;
+        let s = state.progress;
         // 10 s³ - 15 s⁴ + 6 s⁵: velocity and acceleration are zero at both ends.
         let part = s * s * s * (10.0 + s * (6.0 * s - 15.0));
-        let rate = 30.0 * s * s * (1.0 - s) * (1.0 - s) / duration;
+        let rate = 30.0 * s * s * (1.0 - s) * (1.0 - s) / params.hold.duration;
         for (j, (&to, &from)) in q_posture.iter().zip(&state.q_from).enumerate() {
             (command.q_des[j], command.qd_des[j]) =
                 if moving { (from + part * (to - from), rate * (to - from)) } else { (0.0, 0.0) };
@@ -170,9 +174,10 @@ impl Controller for Hold {
         self.advance(input);
         probe.stage_done(Stage::Input);
         self.fill_command();
+        limit(&self.joints, &mut self.command, &input.state);
         let mut digest = Digest::default();
         let c = &self.command;
-        for values in [&c.q_des, &c.qd_des, &c.kp, &c.kd] {
+        for values in [&c.tau, &c.q_des, &c.qd_des, &c.kp, &c.kd] {
             digest.f64s(values);
         }
         digest.word(u64::from(c.mode.cast_unsigned()));
@@ -210,7 +215,7 @@ impl Controller for Hold {
         if found != expected {
             return Err(RestoreError::Joints { found, expected });
         }
-        if state.q_from.iter().chain([&state.t_since]).any(|x| !x.is_finite()) {
+        if state.q_from.iter().chain([&state.progress]).any(|x| !x.is_finite()) {
             return Err(RestoreError::NotFinite { field: "q_from" });
         }
         std::mem::swap(&mut self.state, &mut self.passage);
@@ -218,8 +223,8 @@ impl Controller for Hold {
     }
 
     fn poison_workspace(&mut self) {
-        let RobotCommand { tau: _, q_des, qd_des, kp, kd, .. } = &mut self.command;
-        for values in [q_des, qd_des, kp, kd] {
+        let RobotCommand { tau, q_des, qd_des, kp, kd, .. } = &mut self.command;
+        for values in [tau, q_des, qd_des, kp, kd] {
             values.fill(f64::NAN);
         }
     }

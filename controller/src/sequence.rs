@@ -9,7 +9,7 @@
 //! |---|---|---|---|
 //! | stopped | its bit is set | running | it begins as on the first tick of a run, in the same tick |
 //! | running | its bit is set | running | a step |
-//! | running | its bit is not set | stopped | it keeps its state, which nobody looks at again |
+//! | running | its bit is not set | stopped | its state is forgotten |
 
 use crate::params::Params;
 use crate::{Controller, LoadError, Outbox, Probe, RestoreError};
@@ -111,13 +111,23 @@ impl Sequence {
     fn state(&self) -> RefMut<'_, SequenceState> {
         let mut state = self.passage.borrow_mut();
         (state.t_ns, state.tick, state.running) = (self.t_ns, self.tick, self.running);
-        for (part, of_part) in self.parts.iter().zip(&mut state.parts) {
+        for (k, (part, of_part)) in self.parts.iter().zip(&mut state.parts).enumerate() {
             of_part.data.clear();
-            part.controller.snapshot(&mut of_part.data);
+            // One that does not run will begin anew, whatever is left in it: after a panic that is half a tick which no replay computes.
+            if runs(self.running, k) {
+                part.controller.snapshot(&mut of_part.data);
+            } else {
+                of_part.data.extend_from_slice(&part.unused);
+            }
             of_part.size = i32::try_from(of_part.data.len()).expect("a state is far below 2 GB");
         }
         state
     }
+}
+
+/// Whether the k-th controller runs.
+fn runs(bits: i64, k: usize) -> bool {
+    bits >> k & 1 == 1
 }
 
 /// The name, kept as long as the process lives, once: a run's messages name their channel without copying it.
@@ -139,7 +149,6 @@ impl Controller for Sequence {
 
     fn step_probed(&mut self, input: &ControllerInput, out: &mut Outbox, probe: &mut dyn Probe) {
         let Sequence { parts, running, of_part, damping, .. } = self;
-        let runs = |bits: i64, k: usize| bits >> k & 1 == 1;
         let leader = (0..parts.len()).rev().find(|&k| runs(input.running, k));
         out.clear();
         let mut put = Ok(());
@@ -215,7 +224,7 @@ impl Controller for Sequence {
 
     /// The quantities of the controller that has the robot.
     fn dump(&self) -> crate::Dump {
-        let leader = self.parts.iter().enumerate().rev().find(|(k, _)| self.running >> k & 1 == 1);
+        let leader = self.parts.iter().enumerate().rev().find(|(k, _)| runs(self.running, *k));
         leader.map_or_else(crate::Dump::default, |(_, part)| part.controller.dump())
     }
 }

@@ -4,18 +4,25 @@
 mod common;
 
 use common::{PARAMS, PERIOD_NS, URDF, command_of, hyq, standing, tick_of};
+use controller::change::take_over;
+use controller::params::apply_overrides;
 use controller::{Controller, Outbox};
-use lcmtypes::{ControllerInput, ControllerTick, RobotCommand, RunInfo, channels};
+use lcmtypes::{ControllerInput, ControllerTick, Message, RobotCommand, RobotState, RunInfo, SequenceState, channels};
 use std::sync::LazyLock;
 
 const HOLD: i64 = 1;
 const QUADRUPED: i64 = 2;
 
 fn load(controller: &str) -> Result<Box<dyn Controller>, controller::LoadError> {
+    load_with(controller, &[])
+}
+
+fn load_with(controller: &str, set: &[(&str, &str)]) -> Result<Box<dyn Controller>, controller::LoadError> {
+    let set: Vec<_> = set.iter().map(|(key, value)| ((*key).to_owned(), (*value).to_owned())).collect();
     let info = RunInfo {
         controller: controller.to_owned(),
         urdf: URDF.to_owned(),
-        params: PARAMS.to_owned(),
+        params: apply_overrides(PARAMS, &set).unwrap(),
         ..RunInfo::default()
     };
     controller::load(&info)
@@ -164,6 +171,73 @@ fn hold_goes_to_the_posture_at_rest_and_damps_when_measurements_stay_away() {
     assert_eq!((status.fault, status.fault_value), (ControllerTick::FAULT_STATE_STALE, 1.0));
     hold.step(&input(3101, HOLD), &mut out);
     assert_eq!(command_of(&out).mode, RobotCommand::MODE_DAMPING, "it stays damped");
+}
+
+/// Other times and gains, whenever they come, move no reference by more than a step and no joint by more than its effort.
+#[test]
+fn hold_takes_other_parameters_without_a_jump() {
+    let robot = hyq();
+    let folded: Vec<f64> = robot.robot().q_nominal.iter().map(|q| q + 0.4).collect();
+    for (change, key, value) in
+        [(1500, "hold.duration", "30.0"), (3050, "hold.duration", "30.0"), (1500, "hold.kp", "1e9")]
+    {
+        let (mut hold, mut out) = (load("hold").unwrap(), Outbox::new());
+        let mut before = folded.clone();
+        for tick in 0..3100 {
+            if tick == change {
+                let mut other = load_with("hold", &[(key, value)]).unwrap();
+                take_over(&*hold, &mut *other, &mut Vec::new()).unwrap();
+                hold = other;
+            }
+            let mut input = input(tick, HOLD);
+            input.state.q.clone_from(&folded);
+            hold.step(&input, &mut out);
+            let command = command_of(&out);
+            for (j, joint) in robot.robot().model.joints.iter().enumerate() {
+                let step = (command.q_des[j] - before[j]).abs();
+                assert!(step < 3e-4, "{key}, tick {tick}, joint {j}: {step} rad");
+                let loop_ = command.kp[j] * (command.q_des[j] - folded[j]) + command.kd[j] * command.qd_des[j];
+                let total = command.tau[j] + loop_;
+                assert!(total.abs() <= joint.effort * (1.0 + 1e-9), "{key}, tick {tick}, joint {j}: {total} N m");
+            }
+            before.clone_from(&command.q_des);
+        }
+    }
+}
+
+#[test]
+fn hold_damps_what_no_joint_can_be() {
+    for (spoil, code) in [
+        (|s| s.qd[3] = 500.0, ControllerTick::FAULT_JOINT_VELOCITY),
+        (|s| s.q[3] = 50.0, ControllerTick::FAULT_JOINT_POSITION),
+        (|s| s.tau[3] = f64::NAN, ControllerTick::FAULT_INPUT_NOT_FINITE),
+    ] as [(fn(&mut RobotState), i32); 3]
+    {
+        let (mut hold, mut out) = (load("hold").unwrap(), Outbox::new());
+        hold.step(&input(0, HOLD), &mut out);
+        let mut bad = input(1, HOLD);
+        spoil(&mut bad.state);
+        hold.step(&bad, &mut out);
+        assert_eq!(command_of(&out).mode, RobotCommand::MODE_DAMPING);
+        assert_eq!((tick_of(&out).fault, tick_of(&out).fault_index), (code, 3));
+    }
+}
+
+/// What a controller that is stopped was doing is nobody's: after a panic that is half a tick.
+#[test]
+fn a_stopped_controller_leaves_nothing_in_the_state() {
+    let state = |controller: &dyn Controller| {
+        let mut state = Vec::new();
+        controller.snapshot(&mut state);
+        SequenceState::decode(&state).unwrap().parts
+    };
+    let (mut sequence, mut out) = (both(), Outbox::new());
+    let unused = state(&*sequence);
+    for (tick, running) in [(0, HOLD | QUADRUPED), (1, HOLD | QUADRUPED), (2, HOLD)] {
+        sequence.step(&input(tick, running), &mut out);
+    }
+    let now = state(&*sequence);
+    assert!(now[0] != unused[0] && now[1] == unused[1]);
 }
 
 #[test]

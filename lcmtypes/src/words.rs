@@ -49,6 +49,7 @@ pub fn fault(fault: i32) -> &'static str {
         ControllerTick::FAULT_CONTROLLER => "controller stopped by the executor",
         ControllerTick::FAULT_HEIGHT => "base too low (m)",
         ControllerTick::FAULT_POSTURE => "joint does not follow (rad from its reference)",
+        ControllerTick::FAULT_COMMAND => "command not finite",
         ControllerTick::FAULT_OPERATOR_REFUSED => "operator's wish cannot be followed from here",
         _ => "?",
     }

@@ -36,7 +36,7 @@ impl Screen<'_> {
     pub fn draw(&self, frame: &mut Frame) {
         let rows = [
             Constraint::Length(2),
-            Constraint::Length(8),
+            Constraint::Length(7),
             Constraint::Length(7),
             Constraint::Min(6),
             Constraint::Length(5),
@@ -231,9 +231,17 @@ impl Screen<'_> {
     }
 }
 
-fn panel(frame: &mut Frame, area: Rect, title: &str, lines: Vec<Line<'static>>) {
+/// Lines below a title; the last says how many there was no room for.
+fn panel(frame: &mut Frame, area: Rect, title: &str, mut lines: Vec<Line<'static>>) {
     let block =
         Block::new().borders(Borders::TOP).title(format!(" {title} ")).border_style(Style::new().fg(Color::DarkGray));
+    let room = usize::from(block.inner(area).height);
+    if lines.len() > room {
+        let shown = room.saturating_sub(1);
+        let more = dim(&format!("… {} more", lines.len() - shown));
+        lines.truncate(shown);
+        lines.push(more);
+    }
     frame.render_widget(Paragraph::new(lines).block(block), area);
 }
 

@@ -12,6 +12,8 @@ pub const DUTY: Range = (|x| (0.5..1.0).contains(&x), "at least 0.5 and below 1"
 pub const SWING_FREQUENCY: Range = (|x| (0.5..=10.0).contains(&x), "0.5 to 10");
 /// Range of a step height, m.
 pub const STEP_HEIGHT: Range = (|x| (0.01..=0.25).contains(&x), "0.01 to 0.25");
+/// No gain, time or limit is larger: what is computed with it stays far from infinity. The solver's tolerance and its like are small numbers.
+const MOST: Range = (|x| x <= 1e9, "at most 1e9");
 
 impl Params {
     /// # Errors
@@ -55,6 +57,7 @@ impl Params {
         ];
         for (key, found) in positive {
             within(key, &[found], "a positive number", |x| x > 0.0 && x.is_finite())?;
+            within(key, &[found], MOST.1, MOST.0)?;
         }
         let RobotConfig { sensors, posture, lying, .. } = &self.robot;
         let Params { gait, foothold, swing, contact, terrain, recovery, trunk, posture: p, wbc, stand, safety, .. } =
@@ -92,6 +95,7 @@ impl Params {
         ];
         for (key, found) in not_negative {
             within(key, found, "a number that is not negative", |x| x >= 0.0 && x.is_finite())?;
+            within(key, found, MOST.1, MOST.0)?;
         }
         for &q in posture.values() {
             within("robot.posture", &[q], "a finite angle", f64::is_finite)?;

@@ -40,7 +40,9 @@ fn set(table: &mut toml::Table, key: &str, value: &str) -> Result<(), ParamsErro
         expected: format!("a value like `{slot}` ({})", slot.type_str()),
     };
     let parsed: toml::Value = match format!("v = {value}").parse::<toml::Table>() {
-        Ok(mut one) => one.remove("v").ok_or_else(bad)?,
+        // One value, and nothing behind it.
+        Ok(mut one) if one.len() == 1 => one.remove("v").ok_or_else(bad)?,
+        Ok(_) => return Err(bad()),
         Err(_) if slot.is_str() => toml::Value::String(value.to_owned()),
         Err(_) => return Err(bad()),
     };

@@ -218,6 +218,13 @@ impl Quadruped {
         fault
     }
 
+    /// What is wrong with the command that this tick has come to: the last check, whatever was computed before.
+    fn check_command(&mut self) -> Option<Fault> {
+        let Quadruped { params, robot, rise, state, scratch, messages, .. } = self;
+        messages.command(robot, params, rise, &scratch.references, state);
+        safety::check_command(&messages.command)
+    }
+
     /// Goes to the safe state if a fault was found, and keeps its reason there until the operator asks what holds it.
     fn end(&mut self, found: Option<Fault>, asked: &Asked) {
         let state = &mut self.state;
@@ -241,7 +248,7 @@ impl Quadruped {
         let Quadruped { params, robot, rise, state, scratch, messages, .. } = self;
         let mut digest = Digest::default();
         messages.command(robot, params, rise, &scratch.references, state);
-        safety::limit(robot, &mut messages.command, &input.state);
+        safety::limit(&robot.model.joints, &mut messages.command, &input.state);
         let c = &messages.command;
         for values in [&c.tau, &c.q_des, &c.qd_des, &c.kp, &c.kd] {
             digest.f64s(values);
@@ -309,6 +316,7 @@ impl Controller for Quadruped {
             Mode::Stance | Mode::Walk => self.operate(input, &asked, dt, &mut digests, probe),
             Mode::StandUp | Mode::Sit => self.change_posture(input, &asked, dt, &mut digests, probe),
         };
+        let found = found.or_else(|| self.check_command());
         self.end(found, &asked);
         if matches!(self.state.mode, Mode::Idle | Mode::Damping) {
             self.state.tau_last.fill(0.0);

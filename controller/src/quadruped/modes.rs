@@ -132,7 +132,7 @@ pub fn follow(
         (Mode::Sit, Wish::Walk | Wish::Idle) => refuse(),
         (Mode::Damping, Wish::Idle) => {
             estimate.update(robot, measured);
-            let persists = safety::check_joints(robot, params, measured)
+            let persists = safety::check_joints(&robot.model.joints, params, measured)
                 .or_else(|| safety::check_tilt(params, &estimate.base.rpy))
                 .or_else(|| if rests { None } else { refusal(&input.op) });
             match persists {
@@ -145,7 +145,7 @@ pub fn follow(
     if matches!(state.mode, Mode::Idle | Mode::Damping) {
         return None;
     }
-    safety::check_joints(robot, params, measured)
+    safety::check_joints(&robot.model.joints, params, measured)
 }
 
 /// Begins to stand where the robot is.

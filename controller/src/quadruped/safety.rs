@@ -3,6 +3,7 @@
 use super::estimation::is_unit_quaternion;
 use super::robot::Robot;
 use super::state::{Fault, State};
+use crate::model::JointInfo;
 use crate::params::Params;
 use lcmtypes::{ControllerInput, ControllerTick, OperatorCommand, RobotCommand, RobotState};
 
@@ -46,7 +47,8 @@ pub fn check_input(robot: &Robot, params: &Params, state: &State, input: &Contro
     None
 }
 
-fn is_plausible(x: f64) -> bool {
+/// What a joint sensor or gyro can give.
+pub fn is_plausible(x: f64) -> bool {
     x.abs() <= MAX_MAGNITUDE
 }
 
@@ -57,10 +59,11 @@ pub fn check_tilt(params: &Params, rpy: &[f64; 3]) -> Option<Fault> {
 }
 
 /// A joint that is where or as fast as it cannot be, or gives more torque than it can: by its limits in the URDF.
-pub fn check_joints(robot: &Robot, params: &Params, measured: &RobotState) -> Option<Fault> {
+///
+/// - `joints`: as many as the measurement has.
+pub fn check_joints(joints: &[JointInfo], params: &Params, measured: &RobotState) -> Option<Fault> {
     let safety = &params.safety;
-    let limits = robot.model.joints.iter().enumerate();
-    for (j, joint) in limits {
+    for (j, joint) in joints.iter().enumerate() {
         let (q, qd, tau) = (measured.q[j], measured.qd[j], measured.tau[j]);
         if q < joint.lower - safety.position_margin || q > joint.upper + safety.position_margin {
             return fault(ControllerTick::FAULT_JOINT_POSITION, Some(j), q);
@@ -88,10 +91,21 @@ pub fn check_footing(robot: &Robot, params: &Params, state: &mut State, dt: f64)
     None
 }
 
+/// A command in which a number is none.
+pub fn check_command(command: &RobotCommand) -> Option<Fault> {
+    let RobotCommand { tau, q_des, qd_des, kp, kd, .. } = command;
+    for values in [tau, q_des, qd_des, kp, kd] {
+        if let Some(j) = values.iter().position(|x| !x.is_finite()) {
+            return fault(ControllerTick::FAULT_COMMAND, Some(j), values[j]);
+        }
+    }
+    None
+}
+
 /// The last step before a command leaves: what the drives will make of it at the measured state, `tau + kp (q_des - q) + kd (qd_des - qd)`, stays
 /// within each joint's effort, in the safe state too.
-pub fn limit(robot: &Robot, command: &mut RobotCommand, measured: &RobotState) {
-    for (j, joint) in robot.model.joints.iter().enumerate() {
+pub fn limit(joints: &[JointInfo], command: &mut RobotCommand, measured: &RobotState) {
+    for (j, joint) in joints.iter().enumerate() {
         let (Some(&q), Some(&qd)) = (measured.q.get(j), measured.qd.get(j)) else { continue };
         // What no sensor gives bounds nothing: it would take all damping away.
         if !is_plausible(q) || !is_plausible(qd) {
@@ -131,4 +145,31 @@ pub fn seconds(ns: i64) -> f64 {
     #[expect(clippy::cast_precision_loss, reason = "differences of clock values, far below 2^53 ns")]
     let seconds = ns as f64 * 1e-9;
     seconds
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_command_with_a_number_that_is_none_is_a_fault_of_its_joint() {
+        let zeros = || vec![0.0; 3];
+        let good = RobotCommand {
+            tau: zeros(),
+            q_des: zeros(),
+            qd_des: zeros(),
+            kp: zeros(),
+            kd: zeros(),
+            ..Default::default()
+        };
+        assert_eq!(check_command(&good), None);
+        let bad: [fn(&mut RobotCommand) -> &mut Vec<f64>; 5] =
+            [|c| &mut c.tau, |c| &mut c.q_des, |c| &mut c.qd_des, |c| &mut c.kp, |c| &mut c.kd];
+        for (number, values) in [f64::NAN, f64::INFINITY].into_iter().flat_map(|x| bad.map(|values| (x, values))) {
+            let mut command = good.clone();
+            values(&mut command)[2] = number;
+            let found = check_command(&command).unwrap();
+            assert_eq!((found.code, found.index), (ControllerTick::FAULT_COMMAND, 2));
+        }
+    }
 }
