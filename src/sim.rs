@@ -24,7 +24,7 @@ pub struct Args {
     /// Scenario: terrain, operator commands, pushes, faults (TOML)
     #[arg(long)]
     scenario: PathBuf,
-    /// Log to write: LCM event log (.lcmlog) or MCAP (.mcap)
+    /// Log to write: LCM event log (.lcmlog) or MCAP (.mcap); one that is there is replaced
     #[arg(long)]
     log: PathBuf,
     /// Stack of tasks, instead of the robot's; `--set stack.formula=...` for any other

@@ -4,11 +4,14 @@
 mod common;
 
 use common::{command, events, folder, hoof, ran};
+use lcmtypes::bus::{Bus, LcmBus};
 use lcmtypes::channels;
 use replay::log::{Event, LogWriter};
 use std::io::{BufRead, BufReader};
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::Duration;
 
 fn url(test: u32) -> String {
     format!("udpm://239.255.76.67:{}?ttl=0", 36_000 + std::process::id() % 2000 * 10 + test)
@@ -97,5 +100,56 @@ fn wrong_arguments_are_named() {
     ] {
         let ran = hoof(&format!("log play {arguments} {}", log.display())).exits(2);
         assert!(ran.stderr.contains(message), "{}", ran.stderr);
+    }
+}
+
+/// Says something on a channel every millisecond, as a driver does, while `then` runs.
+fn beside_a_robot(url: &str, channel: &str, then: impl FnOnce()) {
+    struct Over<'a>(&'a AtomicBool);
+    impl Drop for Over<'_> {
+        fn drop(&mut self) {
+            self.0.store(true, Ordering::SeqCst);
+        }
+    }
+    let over = AtomicBool::new(false);
+    std::thread::scope(|scope| {
+        scope.spawn(|| {
+            let mut bus = LcmBus::open(url).unwrap();
+            while !over.load(Ordering::SeqCst) {
+                bus.publish(channel, b"of a live robot").unwrap();
+                bus.handle(Duration::from_millis(1)).unwrap();
+            }
+        });
+        let _over = Over(&over);
+        then();
+    });
+}
+
+#[test]
+fn a_live_robot_is_not_driven_by_a_log() {
+    let log = folder("alive").join("log.lcmlog");
+    let mut writer = LogWriter::create(&log).unwrap();
+    for channel in ["A", channels::ROBOT_STATE, channels::ROBOT_COMMAND] {
+        writer.write(channel, 0, b"x").unwrap();
+    }
+    writer.finish().unwrap();
+    let url = url(4);
+    for spoken in [channels::ROBOT_STATE, channels::ROBOT_COMMAND] {
+        beside_a_robot(&url, spoken, || {
+            let play = |more: &str| hoof(&format!("log play {} --lcm-url {url} {more}", log.display()));
+            for (more, names) in [
+                ("--channels A|ROBOT_.*", "ROBOT_STATE, ROBOT_COMMAND:"),
+                ("--channels A --rename A=PARAMETER_REQUEST", "PARAMETER_REQUEST:"),
+                ("", "ROBOT_STATE, ROBOT_COMMAND, OPERATOR_COMMAND, OPERATOR_TELEOP, EXECUTOR_COMMAND,"),
+            ] {
+                let ran = play(more).exits(2);
+                let wanted =
+                    format!("a robot is live on {url}, where {spoken} is sent, and this would drive it by {names}");
+                assert!(ran.stderr.contains(&wanted), "{}", ran.stderr);
+            }
+            for more in ["--channels A", "--channels ROBOT_STATE --rename ROBOT_STATE=OLD_STATE", "--force"] {
+                play(more).exits(0);
+            }
+        });
     }
 }

@@ -8,13 +8,14 @@ use lcmtypes::bus::{Bus, LcmBus};
 use lcmtypes::{ControllerInput, ControllerTick, Event, Message, OperatorCommand, channels};
 use std::io::Write;
 use std::process::{Child, Command, Stdio};
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
 type Op = OperatorCommand;
 
 /// A network of its own for each test and process: a port, since liblcm hears every group that anybody on the machine has joined.
 fn url(test: u32) -> String {
-    format!("udpm://239.255.76.67:{}?ttl=0", 10_000 + std::process::id() % 1600 * 6 + test)
+    format!("udpm://239.255.76.67:{}?ttl=0", 10_000 + std::process::id() % 1200 * 8 + test)
 }
 
 fn hear(url: &str) -> LcmBus {
@@ -42,8 +43,12 @@ fn heard(bus: &mut LcmBus) -> (Vec<OperatorCommand>, Vec<String>) {
 
 /// Runs it with lines on standard input.
 fn script(url: &str, lines: &str) -> Ran {
+    script_on("OPERATOR_TELEOP", url, lines)
+}
+
+fn script_on(channel: &str, url: &str, lines: &str) -> Ran {
     let mut child = command()
-        .args(["teleop", "--no-screen", "--lcm-url", url])
+        .args(["teleop", "--no-screen", "--lcm-url", url, "--channel", channel])
         .stdin(Stdio::piped())
         .stdout(Stdio::piped())
         .stderr(Stdio::piped())
@@ -57,7 +62,10 @@ fn script(url: &str, lines: &str) -> Ran {
 fn a_script_is_sent_line_by_line_and_stopped_at_its_end() {
     let url = url(1);
     let mut bus = hear(&url);
-    let said = script(&url, "walk vx=0.2 gait=crawl\nwait 0.2\n\nyaw=-0.3 # turning\nwait 0.1\n").exits(0).stdout;
+    // Nobody is there to obey.
+    let ran = script(&url, "walk vx=0.2 gait=crawl\nwait 0.2\n\nyaw=-0.3 # turning\nwait 0.1\n").exits(1);
+    assert_eq!(ran.stderr, "warning: no controller is heard here: nobody obeys\n");
+    let said = ran.stdout;
     assert!(said.starts_with("the script has ended; the last command was STAND, "), "{said}");
     let (commands, events) = heard(&mut bus);
     let numbers: Vec<i64> = commands.iter().map(|c| c.seq).collect();
@@ -90,12 +98,66 @@ fn a_line_that_is_none_is_named_and_the_robot_stands() {
 fn an_emergency_stop_is_not_taken_back_by_leaving() {
     let url = url(3);
     let mut bus = hear(&url);
-    let said = script(&url, "walk\nestop\n").exits(0).stdout;
+    let said = script(&url, "walk\nestop\n").exits(1).stdout;
     assert!(said.contains("the emergency stop stays"), "{said}");
     let (commands, _) = heard(&mut bus);
     let mut modes: Vec<i8> = commands.iter().map(|c| c.mode).collect();
     modes.dedup();
     assert_eq!(modes, [Op::MODE_WALK, Op::MODE_DAMPING]);
+}
+
+/// A controller that walks as somebody else commands, whatever comes, until `then` has run.
+fn beside_a_controller(url: &str, then: impl FnOnce()) {
+    struct Over<'a>(&'a AtomicBool);
+    impl Drop for Over<'_> {
+        fn drop(&mut self) {
+            self.0.store(true, Ordering::SeqCst);
+        }
+    }
+    let over = AtomicBool::new(false);
+    let tick = ControllerTick { mode: ControllerTick::MODE_WALK, ..ControllerTick::default() };
+    let input = ControllerInput { op: Op { seq: 7, t_ns: 1, ..Op::default() }, ..ControllerInput::default() };
+    std::thread::scope(|scope| {
+        scope.spawn(|| {
+            let mut bus = LcmBus::open(url).unwrap();
+            let (mut tick_bytes, mut input_bytes) = (Vec::new(), Vec::new());
+            tick.encode(&mut tick_bytes).unwrap();
+            input.encode(&mut input_bytes).unwrap();
+            while !over.load(Ordering::SeqCst) {
+                bus.publish(channels::CONTROLLER_TICK, &tick_bytes).unwrap();
+                bus.publish(channels::CONTROLLER_INPUT, &input_bytes).unwrap();
+                bus.handle(Duration::from_millis(5)).unwrap();
+            }
+        });
+        let _over = Over(&over);
+        then();
+    });
+}
+
+#[test]
+fn a_script_that_nobody_follows_has_failed() {
+    let url = url(0);
+    beside_a_controller(&url, || {
+        let ran = script_on("OPERATOR_PAD", &url, "estop\nwait 0.2\n").exits(1);
+        let wanted = "warning: the controller follows another operator, not OPERATOR_PAD: ";
+        assert!(ran.stderr.starts_with(wanted), "{}", ran.stderr);
+    });
+}
+
+#[test]
+fn who_cannot_command_is_not_announced() {
+    let url = url(6);
+    let mut bus = hear(&url);
+    let no_terminal = hoof(&format!("teleop --lcm-url {url}")).exits(2);
+    assert!(no_terminal.stderr.contains("there is no terminal for keys and screen"), "{}", no_terminal.stderr);
+    for (channel, wanted) in [
+        ("A B", "--channel \"A B\": a channel is 1 to 63 letters, digits, _ and -"),
+        ("ROBOT_COMMAND", "--channel \"ROBOT_COMMAND\": hoofprint.robot_command_t is sent there"),
+    ] {
+        let refused = script_on(channel, &url, "");
+        assert!(refused.code == 2 && refused.stderr.contains(wanted), "{}", refused.stderr);
+    }
+    assert_eq!(heard(&mut bus), (vec![], vec![]));
 }
 
 /// Keys as a terminal sends them, on a terminal that `script` of util-linux makes; then the terminal is taken away.
@@ -173,7 +235,8 @@ fn a_person_takes_over_from_the_scenario_and_stops_the_robot() {
     while bus.handle(Duration::from_millis(100)).unwrap().is_empty() {
         assert!(began.elapsed() < Duration::from_secs(60), "the controller does not begin");
     }
-    script(&url, "stand\nwait 0.4\nestop\nwait 0.2\nidle\nwait 0.2\n").exits(0);
+    // Whether it is at rest by then is the robot's matter.
+    assert!(script(&url, "stand\nwait 0.4\nestop\nwait 0.2\nidle\nwait 0.2\n").code < 2);
     run.0.wait().unwrap();
 
     let events: Vec<Event> = messages(&log, channels::EVENT);

@@ -8,19 +8,50 @@
 //!   they repeat, and [`HOLD_REPEAT_NS`] from each further one. All axes live together, since a keyboard repeats its last key only.
 //! - A [`pad`] has sticks that spring back, and a bumper that has to be held: letting go of it stands the robot.
 //! - A [`script`] says what it means, and it stays.
-//! - Whoever begins takes over what the robot does: one that lies stays lying until it is told to stand up ([`Desk::hear`]).
+//! - Whoever begins takes over what the robot does: one that lies stays lying until it is told to stand up, and to one that is damped nothing is
+//!   said, since an emergency stop would be this operator's, and the wish for anything else the end of somebody's ([`Desk::hear`]).
 //! - Whoever leaves stands a robot that walks, and otherwise changes nothing ([`Desk::leave`]): a stop stays a stop.
 
 pub mod pad;
 pub mod script;
 
 use controller::params::{FootholdParams, Params, TrunkParams};
-use lcmtypes::{ControllerTick, OperatorCommand};
+use lcmtypes::{ControllerTick, OperatorCommand, channels};
 use pad::PadState;
 
 /// Where it speaks unless told otherwise. It is a source of its own beside OPERATOR_COMMAND ([`crate::operators`]), so that a person
 /// can take over from whatever else commands.
 pub const CHANNEL: &str = "OPERATOR_TELEOP";
+
+/// Why no operator can speak on a channel.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
+#[non_exhaustive]
+pub enum ChannelError {
+    /// Not a name that a run file may hold.
+    #[error("a channel is 1 to 63 letters, digits, _ and -")]
+    Name,
+    /// Something else is said there.
+    #[error("{type_name} is sent there, no operator's command")]
+    Taken {
+        /// What.
+        type_name: &'static str,
+    },
+}
+
+/// Whether an operator can speak on a channel.
+///
+/// # Errors
+/// [`ChannelError`]
+pub fn check_channel(name: &str) -> Result<(), ChannelError> {
+    let fits = |c: char| c.is_ascii_alphanumeric() || "_-".contains(c);
+    if !(1..=63).contains(&name.len()) || !name.chars().all(fits) {
+        return Err(ChannelError::Name);
+    }
+    match channels::find(name) {
+        Some(other) if name != channels::OPERATOR_COMMAND => Err(ChannelError::Taken { type_name: other.type_name }),
+        _ => Ok(()),
+    }
+}
 
 /// Time between two commands, changed or not, ns.
 pub const HEARTBEAT_NS: i64 = 20_000_000;
@@ -136,7 +167,7 @@ impl Sign {
 #[derive(Clone, Debug)]
 pub struct Desk {
     limits: Limits,
-    /// `None` until the robot's mode is known, or the person says what it shall be.
+    /// `None` until the robot's mode is known and is not `DAMPING`, or the person says what it shall be.
     mode: Option<i8>,
     gait: i8,
     /// Forward and left, m/s, turn, rad/s, until `moves_until_ns`.
@@ -201,15 +232,15 @@ impl Desk {
         self.mode
     }
 
-    /// Takes the controller's mode, `ControllerTick::MODE_*`. The first one says what to begin with; when the robot saves itself later,
-    /// it shall not walk on by itself afterwards.
+    /// Takes the controller's mode, `ControllerTick::MODE_*`. The first one but `DAMPING` says what to begin with; when the robot saves itself
+    /// later, it shall not walk on by itself afterwards.
     pub fn hear(&mut self, robot: i8) {
         let before = self.robot.replace(robot);
         let saved = robot == ControllerTick::MODE_DAMPING && before != Some(robot);
         if self.mode.is_none() {
             self.mode = match robot {
                 ControllerTick::MODE_IDLE => Some(OperatorCommand::MODE_IDLE),
-                ControllerTick::MODE_DAMPING => Some(OperatorCommand::MODE_DAMPING),
+                ControllerTick::MODE_DAMPING => None,
                 ControllerTick::MODE_SIT => Some(OperatorCommand::MODE_SIT),
                 _ => Some(OperatorCommand::MODE_STAND),
             };

@@ -69,7 +69,7 @@ pub fn run(args: &ControllerArgs) -> anyhow::Result<Outcome> {
 }
 
 /// The run's description, and the robot.
-fn prepare(file: &RunFile, url: &Url) -> anyhow::Result<(RunInfo, Box<dyn live::Hardware>)> {
+pub(super) fn prepare(file: &RunFile, url: &Url) -> anyhow::Result<(RunInfo, Box<dyn live::Hardware>)> {
     let (files, params_text) = RobotFiles::find_with_params(&file.robot)?;
     let params_text = with_overrides(&params_text, &file.set)?;
     let params = Params::from_toml(&params_text, &file.robot)?;

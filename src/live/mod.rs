@@ -54,7 +54,11 @@ impl Shared {
     /// The run file, with what is asked for in its place.
     fn load(&self) -> anyhow::Result<(RunFile, Url)> {
         let mut file = RunFile::load(&self.run_file)?;
-        if let (Some(scenario), Some(simulation)) = (&self.scenario, &mut file.simulation) {
+        if let Some(scenario) = &self.scenario {
+            let simulation = file.simulation.as_mut().with_context(|| {
+                let (file, scenario) = (self.run_file.display(), scenario.display());
+                format!("--scenario {scenario}: there is no [simulation] in {file}, so there is nothing to happen")
+            })?;
             simulation.scenario.clone_from(scenario);
         }
         let url = self.lcm_url.as_ref().unwrap_or(&file.lcm.url);

@@ -1,8 +1,9 @@
 //! `hoof run`: recorder, driver and controller as processes, started and ended in their order, and one log.
 
+use super::controller::prepare;
 use super::process::{Line, Process};
 use super::screen::Screen;
-use super::{Length, Shared, Stop};
+use super::{Length, Shared, Stop, refuse_a_second};
 use crate::{Outcome, say, say_json};
 use anyhow::{Context, bail};
 use drivers::Scenario;
@@ -27,11 +28,13 @@ const AFTERMATH: Duration = Duration::from_secs(1);
 /// Ctrl-C a second time damps the joints at once.
 /// In simulation a run lasts as long as its scenario, if nothing else is said; then, too, a robot that stands sits down. The robot walks on without its recorder; without its driver the
 /// controller damps and waits for one (`hoof driver RUN_FILE`).
+///
+/// The log of an earlier run is kept: it is moved aside, run.mcap to run.1.mcap or the next number that is free.
 #[derive(clap::Args)]
 #[command(
     after_help = "Example: hoof run runs/hyq_sim.toml --seconds 10\n         hoof replay logs/runs/hyq_sim.mcap\n\n\
     The run file: robot, log, set, hardware, faults; [simulation] scenario, operator; [lcm] url; [[controller]] name, start; \
-    [executor] period_us, phase_us; [realtime] priority, core, lock_memory, stay_awake. See runs/hyq_sim.toml."
+    [[operator]] channel, priority, timeout_s; [executor] period_us, phase_us; [realtime] priority, core, lock_memory, stay_awake. See runs/hyq_sim.toml."
 )]
 pub struct RunArgs {
     #[command(flatten)]
@@ -47,6 +50,12 @@ pub fn run(args: &RunArgs) -> anyhow::Result<Outcome> {
     let (file, url) = args.shared.load()?;
     let stop = Stop::new(&args.shared)?;
     let log = args.log.as_ref().unwrap_or(&file.log);
+    // Before the recorder is there: what cannot be run leaves no log and moves none.
+    if file.simulation.is_some() {
+        refuse_a_second("driver", channels::ROBOT_STATE, &url)?;
+    }
+    let (info, _) = prepare(&file, &url)?;
+    controller::load(&info).with_context(|| file.robot.clone())?;
     if let Some(folder) = log.parent() {
         std::fs::create_dir_all(folder).with_context(|| folder.display().to_string())?;
     }
@@ -76,7 +85,8 @@ pub fn run(args: &RunArgs) -> anyhow::Result<Outcome> {
     run.start("controller", "controlling", &[&["controller".into()], &common[..]].concat(), &stop)?;
 
     run.watch(&mut network, &stop)?;
-    let died = !run.of("controller").is_good() && !stop.is_due();
+    let controller = run.of("controller");
+    let died = !controller.is_good() && !controller.lost_data() && !stop.is_due();
     if died {
         let end = Instant::now() + AFTERMATH;
         while Instant::now() < end && !stop.is_due() {
@@ -222,6 +232,7 @@ fn consequence(process: &Process) -> &'static str {
         "recorder" => ": the robot goes on without a log",
         "driver" => ": the controller damps and waits for another one (hoof driver)",
         _ if process.is_good() => "",
+        _ if process.lost_data() => ": messages were lost, its report says how many",
         _ => ": the driver damps the robot",
     }
 }

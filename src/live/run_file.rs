@@ -1,10 +1,12 @@
 //! The run file (TOML): which robot, which network, who sends what. Files that it names are beside it; the log is below the working directory.
 
-use crate::robot::read;
+use crate::robot::{RobotFiles, read, with_overrides};
 use anyhow::Context;
+use controller::params::Params;
 use drivers::live::RealtimeParams;
 use drivers::live::clock::Beat;
 use drivers::operators::{Arbiter, Source, default_sources};
+use drivers::teleop::check_channel;
 use serde::Deserialize;
 use std::path::{Path, PathBuf};
 
@@ -96,20 +98,25 @@ pub struct Controller {
 pub struct Executor {
     /// Time between ticks, µs.
     pub period_us: i64,
-    /// When in the period, µs: a simulated driver measures at 0.
-    pub phase_us: i64,
+    /// When in the period, µs: a simulated driver measures at 0. Else behind [`PHASE`] of the period.
+    pub phase_us: Option<i64>,
 }
+
+/// Part of the period after which a tick is due: behind the driver, and with the command there before its next step.
+const PHASE: (i64, i64) = (3, 10);
 
 impl Executor {
     /// When ticks are due.
     pub fn beat(self) -> Beat {
-        Beat { period_ns: self.period_us * 1000, phase_ns: self.phase_us * 1000 }
+        let period_ns = self.period_us * 1000;
+        let phase_ns = self.phase_us.map_or(period_ns * PHASE.0 / PHASE.1, |phase_us| phase_us * 1000);
+        Beat { period_ns, phase_ns }
     }
 }
 
 impl Default for Executor {
     fn default() -> Self {
-        Executor { period_us: 1000, phase_us: 300 }
+        Executor { period_us: 1000, phase_us: None }
     }
 }
 
@@ -150,11 +157,30 @@ impl RunFile {
             (100..=100_000).contains(&period_us),
             "executor.period_us is {period_us}, expected 100 to 100000"
         );
-        anyhow::ensure!(
-            (0..period_us).contains(&phase_us),
-            "executor.phase_us is {phase_us}, expected 0 to less than executor.period_us ({period_us})"
-        );
+        if let Some(phase_us) = phase_us {
+            anyhow::ensure!(
+                (0..period_us).contains(&phase_us),
+                "executor.phase_us is {phase_us}, expected 0 to less than executor.period_us ({period_us})"
+            );
+        }
         Arbiter::new(self.operator.clone())?;
+        for Source { channel, .. } in &self.operator {
+            check_channel(channel).with_context(|| format!("[[operator]] {channel}"))?;
+        }
+        anyhow::ensure!(!self.controllers.is_empty(), "there is no [[controller]]: nobody would have the robot");
+        let is_name = |name: &str| !name.is_empty() && name.chars().all(|c| c.is_ascii_alphanumeric() || c == '_');
+        if let Some(Controller { name, .. }) = self.controllers.iter().find(|controller| !is_name(&controller.name)) {
+            anyhow::bail!("[[controller]] name = {name:?}: expected one name, of letters, digits and _");
+        }
+        if let Some(faults) = self.faults.as_ref().filter(|faults| !faults.is_file()) {
+            anyhow::bail!("faults: there is no file {}", faults.display());
+        }
+        if !self.set.is_empty() {
+            let (_, params) = RobotFiles::find_with_params(&self.robot)?;
+            let set = || format!("set = {:?}", self.set);
+            let params = with_overrides(&params, &self.set).with_context(set)?;
+            Params::from_toml(&params, &self.robot).with_context(set)?;
+        }
         anyhow::ensure!(priority <= 99, "realtime.priority is {priority}, expected 0 (no real-time scheduler) to 99");
         Ok(())
     }
@@ -186,6 +212,9 @@ mod tests {
     fn what_is_wrong_is_named() {
         let minimal = "robot = \"hyq\"\nlog = \"a.mcap\"\n";
         assert!(load(minimal).is_ok());
+        let operator = |channel| format!("{minimal}[[operator]]\nchannel = \"{channel}\"\npriority = 1\n");
+        assert!(load(&operator("OPERATOR_COMMAND")).is_ok());
+        let controller = |name| format!("{minimal}[[controller]]\nname = \"{name}\"\n");
         for (text, wanted) in [
             (format!("{minimal}robto = 1\n"), "unknown field `robto`"),
             (format!("{minimal}[executor]\nperiod_us = 5\n"), "executor.period_us is 5, expected 100 to 100000"),
@@ -193,9 +222,35 @@ mod tests {
             (format!("{minimal}[realtime]\npriority = 100\n"), "realtime.priority is 100"),
             (format!("{minimal}[[operator]]\nchannel = \"A B\"\npriority = 1\n"), "[[operator]] \"A B\": a channel is"),
             ("robot = \"hyq\"\n".to_owned(), "missing field `log`"),
+            (
+                operator("PARAMETER_REQUEST"),
+                "[[operator]] PARAMETER_REQUEST: hoofprint.parameter_request_t is sent there",
+            ),
+            (operator("ROBOT_STATE"), "[[operator]] ROBOT_STATE: hoofprint.robot_state_t is sent there"),
+            (controller("hold, quadruped"), "[[controller]] name = \"hold, quadruped\": expected one name"),
+            (controller(""), "[[controller]] name = \"\": expected one name"),
+            (format!("{minimal}controller = []\n"), "there is no [[controller]]: nobody would have the robot"),
+            (format!("{minimal}faults = \"nope.toml\"\n"), "nope.toml"),
+            (format!("{minimal}set = [\"trunk.kpp=3\"]\n"), "set = [\"trunk.kpp=3\"]: unknown parameter \"trunk.kpp\""),
+            (format!("{minimal}set = [\"wbc.friction=-1\"]\n"), "parameter wbc.friction is -1, expected"),
+            (format!("{minimal}set = [\"trunk.kp\"]\n"), "parameter trunk.kp: expected KEY=VALUE"),
         ] {
             let error = format!("{:#}", load(&text).unwrap_err());
             assert!(error.contains(wanted) && error.contains(".toml"), "{error}");
+            assert!(error.matches("nope.toml").count() < 2, "{error}");
+        }
+    }
+
+    #[test]
+    fn the_phase_keeps_its_part_of_the_period() {
+        for (text, phase_ns) in [
+            ("", 300_000),
+            ("[executor]\nperiod_us = 250\n", 75_000),
+            ("[executor]\nperiod_us = 4000\n", 1_200_000),
+            ("[executor]\nperiod_us = 250\nphase_us = 0\n", 0),
+        ] {
+            let file = load(&format!("robot = \"hyq\"\nlog = \"a.mcap\"\n{text}")).unwrap();
+            assert_eq!(file.executor.beat().phase_ns, phase_ns, "{text}");
         }
     }
 }

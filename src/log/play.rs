@@ -1,12 +1,16 @@
 //! `hoof log play`: a log's messages again, when their time has come.
 
 use crate::{Outcome, say, say_json};
-use anyhow::Context;
+use anyhow::{Context, bail};
 use crossterm::event::{Event as TerminalEvent, KeyCode, KeyEvent, KeyEventKind, KeyModifiers};
+use drivers::live::somebody_speaks;
+use drivers::teleop;
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use lcmtypes::bus::{Bus, LcmBus};
+use lcmtypes::channels::{EXECUTOR_COMMAND, OPERATOR_COMMAND, PARAMETER_REQUEST, ROBOT_COMMAND, ROBOT_STATE};
 use replay::play::{Lateness, LatenessSummary, PlayOptions, Player, TimeBase};
 use replay::record::{Filter, Pattern};
+use replay::udpm::Url;
 use serde::Serialize;
 use signal_hook::consts::{SIGINT, SIGTERM};
 use std::collections::BTreeMap;
@@ -21,6 +25,8 @@ use std::time::{Duration, Instant};
 ///
 /// In a terminal: space pauses and goes on, s or . steps to the next event, left and right seek by 1 s, up and down by 10 s, + and - double and
 /// halve the speed, q ends.
+///
+/// Where a robot is live, what drives it (ROBOT_STATE, ROBOT_COMMAND, commands of operators, requests) is not played unless --force asks for it.
 ///
 /// At the end it says how late messages went out (p50, p99, p99.9, largest); keep other programs off the processor where that matters.
 #[derive(clap::Args)]
@@ -57,6 +63,9 @@ pub struct Args {
     /// Publish channel A as B; may be repeated
     #[arg(long, value_name = "A=B")]
     rename: Vec<String>,
+    /// Play on a network where a robot is live, whatever it drives
+    #[arg(long)]
+    force: bool,
     /// Print JSON at the end
     #[arg(long)]
     json: bool,
@@ -86,6 +95,13 @@ struct Summary {
 /// The last stretch before an event is waited for without sleeping, since a sleeper wakes up late.
 const SPIN: Duration = Duration::from_micros(150);
 
+/// What a robot and its controller obey.
+const DRIVING: [&str; 6] =
+    [ROBOT_STATE, ROBOT_COMMAND, OPERATOR_COMMAND, teleop::CHANNEL, EXECUTOR_COMMAND, PARAMETER_REQUEST];
+
+/// How long a robot is listened for: many of its periods.
+const HEARING: Duration = Duration::from_millis(30);
+
 /// Longest sleep, so that a signal is seen.
 const SLEEP: Duration = Duration::from_millis(50);
 
@@ -94,6 +110,9 @@ const SECOND: i64 = 1_000_000_000;
 pub fn run(args: &Args) -> anyhow::Result<Outcome> {
     let options = options(args)?;
     let mut bus = LcmBus::open(&args.lcm_url)?;
+    if !args.force {
+        refuse_a_live_robot(&args.lcm_url, &options)?;
+    }
     let stopped = Arc::new(AtomicBool::new(false));
     for signal in [SIGINT, SIGTERM] {
         signal_hook::flag::register(signal, Arc::clone(&stopped)).context("signal handler")?;
@@ -178,6 +197,28 @@ fn options(args: &Args) -> anyhow::Result<PlayOptions> {
         filter: Filter { include: args.channels.as_deref().map(Pattern::new).transpose()?, exclude: None },
         rename,
     })
+}
+
+/// Refuses to drive a robot that somebody else drives.
+fn refuse_a_live_robot(url: &str, options: &PlayOptions) -> anyhow::Result<()> {
+    let PlayOptions { filter, rename, .. } = options;
+    let is_played = |name: &&str| {
+        let renamed = rename.iter().any(|(from, to)| to == name && filter.takes(from));
+        renamed || filter.takes(name) && !rename.contains_key(*name)
+    };
+    let driving: Vec<&str> = DRIVING.into_iter().filter(is_played).collect();
+    // A network of liblcm's other kinds has no robot.
+    let Ok(url) = Url::choose(Some(url).filter(|url| !url.is_empty())) else { return Ok(()) };
+    for channel in [ROBOT_STATE, ROBOT_COMMAND] {
+        if !driving.is_empty() && somebody_speaks(&url, channel, HEARING)? {
+            bail!(
+                "a robot is live on {url}, where {channel} is sent, and this would drive it by {}: play on another network (--lcm-url), \
+                 leave these channels out (--channels), or insist (--force)",
+                driving.join(", ")
+            );
+        }
+    }
+    Ok(())
 }
 
 fn nanoseconds(option: &str, s: f64) -> anyhow::Result<i64> {

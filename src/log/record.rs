@@ -20,6 +20,9 @@ use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 /// Where disk or processor cannot keep up, channels for people are left out first, then the controller's outputs; what a replay needs (RUN_INFO,
 /// CONTROLLER_INPUT, EVENT) and channels given by --vital stay. The log says what was left out. A full disk is waited for.
 ///
+/// Nothing is overwritten: a log that has the name already is moved aside, run.mcap to run.1.mcap or the next number that is free. One that another
+/// process is recording into is refused.
+///
 /// Ctrl-C or SIGTERM completes the log. Exit code 3 if anything was lost or left out, or the disk stayed full.
 #[derive(clap::Args)]
 #[command(after_help = "Example: hoof log record run.mcap\n         \
@@ -81,6 +84,9 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
     let recorder = Recorder::start(options)?;
     if let Some(warning) = recorder.warning() {
         eprintln!("warning: {warning}");
+    }
+    if let Some(moved) = recorder.moved() {
+        eprintln!("the log that had this name is {} now", moved.display());
     }
     let mut line = StatusLine::new();
     eprintln!("recording {url}");

@@ -16,15 +16,23 @@ const FRAME_NS: i64 = 100_000_000;
 /// How long a message stays, ns.
 const MESSAGE_NS: i64 = 4_000_000_000;
 
+/// Asks for a terminal.
+///
+/// # Errors
+/// There is none.
+pub fn check() -> anyhow::Result<()> {
+    anyhow::ensure!(
+        std::io::stdin().is_terminal() && std::io::stdout().is_terminal(),
+        "there is no terminal for keys and screen: --no-screen takes lines from standard input"
+    );
+    Ok(())
+}
+
 /// Obeys keys and pad until the person ends it; says so.
 ///
 /// # Errors
 /// The terminal or the pad is gone, or the bus fails.
 pub fn obey(session: &mut Session, signals: &Signals, pad: Option<Gamepad>) -> anyhow::Result<&'static str> {
-    anyhow::ensure!(
-        std::io::stdin().is_terminal() && std::io::stdout().is_terminal(),
-        "there is no terminal for keys and screen: --no-screen takes lines from standard input"
-    );
     let mut terminal = ratatui::try_init().context("terminal")?;
     let ended =
         Desk { session, signals, pad, terminal: &mut terminal, keys: listen(), message: None, drawn_ns: 0 }.run();

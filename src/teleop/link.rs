@@ -1,10 +1,11 @@
 //! The bus: what is sent, and what the controller says back.
 
+use super::view;
 use anyhow::Context;
 use controller::params::Params;
-use drivers::teleop::Limits;
+use drivers::teleop::{Limits, check_channel};
 use lcmtypes::bus::{Bus, LcmBus};
-use lcmtypes::{ControllerInput, ControllerTick, Event, Message, OperatorCommand, RunInfo, channels};
+use lcmtypes::{ControllerInput, ControllerTick, Event, Message, OperatorCommand, RunInfo, channels, words};
 use nix::time::{ClockId, clock_gettime};
 use std::collections::VecDeque;
 use std::time::Duration;
@@ -69,7 +70,7 @@ impl Link {
     /// # Errors
     /// The bus says what to do.
     pub fn open(url: &str, channel: &str) -> anyhow::Result<Self> {
-        anyhow::ensure!((1..=63).contains(&channel.len()), "--channel {channel:?}: an LCM channel has 1 to 63 bytes");
+        check_channel(channel).with_context(|| format!("--channel {channel:?}"))?;
         let mut bus = LcmBus::open(url).context("hoof doctor says what is wrong")?;
         for heard in [channels::CONTROLLER_TICK, channels::CONTROLLER_INPUT, channels::EVENT, channels::RUN_INFO] {
             bus.subscribe(heard)?;
@@ -152,6 +153,41 @@ impl Heard {
         self.tick.as_ref().filter(|(_, at)| now_ns - at <= SILENCE_NS).map(|(tick, _)| tick.mode)
     }
 
+    /// Why nothing comes of asking for a mode, `OperatorCommand::MODE_*`, on a channel, as far as that has been heard; `None`: the robot does it.
+    pub fn trouble(&self, asked: i8, channel: &str, now_ns: i64) -> Option<String> {
+        let Some(robot) = self.mode(now_ns) else {
+            return Some("no controller is heard here: nobody obeys".to_owned());
+        };
+        match self.follows {
+            Follows::Us => {}
+            Follows::Another => {
+                return Some(format!(
+                    "the controller follows another operator, not {channel}: its run file says who may command, and who before whom"
+                ));
+            }
+            Follows::Nobody => {
+                return Some(format!("the controller follows nobody, not {channel} either: is it in its run file?"));
+            }
+        }
+        let does = match asked {
+            OperatorCommand::MODE_STAND | OperatorCommand::MODE_WALK => {
+                [ControllerTick::MODE_STAND_UP, ControllerTick::MODE_STANCE, ControllerTick::MODE_WALK].contains(&robot)
+            }
+            OperatorCommand::MODE_SIT => robot == ControllerTick::MODE_SIT,
+            OperatorCommand::MODE_IDLE => robot == ControllerTick::MODE_IDLE,
+            _ => robot == ControllerTick::MODE_DAMPING,
+        };
+        let way_out = match (robot, asked) {
+            (ControllerTick::MODE_DAMPING, OperatorCommand::MODE_IDLE) => {
+                ": it goes once nothing is wrong and it rests"
+            }
+            (ControllerTick::MODE_DAMPING, _) => ": it leaves that by idle, and then stands",
+            _ => "",
+        };
+        let asked = view::mode(asked);
+        (!does).then(|| format!("asked for {asked}, the robot is in {}{way_out}", words::mode(robot)))
+    }
+
     fn count(&mut self, ticks: u32, now_ns: i64) {
         let (count, since_ns) = &mut self.counted;
         *count = count.saturating_add(ticks);
@@ -215,6 +251,37 @@ mod tests {
         put(&mut theirs, channels::CONTROLLER_INPUT, &ControllerInput { op: other, ..ControllerInput::default() });
         link.listen(2_000_000_000).unwrap();
         assert_eq!(link.heard.follows, Follows::Another);
+    }
+
+    #[test]
+    fn what_is_asked_for_is_held_against_what_the_robot_does() {
+        let of = |mode: i8, follows, asked| {
+            let tick = ControllerTick { mode, ..ControllerTick::default() };
+            Heard { tick: Some((tick, 0)), follows, ..Heard::default() }.trouble(asked, "PAD", 0)
+        };
+        let (us, another) = (Follows::Us, Follows::Another);
+        for (mode, asked) in [
+            (ControllerTick::MODE_STAND_UP, OperatorCommand::MODE_STAND),
+            (ControllerTick::MODE_STANCE, OperatorCommand::MODE_STAND),
+            (ControllerTick::MODE_WALK, OperatorCommand::MODE_STAND),
+            (ControllerTick::MODE_SIT, OperatorCommand::MODE_SIT),
+            (ControllerTick::MODE_IDLE, OperatorCommand::MODE_IDLE),
+            (ControllerTick::MODE_DAMPING, OperatorCommand::MODE_DAMPING),
+        ] {
+            assert_eq!(of(mode, us, asked), None);
+            let text = "the controller follows another operator, not PAD: its run file says who may command, and who before whom";
+            assert_eq!(of(mode, another, asked).unwrap(), text);
+            assert!(of(mode, Follows::Nobody, asked).unwrap().starts_with("the controller follows nobody"));
+        }
+        let (damping, stand) = (ControllerTick::MODE_DAMPING, OperatorCommand::MODE_STAND);
+        let text = "asked for STAND, the robot is in DAMPING: it leaves that by idle, and then stands";
+        assert_eq!(of(damping, us, stand).unwrap(), text);
+        assert_eq!(
+            of(ControllerTick::MODE_WALK, us, OperatorCommand::MODE_DAMPING).unwrap(),
+            "asked for EMERGENCY STOP, the robot is in WALK"
+        );
+        let nobody = "no controller is heard here: nobody obeys";
+        assert_eq!(Heard::default().trouble(stand, "PAD", 0).unwrap(), nobody);
     }
 
     #[test]

@@ -33,6 +33,9 @@ const LAST_WORDS: u32 = 10;
 ///
 /// It begins with what the robot does already (one that lies stays lying), and where the terminal, the gamepad or the script ends, a robot
 /// that walks stands; an emergency stop stays one.
+///
+/// Exit code 1 where lines have ended and nobody obeys them: no controller is heard, it follows another operator, or the robot does not do what was
+/// asked last.
 #[derive(clap::Args)]
 #[command(after_help = KEYS)]
 pub struct Args {
@@ -78,23 +81,42 @@ Lines:   stand, walk, sit, idle, estop, each with or without vx= vy= yaw= roll= 
 pub fn run(args: &Args) -> anyhow::Result<Outcome> {
     let signals = Signals::catch()?;
     let limits = args.robot.as_deref().map(limits_of).transpose()?;
+    let hands = Hands::find(args)?;
     let mut session = Session::open(args, limits)?;
     session.link.say(Event::LEVEL_INFO, format!("begins on {}", args.channel))?;
-    let ended = match &args.script {
-        Some(file) => {
-            lines::obey(&mut session, &signals, lines::Source::Text(read(file)?), &file.display().to_string())
-        }
-        None if args.no_screen => lines::obey(&mut session, &signals, lines::Source::Input, "standard input"),
-        None => {
-            let pad = args.pad.then(Gamepad::open).transpose()?;
-            keyboard::obey(&mut session, &signals, pad)
-        }
+    let (ended, is_seen) = match hands {
+        Hands::Lines(source, name) => (lines::obey(&mut session, &signals, source, &name), false),
+        Hands::Keys(pad) => (keyboard::obey(&mut session, &signals, pad), true),
     };
     // Whatever ended it: the robot is told first, and a person afterwards.
     let left = session.leave(ended.as_ref().err());
     let ended = ended?;
     say(format!("{ended}; {}", left?))?;
-    Ok(Outcome::Good)
+    // Who has a screen sees it there.
+    let trouble = session.trouble().filter(|_| !is_seen);
+    if let Some(trouble) = &trouble {
+        eprintln!("warning: {trouble}");
+    }
+    Ok(Outcome::failed_if(trouble.is_some()))
+}
+
+/// What the operator has to command with; looked for before anybody is told of an operator.
+enum Hands {
+    Lines(lines::Source, String),
+    Keys(Option<Gamepad>),
+}
+
+impl Hands {
+    fn find(args: &Args) -> anyhow::Result<Self> {
+        Ok(match &args.script {
+            Some(file) => Hands::Lines(lines::Source::Text(read(file)?), file.display().to_string()),
+            None if args.no_screen => Hands::Lines(lines::Source::Input, "standard input".to_owned()),
+            None => {
+                keyboard::check()?;
+                Hands::Keys(args.pad.then(Gamepad::open).transpose()?)
+            }
+        })
+    }
 }
 
 fn limits_of(robot: &str) -> anyhow::Result<Limits> {
@@ -175,6 +197,7 @@ impl Session {
         for _ in 0..LAST_WORDS {
             outcome = outcome.and(self.send(now_ns()));
             std::thread::sleep(Duration::from_nanos(HEARTBEAT_NS.cast_unsigned()));
+            outcome = outcome.and(self.link.listen(now_ns()));
         }
         let left = match self.desk.mode() {
             None => "the robot was told nothing".to_owned(),
@@ -187,5 +210,9 @@ impl Session {
         };
         outcome = outcome.and(self.link.say(level, text));
         outcome.map(|()| format!("{left}, {} commands sent", self.link.heard.commands))
+    }
+    /// Why nothing came of what was asked last, if it was asked and nothing did.
+    fn trouble(&self) -> Option<String> {
+        self.link.heard.trouble(self.desk.mode()?, self.link.channel(), now_ns())
     }
 }

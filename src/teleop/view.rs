@@ -78,6 +78,13 @@ impl Screen<'_> {
     fn command(&self) -> Vec<Line<'static>> {
         // A copy, since what is shown must not count as sent.
         let Some(c) = self.desk.clone().command(self.now_ns) else {
+            if self.heard.mode(self.now_ns) == Some(ControllerTick::MODE_DAMPING) {
+                return vec![
+                    Line::styled("nothing is sent yet", bold(Color::Yellow)),
+                    "The robot is damped, and stays so".into(),
+                    "until r takes it back.".into(),
+                ];
+            }
             return vec![
                 Line::styled("nothing is sent yet", bold(Color::Yellow)),
                 "Waiting for the controller, to begin with".into(),
@@ -228,6 +235,14 @@ mod tests {
     fn before_anything_is_known_the_stop_is_there() {
         let screen = drawn(&Desk::new(Limits::default()), &Heard::default(), "");
         has(&screen, &["EMERGENCY STOP:  Esc  or  x", "nothing is sent yet", "nothing heard of it", "Ctrl-C end"]);
+    }
+
+    #[test]
+    fn at_a_damped_robot_nothing_is_sent() {
+        let mut desk = Desk::new(Limits::default());
+        desk.hear(ControllerTick::MODE_DAMPING);
+        let screen = drawn(&desk, &heard(ControllerTick::MODE_DAMPING, ControllerTick::FAULT_TILT), "");
+        has(&screen, &["THE ROBOT HAS STOPPED ITSELF", "nothing is sent yet", "until r takes it back."]);
     }
 
     #[test]

@@ -96,7 +96,11 @@ fn fifo(priority: u8) -> Result<(), String> {
 
 fn pin(core: usize) -> Result<(), String> {
     let mut set = CpuSet::new();
-    set.set(core).and_then(|()| sched_setaffinity(Pid::from_raw(0), &set)).map_err(|error| error.desc().to_owned())
+    set.set(core).and_then(|()| sched_setaffinity(Pid::from_raw(0), &set)).map_err(|error| {
+        // The file is there on every Linux; without it the reason stands alone.
+        let online = std::fs::read_to_string("/sys/devices/system/cpu/online").unwrap_or_default();
+        format!("{}, there are cores {}", error.desc(), online.trim())
+    })
 }
 
 fn stay_awake() -> std::io::Result<File> {
@@ -117,7 +121,10 @@ mod tests {
             let granted = asked.apply();
             assert_eq!(granted.held, ["no timer slack"]);
             assert_eq!(granted.refused.len(), 1);
-            assert!(granted.text().starts_with("no timer slack, core 1000000 refused: "), "{granted:?}");
+            let cores = std::fs::read_to_string("/sys/devices/system/cpu/online").unwrap();
+            let text =
+                format!("no timer slack, core 1000000 refused: Invalid argument, there are cores {}", cores.trim());
+            assert_eq!(granted.text(), text);
             assert_eq!(Granted::default().text(), "no real-time setting");
         })
         .join()

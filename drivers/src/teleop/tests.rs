@@ -31,7 +31,6 @@ fn who_begins_takes_over_what_the_robot_does() {
     for (robot, begins) in [
         (Tick::MODE_IDLE, Op::MODE_IDLE),
         (Tick::MODE_SIT, Op::MODE_SIT),
-        (Tick::MODE_DAMPING, Op::MODE_DAMPING),
         (Tick::MODE_STAND_UP, Op::MODE_STAND),
         (Tick::MODE_STANCE, Op::MODE_STAND),
         (Tick::MODE_WALK, Op::MODE_STAND),
@@ -41,6 +40,35 @@ fn who_begins_takes_over_what_the_robot_does() {
         desk.hear(robot);
         assert_eq!(desk.command(0).map(|c| (c.mode, c.seq)), Some((begins, 0)));
     }
+}
+
+#[test]
+fn who_begins_at_a_damped_robot_says_nothing() {
+    let mut desk = Desk::new(LIMITS);
+    desk.hear(Tick::MODE_DAMPING);
+    assert_eq!(desk.command(0), None);
+    assert_eq!(desk.press(Press::Posture, 0), Err("emergency stop: r takes it back"));
+    let mut left = desk.clone();
+    left.leave();
+    assert_eq!(left.command(0), None, "nor when leaving");
+    let mut taken_back = desk.clone();
+    taken_back.press(Press::Reset, 0).unwrap();
+    assert_eq!(taken_back.command(0).map(|c| (c.mode, c.seq)), Some((Op::MODE_IDLE, 0)));
+    // Somebody else takes it back.
+    desk.hear(Tick::MODE_IDLE);
+    assert_eq!(desk.command(0).map(|c| c.mode), Some(Op::MODE_IDLE));
+}
+
+#[test]
+fn an_operator_has_a_channel_of_its_own() {
+    for channel in [CHANNEL, "OPERATOR_COMMAND", "pad-2"] {
+        assert_eq!(check_channel(channel), Ok(()));
+    }
+    for channel in ["", "A B", "hold/ROBOT_COMMAND", "OPERATOR_.*", &"A".repeat(64)] {
+        assert_eq!(check_channel(channel), Err(ChannelError::Name), "{channel}");
+    }
+    let text = check_channel("PARAMETER_REQUEST").unwrap_err().to_string();
+    assert_eq!(text, "hoofprint.parameter_request_t is sent there, no operator's command");
 }
 
 #[test]

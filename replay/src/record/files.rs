@@ -1,12 +1,12 @@
 //! The files of a recording: one, or one after another.
 
 use super::disk::{DiskState, PatientFile};
+use super::fresh::Fresh;
 use super::ring::{EventSink, Target};
 use crate::Error;
 use crate::log::{Format, LogWriter, Output};
 use lcmtypes::channels;
 use std::collections::VecDeque;
-use std::fs::File;
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, PoisonError};
 
@@ -45,6 +45,7 @@ pub struct Files {
     first_ns: Option<i64>,
     run_info: Option<Vec<u8>>,
     names: Names,
+    moved: Option<PathBuf>,
     events: u64,
 }
 
@@ -52,13 +53,22 @@ pub struct Files {
 pub type Names = Arc<Mutex<VecDeque<PathBuf>>>;
 
 impl Files {
-    /// The first file: `path`, or `path` with a number before its ending where others may follow.
+    /// The first file: `path`, or `path` with a number before its ending where others may follow. What is there is moved aside ([`Files::moved`]),
+    /// and what is written is locked.
     ///
     /// # Errors
-    /// [`Error::UnknownExtension`]; [`Error::Io`] if it cannot be created.
+    /// [`Error::UnknownExtension`]; [`Error::Io`] if it cannot be created or another process records into it.
     pub fn create(path: &Path, rotation: Rotation, state: Arc<DiskState>) -> Result<Self, Error> {
-        let create = |path: &Path| File::create(path).map(|file| Box::new(file) as Output);
-        Self::create_on(path, rotation, state, Box::new(create))
+        let moved = Arc::<Mutex<Option<PathBuf>>>::default();
+        let tell = Arc::clone(&moved);
+        let create = move |path: &Path| {
+            let fresh = Fresh::create(path)?;
+            *tell.lock().unwrap_or_else(PoisonError::into_inner) = fresh.moved;
+            Ok(Box::new(fresh.file) as Output)
+        };
+        let mut files = Self::create_on(path, rotation, state, Box::new(create))?;
+        files.moved = moved.lock().unwrap_or_else(PoisonError::into_inner).take();
+        Ok(files)
     }
 
     /// The same on any kind of disk.
@@ -81,6 +91,7 @@ impl Files {
             first_ns: None,
             run_info: None,
             names,
+            moved: None,
             events: 0,
         })
     }
@@ -88,6 +99,11 @@ impl Files {
     /// Names of the files that are there, oldest first; goes on being true while the recording does.
     pub fn names(&self) -> Names {
         Arc::clone(&self.names)
+    }
+
+    /// What had the name of the first file before, by its new name.
+    pub fn moved(&self) -> Option<&Path> {
+        self.moved.as_deref()
     }
 
     fn is_due(&self, t_ns: i64) -> bool {

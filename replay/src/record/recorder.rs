@@ -64,6 +64,7 @@ pub struct Recorder {
     reserve: u64,
     url: String,
     warning: Option<String>,
+    moved: Option<PathBuf>,
 }
 
 /// How a recording goes, and how its disk does.
@@ -116,7 +117,7 @@ impl Recorder {
         let warning = listener.warning();
         let disk = Arc::<DiskState>::default();
         let files = Files::create(&out, rotation, Arc::clone(&disk))?;
-        let names = files.names();
+        let (names, moved) = (files.names(), files.moved().map(Path::to_path_buf));
         let live = RingOptions::live();
         let ring_options = RingOptions { capacity: buffer, when_full: WhenFull::Shed { vital }, ..live };
         let writer = RingWriter::start(&out, Box::new(files), &ring_options)?;
@@ -124,12 +125,17 @@ impl Recorder {
         let receiver = Receiver::start(listener, input).map_err(|source| Error::Io { path: out.clone(), source })?;
         let folder = out.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new(".")).into();
         let (desk, url) = (Desk::new(filter, writer), url.to_string());
-        Ok(Recorder { desk, datagrams, receiver, disk, names, folder, reserve, url, warning })
+        Ok(Recorder { desk, datagrams, receiver, disk, names, folder, reserve, url, warning, moved })
     }
 
     /// What a person should know before it goes on.
     pub fn warning(&self) -> Option<&str> {
         self.warning.as_deref()
+    }
+
+    /// What had the log's name before, by its new name: nothing is overwritten.
+    pub fn moved(&self) -> Option<&Path> {
+        self.moved.as_deref()
     }
 
     /// Records until `stop` says so; `progress` is told ten times a second how it goes.
