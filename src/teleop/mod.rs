@@ -86,7 +86,7 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
     session.link.say(Event::LEVEL_INFO, format!("begins on {}", args.channel))?;
     let (ended, is_seen) = match hands {
         Hands::Lines(source, name) => (lines::obey(&mut session, &signals, source, &name), false),
-        Hands::Keys(pad) => (keyboard::obey(&mut session, &signals, pad), true),
+        Hands::Keys(pad) => (keyboard::obey(&mut session, &signals, pad.map(|pad| *pad)), true),
     };
     // Whatever ended it: the robot is told first, and a person afterwards.
     let left = session.leave(ended.as_ref().err());
@@ -103,7 +103,7 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
 /// What the operator has to command with; looked for before anybody is told of an operator.
 enum Hands {
     Lines(lines::Source, String),
-    Keys(Option<Gamepad>),
+    Keys(Option<Box<Gamepad>>),
 }
 
 impl Hands {
@@ -113,7 +113,7 @@ impl Hands {
             None if args.no_screen => Hands::Lines(lines::Source::Input, "standard input".to_owned()),
             None => {
                 keyboard::check()?;
-                Hands::Keys(args.pad.then(Gamepad::open).transpose()?)
+                Hands::Keys(args.pad.then(Gamepad::open).transpose()?.map(Box::new))
             }
         })
     }
