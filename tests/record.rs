@@ -3,8 +3,9 @@
 
 mod common;
 
-use common::{Ran, command, events, folder, hoof, ran};
-use lcmtypes::channels;
+use common::{Ran, command, events, folder, hoof, messages, ran};
+use drivers::live::clock::now_ns;
+use lcmtypes::{Event, channels};
 use replay::log::LogReader;
 use replay::udpm::{Url, split};
 use std::io::{BufRead, BufReader};
@@ -79,10 +80,15 @@ fn a_signal_completes_the_log() {
     let folder = folder("signal");
     for (test, signal, name) in [(0, "-INT", "run.lcmlog"), (1, "-TERM", "run.mcap")] {
         let (url, log) = (url(test), folder.join(name));
+        let began_ns = now_ns();
         let recorder = start(record(&url, &log, ""));
         let mut sender = Sender::new(&url);
         (0..500).for_each(|_| sender.send("A"));
         let json = end(recorder, signal).exits(0).json();
+        // Its own words have the clock of a run's messages, whatever the log's is.
+        let said: Vec<Event> = messages(&log, channels::EVENT);
+        assert!(said.iter().all(|event| (began_ns..now_ns()).contains(&event.t_ns)), "{said:?}");
+        assert_eq!(said.len(), 1);
         // All that was sent before the signal is there, though the recorder may not have fetched it yet.
         assert_eq!(numbers(&log, "A"), (0..500).collect::<Vec<_>>());
         assert_eq!(json["events"], events(&log).len());

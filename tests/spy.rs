@@ -170,6 +170,9 @@ fn an_alarm_and_silence_are_exit_code_1() {
     let raised = json(4, &["--alarms", &file], 1)["alarms"].take();
     assert_eq!(raised[0], json!({"alarm": "ROBOT_STATE count<5", "channel": "ROBOT_STATE", "value": 4.0, "times": 1}));
     assert_eq!(raised[1]["value"], Value::Null);
+    // A name misspelt: nothing is wrong that anybody could know of, and it is told.
+    let misspelt = json(5, &["--alarm", "ROBOT_STAT rate>10", "--alarm", "ROBOT_STATE rate>1e9"], 0);
+    assert_eq!((&misspelt["alarms"], &misspelt["unmatched"]), (&json!([]), &json!(["ROBOT_STAT rate>10"])));
     let silent =
         ran(command().args(["spy", "--once", "--seconds", "0.05", "--lcm-url", &url.to_string()]).output().unwrap())
             .exits(1);

@@ -99,14 +99,14 @@ fn an_emergency_stop_is_not_taken_back_by_leaving() {
     let url = url(3);
     let mut bus = hear(&url);
     let said = script(&url, "walk\nestop\n").exits(1).stdout;
-    assert!(said.contains("the emergency stop stays"), "{said}");
+    assert!(said.contains("the last command was EMERGENCY STOP"), "{said}");
     let (commands, _) = heard(&mut bus);
     let mut modes: Vec<i8> = commands.iter().map(|c| c.mode).collect();
     modes.dedup();
     assert_eq!(modes, [Op::MODE_WALK, Op::MODE_DAMPING]);
 }
 
-/// A controller that walks as somebody else commands, whatever comes, until `then` has run.
+/// A controller that walks as somebody commands on a channel nobody knows, and follows OPERATOR_TELEOP once it speaks, until `then` has run.
 fn beside_a_controller(url: &str, then: impl FnOnce()) {
     struct Over<'a>(&'a AtomicBool);
     impl Drop for Over<'_> {
@@ -115,18 +115,26 @@ fn beside_a_controller(url: &str, then: impl FnOnce()) {
         }
     }
     let over = AtomicBool::new(false);
-    let tick = ControllerTick { mode: ControllerTick::MODE_WALK, ..ControllerTick::default() };
-    let input = ControllerInput { op: Op { seq: 7, t_ns: 1, ..Op::default() }, ..ControllerInput::default() };
+    let mut tick = ControllerTick { mode: ControllerTick::MODE_WALK, ..ControllerTick::default() };
+    let mut input = ControllerInput { op: Op { seq: 7, t_ns: 1, ..Op::default() }, ..ControllerInput::default() };
     std::thread::scope(|scope| {
         scope.spawn(|| {
             let mut bus = LcmBus::open(url).unwrap();
-            let (mut tick_bytes, mut input_bytes) = (Vec::new(), Vec::new());
-            tick.encode(&mut tick_bytes).unwrap();
-            input.encode(&mut input_bytes).unwrap();
+            bus.subscribe("OPERATOR_TELEOP").unwrap();
+            let mut bytes = Vec::new();
             while !over.load(Ordering::SeqCst) {
-                bus.publish(channels::CONTROLLER_TICK, &tick_bytes).unwrap();
-                bus.publish(channels::CONTROLLER_INPUT, &input_bytes).unwrap();
-                bus.handle(Duration::from_millis(5)).unwrap();
+                for message in bus.handle(Duration::from_millis(5)).unwrap() {
+                    input.op = Op::decode(&message.data).unwrap();
+                    if input.op.mode == Op::MODE_DAMPING {
+                        tick.mode = ControllerTick::MODE_DAMPING;
+                    }
+                }
+                tick.encode(&mut bytes).unwrap();
+                bus.publish(channels::CONTROLLER_TICK, &bytes).unwrap();
+                bytes.clear();
+                input.encode(&mut bytes).unwrap();
+                bus.publish(channels::CONTROLLER_INPUT, &bytes).unwrap();
+                bytes.clear();
             }
         });
         let _over = Over(&over);
@@ -135,12 +143,17 @@ fn beside_a_controller(url: &str, then: impl FnOnce()) {
 }
 
 #[test]
-fn a_script_that_nobody_follows_has_failed() {
+fn a_script_has_failed_where_nobody_follows_or_the_robot_does_not_obey() {
     let url = url(0);
     beside_a_controller(&url, || {
         let ran = script_on("OPERATOR_PAD", &url, "estop\nwait 0.2\n").exits(1);
         let wanted = "warning: the controller follows another operator, not OPERATOR_PAD: ";
         assert!(ran.stderr.starts_with(wanted), "{}", ran.stderr);
+        let ran = script(&url, "estop\nwait 0.2\n").exits(0);
+        assert!(ran.stdout.contains("the emergency stop stays") && ran.stderr.is_empty(), "{ran:?}");
+        let ran = script(&url, "stand\nwait 0.2\n").exits(1);
+        let wanted = "warning: asked for STAND, the robot is in DAMPING: it leaves that by idle, and then stands\n";
+        assert_eq!(ran.stderr, wanted);
     });
 }
 

@@ -184,6 +184,14 @@ mod tests {
             text("wbc.friction", "high"),
             "parameter wbc.friction: found `high`, expected a value like `0.6` (float)"
         );
+        assert_eq!(
+            text("qp.solver", "clarabell"),
+            "parameter qp.solver: found `clarabell`, expected `active_set` or `clarabel`"
+        );
+        assert!(
+            text("stack.tasks", "{}")
+                .ends_with(", in [stack.tasks] there is none: a parameters file adds what is to be there")
+        );
         assert!(text("trunk.kp", "[1.0, 2.0]").contains("expected a value like `[1000.0, 1000.0, 1000.0]`"));
         assert_eq!(text("gait.trot.duty", "1.5"), "parameter gait.trot.duty is 1.5, expected at least 0.5 and below 1");
         // Each of these would reach a `clamp`, a count or the QP as nonsense.

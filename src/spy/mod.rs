@@ -52,9 +52,10 @@ const LOOK: Duration = Duration::from_millis(20);
     hoof spy --once --json --seconds 5 --alarm 'ROBOT_STATE rate<900' --alarm '.* lost>0'\n         \
     hoof spy --lcm-types ~/other/types --lcm-url 'udpm://239.255.76.67:7667?ttl=1'\n\n\
     Alarms: CHANNEL_REGEX QUANTITY<NUMBER or >NUMBER, with rate (Hz), jitter, jitter_rms, gap (us), age (s), lost, late, count, senders,\n\
-    bandwidth (B/s). A channel that was never heard is slow. In a TOML file: alarms = [\"ROBOT_STATE rate<900\", \"ROBOT_STATE gap>20000\"]\n\n\
+    bandwidth (B/s). A channel that was never heard is slow; what is neither raised nor about any channel heard is told (a name misspelt?). In a TOML file: alarms = [\"ROBOT_STATE rate<900\", \"ROBOT_STATE gap>20000\"]\n\n\
     JSON: format, events, duration_s, lost, damaged as of `hoof log info`; bytes and heard, of datagrams; channels with name, type, fingerprint, count,\n\
-    rate_hz, bytes, lost (null: nobody knows, at most lost_at_most), late, jitter_us, jitter_rms_us, gap_us, age_s, bytes_per_s, senders; senders; alarms")]
+    rate_hz, bytes, lost (null: nobody knows, at most lost_at_most), late, jitter_us, jitter_rms_us, gap_us, age_s, bytes_per_s, senders; senders; alarms;\n\
+    unmatched: conditions about no channel heard")]
 pub struct Args {
     /// Network, else that of LCM_DEFAULT_URL, else udpm://239.255.76.67:7667?ttl=0
     #[arg(long, value_name = "URL", conflicts_with = "log")]

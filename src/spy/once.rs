@@ -21,13 +21,18 @@ pub struct Report {
     summary: Summary,
     /// Conditions that hold.
     alarms: Vec<Raised>,
+    /// Conditions that do not and are about no channel that was heard.
+    unmatched: Vec<String>,
 }
 
 impl Report {
     /// Judges what was heard or read.
     pub fn new(source: String, format: String, health: &Health, summary: Summary, alarms: &mut Alarms) -> Self {
-        let alarms = alarms.check(&summary.channels);
-        Report { source, format, damaged: health.damaged.len() as u64, cut: health.cut.is_some(), summary, alarms }
+        let raised = alarms.check(&summary.channels);
+        let is_raised = |text: &&str| raised.iter().any(|raised| raised.alarm == *text);
+        let unmatched = alarms.unmatched().filter(|text| !is_raised(text)).map(str::to_owned).collect();
+        let (damaged, cut) = (health.damaged.len() as u64, health.cut.is_some());
+        Report { source, format, damaged, cut, summary, alarms: raised, unmatched }
     }
 
     /// Whether nothing was heard.
@@ -50,7 +55,7 @@ impl Report {
     }
 
     fn text(&self) -> String {
-        let Report { source, damaged, cut, summary: s, alarms, format: _ } = self;
+        let Report { source, damaged, cut, summary: s, alarms, unmatched, format: _ } = self;
         let mut text = format!(
             "{source}: {} messages, {} channels, {:.3} s, lost {}",
             s.events,
@@ -75,6 +80,9 @@ impl Report {
         }
         for raised in alarms {
             text += &format!("\nALARM {}", table::alarm_text(raised));
+        }
+        for alarm in unmatched {
+            text += &format!("\nwarning: {alarm}: no channel of that name was heard");
         }
         text
     }

@@ -140,7 +140,7 @@ impl Session {
             recording: recording.as_ref().map(Recording::status),
             message,
             silence: &silence,
-            alarms: alarms.times().map(|(text, times)| (text.to_owned(), times)).collect(),
+            alarms: alarms.times().map(|(text, times)| (told(text, alarms), times)).collect(),
             picture,
             state,
             processes,
@@ -218,6 +218,14 @@ impl Session {
 }
 
 /// A network, without what goes without saying.
+/// A condition, and whether it is about anything.
+fn told(text: &str, alarms: &Alarms) -> String {
+    match alarms.unmatched().find(|alarm| *alarm == text) {
+        Some(_) => format!("{text}  (no channel of that name yet)"),
+        None => text.to_owned(),
+    }
+}
+
 fn short_name(url: &Url) -> String {
     let ttl = if url.ttl > 0 { format!(" ttl={}", url.ttl) } else { String::new() };
     format!("{}:{}{ttl}", url.group, url.port)

@@ -201,7 +201,7 @@ impl Session {
         }
         let left = match self.desk.mode() {
             None => "the robot was told nothing".to_owned(),
-            Some(OperatorCommand::MODE_DAMPING) => "the emergency stop stays".to_owned(),
+            Some(OperatorCommand::MODE_DAMPING) if self.trouble().is_none() => "the emergency stop stays".to_owned(),
             Some(mode) => format!("the last command was {}", view::mode(mode)),
         };
         let (level, text) = match why {

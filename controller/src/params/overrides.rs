@@ -11,6 +11,12 @@ pub fn apply_overrides(text: &str, overrides: &[(String, String)]) -> Result<Str
     let mut table: toml::Table = full.parse().expect("to_toml writes TOML");
     for (key, value) in overrides {
         set(&mut table, key, value)?;
+        // A word that is none of those there are: said of the key, not of a text that nobody has seen.
+        if let Err(error) = table.clone().try_into::<Params>() {
+            let expected = error.message().rsplit_once("expected ").map_or(error.message(), |(_, expected)| expected);
+            let (key, found) = (key.clone(), value.clone());
+            return Err(ParamsError::BadValue { key, found, expected: expected.to_owned() });
+        }
     }
     let text = toml::to_string(&table).expect("a table that was read can be written");
     Ok(Params::from_toml(&text, "parameters with overrides")?.to_toml())
@@ -69,5 +75,8 @@ fn like(old: &toml::Value, new: toml::Value) -> Option<toml::Value> {
 fn keys_of(table: &toml::Table, path: &[&str]) -> String {
     let place = if path.is_empty() { "at the top".to_owned() } else { format!("in [{}]", path.join(".")) };
     let names: Vec<&str> = table.keys().map(String::as_str).collect();
-    format!(", {place} there are: {}", names.join(", "))
+    match &names[..] {
+        [] => format!(", {place} there is none: a parameters file adds what is to be there"),
+        names => format!(", {place} there are: {}", names.join(", ")),
+    }
 }

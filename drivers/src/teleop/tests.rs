@@ -259,7 +259,7 @@ fn the_bumper_gets_no_robot_up_from_the_ground() {
         let pad = PadState { bumper: true, forward: 1.0, ..PadState::default() };
         assert_eq!(desk.hold(&pad, 0), Err("the robot has to stand first: Start"));
         assert_eq!(desk.mode(), before);
-        assert_eq!(sent(&mut desk, 0).0, [0.0; 2]);
+        assert!(desk.command(0).is_none_or(|command| command.v_H == [0.0; 2]));
     }
 }
 

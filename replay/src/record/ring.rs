@@ -8,6 +8,7 @@ use super::bytes::{BytesIn, BytesOut, byte_ring};
 use super::shed::{Keep, Shedder};
 use crate::Error;
 use crate::log::{LogWriter, check_event};
+use crate::udpm::monotonic_ns;
 use lcmtypes::{Event, Message, channels};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -78,18 +79,20 @@ pub struct RingOptions {
     pub flush_every: Option<Duration>,
     /// What happens when the ring is full.
     pub when_full: WhenFull,
+    /// Clock of the messages, ns, for what [`RingWriter::say`] says; `None`: it is that of the log.
+    pub clock: Option<fn() -> i64>,
 }
 
 impl RingOptions {
     /// For lockstep runs: nothing is left out, and equal events give equal files.
     pub fn lockstep() -> Self {
-        RingOptions { capacity: 1 << 24, flush_every: None, when_full: WhenFull::Wait }
+        RingOptions { capacity: 1 << 24, flush_every: None, when_full: WhenFull::Wait, clock: None }
     }
 
-    /// For runs that must not wait: 50 ms to the kernel, so that a killed process loses less than 100 ms.
+    /// For runs that must not wait: 50 ms to the kernel, so that a killed process loses less than 100 ms. Messages have the monotonic clock.
     pub fn live() -> Self {
-        let flush_every = Some(Duration::from_millis(50));
-        RingOptions { capacity: 1 << 26, flush_every, when_full: WhenFull::Shed { vital: None } }
+        let (flush_every, clock) = (Some(Duration::from_millis(50)), Some(monotonic_ns as fn() -> i64));
+        RingOptions { capacity: 1 << 26, flush_every, when_full: WhenFull::Shed { vital: None }, clock }
     }
 }
 
@@ -107,6 +110,7 @@ pub struct RingWriter {
     ring: Option<BytesIn>,
     thread: Option<JoinHandle<Result<u64, Error>>>,
     shedder: Option<Shedder>,
+    clock: Option<fn() -> i64>,
     said: Keep,
     last_ns: i64,
     message: Vec<u8>,
@@ -145,6 +149,7 @@ impl RingWriter {
             ring: Some(input),
             thread: Some(thread),
             shedder,
+            clock: options.clock,
             said: Keep::All,
             last_ns: 0,
             message: Vec::new(),
@@ -183,10 +188,13 @@ impl RingWriter {
 
     /// Says something in the log, on channel EVENT, as the recorder; never left out but where nothing fits any more.
     ///
+    /// - `t_ns`: when, by the clock of the log; the message has the time of [`RingOptions::clock`].
+    ///
     /// # Errors
     /// As [`EventSink::write`].
     pub fn say(&mut self, t_ns: i64, level: i8, text: String) -> Result<(), Error> {
-        let event = Event { t_ns, tick: -1, level, source: "recorder".to_owned(), text };
+        let message_ns = self.clock.map_or(t_ns, |clock| clock());
+        let event = Event { t_ns: message_ns, tick: -1, level, source: "recorder".to_owned(), text };
         let mut bytes = std::mem::take(&mut self.message);
         bytes.clear();
         event.encode(&mut bytes).map_err(|source| Error::Encode { path: self.path.clone(), source: source.into() })?;

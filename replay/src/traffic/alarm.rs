@@ -3,7 +3,7 @@
 use super::Row;
 use crate::Error;
 use crate::record::Pattern;
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 /// One condition, such as `ROBOT_STATE rate<900`: a regular expression for whole names of channels, a quantity, `<` or `>`, a limit.
 #[derive(Debug, Clone)]
@@ -115,6 +115,8 @@ pub struct Raised {
 pub struct Alarms {
     alarms: Vec<Alarm>,
     states: BTreeMap<(usize, String), State>,
+    /// Places of those that some channel matched, at some time.
+    matched: BTreeSet<usize>,
 }
 
 #[derive(Debug, Clone, Copy, Default)]
@@ -126,7 +128,7 @@ struct State {
 impl Alarms {
     /// Those.
     pub fn new(alarms: Vec<Alarm>) -> Self {
-        Alarms { alarms, states: BTreeMap::new() }
+        Alarms { alarms, ..Alarms::default() }
     }
 
     /// Every condition that holds now.
@@ -137,7 +139,9 @@ impl Alarms {
             let mut found: Vec<(&str, Option<f64>, bool)> = matching
                 .filter_map(|row| alarm.value(row).map(|value| (&*row.name, Some(value), alarm.is_raised(value))))
                 .collect();
-            if !rows.iter().any(|row| alarm.channels.matches(&row.name)) {
+            if rows.iter().any(|row| alarm.channels.matches(&row.name)) {
+                self.matched.insert(at);
+            } else {
                 found.push((&alarm.names, None, alarm.is_raised_by_silence()));
             }
             for (channel, value, is_raised) in found {
@@ -151,6 +155,12 @@ impl Alarms {
             }
         }
         raised
+    }
+
+    /// Conditions that were about no channel in any [`Alarms::check`] so far: a name that is misspelt, or somebody who has been silent.
+    pub fn unmatched(&self) -> impl Iterator<Item = &str> {
+        let alarms = self.alarms.iter().enumerate();
+        alarms.filter(|(at, _)| !self.matched.contains(at)).map(|(_, alarm)| &*alarm.text)
     }
 
     /// How often each was raised, over all channels.
@@ -175,6 +185,16 @@ mod tests {
 
     fn raised(alarms: &mut Alarms, rows: &[Row]) -> Vec<(String, Option<f64>, u64)> {
         alarms.check(rows).into_iter().map(|raised| (raised.channel, raised.value, raised.times)).collect()
+    }
+
+    #[test]
+    fn what_is_about_no_channel_is_known() {
+        let mut alarms = alarms(&["A.* rate<900", "AA rate>10", "B rate<900"]);
+        raised(&mut alarms, &[row("A1", 1000.0)]);
+        assert_eq!(alarms.unmatched().collect::<Vec<_>>(), ["AA rate>10", "B rate<900"]);
+        raised(&mut alarms, &[row("B", 1000.0)]);
+        raised(&mut alarms, &[]);
+        assert_eq!(alarms.unmatched().collect::<Vec<_>>(), ["AA rate>10"]);
     }
 
     #[test]

@@ -15,6 +15,8 @@ mod packet;
 mod reassembly;
 mod url;
 
+use nix::time::{ClockId, clock_gettime};
+
 pub use listener::{Datagram, Listener};
 pub use packet::{FRAGMENT_BODY, Fragment, Malformed, Packet, Short, split};
 pub use reassembly::{Abandoned, Outcome, Reassembler, Whole};
@@ -27,4 +29,10 @@ pub const MAX_DATAGRAM: usize = 65_507;
 pub(crate) fn now_ns() -> i64 {
     let since = std::time::SystemTime::now().duration_since(std::time::UNIX_EPOCH).unwrap_or_default();
     i64::try_from(since.as_nanos()).unwrap_or(i64::MAX)
+}
+
+/// Monotonic time, ns: the clock of the messages of a live run.
+pub(crate) fn monotonic_ns() -> i64 {
+    // It exists on every Linux.
+    clock_gettime(ClockId::CLOCK_MONOTONIC).map_or(0, |t| t.tv_sec() * 1_000_000_000 + t.tv_nsec())
 }
