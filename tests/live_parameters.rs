@@ -6,6 +6,7 @@ mod common;
 use common::{command, folder, hoof, messages};
 use lcmtypes::channels::{CONTROLLER_INPUT, CONTROLLER_TICK, EVENT, PARAMETER_CHANGE, PARAMETER_REQUEST};
 use lcmtypes::{ControllerInput, ControllerTick, Event, ParameterChange, ParameterRequest};
+use std::collections::BTreeSet;
 use std::io::{BufRead, BufReader};
 use std::path::Path;
 use std::process::Stdio;
@@ -35,9 +36,13 @@ fn parameters_change_while_the_robot_walks_and_the_log_replays() {
     drain.join().unwrap();
 
     let changes: Vec<ParameterChange> = messages(&log, PARAMETER_CHANGE);
-    let mut first_said = changes.clone();
-    first_said.dedup();
-    first_said.truncate(3);
+    // Each is said several times.
+    let mut first_said = Vec::<ParameterChange>::new();
+    for change in changes {
+        if !first_said.contains(&change) {
+            first_said.push(change);
+        }
+    }
     let told: Vec<_> =
         [&granted, &refused].iter().flat_map(|json| json["changes"].as_array().unwrap().clone()).collect();
     assert_eq!((granted["refused"].clone(), told.len()), (false.into(), 3));
@@ -49,10 +54,10 @@ fn parameters_change_while_the_robot_walks_and_the_log_replays() {
     assert!(fixed["why"].as_str().unwrap().contains("[robot] is what the run was begun with"), "{fixed}");
     // The third of that call was never asked for.
     let asked: Vec<ParameterRequest> = messages(&log, PARAMETER_REQUEST);
-    assert_eq!(asked.len(), 5);
+    assert_eq!(asked.iter().map(|wish| wish.seq).collect::<BTreeSet<_>>().len(), 5);
     let events: Vec<Event> = messages(&log, EVENT);
-    let of_parameters = events.iter().filter(|event| event.source == "parameters").count();
-    assert_eq!(of_parameters, 5);
+    let told: BTreeSet<_> = events.into_iter().filter(|event| event.source == "parameters").map(|e| e.text).collect();
+    assert_eq!(told.len(), 5, "{told:?}");
     let inputs: Vec<ControllerInput> = messages(&log, CONTROLLER_INPUT);
     assert!(first_said.iter().all(|change| inputs.iter().any(|i| (i.tick, i.t_ns) == (change.tick, change.t_ns))));
 
@@ -67,7 +72,8 @@ fn parameters_change_while_the_robot_walks_and_the_log_replays() {
     assert!(simulated.code < 2, "{}", simulated.stderr);
     let wishes = |log: &Path| -> Vec<(String, i64)> {
         let since = messages::<ControllerInput>(log, CONTROLLER_INPUT)[0].t_ns;
-        let asked: Vec<ParameterRequest> = messages(log, PARAMETER_REQUEST);
+        let mut asked: Vec<ParameterRequest> = messages(log, PARAMETER_REQUEST);
+        asked.dedup();
         asked.into_iter().map(|wish| (wish.key, wish.t_ns - since)).collect()
     };
     assert_eq!(wishes(&again), wishes(&log));

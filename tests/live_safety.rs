@@ -5,8 +5,9 @@ mod common;
 
 use common::talker::{Talker, kill};
 use common::{events, folder, hoof, messages, ran};
+use lcmtypes::bus::{Bus, LcmBus};
 use lcmtypes::channels::{CONTROLLER_INPUT, CONTROLLER_TICK, EVENT, ROBOT_COMMAND, ROBOT_STATE};
-use lcmtypes::{ControllerInput, ControllerTick, Event, Message, RobotCommand};
+use lcmtypes::{ControllerInput, ControllerTick, Event, Message, OperatorCommand, RobotCommand};
 use serde_json::Value;
 use std::path::Path;
 use std::process::Command;
@@ -162,6 +163,31 @@ fn ctrl_c_twice_damps_at_once() {
     is_identical(&log);
     let commands: Vec<RobotCommand> = messages(&log, ROBOT_COMMAND);
     assert!(commands.iter().rev().take(20).all(|command| command.mode == RobotCommand::MODE_DAMPING));
+}
+
+/// The robot is asked to sit in the operator's place, but never against an emergency stop.
+#[test]
+fn an_emergency_stop_is_heard_while_the_robot_sits_down() {
+    let log = folder("stop").join("run.mcap");
+    let mut run = Talker::run(&url(0), &log, "--ticks 30000");
+    run.process("controller");
+    run.hear(&["controller is in STANCE"]);
+    run.interrupt();
+    run.hear(&["controller is in SIT"]);
+    let mut operator = LcmBus::open(&url(0)).unwrap();
+    let stop = OperatorCommand { mode: OperatorCommand::MODE_DAMPING, ..OperatorCommand::default() };
+    let mut bytes = Vec::new();
+    stop.encode(&mut bytes).unwrap();
+    operator.publish("OPERATOR_TELEOP", &bytes).unwrap();
+    run.hear(&["controller is in DAMPING: operator asked for it"]);
+    run.end();
+    is_identical(&log);
+    let inputs: Vec<ControllerInput> = messages(&log, CONTROLLER_INPUT);
+    let ticks: Vec<ControllerTick> = messages(&log, CONTROLLER_TICK);
+    let stopped = inputs.iter().position(|input| input.op.mode == OperatorCommand::MODE_DAMPING).unwrap();
+    let at = |tick: i64| ticks.iter().find(|found| found.tick == tick).unwrap().mode;
+    assert_eq!(at(inputs[stopped].tick - 1), ControllerTick::MODE_SIT);
+    assert_eq!(at(inputs[stopped].tick), ControllerTick::MODE_DAMPING, "in the tick that follows it");
 }
 
 /// A driver dies and another one begins; the operator, who comes with it, brings the robot back to its feet.

@@ -10,6 +10,9 @@ use serde::Deserialize;
 /// Who answers, in events.
 pub const SOURCE: &str = "parameters";
 
+/// Longest key and value together, bytes: a change goes through the real-time thread.
+const MAX_LENGTH: usize = 4096;
+
 /// A `[[parameter]]` entry.
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -53,6 +56,13 @@ impl ParameterDesk {
     /// What is to take over, or the text of the EVENT that says why nothing does.
     pub fn answer(&self, request: &ParameterRequest) -> Result<Proposal, String> {
         let ParameterRequest { seq, key, value, .. } = request;
+        let length = key.len() + value.len();
+        if length > MAX_LENGTH || value.contains('\n') {
+            let start: String = key.chars().take(80).collect();
+            return Err(format!(
+                "{start} is refused: a value of {length} bytes, expected one line of at most {MAX_LENGTH}"
+            ));
+        }
         let proposed = self.parameters.with(key, value).and_then(|parameters| Ok((parameters.build()?, parameters)));
         let (controller, parameters) = proposed.map_err(|why| refusal(key, value, &why))?;
         let change =
@@ -78,4 +88,19 @@ pub fn event(t_ns: i64, tick: i64, answer: Result<&ParameterChange, &String>) ->
         Err(why) => (Event::LEVEL_WARNING, why.clone()),
     };
     Event { t_ns, tick, level, source: SOURCE.to_owned(), text }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_would_not_fit_a_tick_is_refused() {
+        let desk = ParameterDesk::new(&RunInfo::default());
+        for value in ["9".repeat(5000), "[1.0,\n2.0]".to_owned()] {
+            let wish = ParameterRequest { key: "trunk.kp".to_owned(), value, ..ParameterRequest::default() };
+            let why = desk.answer(&wish).err().unwrap();
+            assert!(why.starts_with("trunk.kp is refused: a value of ") && why.len() < 200, "{why}");
+        }
+    }
 }

@@ -135,7 +135,7 @@ pub enum Error {
         before_s: f64,
     },
     /// A log without RUN_INFO: nobody knows which controller ran.
-    #[error("{path}: no RUN_INFO among its {events} events, so the controller and its parameters are unknown", path = path.display())]
+    #[error("{path}: no RUN_INFO among its {events} events, so the controller and its parameters are unknown: a live run says it again every 5 s", path = path.display())]
     NoRunInfo {
         /// File.
         path: PathBuf,

@@ -15,7 +15,7 @@ use lcmtypes::bus::LcmBus;
 use lcmtypes::{RunInfo, channels};
 use replay::udpm::Url;
 use std::path::Path;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 /// How often the main thread asks whether to stop.
 const REST: Duration = Duration::from_millis(20);
@@ -23,8 +23,8 @@ const REST: Duration = Duration::from_millis(20);
 /// Run the controller in real time against a driver on LCM
 ///
 /// A real-time thread wakes by the absolute clock, takes the newest ROBOT_STATE, steps the controller and sends ROBOT_COMMAND; a second thread
-/// publishes everything else. What the system refuses (scheduler, locked memory, ...) is said and done without. Ctrl-C lets a robot that stands
-/// sit down; a second one, or the end of --ticks or --seconds, damps the joints at once.
+/// publishes everything else. What the system refuses (scheduler, locked memory, ...) is said and done without. Ctrl-C or the end of --seconds lets a
+/// robot that stands sit down; Ctrl-C once more, or the end of --ticks, damps the joints at once.
 #[derive(clap::Args)]
 #[command(after_help = "Example: hoof controller runs/hyq_sim.toml --seconds 60")]
 pub struct ControllerArgs {
@@ -47,14 +47,16 @@ pub fn run(args: &ControllerArgs) -> anyhow::Result<Outcome> {
         operators: Arbiter::new(file.operator.clone())?,
         info,
         beat,
-        ticks: args.length.ticks(beat.period_ns)?,
+        ticks: args.length.ticks,
         realtime: file.realtime.clone(),
     })?;
     for refused in &executor.granted().refused {
         eprintln!("warning: {refused}");
     }
     eprintln!("controlling {} on {url}: {}", file.robot, executor.granted().text());
-    while !stop.is_due() && !executor.is_finished() {
+    let begin = Instant::now();
+    let is_over = || args.length.seconds.is_some_and(|length| begin.elapsed() >= length);
+    while !stop.is_due() && !executor.is_finished() && !is_over() {
         std::thread::sleep(REST);
     }
     // A robot that stands sits down; who asks twice does not want to wait for that.

@@ -11,10 +11,12 @@ mod screen;
 mod set;
 
 use anyhow::Context;
+use drivers::Scenario;
 use drivers::live::somebody_speaks;
 use nix::unistd::{Pid, getppid};
 use replay::udpm::Url;
 use run_file::RunFile;
+use std::ffi::OsString;
 use std::path::PathBuf;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -75,28 +77,30 @@ fn refuse_a_second(job: &str, channel: &str, url: &Url) -> anyhow::Result<()> {
 }
 
 /// How long a run is, if it ends by itself.
-#[derive(clap::Args)]
+#[derive(clap::Args, Default)]
 pub struct Length {
-    /// End after so many ticks of the controller
-    #[arg(long, value_name = "N", conflicts_with = "seconds")]
+    /// End with this tick of the controller, the joints damped
+    #[arg(long, value_name = "N", conflicts_with = "seconds", value_parser = clap::value_parser!(i64).range(1..))]
     ticks: Option<i64>,
-    /// End after so many seconds
-    #[arg(long, value_name = "S")]
-    seconds: Option<f64>,
+    /// Let a robot that stands sit down after so many seconds, and end
+    #[arg(long, value_name = "S", value_parser = seconds)]
+    seconds: Option<Duration>,
+}
+
+fn seconds(text: &str) -> anyhow::Result<Duration> {
+    let seconds = text.parse().ok().filter(|seconds| (0.001..=1e7).contains(seconds));
+    seconds.map(Duration::from_secs_f64).context("expected 0.001 to 10000000")
 }
 
 impl Length {
-    /// In ticks of `period_ns`.
-    fn ticks(&self, period_ns: i64) -> anyhow::Result<Option<i64>> {
-        if let Some(seconds) = self.seconds {
-            anyhow::ensure!((0.001..=1e7).contains(&seconds), "--seconds {seconds}: expected 0.001 to 10000000");
-            #[expect(clippy::cast_possible_truncation, reason = "in range, as just checked")]
-            return Ok(Some((seconds * 1e9) as i64 / period_ns));
+    /// The same on a command line; without one, the length of `scenario`.
+    fn arguments(&self, scenario: Option<&Scenario>) -> Vec<OsString> {
+        let seconds = self.seconds.map(|seconds| seconds.as_secs_f64()).or_else(|| Some(scenario?.duration_s));
+        match (self.ticks, seconds) {
+            (Some(ticks), _) => vec!["--ticks".into(), ticks.to_string().into()],
+            (None, Some(seconds)) => vec!["--seconds".into(), seconds.to_string().into()],
+            (None, None) => Vec::new(),
         }
-        if let Some(ticks) = self.ticks {
-            anyhow::ensure!(ticks > 0, "--ticks {ticks}: expected at least 1");
-        }
-        Ok(self.ticks)
     }
 }
 

@@ -26,7 +26,7 @@ const AFTERMATH: Duration = Duration::from_secs(1);
 ///
 /// Shows their state and what happens. Ctrl-C ends them in order: the controller, which lets a robot that stands sit down, then driver and recorder;
 /// Ctrl-C a second time damps the joints at once.
-/// In simulation a run lasts as long as its scenario, if nothing else is said. The robot walks on without its recorder; without its driver the
+/// In simulation a run lasts as long as its scenario, if nothing else is said; then, too, a robot that stands sits down. The robot walks on without its recorder; without its driver the
 /// controller damps and waits for one (`hoof driver RUN_FILE`).
 ///
 /// The log of an earlier run is kept: it is moved aside, run.mcap to run.1.mcap or the next number that is free.
@@ -59,11 +59,7 @@ pub fn run(args: &RunArgs) -> anyhow::Result<Outcome> {
     if let Some(folder) = log.parent() {
         std::fs::create_dir_all(folder).with_context(|| folder.display().to_string())?;
     }
-    let period_ns = file.executor.beat().period_ns;
-    let mut ticks = args.length.ticks(period_ns)?;
-    if let (None, Some(simulation)) = (ticks, &file.simulation) {
-        ticks = Some(Scenario::load(&simulation.scenario)?.duration_ns() / period_ns);
-    }
+    let scenario = file.simulation.as_ref().map(|simulation| Scenario::load(&simulation.scenario)).transpose()?;
     let screen = Screen::new(log.clone());
     let mut network = LcmBus::open(&url.to_string())?;
     network.subscribe(channels::EVENT)?;
@@ -85,9 +81,7 @@ pub fn run(args: &RunArgs) -> anyhow::Result<Outcome> {
     if file.simulation.is_some() {
         run.start("driver", "driving", &[&["driver".into()], &common[..]].concat(), &stop)?;
     }
-    if let Some(ticks) = ticks {
-        common.extend(["--ticks".into(), ticks.to_string().into()]);
-    }
+    common.extend(args.length.arguments(scenario.as_ref()));
     run.start("controller", "controlling", &[&["controller".into()], &common[..]].concat(), &stop)?;
 
     run.watch(&mut network, &stop)?;

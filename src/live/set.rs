@@ -1,13 +1,16 @@
 //! `hoof set`: changes parameters of a live run.
 
-use super::ask::ask;
+use super::ask::{self, ask};
 use crate::robot::overrides;
 use crate::{Outcome, say, say_json};
 use drivers::changes::SOURCE;
 use drivers::live::clock::now_ns;
-use lcmtypes::bus::{Bus, LcmBus, Received};
+use lcmtypes::bus::{Bus, Received};
 use lcmtypes::{Event, Message, ParameterChange, ParameterRequest, channels};
-use replay::udpm::Url;
+use std::time::Duration;
+
+/// How long until a wish is sent again. It has a number: who has granted it says so again.
+const AGAIN: Duration = Duration::from_millis(400);
 
 /// Change parameters of a live run
 ///
@@ -33,8 +36,7 @@ pub struct SetArgs {
 
 pub fn set(args: &SetArgs) -> anyhow::Result<Outcome> {
     let wishes = overrides(&args.set)?;
-    let url = Url::choose(args.lcm_url.as_deref())?.to_string();
-    let mut bus = LcmBus::open(&url)?;
+    let (mut bus, url) = ask::open(args.lcm_url.as_deref())?;
     [channels::PARAMETER_CHANGE, channels::EVENT].iter().try_for_each(|channel| bus.subscribe(channel))?;
     let (mut changes, mut why) = (Vec::new(), None);
     for (key, value) in &wishes {
@@ -68,7 +70,7 @@ fn wish(bus: &mut dyn Bus, url: &str, key: &str, value: &str) -> anyhow::Result<
     let seq = now_ns();
     let wish = ParameterRequest { t_ns: seq, seq, key: key.to_owned(), value: value.to_owned() };
     let refused = format!("{key} = {value} is refused");
-    ask(bus, url, channels::PARAMETER_REQUEST, &wish, |message: &Received| {
+    ask(bus, url, channels::PARAMETER_REQUEST, &wish, Some(AGAIN), |message: &Received| {
         if message.channel == channels::PARAMETER_CHANGE {
             return ParameterChange::decode(&message.data).ok().filter(|change| change.seq == seq).map(Ok);
         }

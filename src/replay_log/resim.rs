@@ -90,7 +90,11 @@ impl Wishes {
                     commands.push(OperatorCommand::decode(&event.data).with_context(place)?);
                 }
                 channels::PARAMETER_REQUEST => {
-                    parameters.push(ParameterRequest::decode(&event.data).with_context(place)?);
+                    let wish = ParameterRequest::decode(&event.data).with_context(place)?;
+                    // It may have been sent again.
+                    if !parameters.contains(&wish) {
+                        parameters.push(wish);
+                    }
                 }
                 channels::CONTROLLER_INPUT => {
                     let ControllerInput { t_ns, t_op_ns, op, .. } =

@@ -9,8 +9,8 @@ use crate::watch::{ModeWatch, Said};
 use controller::model::{JointKind, UrdfTree};
 use lcmtypes::bus::{Bus, Received};
 use lcmtypes::{
-    ControllerTick, Event, ExecutorCommand, Message, OperatorCommand, ParameterChange, ParameterRequest, RunInfo,
-    Timing, channels,
+    ControllerInput, ControllerTick, Event, ExecutorCommand, Message, OperatorCommand, ParameterChange,
+    ParameterRequest, RunInfo, Timing, channels, words,
 };
 use replay::record::BytesOut;
 use std::collections::VecDeque;
@@ -23,6 +23,9 @@ const REST: Duration = Duration::from_millis(1);
 
 /// Wishes for other parameters that may wait.
 const MAX_WISHES: usize = 64;
+
+/// When a change is said again, ns after it: within the ticks that a replay waits for a message.
+const AGAIN_NS: [i64; 3] = [20_000_000, 60_000_000, 140_000_000];
 
 /// How a carrier's work went.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -55,6 +58,10 @@ pub struct Carrier {
     changing: bool,
     /// What has changed, in order, the last change of a key only.
     changes: Vec<ParameterChange>,
+    /// Changes that are to be said again, and when, ns, in the order of time.
+    again: VecDeque<(i64, ParameterChange)>,
+    /// The executor has asked for something in the operator's place.
+    ending: bool,
     bytes: Vec<u8>,
     done: Carried,
 }
@@ -86,6 +93,8 @@ impl Carrier {
             wishes: VecDeque::new(),
             changing: false,
             changes: Vec::new(),
+            again: VecDeque::new(),
+            ending: false,
             bytes: Vec::new(),
             done: Carried::default(),
         }
@@ -103,6 +112,12 @@ impl Carrier {
                 self.carry(std::str::from_utf8(channel).expect("put in as text"), data);
             }
             if ended {
+                self.settle();
+                // A log that was begun in the last seconds has not heard it yet.
+                self.info_due_ns = self.info_due_ns.map(|_| i64::MIN);
+                if self.info_due_ns.is_some() {
+                    self.say_run_info(&[]);
+                }
                 self.tell_lateness(true);
                 return self.done;
             }
@@ -115,17 +130,15 @@ impl Carrier {
         self.say_run_info(data);
         self.publish(channel, data);
         match channel {
-            channels::CONTROLLER_INPUT => self.tell_running(data),
+            channels::CONTROLLER_INPUT => {
+                self.tell_running(data);
+                self.tell_end(data);
+            }
             channels::CONTROLLER_TICK => {
                 if let Ok(tick) = ControllerTick::decode(data)
                     && let Some(Said { level, text, .. }) = self.modes.see(&tick)
                 {
                     self.tell(tick.t_ns, tick.tick, level, "controller", text);
-                }
-            }
-            channels::PARAMETER_CHANGE => {
-                if let Ok(change) = ParameterChange::decode(data) {
-                    self.changed(change);
                 }
             }
             channels::TIMING => {
@@ -154,13 +167,33 @@ impl Carrier {
         bytes.clear();
         self.info.encode(&mut bytes).expect("it holds as many types as it says");
         self.publish(channels::RUN_INFO, &bytes);
+        self.bytes = bytes;
+        self.say_changes();
+    }
+
+    /// What has changed by now, for those who come late.
+    fn say_changes(&mut self) {
         for change in std::mem::take(&mut self.changes) {
-            bytes.clear();
-            change.encode(&mut bytes).expect("a change has no arrays");
-            self.publish(channels::PARAMETER_CHANGE, &bytes);
+            self.say_change(&change);
             self.changes.push(change);
         }
-        self.bytes = bytes;
+    }
+
+    fn say_change(&mut self, change: &ParameterChange) {
+        let mut bytes = Vec::new();
+        change.encode(&mut bytes).expect("a change has no arrays");
+        self.publish(channels::PARAMETER_CHANGE, &bytes);
+    }
+
+    /// Says that the run ends: what is asked for comes from the executor then, in the tick that it is followed in.
+    fn tell_end(&mut self, input: &[u8]) {
+        if self.ending || input.get(8..16) != input.get(32..40) {
+            return;
+        }
+        let Ok(ControllerInput { t_ns, tick, op, .. }) = ControllerInput::decode(input) else { return };
+        self.ending = true;
+        let what = words::operator_mode(op.mode);
+        self.tell(t_ns, tick, Event::LEVEL_INFO, "executor", format!("the run ends: {what} is asked for"));
     }
 
     /// Says which controllers were started and stopped.
@@ -181,11 +214,16 @@ impl Carrier {
         }
     }
 
-    /// Another controller has taken over.
+    /// Another controller has taken over. What held before is said once more, for a log that was begun after it was said; the change itself several
+    /// times, since a log that has lost it cannot be replayed.
     fn changed(&mut self, change: ParameterChange) {
         self.say(&changes::event(change.t_ns, change.tick, Ok(&change)));
+        self.say_changes();
         self.changes.retain(|before| before.key != change.key);
-        self.changes.push(change);
+        self.changes.push(change.clone());
+        let now_ns = now_ns();
+        self.again.extend(AGAIN_NS.map(|later| (now_ns + later, change.clone())));
+        self.again.make_contiguous().sort_by_key(|(due, _)| *due);
     }
 
     fn tell(&mut self, t_ns: i64, tick: i64, level: i8, source: &str, text: String) {
@@ -227,6 +265,8 @@ impl Carrier {
             }
         } else if message.channel == channels::PARAMETER_REQUEST {
             match ParameterRequest::decode(&message.data) {
+                // Asked again while it waits.
+                Ok(wish) if self.wishes.contains(&wish) => {}
                 Ok(wish) if self.wishes.len() < MAX_WISHES => self.wishes.push_back(wish),
                 Ok(ParameterRequest { key, value, .. }) => {
                     self.refuse(changes::refusal(&key, &value, &format!("{MAX_WISHES} wait before it")));
@@ -247,24 +287,43 @@ impl Carrier {
 
     /// Answers the next wish for another parameter, once the one before it is settled: each is built on what was granted before.
     fn change_parameters(&mut self) {
-        while let Some(handover) = self.calls.returned() {
-            let Handover { change: ParameterChange { key, value, .. }, parameters, refused, .. } = *handover;
-            self.changing = false;
-            match refused {
-                None => self.desk.granted(parameters),
-                Some(why) => self.refuse(changes::refusal(&key, &value, &why)),
-            }
+        self.settle();
+        while let Some((_, change)) = self.again.pop_front_if(|(due, _)| *due <= now_ns()) {
+            self.say_change(&change);
         }
         if self.changing {
             return;
         }
         let Some(wish) = self.wishes.pop_front() else { return };
+        // Who has not heard the answer asks again.
+        if let Some(change) = self.changes.iter().find(|change| change.seq == wish.seq && change.key == wish.key) {
+            self.say_change(&change.clone());
+            return;
+        }
         match self.desk.answer(&wish) {
             Ok(Proposal { controller, change, parameters }) => {
                 let handover = Handover { controller, change, parameters, refused: None };
                 self.changing = self.call(Call::Change(Box::new(handover)));
+                if !self.changing {
+                    self.refuse(changes::refusal(&wish.key, &wish.value, &"the real-time thread stands still"));
+                }
             }
             Err(why) => self.refuse(why),
+        }
+    }
+
+    /// Takes back what the real-time thread has carried out.
+    fn settle(&mut self) {
+        while let Some(handover) = self.calls.returned() {
+            let Handover { change, parameters, refused, .. } = *handover;
+            self.changing = false;
+            match refused {
+                None => {
+                    self.desk.granted(parameters);
+                    self.changed(change);
+                }
+                Some(why) => self.refuse(changes::refusal(&change.key, &change.value, &why)),
+            }
         }
     }
 

@@ -110,8 +110,11 @@ impl Executor {
         &self.granted
     }
 
-    /// The run has ended by itself.
+    /// The run has ended by itself. Without its carrier there is neither operator nor log: the robot sits down then.
     pub fn is_finished(&self) -> bool {
+        if self.carrier.as_ref().is_some_and(JoinHandle::is_finished) {
+            self.sit_down();
+        }
         self.runner.as_ref().is_none_or(JoinHandle::is_finished)
     }
 

@@ -15,6 +15,8 @@ use std::sync::atomic::{AtomicU8, Ordering};
 pub const LAST_TICKS: i64 = 20;
 /// How long a robot that is to sit down before the end may take, ns.
 const SIT_NS: i64 = 15_000_000_000;
+/// How long until it sits down at all: it may have steps to finish; some controllers cannot sit.
+const SIT_BEGINS_NS: i64 = 3_000_000_000;
 /// Ticks in a row that may take longer than a period.
 const OVERRUNS: u32 = 3;
 
@@ -115,7 +117,7 @@ impl Runner {
     /// Runs for `ticks` ticks, of which the last `LAST_TICKS` lead to the safe state, or until `ending` asks for an end.
     pub fn run(&mut self, ticks: i64, ending: &Ending) -> Ticked {
         let mut due_ns = self.beat.after(now_ns());
-        let (mut end, mut sit_until_ns) = (ticks, None);
+        let (mut end, mut sit_since_ns) = (ticks, None);
         while self.done.ticks < end {
             sleep_until(due_ns);
             let wake_ns = now_ns();
@@ -123,7 +125,7 @@ impl Runner {
             let mut instead = None;
             match ending.asked() {
                 End::No => {}
-                End::Sit if self.stands() && wake_ns < *sit_until_ns.get_or_insert(wake_ns + SIT_NS) => {
+                End::Sit if self.stands() && self.may_sit(wake_ns - *sit_since_ns.get_or_insert(wake_ns)) => {
                     // Refused until it lies, and then the way out.
                     let sits = self.mode() == Some(ControllerTick::MODE_SIT);
                     instead = Some(if sits { OperatorCommand::MODE_IDLE } else { OperatorCommand::MODE_SIT });
@@ -158,7 +160,13 @@ impl Runner {
         !matches!(self.mode(), None | Some(ControllerTick::MODE_IDLE | ControllerTick::MODE_DAMPING))
     }
 
-    /// One tick; `instead` is the mode that the executor asks for in the operator's place.
+    /// There is time left to sit down, `since_ns` after it was asked for.
+    fn may_sit(&self, since_ns: i64) -> bool {
+        let sits = self.mode() == Some(ControllerTick::MODE_SIT);
+        since_ns < if sits { SIT_NS } else { SIT_BEGINS_NS }
+    }
+
+    /// One tick; `instead` is the mode that the executor asks for in the operator's place, but for an emergency stop.
     fn tick(&mut self, wake_ns: i64, deadline_ns: i64, instead: Option<i8>) {
         let wall_ns = wall_ns();
         self.hardware.receive(&mut self.input.state);
@@ -171,7 +179,8 @@ impl Runner {
                 Call::Change(handover) => self.change(handover),
             }
         }
-        if let Some(mode) = instead {
+        let is_stopped = self.input.op.mode == OperatorCommand::MODE_DAMPING;
+        if let Some(mode) = instead.filter(|mode| !is_stopped || *mode == OperatorCommand::MODE_DAMPING) {
             let seq = self.input.op.seq.max(0);
             (self.input.t_op_ns, self.input.op) =
                 (wake_ns, OperatorCommand { mode, seq, ..OperatorCommand::default() });
