@@ -192,9 +192,11 @@ fn what_cannot_be_followed_is_refused_and_nothing_moves() {
     refuses(&mut story, Tick::MODE_WALK, Op::MODE_IDLE);
     story.ask_until(Op::MODE_STAND, Tick::MODE_STANCE);
     story.ask(Op::MODE_SIT, 100);
-    for asked in [Op::MODE_WALK, Op::MODE_IDLE] {
-        refuses(&mut story, Tick::MODE_SIT, asked);
-    }
+    refuses(&mut story, Tick::MODE_SIT, Op::MODE_WALK);
+    // What sitting leads to is waited for.
+    let waits = story.ask(Op::MODE_IDLE, 1);
+    assert_eq!((waits.mode, waits.fault), (Tick::MODE_SIT, Tick::FAULT_NONE));
+    story.ask_until(Op::MODE_IDLE, Tick::MODE_IDLE);
 }
 
 #[test]

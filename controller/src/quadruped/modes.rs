@@ -15,8 +15,8 @@
 //! | | operator asks for `IDLE` | `STANCE` | refused: it would fall |
 //! | `WALK` | operator asks for anything else, or is lost | `STANCE` | once the steps begun have landed; `IDLE` is refused |
 //! | `SIT` | operator asks to `STAND` | `STAND_UP` | |
-//! | | operator asks for `IDLE`, the robot lies | `IDLE` | |
-//! | | operator asks for `WALK`, or for `IDLE` before it lies | `SIT` | refused |
+//! | | operator asks for `IDLE` | `IDLE` | once the robot lies |
+//! | | operator asks for `WALK` | `SIT` | refused |
 //! | | a joint does not get there in time | `DAMPING` | |
 //! | any but `IDLE` before its first good input | a fault of [`super::safety`], or the operator asks for `DAMPING` | `DAMPING` | joints damped in the same tick |
 //! | `DAMPING` | operator asks for `IDLE`, nothing is wrong any more, the robot rests | `IDLE` | |
@@ -129,7 +129,7 @@ pub fn follow(
         (Mode::StandUp, Wish::Walk | Wish::Idle) | (Mode::Stance | Mode::Walk, Wish::Idle) => refuse(),
         (Mode::Sit, Wish::Stand) => rise.stand_up(measured, state),
         (Mode::Sit, Wish::Idle) if state.motion.phase == MovePhase::Lie => state.begin(Mode::Idle),
-        (Mode::Sit, Wish::Walk | Wish::Idle) => refuse(),
+        (Mode::Sit, Wish::Walk) => refuse(),
         (Mode::Damping, Wish::Idle) => {
             estimate.update(robot, measured);
             let persists = safety::check_joints(&robot.model.joints, params, measured)

@@ -126,7 +126,7 @@ impl Runner {
             match ending.asked() {
                 End::No => {}
                 End::Sit if self.stands() && self.may_sit(wake_ns - *sit_since_ns.get_or_insert(wake_ns)) => {
-                    // Refused until it lies, and then the way out.
+                    // Followed once it lies.
                     let sits = self.mode() == Some(ControllerTick::MODE_SIT);
                     instead = Some(if sits { OperatorCommand::MODE_IDLE } else { OperatorCommand::MODE_SIT });
                 }
