@@ -15,7 +15,7 @@ const AGAIN: Duration = Duration::from_millis(400);
 /// Change parameters of a live run
 ///
 /// A controller with the new value takes over between two ticks, with the state of the one that runs. The answer says from which tick on, PARAMETER_CHANGE
-/// has it in the log, and a replay does the same there. What is refused changes nothing; [robot] cannot be changed. Several are asked one after the
+/// has it in the log, and a replay does the same there. What is refused changes nothing; `[robot]` cannot be changed. Several are asked one after the
 /// other, up to the first that is refused. Exit code 1 if one is refused, 2 if nobody answers.
 #[derive(clap::Args)]
 #[command(after_help = "Example: hoof set trunk.kp='[800, 800, 800]'
