@@ -144,3 +144,32 @@ fn snapshots_of_nonsense_are_refused_or_survived() {
         assert!(matches!(controller.state().mode, Mode::Walk | Mode::Stance | Mode::Damping));
     }
 }
+
+/// A state whose numbers overflow in the tick: what comes of them is damped there, and neither command nor state keeps any of it.
+#[test]
+fn a_command_that_is_no_number_never_leaves() {
+    for spoil in [
+        (|m| m.p_stance_H = [[f64::MAX; 2]; 4]) as fn(&mut QuadrupedState),
+        |m| m.zeta = f64::MAX,
+        |m| m.gradient_W = [f64::MAX; 2],
+    ] {
+        let (mut controller, mut puppet, mut out) = walking();
+        let mut bytes = Vec::new();
+        controller.snapshot(&mut bytes);
+        let mut state = QuadrupedState::decode(&bytes).unwrap();
+        spoil(&mut state);
+        bytes.clear();
+        state.encode(&mut bytes).unwrap();
+        controller.restore(&bytes).unwrap();
+        for _ in 0..20 {
+            controller.step(&puppet.input, &mut out);
+            assert!(finite(&command_of(&out)), "{:?}", command_of(&out));
+            assert_eq!((tick_of(&out).mode, tick_of(&out).fault), (Tick::MODE_DAMPING, Tick::FAULT_COMMAND));
+            assert_damps(&command_of(&out));
+            puppet.react(&out);
+        }
+        bytes.clear();
+        controller.snapshot(&mut bytes);
+        controller.restore(&bytes).unwrap();
+    }
+}

@@ -318,6 +318,10 @@ impl Controller for Quadruped {
         };
         let found = found.or_else(|| self.check_command());
         self.end(found, &asked);
+        if found.is_some_and(|fault| fault.code == ControllerTick::FAULT_COMMAND) {
+            // What led to it is in the state: nothing of that may go on, or into a snapshot.
+            self.state.forget(&input.state, self.robot.nominal_height);
+        }
         if matches!(self.state.mode, Mode::Idle | Mode::Damping) {
             self.state.tau_last.fill(0.0);
             self.state.qd_des.fill(0.0);

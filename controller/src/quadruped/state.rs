@@ -2,7 +2,7 @@
 
 use super::leg::{Leg, LegPhase, PerLeg};
 use crate::RestoreError;
-use lcmtypes::{ControllerTick, QuadrupedState, words};
+use lcmtypes::{ControllerTick, QuadrupedState, RobotState, words};
 use nalgebra::Vector3;
 
 /// What the controller as a whole does.
@@ -244,6 +244,18 @@ impl State {
         next.qd_des.fill(0.0);
         next.qdd_des.fill(0.0);
         *self = next;
+    }
+
+    /// Keeps mode, fault and time, and of all else nothing that was computed: numbers that are none may be anywhere. Allocates nothing.
+    ///
+    /// - `height`: of the base over its feet, m.
+    pub fn forget(&mut self, measured: &RobotState, height: f64) {
+        let fault = self.fault;
+        self.begin(self.mode);
+        (self.fault, self.f_F_W, self.height) = (fault, PerLeg::default(), height);
+        self.q_des.copy_from_slice(&measured.q);
+        self.motion.q.copy_from_slice(&measured.q);
+        self.tau_last.fill(0.0);
     }
 
     /// Takes the state apart into its message. No `..`: a new field stops compiling here until it is in the snapshot.
