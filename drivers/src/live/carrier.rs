@@ -20,10 +20,8 @@ use std::time::Duration;
 pub const RUN_INFO_EVERY_NS: i64 = 5_000_000_000;
 /// How long it waits for what others say before it looks into the ring again.
 const REST: Duration = Duration::from_millis(1);
-
 /// Wishes for other parameters that may wait.
 const MAX_WISHES: usize = 64;
-
 /// When a change is said again, ns after it: within the ticks that a replay waits for a message.
 const AGAIN_NS: [i64; 3] = [20_000_000, 60_000_000, 140_000_000];
 
@@ -114,8 +112,8 @@ impl Carrier {
             if ended {
                 self.settle();
                 // A log that was begun in the last seconds has not heard it yet.
-                self.info_due_ns = self.info_due_ns.map(|_| i64::MIN);
-                if self.info_due_ns.is_some() {
+                if let Some(due_ns) = &mut self.info_due_ns {
+                    *due_ns = i64::MIN;
                     self.say_run_info(&[]);
                 }
                 self.tell_lateness(true);
