@@ -3,7 +3,7 @@
 use crate::progress::Progress;
 use crate::replay_log::{divergence_text, threads};
 use crate::{Outcome, say, say_json};
-use analysis::changes;
+use analysis::replay_comparison;
 use anyhow::Context;
 use clap::Subcommand;
 use lcmtypes::channels;
@@ -133,7 +133,7 @@ fn page(corpus: &Corpus, logs: &[CorpusResult], out: &Path) -> anyhow::Result<Pa
         if first_divergence.is_some() {
             corpus.sides(name, &of_log[0], &of_log[1])?;
         }
-        shown.push(changes::Log {
+        shown.push(replay_comparison::Log {
             name: name.clone(),
             why: corpus.why(name).unwrap_or_default().to_owned(),
             identical: *identical,
@@ -141,7 +141,7 @@ fn page(corpus: &Corpus, logs: &[CorpusResult], out: &Path) -> anyhow::Result<Pa
             sides: first_divergence.is_some().then_some(of_log),
         });
     }
-    let page = changes::changes(&shown, out, &mut |p| bar.set(p.done as f64 / p.total.max(1) as f64))?;
+    let page = replay_comparison::changes(&shown, out, &mut |p| bar.set(p.done as f64 / p.total.max(1) as f64))?;
     std::fs::remove_dir_all(&sides).with_context(|| sides.display().to_string())?;
     Ok(page)
 }

@@ -10,10 +10,10 @@
 //! - [`metrics`]: figures of merit, the content of `metrics.json`.
 //! - [`figures`]: SVG, PDF and PNG, the same bytes for the same logs; [`plots`]: which of them, and how they look.
 //! - [`tables`]: the tracking table beside the published one, timing statistics: text, CSV, LaTeX, JSON.
-//! - [`happenings`]: what happened and when: gait changes, falls, faults, losses, missed deadlines.
+//! - [`timeline`]: what happened and when: gait changes, falls, faults, losses, missed deadlines.
 //! - [`check`]: limits that the metrics must keep.
 //! - [`report`](report()): all of it in a directory, with one HTML page.
-//! - [`changes`]: logs that replay otherwise than they were recorded, before and after side by side.
+//! - [`replay_comparison`]: logs that replay otherwise than they were recorded, before and after side by side.
 //! - [`frames`]: any channel of any log as a polars data frame, and Parquet.
 //! - [`export`]: a log as CSV, Parquet or a MATLAB file.
 //!
@@ -24,21 +24,21 @@
 #![allow(non_snake_case)]
 
 pub mod animation;
-pub mod changes;
 pub mod check;
 pub mod export;
 pub mod fields;
 pub mod figures;
 pub mod frames;
-pub mod happenings;
 pub mod math;
 pub mod metrics;
 pub mod plots;
+pub mod replay_comparison;
 pub mod run;
 pub mod skeleton;
 pub mod stats;
 pub mod table;
 pub mod tables;
+pub mod timeline;
 
 mod error;
 mod html;

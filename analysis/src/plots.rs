@@ -7,7 +7,7 @@ use serde::Deserialize;
 
 use crate::Error;
 use crate::fields::Field;
-use crate::figures::{Ask, Format, Kind, Quantity, Several};
+use crate::figures::{FigureSpec, Format, Kind, Quantity, Several};
 use crate::run::LEGS;
 
 /// The built-in list, as text.
@@ -24,7 +24,7 @@ const DPI: std::ops::RangeInclusive<f64> = 48.0..=1200.0;
 #[derive(Clone, Debug, PartialEq)]
 pub struct Plots {
     /// Figures, in the order of the report.
-    pub figures: Vec<Ask>,
+    pub figures: Vec<FigureSpec>,
     /// Files of each.
     pub formats: Vec<Format>,
     /// Density of bitmaps, dots per inch.
@@ -118,7 +118,7 @@ impl Plots {
 }
 
 impl Entry {
-    fn ask(&self, file: &File) -> Result<Ask, String> {
+    fn ask(&self, file: &File) -> Result<FigureSpec, String> {
         let kind = match (self.kind, self.fields.is_empty()) {
             (Some(Kind::Fields), true) => return Err("kind `fields` needs the key `fields`".to_owned()),
             (Some(kind), false) if kind != Kind::Fields => {
@@ -128,7 +128,7 @@ impl Entry {
             (None, false) => Kind::Fields,
             (None, true) => return Err("key `kind` (or `fields`) is missing".to_owned()),
         };
-        let mut ask = Ask::new(kind);
+        let mut ask = FigureSpec::new(kind);
         if let Some(name) = &self.name {
             let plain = |c: char| c.is_ascii_alphanumeric() || matches!(c, '_' | '-' | '.');
             if name.is_empty() || name.starts_with('.') || !name.chars().all(plain) {
@@ -180,7 +180,7 @@ mod tests {
     fn the_built_in_list_holds_every_kind_but_those_that_need_a_choice() {
         let plots = Plots::default();
         assert_eq!(plots.figures.len(), 15);
-        assert_eq!(plots.figures[0], Ask::new(Kind::BaseTracking));
+        assert_eq!(plots.figures[0], FigureSpec::new(Kind::BaseTracking));
         assert_eq!(plots.formats.len(), 3);
     }
 

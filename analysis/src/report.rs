@@ -5,12 +5,12 @@ use std::path::{Path, PathBuf};
 use serde_json::json;
 
 use crate::figures::{self, Figure, Lacking, Named};
-use crate::happenings::{Happening, happenings};
 use crate::html::{Content, Part};
 use crate::metrics::Metrics;
 use crate::plots::Plots;
 use crate::run::Run;
 use crate::table::Table;
+use crate::timeline::{TimelineEntry, happenings};
 use crate::{Error, Progress, Stage, animation, html, tables};
 
 /// What was written, and what it says.
@@ -27,7 +27,7 @@ pub struct Report {
     /// Names and numbers of all logs.
     pub runs: Vec<(String, Metrics)>,
     /// What happened in each log.
-    pub happenings: Vec<Vec<Happening>>,
+    pub happenings: Vec<Vec<TimelineEntry>>,
     /// Figures that these logs could not give.
     pub lacking: Vec<Lacking>,
 }
@@ -71,7 +71,7 @@ pub fn report_with(
     let names = names_of(&runs, &options.names);
     let numbers: Vec<(String, Metrics)> = names.iter().cloned().zip(runs.iter().map(Metrics::of)).collect();
     let Some(metrics) = numbers.first().map(|(_, metrics)| metrics.clone()) else { return Err(Error::NoLog) };
-    let happened: Vec<Vec<Happening>> = runs.iter().map(happenings).collect();
+    let happened: Vec<Vec<TimelineEntry>> = runs.iter().map(happenings).collect();
     let mut out = Output::new(out_dir)?;
     let (drawn, lacking) = draw(&runs, &names, options, &mut out, progress)?;
 

@@ -7,10 +7,10 @@
 //! controller, [`stack`] how its tasks are put together, [`model`] the rigid-body algorithms under it, [`params`] what can be set.
 #![allow(non_snake_case, reason = "names carry frames, as in p_WF = p_WB + R_WB * p_BF: see ARCHITECTURE.md")]
 
-pub mod change;
 mod dense;
 pub mod digest;
 pub mod dump;
+pub mod handover;
 pub mod hold;
 pub mod math;
 pub mod model;

@@ -4,7 +4,7 @@
 mod common;
 
 use common::{PARAMS, PERIOD_NS, URDF, command_of, hyq, standing, tick_of};
-use controller::change::take_over;
+use controller::handover::take_over;
 use controller::params::apply_overrides;
 use controller::{Controller, Outbox};
 use lcmtypes::{ControllerInput, ControllerTick, Message, RobotCommand, RobotState, RunInfo, SequenceState, channels};

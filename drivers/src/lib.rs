@@ -3,8 +3,8 @@
 //! - [`Scenario`]: operator, terrain, sensors, drives, pushes and faults of a run, from TOML (`scenarios/`).
 //! - [`Terrain`]: the ground, made from a seed.
 //! - [`Simulator`]: what the other side of a controller can do; [`MujocoSim`] does it.
-//! - [`Faults`]: what spoils messages on their way.
-//! - [`operators`]: which of several operators a robot follows.
+//! - [`FaultInjection`]: what spoils messages on their way.
+//! - [`command_mux`]: which of several operators a robot follows.
 //! - [`teleop`]: a person's keys, pad or lines, made into commands.
 //! - [`lockstep`]: simulator, controller and log in one process.
 //! - [`live`]: the same controller as processes that meet over LCM: the real-time executor, the hardware under it.
@@ -14,17 +14,17 @@
 #![allow(non_snake_case, reason = "names carry frames, as in p_WF = p_WB + R_WB * p_BF: see ARCHITECTURE.md")]
 #![cfg_attr(test, allow(clippy::unwrap_used, reason = "a test may panic"))]
 
-pub mod changes;
+pub mod command_mux;
 mod drives;
 mod error;
-pub mod fault;
+pub mod fault_injection;
 mod floor;
 pub mod live;
 pub mod lockstep;
 mod mjcf;
 mod mujoco;
-pub mod operator;
-pub mod operators;
+pub mod operator_script;
+pub mod parameter_requests;
 mod rng;
 pub mod scenario;
 mod sensors;
@@ -36,7 +36,7 @@ mod watch;
 
 pub use drives::DriveParams;
 pub use error::DriverError;
-pub use fault::Faults;
+pub use fault_injection::FaultInjection;
 pub use floor::FloorMove;
 pub use mujoco::{MujocoSim, SimParams};
 pub use rng::Rng;

@@ -3,10 +3,10 @@
 //! Everything that a live run sends over the bus goes into the log, stamped with the simulation time, so that two runs of one
 //! scenario and seed give equal logs but for TIMING, which holds the wall clock.
 
-use crate::changes::{self, ParameterDesk, Proposal};
+use crate::parameter_requests::{self, ParameterRequestHandler, Proposal};
 use crate::watch::{ModeWatch, Said};
-use crate::{DriverError, Faults, Scenario, Simulator};
-use controller::change::take_over;
+use crate::{DriverError, FaultInjection, Scenario, Simulator};
+use controller::handover::take_over;
 use controller::{Controller, Outbox, Probe, Stage};
 use lcmtypes::{
     ControllerInput, ControllerTick, Event, GroundTruth, LegState, Message, ParameterChange, ParameterRequest,
@@ -96,12 +96,12 @@ fn check_pushes(scenario: &Scenario, sim: &mut dyn Simulator) -> Result<(), Driv
 
 /// What a run carries from tick to tick.
 struct Run {
-    operator: crate::operator::OperatorScript,
-    faults: Faults,
+    operator: crate::operator_script::OperatorScript,
+    faults: FaultInjection,
     timeline: VecDeque<(i64, String)>,
     /// Parameters that are to be otherwise, who answers, and the controller that has taken over.
     wishes: VecDeque<ParameterRequest>,
-    desk: ParameterDesk,
+    desk: ParameterRequestHandler,
     changed: Option<Box<dyn Controller>>,
     /// A state on its way from controller to controller.
     state: Vec<u8>,
@@ -127,10 +127,10 @@ impl Run {
         (input.running, input.op.seq) = (1, -1);
         Ok(Run {
             operator: scenario.operator.clone(),
-            faults: Faults::new(&scenario.faults, sim.joints())?,
+            faults: FaultInjection::new(&scenario.faults, sim.joints())?,
             timeline: scenario.timeline().into(),
             wishes: scenario.parameters.clone().into(),
-            desk: ParameterDesk::new(info),
+            desk: ParameterRequestHandler::new(info),
             changed: None,
             state: Vec::new(),
             input,
@@ -232,7 +232,7 @@ impl Run {
                 self.desk.answer(&request).and_then(|Proposal { controller: mut next, change, parameters }| {
                     let now = self.changed.as_deref().map_or(controller, |changed| changed as &dyn Controller);
                     take_over(now, &mut *next, &mut self.state)
-                        .map_err(|why| changes::refusal(&change.key, &change.value, &why))?;
+                        .map_err(|why| parameter_requests::refusal(&change.key, &change.value, &why))?;
                     self.changed = Some(next);
                     self.desk.granted(parameters);
                     Ok(ParameterChange { t_ns, tick, ..change })
@@ -240,7 +240,7 @@ impl Run {
             if let Ok(change) = &answer {
                 self.put(log, channels::PARAMETER_CHANGE, t_ns, change)?;
             }
-            self.put(log, channels::EVENT, t_ns, &changes::event(t_ns, tick, answer.as_ref()))?;
+            self.put(log, channels::EVENT, t_ns, &parameter_requests::event(t_ns, tick, answer.as_ref()))?;
         }
         Ok(())
     }

@@ -57,11 +57,11 @@
 //! A scenario is read whole and checked whole; after that nothing in it can fail but names of links and joints.
 
 use crate::DriverError;
-use crate::changes::ParameterEntry;
 use crate::drives::DriveParams;
-use crate::fault::{FaultEntry, FaultWindow};
+use crate::fault_injection::{FaultEntry, FaultWindow};
 use crate::floor::{FloorEntry, FloorMove};
-use crate::operator::{OperatorKey, OperatorScript};
+use crate::operator_script::{OperatorKey, OperatorScript};
+use crate::parameter_requests::ParameterEntry;
 use crate::sensors::NoiseParams;
 use crate::start::StartParams;
 use crate::terrain::{BadKey, TerrainParams, check_range};
@@ -94,7 +94,7 @@ pub struct Scenario {
     pub pushes: Vec<Push>,
     /// Floors that move, as in the file.
     pub floors: Vec<FloorMove>,
-    /// Faults, as in the file.
+    /// FaultInjection, as in the file.
     pub faults: Vec<FaultWindow>,
     /// Parameters that are to be otherwise, in the order of time.
     pub parameters: Vec<ParameterRequest>,

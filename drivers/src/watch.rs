@@ -1,6 +1,6 @@
 //! What a controller's ticks tell a person: changes of its mode, what it refuses, why it gave up.
 
-use lcmtypes::{ControllerTick, Event, words};
+use lcmtypes::{ControllerTick, Event, enum_names};
 
 /// Watches the ticks of a run.
 #[derive(Debug)]
@@ -51,14 +51,14 @@ impl ModeWatch {
         }
         let stays = is_safe_state && mode == self.mode;
         self.mode = mode;
-        let mut text = format!("controller {} in {}", if stays { "stays" } else { "is" }, words::mode(mode));
+        let mut text = format!("controller {} in {}", if stays { "stays" } else { "is" }, enum_names::mode(mode));
         let mut level = Event::LEVEL_INFO;
         if refused || is_safe_state {
             // Who presses the emergency stop knows why.
             let is_wanted = refused || fault == ControllerTick::FAULT_OPERATOR;
             level = if is_wanted { Event::LEVEL_WARNING } else { Event::LEVEL_ERROR };
             text += if refused { " and refuses: " } else { ": " };
-            text += words::fault(fault);
+            text += enum_names::fault(fault);
             text += &self.found(fault, fault_index, fault_value);
         }
         Some(Said { level, text, is_safe_state: is_safe_state && !stays })
@@ -72,7 +72,7 @@ impl ModeWatch {
         match (fault, place) {
             (ControllerTick::FAULT_OPERATOR, _) => String::new(),
             (ControllerTick::FAULT_OPERATOR_REFUSED, _) => {
-                format!(": {}", i8::try_from(index).map_or("?", words::operator_mode))
+                format!(": {}", i8::try_from(index).map_or("?", enum_names::operator_mode))
             }
             (ControllerTick::FAULT_OPERATOR_RANGE, place) => {
                 let of = place.and_then(|i| ["swing_frequency", "duty", "step_height"].get(i));

@@ -39,7 +39,7 @@ fn assert_damped(robot: &str, seen: &Seen, at: i64, code: i32, index: i32) {
     assert!(seen.commands[..after].iter().all(|command| command.mode == RobotCommand::MODE_TORQUE));
     let said =
         seen.said.iter().find(|event| event.level == Event::LEVEL_ERROR && event.source == "controller").unwrap();
-    let reason = format!("controller is in DAMPING: {}", lcmtypes::words::fault(code));
+    let reason = format!("controller is in DAMPING: {}", lcmtypes::enum_names::fault(code));
     let named = usize::try_from(index).map_or_else(|_| String::new(), |index| joint(robot, index));
     assert!(said.tick == at && said.text.starts_with(&reason) && said.text.contains(&named), "{robot}: {said:?}");
 }

@@ -6,9 +6,9 @@
 
 use controller::RestoreError;
 use controller::params::apply_overrides;
-use drivers::changes::{ParameterDesk, Proposal};
-use drivers::live::clock::{Beat, now_ns, sleep_until};
-use drivers::live::{Call, Caller, Ending, Handover, LcmRobot, Runner, Speaker, calls};
+use drivers::live::clock::{TickSchedule, now_ns, sleep_until};
+use drivers::live::{Call, Caller, Ending, Handover, LcmRobot, RealtimeLoop, Speaker, calls};
+use drivers::parameter_requests::{ParameterRequestHandler, Proposal};
 use lcmtypes::channels::{
     CONTROLLER_INPUT, CONTROLLER_SNAPSHOT, CONTROLLER_TICK, PARAMETER_CHANGE, ROBOT_STATE, RUN_INFO,
 };
@@ -25,7 +25,7 @@ use std::time::Duration;
 const TICKS: i64 = 2500;
 /// Changes of parameters on the way.
 const CHANGES: usize = 10;
-const BEAT: Beat = Beat { period_ns: 1_000_000, phase_ns: 0 };
+const BEAT: TickSchedule = TickSchedule { period_ns: 1_000_000, phase_ns: 0 };
 
 fn golden() -> (RunInfo, Vec<ControllerInput>) {
     let log = Path::new(env!("CARGO_MANIFEST_DIR")).join("../logs/golden/flat_trot.mcap");
@@ -89,7 +89,7 @@ fn the_real_time_thread_allocates_nothing() {
         .collect();
     info.params = apply_overrides(&info.params, &lenient).unwrap();
     info.controller = "sequence(hold, quadruped)".to_owned();
-    let desk = ParameterDesk::new(&info);
+    let desk = ParameterRequestHandler::new(&info);
     let wish = |k: usize| ParameterRequest {
         key: "trunk.kp".to_owned(),
         value: format!("[{0}.0, {0}.0, {0}.0]", 900 + k),
@@ -101,7 +101,7 @@ fn the_real_time_thread_allocates_nothing() {
     let hardware = Box::new(LcmRobot::open(&url).unwrap());
     let (ring_in, mut ring_out) = byte_ring(1 << 24);
     let (caller, called) = calls();
-    let mut runner = Runner::new(controller::load(&info).unwrap(), 2, hardware, called, ring_in, BEAT);
+    let mut runner = RealtimeLoop::new(controller::load(&info).unwrap(), 2, hardware, called, ring_in, BEAT);
 
     let over = Arc::new(AtomicBool::new(false));
     let sender = std::thread::spawn({

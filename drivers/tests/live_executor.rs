@@ -4,9 +4,9 @@
 use controller::sequence::Sequence;
 use controller::{Controller, Outbox, Probe, RestoreError};
 use drivers::Scenario;
-use drivers::live::clock::{Beat, now_ns};
+use drivers::command_mux::{CommandMux, default_sources};
+use drivers::live::clock::{TickSchedule, now_ns};
 use drivers::live::{Dummy, Executor, Faulty, Hardware, Plan, RealtimeParams, Summary};
-use drivers::operators::{Arbiter, default_sources};
 use lcmtypes::bus::{Bus, MemoryBus, Received};
 use lcmtypes::channels::{
     CONTROLLER_INPUT, CONTROLLER_SNAPSHOT, CONTROLLER_TICK, EVENT, EXECUTOR_COMMAND, ROBOT_COMMAND, RUN_INFO,
@@ -16,7 +16,7 @@ use lcmtypes::{
 };
 use std::time::Duration;
 
-const BEAT: Beat = Beat { period_ns: 1_000_000, phase_ns: 0 };
+const BEAT: TickSchedule = TickSchedule { period_ns: 1_000_000, phase_ns: 0 };
 
 /// What a controller of these tests does in a tick.
 type Deed = fn(&ControllerInput);
@@ -78,7 +78,7 @@ fn start_with(controllers: &[(&'static str, Deed)], ticks: i64, hardware: Box<dy
         controllers: controllers.iter().enumerate().map(|(k, (name, _))| ((*name).to_owned(), k == 0)).collect(),
         hardware,
         bus: Box::new(bus.connect()),
-        operators: Arbiter::new(default_sources()).unwrap(),
+        operators: CommandMux::new(default_sources()).unwrap(),
         info: RunInfo { robot: "dummy".to_owned(), ..RunInfo::default() },
         beat: BEAT,
         ticks: Some(ticks),

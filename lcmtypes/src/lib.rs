@@ -28,7 +28,7 @@ mod generated {
     include!(concat!(env!("OUT_DIR"), "/types.rs"));
 }
 
-pub mod words;
+pub mod enum_names;
 
 use std::sync::LazyLock;
 

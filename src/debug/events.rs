@@ -1,7 +1,7 @@
 //! What is worth stopping at: touchdowns, failures of the solver, missed deadlines, divergences, and what the log itself calls an event.
 
 use controller::dump::Quantity;
-use lcmtypes::{ControllerTick, LegState, Message, Timing, WbcSolution, channels, words};
+use lcmtypes::{ControllerTick, LegState, Message, Timing, WbcSolution, channels, enum_names};
 use replay::engine::{Cursor, Moment};
 
 const LEGS: [&str; 4] = ["LF", "RF", "LH", "RH"];
@@ -125,7 +125,7 @@ fn found(before: Before, moment: &Moment) -> Vec<Event> {
         add(Kind::QpFailure, format!("no solution: last level solved {}, of {}", wbc.level, wbc.n_levels));
     }
     if before.mode.is_some() && before.mode != now.mode {
-        let name = |mode: Option<i8>| mode.map_or("?", words::mode);
+        let name = |mode: Option<i8>| mode.map_or("?", enum_names::mode);
         add(Kind::Event, format!("mode {} becomes {}", name(before.mode), name(now.mode)));
     }
     for event in &moment.beside {

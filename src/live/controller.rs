@@ -9,8 +9,8 @@ use anyhow::{Context, bail};
 use controller::model::JointKind;
 use controller::params::Params;
 use drivers::Scenario;
+use drivers::command_mux::CommandMux;
 use drivers::live::{self, Dummy, Executor, Faulty, LcmRobot, Plan, Summary};
-use drivers::operators::Arbiter;
 use lcmtypes::bus::LcmBus;
 use lcmtypes::{RunInfo, channels};
 use replay::udpm::Url;
@@ -44,7 +44,7 @@ pub fn run(args: &ControllerArgs) -> anyhow::Result<Outcome> {
         controllers: file.controllers.iter().map(|controller| (controller.name.clone(), controller.start)).collect(),
         hardware,
         bus: Box::new(LcmBus::open(&url.to_string())?),
-        operators: Arbiter::new(file.operator.clone())?,
+        operators: CommandMux::new(file.operator.clone())?,
         info,
         beat,
         ticks: args.length.ticks,

@@ -1,6 +1,6 @@
 //! `hoof ctl`: starts and stops controllers of a live run.
 
-use super::ask;
+use super::request;
 use crate::{Outcome, say, say_json};
 use clap::ValueEnum;
 use drivers::live::clock::now_ns;
@@ -46,7 +46,7 @@ impl Action {
 }
 
 pub fn ctl(args: &CtlArgs) -> anyhow::Result<Outcome> {
-    let (mut bus, url) = ask::open(args.lcm_url.as_deref())?;
+    let (mut bus, url) = request::open(args.lcm_url.as_deref())?;
     bus.subscribe(channels::EVENT)?;
     let mut action = args.action;
     let mut last = Event::default();
@@ -73,7 +73,7 @@ fn ask(bus: &mut dyn Bus, url: &str, action: Action, controller: &str) -> anyhow
         Action::Stop => (ExecutorCommand::ACTION_STOP, "stops"),
     };
     let wish = ExecutorCommand { t_ns: now_ns(), action: wire, controller: controller.to_owned() };
-    ask::ask(bus, url, channels::EXECUTOR_COMMAND, &wish, None, |message| {
+    request::ask(bus, url, channels::EXECUTOR_COMMAND, &wish, None, |message| {
         let event = Event::decode(&message.data).ok()?;
         let is_done = event.text == format!("controller {controller} {done}");
         let is_refused = event.level == Event::LEVEL_WARNING && event.text.contains(controller);

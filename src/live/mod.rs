@@ -1,10 +1,10 @@
 //! Live runs: `hoof run`, and the processes that it starts.
 
-mod ask;
 mod controller;
 mod ctl;
 mod driver;
 mod process;
+mod request;
 mod run;
 mod run_file;
 mod screen;

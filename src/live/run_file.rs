@@ -3,9 +3,9 @@
 use crate::robot::{RobotFiles, read, with_overrides};
 use anyhow::Context;
 use controller::params::Params;
+use drivers::command_mux::{CommandMux, Source, default_sources};
 use drivers::live::RealtimeParams;
-use drivers::live::clock::Beat;
-use drivers::operators::{Arbiter, Source, default_sources};
+use drivers::live::clock::TickSchedule;
 use drivers::teleop::check_channel;
 use serde::Deserialize;
 use std::path::{Path, PathBuf};
@@ -107,10 +107,10 @@ const PHASE: (i64, i64) = (3, 10);
 
 impl Executor {
     /// When ticks are due.
-    pub fn beat(self) -> Beat {
+    pub fn beat(self) -> TickSchedule {
         let period_ns = self.period_us * 1000;
         let phase_ns = self.phase_us.map_or(period_ns * PHASE.0 / PHASE.1, |phase_us| phase_us * 1000);
-        Beat { period_ns, phase_ns }
+        TickSchedule { period_ns, phase_ns }
     }
 }
 
@@ -163,7 +163,7 @@ impl RunFile {
                 "executor.phase_us is {phase_us}, expected 0 to less than executor.period_us ({period_us})"
             );
         }
-        Arbiter::new(self.operator.clone())?;
+        CommandMux::new(self.operator.clone())?;
         for Source { channel, .. } in &self.operator {
             check_channel(channel).with_context(|| format!("[[operator]] {channel}"))?;
         }

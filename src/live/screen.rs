@@ -2,7 +2,7 @@
 
 use super::process::{Line, Process};
 use indicatif::{MultiProgress, ProgressBar, ProgressStyle};
-use lcmtypes::{ControllerTick, Event, Message, words};
+use lcmtypes::{ControllerTick, Event, Message, enum_names};
 use std::path::{Path, PathBuf};
 use std::process::ExitStatus;
 use std::time::{Duration, Instant};
@@ -125,7 +125,7 @@ impl Pulse {
                 format!("{:.1} MB in {}", size as f64 * 1e-6, log.display())
             }
             ("driver", _) => self.rate_hz().map_or_else(String::new, |rate| format!("{rate:.0} states/s")),
-            (_, Some(tick)) => format!("{}, tick {}", words::mode(tick.mode), tick.tick),
+            (_, Some(tick)) => format!("{}, tick {}", enum_names::mode(tick.mode), tick.tick),
             (_, None) => String::new(),
         }
     }

@@ -1,10 +1,10 @@
 //! `hoof set`: changes parameters of a live run.
 
-use super::ask::{self, ask};
+use super::request::{self, ask};
 use crate::robot::overrides;
 use crate::{Outcome, say, say_json};
-use drivers::changes::SOURCE;
 use drivers::live::clock::now_ns;
+use drivers::parameter_requests::SOURCE;
 use lcmtypes::bus::{Bus, Received};
 use lcmtypes::{Event, Message, ParameterChange, ParameterRequest, channels};
 use std::time::Duration;
@@ -36,7 +36,7 @@ pub struct SetArgs {
 
 pub fn set(args: &SetArgs) -> anyhow::Result<Outcome> {
     let wishes = overrides(&args.set)?;
-    let (mut bus, url) = ask::open(args.lcm_url.as_deref())?;
+    let (mut bus, url) = request::open(args.lcm_url.as_deref())?;
     [channels::PARAMETER_CHANGE, channels::EVENT].iter().try_for_each(|channel| bus.subscribe(channel))?;
     let (mut changes, mut why) = (Vec::new(), None);
     for (key, value) in &wishes {

@@ -2,10 +2,10 @@
 
 pub mod bisect;
 mod break_at;
-mod changes;
 mod resim;
 mod sweep;
 mod text;
+mod timed_overrides;
 
 use crate::progress::Progress;
 use crate::robot::{overrides, read};
@@ -166,7 +166,7 @@ fn options(args: &Args) -> anyhow::Result<Options> {
     }
     Ok(Options {
         set,
-        changes: args.changes.as_deref().map(changes::read_file).transpose()?.unwrap_or_default(),
+        changes: args.changes.as_deref().map(timed_overrides::read_file).transpose()?.unwrap_or_default(),
         urdf: args.urdf.as_deref().map(read).transpose()?,
         bound: Some(args.bound),
         here: Some(run_info::build()),

@@ -6,7 +6,7 @@ use crate::{Outcome, say, say_json};
 use analysis::{Metrics, Run};
 use anyhow::{Context, ensure};
 use drivers::Scenario;
-use drivers::operator::OperatorScript;
+use drivers::operator_script::OperatorScript;
 use lcmtypes::{ControllerInput, Message, OperatorCommand, ParameterRequest, channels};
 use replay::engine::{Options, Replay};
 use replay::log::LogReader;

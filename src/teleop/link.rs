@@ -5,7 +5,7 @@ use anyhow::Context;
 use controller::params::Params;
 use drivers::teleop::{Limits, check_channel};
 use lcmtypes::bus::{Bus, LcmBus};
-use lcmtypes::{ControllerInput, ControllerTick, Event, Message, OperatorCommand, RunInfo, channels, words};
+use lcmtypes::{ControllerInput, ControllerTick, Event, Message, OperatorCommand, RunInfo, channels, enum_names};
 use nix::time::{ClockId, clock_gettime};
 use std::collections::VecDeque;
 use std::time::Duration;
@@ -185,7 +185,7 @@ impl Heard {
             _ => "",
         };
         let asked = view::mode(asked);
-        (!does).then(|| format!("asked for {asked}, the robot is in {}{way_out}", words::mode(robot)))
+        (!does).then(|| format!("asked for {asked}, the robot is in {}{way_out}", enum_names::mode(robot)))
     }
 
     fn count(&mut self, ticks: u32, now_ns: i64) {

@@ -2,7 +2,7 @@
 
 use super::link::{Follows, Heard, SILENCE_NS};
 use drivers::teleop::{Desk, Limits};
-use lcmtypes::{ControllerTick, Event, OperatorCommand, words};
+use lcmtypes::{ControllerTick, Event, OperatorCommand, enum_names};
 use ratatui::Frame;
 use ratatui::layout::{Constraint, Layout, Rect};
 use ratatui::style::{Color, Modifier, Style};
@@ -119,11 +119,14 @@ impl Screen<'_> {
                 let silent = age_ns > SILENCE_NS;
                 let damped = tick.mode == ControllerTick::MODE_DAMPING;
                 let colour = if damped { Color::Red } else { Color::Green };
-                lines.push(Line::styled(words::mode(tick.mode), bold(if silent { Color::DarkGray } else { colour })));
+                lines.push(Line::styled(
+                    enum_names::mode(tick.mode),
+                    bold(if silent { Color::DarkGray } else { colour }),
+                ));
                 lines.push(match tick.fault {
                     ControllerTick::FAULT_NONE => "no fault".into(),
                     fault => {
-                        Line::styled(format!("{}: {:.3}", words::fault(fault), tick.fault_value), bold(Color::Red))
+                        Line::styled(format!("{}: {:.3}", enum_names::fault(fault), tick.fault_value), bold(Color::Red))
                     }
                 });
                 lines.push(if silent {

@@ -2,7 +2,7 @@
 
 use super::style::{DAMPING, Mark, PUSH};
 use super::trace::{Role, Timeline, Trace, Traces};
-use super::{Ask, feet};
+use super::{FigureSpec, feet};
 use crate::math::unwrap_angles;
 use crate::run::{Run, Tick};
 
@@ -11,7 +11,7 @@ const FEET_OF_FIGURE_9: [usize; 2] = [0, 3];
 /// Least extent of the vertical axes, rad and m.
 const LEAST_SPAN: f64 = 0.04;
 
-pub(super) fn traces(run: &Run, ask: &Ask) -> Result<Traces, String> {
+pub(super) fn traces(run: &Run, ask: &FigureSpec) -> Result<Traces, String> {
     if !run.has("BASE_TRACKING") && !run.has("GROUND_TRUTH") {
         return Err("BASE_TRACKING or GROUND_TRUTH".to_owned());
     }
@@ -46,11 +46,11 @@ pub(super) fn traces(run: &Run, ask: &Ask) -> Result<Traces, String> {
 }
 
 /// Base above, two feet below, over the same time.
-pub(super) fn with_feet(run: &Run, ask: &Ask) -> Result<Traces, String> {
+pub(super) fn with_feet(run: &Run, ask: &FigureSpec) -> Result<Traces, String> {
     let mut base = traces(run, ask)?;
     let legs = if ask.legs.len() == 4 { FEET_OF_FIGURE_9.to_vec() } else { ask.legs.clone() };
     let window_s = Some((base.window.min, base.window.max));
-    let feet = feet::traces(run, &Ask { legs, window_s, ..ask.clone() })?;
+    let feet = feet::traces(run, &FigureSpec { legs, window_s, ..ask.clone() })?;
     for trace in &mut base.sections[0].1 {
         trace.height = 66.0;
     }

@@ -3,14 +3,14 @@
 use super::feet::airborne;
 use super::style::{BLUE, Mark, SWING, VERMILLION};
 use super::trace::{Role, Timeline, Trace, Traces};
-use super::{Ask, window_text};
+use super::{FigureSpec, window_text};
 use crate::math::Vec3;
 use crate::run::{LEGS, Run, Tick};
 
 /// Normal force below which a ratio to it says nothing, N.
 const LEAST_NORMAL: f64 = 20.0;
 
-pub(super) fn forces(run: &Run, ask: &Ask) -> Result<Traces, String> {
+pub(super) fn forces(run: &Run, ask: &FigureSpec) -> Result<Traces, String> {
     let (window, timeline) = prepare(run, ask)?;
     let panels = ask.legs.iter().map(|&leg| {
         let curves = vec![
@@ -37,7 +37,7 @@ pub(super) fn forces(run: &Run, ask: &Ask) -> Result<Traces, String> {
     Ok(Traces { sections: vec![(1, panels.collect())], window, caption, marks })
 }
 
-pub(super) fn friction(run: &Run, ask: &Ask) -> Result<Traces, String> {
+pub(super) fn friction(run: &Run, ask: &FigureSpec) -> Result<Traces, String> {
     let (window, timeline) = prepare(run, ask)?;
     let limit = run.parameter("wbc.friction");
     let panels = ask.legs.iter().map(|&leg| {
@@ -61,7 +61,7 @@ pub(super) fn friction(run: &Run, ask: &Ask) -> Result<Traces, String> {
     Ok(Traces { sections: vec![(1, panels.collect())], window, caption, marks })
 }
 
-fn prepare<'a>(run: &'a Run, ask: &Ask) -> Result<(super::Range, Timeline<'a>), String> {
+fn prepare<'a>(run: &'a Run, ask: &FigureSpec) -> Result<(super::Range, Timeline<'a>), String> {
     if !["CONTACT_ESTIMATE", "GROUND_TRUTH", "WBC_SOLUTION"].iter().any(|channel| run.has(channel)) {
         return Err("CONTACT_ESTIMATE, GROUND_TRUTH or WBC_SOLUTION".to_owned());
     }

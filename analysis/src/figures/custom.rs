@@ -1,10 +1,10 @@
 //! Fields that a `plots.toml` names, of any channel, in one panel.
 
-use super::Ask;
+use super::FigureSpec;
 use super::trace::{Curve, Role, Trace, Traces};
 use crate::run::Run;
 
-pub(super) fn traces(run: &Run, ask: &Ask) -> Result<Traces, String> {
+pub(super) fn traces(run: &Run, ask: &FigureSpec) -> Result<Traces, String> {
     let mut curves = Vec::new();
     for (k, field) in ask.fields.iter().enumerate() {
         let name = field.to_string();

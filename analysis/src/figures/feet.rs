@@ -4,12 +4,12 @@ use lcmtypes::LegState;
 
 use super::style::{Mark, SWING};
 use super::trace::{Role, Timeline, Trace, Traces};
-use super::{Ask, window_text};
+use super::{FigureSpec, window_text};
 use crate::run::{LEGS, Run, Tick};
 
 const AXES: [&str; 3] = ["x [m]", "y [m]", "z [m]"];
 
-pub(super) fn traces(run: &Run, ask: &Ask) -> Result<Traces, String> {
+pub(super) fn traces(run: &Run, ask: &FigureSpec) -> Result<Traces, String> {
     if !run.has("LEG_STATE") {
         return Err("LEG_STATE".to_owned());
     }

@@ -3,7 +3,7 @@
 use super::chart::{Chart, Layer, Plot, Section};
 use super::style::{BLUE, FRAME, Mark, RUN_COLORS, VERMILLION};
 use super::trace::Timeline;
-use super::{Ask, Named, window_text};
+use super::{FigureSpec, Named, window_text};
 use crate::run::{LEGS, Run, Tick};
 
 /// Height of a leg's row, and of a bar in it.
@@ -20,7 +20,7 @@ struct Bar<'a> {
     timeline: &'a Timeline<'a>,
 }
 
-pub(super) fn chart(runs: &[(Named, &Run)], ask: &Ask) -> Result<Chart, String> {
+pub(super) fn chart(runs: &[(Named, &Run)], ask: &FigureSpec) -> Result<Chart, String> {
     if let Some((name, _)) = runs.iter().find(|(_, run)| !run.has("LEG_STATE")) {
         return Err(if runs.len() == 1 { "LEG_STATE".to_owned() } else { format!("LEG_STATE in {}", name.0) });
     }

@@ -1,13 +1,13 @@
 //! Joints: command against measurement, one panel a joint.
 
 use super::trace::{Role, Timeline, Trace, Traces};
-use super::{Ask, Quantity, window_text};
+use super::{FigureSpec, Quantity, window_text};
 use crate::run::{JointSample, Run};
 
 /// Joints side by side, those of one leg.
 const COLUMNS: usize = 3;
 
-pub(super) fn traces(run: &Run, ask: &Ask) -> Result<Traces, String> {
+pub(super) fn traces(run: &Run, ask: &FigureSpec) -> Result<Traces, String> {
     let names = &run.joints.names;
     let shown: Vec<usize> = match ask.joints.as_slice() {
         [] => (0..names.len()).collect(),

@@ -1,6 +1,6 @@
 //! Figures: each a function of one run or several, laid out for a width, written as SVG, PDF and PNG.
 //!
-//! What a report draws is a list of [`Ask`]s, from a `plots.toml` ([`crate::plots`]). Base, power, timing and path show the whole run. Feet, joints,
+//! What a report draws is a list of [`FigureSpec`]s, from a `plots.toml` ([`crate::plots`]). Base, power, timing and path show the whole run. Feet, joints,
 //! contact forces and gait show a window of a few seconds, since a step of half a second cannot be seen in a minute: around the change of gait, before a fall,
 //! or in the middle of the walk.
 //!
@@ -16,7 +16,6 @@
 //! | `ask`               | what is asked for, and the window that it shows              |
 //! | the rest            | one figure each, or two that belong together                 |
 
-mod ask;
 mod base;
 mod canvas;
 mod chart;
@@ -25,6 +24,7 @@ mod curve;
 mod custom;
 mod estimation;
 mod feet;
+mod figure_spec;
 mod gait;
 mod joints;
 mod panel;
@@ -47,10 +47,10 @@ use serde::Deserialize;
 
 use crate::Error;
 use crate::run::Run;
-pub use ask::{Ask, Kind, PAGE_MM, Quantity, Several};
 use canvas::{Drawing, Stroke};
 use chart::Chart;
 pub use curve::Curves;
+pub use figure_spec::{FigureSpec, Kind, PAGE_MM, Quantity, Several};
 use panel::Range;
 use style::UNITS_PER_MM;
 pub(crate) use svg::escape;
@@ -178,7 +178,7 @@ impl Figure {
 ///
 /// # Errors
 /// What the runs would have to hold.
-pub fn draw(ask: &Ask, runs: &[(Named, &Run)]) -> Result<Figure, Lacking> {
+pub fn draw(ask: &FigureSpec, runs: &[(Named, &Run)]) -> Result<Figure, Lacking> {
     let chart = chart_of(ask, runs).map_err(|needs| Lacking { name: ask.name.clone(), title: ask.title(), needs })?;
     let drawing = chart.draw(ask.sheet()).scaled(ask.scale());
     let mut metadata = vec![("Title", ask.title()), ("Description", chart.caption.clone()), ("Software", software())];
@@ -198,8 +198,8 @@ fn software() -> String {
     format!("hoofprint {}", env!("CARGO_PKG_VERSION"))
 }
 
-fn chart_of(ask: &Ask, runs: &[(Named, &Run)]) -> Result<Chart, String> {
-    let traced = |traces: fn(&Run, &Ask) -> Result<Traces, String>| {
+fn chart_of(ask: &FigureSpec, runs: &[(Named, &Run)]) -> Result<Chart, String> {
+    let traced = |traces: fn(&Run, &FigureSpec) -> Result<Traces, String>| {
         let each = runs.iter().map(|(name, run)| traces(run, ask).map(|t| (name.clone(), t)));
         Ok(trace::chart(each.collect::<Result<_, String>>()?, ask.several))
     };

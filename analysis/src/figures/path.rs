@@ -6,7 +6,7 @@ use super::chart::{Chart, Layer, Plot, Section};
 use super::panel::Range;
 use super::style::{BLUE, LEFT_MARGIN, LEG_COLORS, Mark, RIGHT_MARGIN, TRUE_LINE};
 use super::trace::run_stroke;
-use super::{Ask, Named, Stroke};
+use super::{FigureSpec, Named, Stroke};
 use crate::run::{LEGS, Run};
 
 /// Heights that a panel may have.
@@ -14,7 +14,7 @@ const HEIGHTS: std::ops::RangeInclusive<f64> = 110.0..=420.0;
 /// Free space around the data, m.
 const MARGIN: f64 = 0.15;
 
-pub(super) fn chart(runs: &[(Named, &Run)], ask: &Ask) -> Result<Chart, String> {
+pub(super) fn chart(runs: &[(Named, &Run)], ask: &FigureSpec) -> Result<Chart, String> {
     let ways: Vec<Vec<(f64, f64)>> = runs
         .iter()
         .map(|(_, run)| {

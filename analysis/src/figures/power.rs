@@ -1,11 +1,11 @@
 //! How much of the joints' torque is used, and the mechanical power.
 
-use super::Ask;
+use super::FigureSpec;
 use super::trace::{Role, Timeline, Trace, Traces};
 use crate::metrics::{joint_powers, torque_use};
 use crate::run::Run;
 
-pub(super) fn traces(run: &Run, ask: &Ask) -> Result<Traces, String> {
+pub(super) fn traces(run: &Run, ask: &FigureSpec) -> Result<Traces, String> {
     if !run.has("CONTROLLER_INPUT") && !run.has("ROBOT_STATE") {
         return Err("CONTROLLER_INPUT or ROBOT_STATE".to_owned());
     }

@@ -1,10 +1,10 @@
 //! The quadratic programs: active constraints, residuals, iterations.
 
-use super::Ask;
+use super::FigureSpec;
 use super::trace::{Role, Timeline, Trace, Traces};
 use crate::run::{Run, Tick};
 
-pub(super) fn traces(run: &Run, ask: &Ask) -> Result<Traces, String> {
+pub(super) fn traces(run: &Run, ask: &FigureSpec) -> Result<Traces, String> {
     if !run.has("WBC_SOLUTION") {
         return Err("WBC_SOLUTION".to_owned());
     }

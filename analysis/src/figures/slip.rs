@@ -1,10 +1,10 @@
 //! Travel of feet while they touch the ground.
 
-use super::Ask;
+use super::FigureSpec;
 use super::trace::{Role, Timeline, Trace, Traces};
 use crate::run::{LEGS, Run};
 
-pub(super) fn traces(run: &Run, ask: &Ask) -> Result<Traces, String> {
+pub(super) fn traces(run: &Run, ask: &FigureSpec) -> Result<Traces, String> {
     if !run.has("GROUND_TRUTH") {
         return Err("GROUND_TRUTH".to_owned());
     }

@@ -6,7 +6,7 @@ use super::chart::{Chart, Layer, Plot, Section};
 use super::panel::Range;
 use super::style::{BLUE, LEG_COLORS, Mark, REFERENCE_LINE, VERMILLION, pale};
 use super::trace::{Timeline, run_stroke};
-use super::{Ask, Named, Stroke};
+use super::{FigureSpec, Named, Stroke};
 use crate::metrics::{period_us, qp_us, tick_us};
 use crate::run::Run;
 use crate::stats::Distribution;
@@ -76,7 +76,7 @@ fn range<'a>(all: impl Iterator<Item = &'a Times>, deadline: f64) -> Range {
 }
 
 /// Period and computation time over the run, a panel a log, with their histograms at the side.
-pub(super) fn over_time(runs: &[(Named, &Run)], ask: &Ask) -> Result<Chart, String> {
+pub(super) fn over_time(runs: &[(Named, &Run)], ask: &FigureSpec) -> Result<Chart, String> {
     let mut sections = Vec::new();
     let (mut live, mut lockstep) = (false, false);
     for (name, run) in runs {
@@ -146,7 +146,7 @@ pub(super) fn over_time(runs: &[(Named, &Run)], ask: &Ask) -> Result<Chart, Stri
 /// Histogram and cumulated share of computation, solve, and jitter of the period; several logs in one figure, as before and after.
 pub(super) fn distribution(runs: &[(Named, &Run)]) -> Result<Chart, String> {
     let all: Vec<Vec<Times>> =
-        runs.iter().map(|(_, run)| times(run, super::ask::whole(run))).collect::<Result<_, _>>()?;
+        runs.iter().map(|(_, run)| times(run, super::figure_spec::whole(run))).collect::<Result<_, _>>()?;
     let deadline = runs.first().map_or(1000.0, |(_, run)| deadline_us(run));
     let us = range(all.iter().flatten(), deadline);
     let alone = runs.len() == 1;

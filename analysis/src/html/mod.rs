@@ -1,14 +1,14 @@
-//! The page of a report: one file that needs no other. [`changes`] is that of logs that have changed.
+//! The page of a report: one file that needs no other. [`replay_comparison`] is that of logs that have changed.
 
-pub(crate) mod changes;
+pub(crate) mod replay_comparison;
 
 use std::fmt::Write as _;
 
 use crate::figures::{FONT, Figure, Format, Lacking, escape};
-use crate::happenings::Happening;
 use crate::metrics::Metrics;
 use crate::table::Table;
 use crate::tables;
+use crate::timeline::TimelineEntry;
 
 /// Happenings shown of each log; a bad hour holds thousands.
 const HAPPENINGS_SHOWN: usize = 300;
@@ -27,7 +27,7 @@ pub(crate) struct Part<'a> {
     /// Messages per channel.
     pub channels: &'a std::collections::BTreeMap<String, u64>,
     /// What happened in it.
-    pub happenings: &'a [Happening],
+    pub happenings: &'a [TimelineEntry],
 }
 
 /// What the page shows beside the logs.
@@ -168,7 +168,7 @@ fn happenings(page: &mut String, part: &Part) {
     page.push_str(
         "<div class=\"wide tall\"><table><tr><th class=\"n\">t [s]</th><th class=\"n\">tick</th><th></th><th>what</th><th>look at it</th></tr>\n",
     );
-    for Happening { t_s, tick, what, text } in part.happenings.iter().take(HAPPENINGS_SHOWN) {
+    for TimelineEntry { t_s, tick, what, text } in part.happenings.iter().take(HAPPENINGS_SHOWN) {
         let class = if what.is_bad() { " class=\"bad\"" } else { "" };
         let tick = tick.map_or(String::new(), |tick| tick.to_string());
         let _ = writeln!(

@@ -46,7 +46,7 @@ pub struct Safety {
     pub min_height_m: Option<f64>,
     /// Largest of roll and pitch, rad.
     pub max_tilt_rad: Option<f64>,
-    /// Faults that the controller entered, in order of time.
+    /// FaultInjection that the controller entered, in order of time.
     pub faults: Vec<Fault>,
     /// Ticks in which at least one torque was limited after the solve.
     pub clamped_ticks: Option<u64>,

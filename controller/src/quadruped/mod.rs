@@ -6,7 +6,7 @@
 //! A tick, in the order of [`Quadruped::step_probed`]: [`safety`] checks the input, [`modes`] decides what the robot as a whole does,
 //! [`estimation`] finds base, dynamics and contacts, [`gait`] moves the legs' state machines, [`mod@reference`] plans footholds and joint
 //! references, [`wbc`] builds and solves the quadratic programs of the stack of [`tasks`], [`wire`] writes the messages. While the robot gets up
-//! or sits down, [`rise`] takes the place of gait, references and programs.
+//! or sits down, [`stand_sit`] takes the place of gait, references and programs.
 
 mod digests;
 mod dump;
@@ -18,9 +18,9 @@ pub mod modes;
 mod operator;
 pub mod recovery;
 pub mod reference;
-pub mod rise;
 pub mod robot;
 pub mod safety;
+pub mod stand_sit;
 pub mod state;
 pub mod sway;
 pub mod swing;
@@ -40,9 +40,9 @@ use lcmtypes::{ControllerInput, ControllerTick, Message, QuadrupedState, channel
 use modes::{Asked, Wish};
 use nalgebra::Vector3;
 use reference::{References, Tick};
-use rise::Rise;
 use robot::Robot;
 use safety::{fault, seconds};
+use stand_sit::Rise;
 use state::{Fault, Mode, State};
 use std::cell::RefCell;
 use wbc::{TrunkReference, Wbc};

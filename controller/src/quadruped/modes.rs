@@ -3,7 +3,7 @@
 //! | from | event | to | action |
 //! |---|---|---|---|
 //! | `IDLE` | first good input, the legs stretched as in standing | `STANCE` | references begin where the robot is |
-//! | | operator asks to `STAND`, the robot rests and lies | `STAND_UP` | legs fold, then push ([`super::rise`]) |
+//! | | operator asks to `STAND`, the robot rests and lies | `STAND_UP` | legs fold, then push ([`super::stand_sit`]) |
 //! | | operator asks to `STAND`, the robot rests on stretched legs | `STANCE` | |
 //! | | operator asks to `WALK` or `SIT`, or the robot does not rest | `IDLE` | refused |
 //! | `STAND_UP` | stands on four feet | `STANCE` | |
@@ -27,9 +27,9 @@
 
 use super::estimation::Estimate;
 use super::leg::Leg;
-use super::rise::{REST_SPEED, Rise};
 use super::robot::Robot;
 use super::safety::{self, fault, seconds};
+use super::stand_sit::{REST_SPEED, Rise};
 use super::state::{Fault, Mode, MovePhase, State};
 use crate::params::Params;
 use lcmtypes::{ControllerInput, ControllerTick, OperatorCommand, RobotState};

@@ -23,7 +23,7 @@ use super::robot::Robot;
 use super::state::{Mode, State};
 use super::sway;
 use super::swing::swing_point;
-use super::terrain::Footing;
+use super::terrain::GroundFrame;
 use crate::math::Rz;
 use crate::model::{BaseState, Kinematics, point_jacobian_linear};
 use crate::params::Params;
@@ -83,7 +83,7 @@ impl References {
     pub fn update(&mut self, tick: &Tick, state: &mut State) {
         let Tick { robot, params, estimate, changes, dt, .. } = *tick;
         let R_HW = estimate.base.R_WH.transpose();
-        let footing = Footing::of(params, &estimate.base, state);
+        let footing = GroundFrame::of(params, &estimate.base, state);
         let p_CF_H = R_HW * estimate.n_W * robot.foot_radius;
         let zeta_dot = height_integral(robot, params, state, dt);
         sway::update(robot, params, changes, state, dt);

@@ -2,7 +2,7 @@
 
 use super::leg::{Leg, LegPhase, PerLeg};
 use crate::RestoreError;
-use lcmtypes::{ControllerTick, QuadrupedState, RobotState, words};
+use lcmtypes::{ControllerTick, QuadrupedState, RobotState, enum_names};
 use nalgebra::Vector3;
 
 /// What the controller as a whole does.
@@ -28,7 +28,7 @@ impl Mode {
 
     /// Name as in events: `IDLE`, `STANCE`, `WALK`, `DAMPING`, `STAND_UP`, `SIT`.
     pub fn name(self) -> &'static str {
-        words::mode(self as i8)
+        enum_names::mode(self as i8)
     }
 }
 
@@ -56,7 +56,7 @@ pub struct Cadence {
     pub duty: f64,
 }
 
-/// Where getting up or sitting down is. The table stands in [`super::rise`].
+/// Where getting up or sitting down is. The table stands in [`super::stand_sit`].
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum MovePhase {
     /// Neither is going on.

@@ -41,7 +41,7 @@ pub fn inclination(gradient_H: [f64; 2]) -> Matrix3<f64> {
 
 /// What standing feet keep their places on.
 #[derive(Clone, Copy, Debug)]
-pub enum Footing {
+pub enum GroundFrame {
     /// The ground as estimated, whose gradient in H this is: the base may tilt over it.
     Ground([f64; 2]),
     /// The base, tilted back by the tilt commanded: its axes in H, and their angular velocity in H beyond that of H itself. Feet that hold on to
@@ -49,25 +49,25 @@ pub enum Footing {
     Base(Matrix3<f64>, Vector3<f64>),
 }
 
-impl Footing {
+impl GroundFrame {
     /// The estimated ground, or without an estimator the base.
     pub fn of(params: &Params, base: &BaseEstimate, state: &State) -> Self {
         if params.terrain.estimator {
-            return Footing::Ground(turned(state.gradient_W, base.rpy[2]));
+            return GroundFrame::Ground(turned(state.gradient_W, base.rpy[2]));
         }
         let [roll, pitch] = state.rp_des;
         let w_H = base.R_WH.transpose() * base.w_WB_W - Vector3::z() * base.yaw_rate;
-        Footing::Base(base.R_HB * (Ry(pitch) * Rx(roll)).transpose(), w_H)
+        GroundFrame::Base(base.R_HB * (Ry(pitch) * Rx(roll)).transpose(), w_H)
     }
 
     /// Place and velocity in H of a contact point, given by place and velocity as on level ground; `p_CF_H`: centre of the foot from there.
     pub fn carry(&self, p: Vector3<f64>, v: Vector3<f64>, p_CF_H: &Vector3<f64>) -> (Vector3<f64>, Vector3<f64>) {
         match self {
-            Footing::Ground(gradient) => {
+            GroundFrame::Ground(gradient) => {
                 let lifted = |a: Vector3<f64>| Vector3::new(a.x, a.y, a.z + rise(*gradient, &a));
                 (lifted(p), lifted(v))
             }
-            Footing::Base(R_HS, w_H) => {
+            GroundFrame::Base(R_HS, w_H) => {
                 let p_H = R_HS * p;
                 (p_H, R_HS * v + w_H.cross(&(p_H + p_CF_H)))
             }
@@ -152,12 +152,12 @@ mod tests {
         let p_CF_H = Vector3::new(0.0, 0.0, 0.02);
         let d = 1e-6;
         let R_HB = |t: f64| nalgebra::Rotation3::new(w * t).into_inner() * Ry(0.1) * Rx(-0.2);
-        let at = |t: f64| Footing::Base(R_HB(t), w).carry(p + v * t, v, &p_CF_H);
+        let at = |t: f64| GroundFrame::Base(R_HB(t), w).carry(p + v * t, v, &p_CF_H);
         let centre = |t: f64| at(t).0 + R_HB(t) * R_HB(0.0).transpose() * p_CF_H;
         let off = (centre(d) - centre(-d)) / (2.0 * d) - at(0.0).1;
         assert!(off.norm() < 1e-8, "{off}");
 
-        let ground = Footing::Ground([0.1, -0.2]);
+        let ground = GroundFrame::Ground([0.1, -0.2]);
         let at = |t: f64| ground.carry(p + v * t, v, &p_CF_H);
         let off = (at(d).0 - at(-d).0) / (2.0 * d) - at(0.0).1;
         assert!(off.norm() < 1e-8 && (at(0.0).0.z - (-0.55 + 0.04 - 0.06)).abs() < 1e-12, "{off}");

@@ -1,6 +1,6 @@
 //! What other threads want of the real-time thread.
 
-use controller::change::Parameters;
+use controller::handover::Parameters;
 use controller::{Controller, RestoreError};
 use lcmtypes::{OperatorCommand, ParameterChange};
 use rtrb::{Consumer, Producer, RingBuffer};

@@ -32,14 +32,14 @@ fn nanoseconds(clock: ClockId) -> i64 {
 ///
 /// Processes of one machine that keep to it stay in step: a driver at phase 0 has measured when a controller at half a period wakes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Beat {
+pub struct TickSchedule {
     /// Time between two of them, ns.
     pub period_ns: i64,
     /// Behind the whole multiples, ns.
     pub phase_ns: i64,
 }
 
-impl Beat {
+impl TickSchedule {
     /// The first one after `now_ns`.
     pub fn after(self, now_ns: i64) -> i64 {
         let since = (now_ns - self.phase_ns).rem_euclid(self.period_ns);
@@ -61,8 +61,8 @@ mod tests {
 
     #[test]
     fn beats_are_whole_periods_apart_and_keep_their_phase() {
-        let beat = Beat { period_ns: 1000, phase_ns: 400 };
+        let beat = TickSchedule { period_ns: 1000, phase_ns: 400 };
         assert_eq!([0, 399, 400, 401, 1399, 1400].map(|now| beat.after(now)), [400, 400, 1400, 1400, 1400, 2400]);
-        assert_eq!(Beat { period_ns: 1000, phase_ns: 0 }.after(5999), 6000);
+        assert_eq!(TickSchedule { period_ns: 1000, phase_ns: 0 }.after(5999), 6000);
     }
 }

@@ -1,12 +1,12 @@
 //! Starts and ends the two threads of a controller process.
 
 use super::calls;
-use super::carrier::{Carried, Carrier};
-use super::clock::Beat;
-use super::runner::{End, Ending, Runner, Ticked};
+use super::clock::TickSchedule;
+use super::publisher::{Publisher, PublisherReport};
+use super::realtime_loop::{End, Ending, RealtimeLoop, Ticked};
 use super::{Granted, Hardware, Lateness, RealtimeParams};
 use crate::DriverError;
-use crate::operators::Arbiter;
+use crate::command_mux::CommandMux;
 use controller::Controller;
 use lcmtypes::bus::Bus;
 use lcmtypes::{RunInfo, channels};
@@ -31,11 +31,11 @@ pub struct Plan {
     /// Where messages go to and wishes come from.
     pub bus: Box<dyn Bus>,
     /// Who may command.
-    pub operators: Arbiter,
+    pub operators: CommandMux,
     /// The run's description; the executor fills in time and real-time settings.
     pub info: RunInfo,
     /// When ticks are due.
-    pub beat: Beat,
+    pub beat: TickSchedule,
     /// Ticks after which it stops by itself.
     pub ticks: Option<i64>,
     /// What is asked of the system.
@@ -48,7 +48,7 @@ pub struct Summary {
     /// The real-time thread.
     pub ticked: Ticked,
     /// The carrier.
-    pub carried: Carried,
+    pub carried: PublisherReport,
 }
 
 impl Summary {
@@ -63,7 +63,7 @@ pub struct Executor {
     ending: Arc<Ending>,
     granted: Granted,
     runner: Option<JoinHandle<Ticked>>,
-    carrier: Option<JoinHandle<Carried>>,
+    carrier: Option<JoinHandle<PublisherReport>>,
 }
 
 impl Executor {
@@ -81,7 +81,7 @@ impl Executor {
         let (caller, called) = calls();
         let (granted_in, granted_out) = mpsc::channel();
         let running = controllers.iter().enumerate().fold(0, |bits, (k, (_, starts))| bits | i64::from(*starts) << k);
-        let mut runner = Runner::new(controller, running, hardware, called, ring_in, beat);
+        let mut runner = RealtimeLoop::new(controller, running, hardware, called, ring_in, beat);
         let runner = spawn("real-time", {
             let (ending, realtime) = (ending.clone(), realtime.clone());
             move || {
@@ -95,7 +95,7 @@ impl Executor {
         info.realtime = format!("live, every {} us, {}", beat.period_ns / 1000, granted.text());
         let names = controllers.into_iter().map(|(name, _)| name).collect();
         let lateness = Lateness::new(beat.period_ns);
-        let carrier = Carrier::new((ring_out, caller), bus, operators, info, names, lateness);
+        let carrier = Publisher::new((ring_out, caller), bus, operators, info, names, lateness);
         // On a busy machine it must not fall behind by more than a log's reader puts in order again.
         let ahead = RealtimeParams { priority: realtime.priority.min(CARRIER_PRIORITY), ..RealtimeParams::none() };
         let carrier = spawn("carrier", move || {

@@ -7,14 +7,14 @@
 use super::Hardware;
 use super::clock::{now_ns, sleep_until};
 use super::hardware::empty_state;
-use crate::fault::{FaultKind, FaultWindow};
-use crate::{DriverError, Faults};
+use crate::fault_injection::{FaultKind, FaultWindow};
+use crate::{DriverError, FaultInjection};
 use lcmtypes::RobotState;
 
 /// Hardware that fails. The scenario's time begins with the first measurement.
 pub struct Faulty {
     inner: Box<dyn Hardware>,
-    faults: Faults,
+    faults: FaultInjection,
     began_ns: Option<i64>,
     /// As it came, and as it is handed on: a measurement that is lost must not spoil the last one.
     measured: RobotState,
@@ -34,7 +34,7 @@ impl Faulty {
     pub fn new(inner: Box<dyn Hardware>, faults: &[FaultWindow], joints: &[String]) -> Result<Self, DriverError> {
         Ok(Faulty {
             inner,
-            faults: Faults::new(faults, joints)?,
+            faults: FaultInjection::new(faults, joints)?,
             began_ns: None,
             measured: empty_state(),
             spoiled: empty_state(),

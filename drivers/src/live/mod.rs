@@ -18,23 +18,23 @@
 //! A live log replays like any other, since CONTROLLER_INPUT holds what was consumed, whatever the network did before.
 
 mod call;
-mod carrier;
 pub mod clock;
 mod executor;
 mod faulty;
 mod hardware;
 mod lateness;
 pub mod plant;
+mod publisher;
 mod realtime;
-mod runner;
+mod realtime_loop;
 mod socket;
 
 pub use call::{Call, Called, Caller, Handover, calls};
-pub use carrier::{Carried, RUN_INFO_EVERY_NS};
 pub use executor::{Executor, Plan, Summary};
 pub use faulty::Faulty;
 pub use hardware::{Dummy, Hardware, LcmRobot};
 pub use lateness::Lateness;
+pub use publisher::{PublisherReport, RUN_INFO_EVERY_NS};
 pub use realtime::{Granted, RealtimeParams};
-pub use runner::{End, Ending, Runner, Ticked};
+pub use realtime_loop::{End, Ending, RealtimeLoop, Ticked};
 pub use socket::{Ear, Speaker, somebody_speaks};

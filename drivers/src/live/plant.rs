@@ -3,10 +3,10 @@
 //! A command acts from the step after its arrival, so it is as late as on a robot. Until the first command comes the robot is held still; then
 //! the scenario begins. When commands stay away for [`WATCHDOG_NS`], the joints are damped, as a robot's driver must.
 
-use super::clock::{Beat, now_ns, sleep_until};
+use super::clock::{TickSchedule, now_ns, sleep_until};
 use super::socket::{Ear, Speaker};
-use crate::operator::OperatorScript;
-use crate::{DriverError, Faults, Scenario, Simulator};
+use crate::operator_script::OperatorScript;
+use crate::{DriverError, FaultInjection, Scenario, Simulator};
 use lcmtypes::{ControllerTick, Event, GroundTruth, Message, ParameterRequest, RobotCommand, RobotState, channels};
 use std::collections::VecDeque;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -52,7 +52,7 @@ pub struct Plant<'a> {
 /// # Errors
 /// A scenario that names unknown joints or links, a simulation that blew up.
 pub fn run(plant: Plant<'_>, stop: &AtomicBool) -> Result<Summary, DriverError> {
-    let beat = Beat { period_ns: plant.sim.period_ns(), phase_ns: 0 };
+    let beat = TickSchedule { period_ns: plant.sim.period_ns(), phase_ns: 0 };
     let mut run = Run::new(plant)?;
     let mut due_ns = beat.after(now_ns());
     while !stop.load(Ordering::Relaxed) {
@@ -74,7 +74,7 @@ struct Run<'a> {
     sim: &'a mut dyn Simulator,
     network: Ear,
     talk: Talk,
-    faults: Faults,
+    faults: FaultInjection,
     operator: Option<OperatorScript>,
     timeline: VecDeque<(i64, String)>,
     /// Parameters that are to be otherwise, in the order of time.
@@ -99,7 +99,7 @@ impl<'a> Run<'a> {
     fn new(plant: Plant<'a>) -> Result<Self, DriverError> {
         let Plant { scenario, send_operator, sim, speaker, network } = plant;
         Ok(Run {
-            faults: Faults::new(&scenario.faults, sim.joints())?,
+            faults: FaultInjection::new(&scenario.faults, sim.joints())?,
             operator: send_operator.then(|| scenario.operator.clone()),
             timeline: scenario.timeline().into(),
             wishes: if send_operator { scenario.parameters.clone().into() } else { VecDeque::new() },

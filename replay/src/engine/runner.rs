@@ -7,7 +7,7 @@ use super::report::Tally;
 use super::ticks::Tick;
 use super::what_if::Collector;
 use crate::Error;
-use controller::change::take_over;
+use controller::handover::take_over;
 use controller::{Controller, Outbox};
 use lcmtypes::ParameterChange;
 use lcmtypes::channels::{CONTROLLER_SNAPSHOT, ROBOT_COMMAND};

@@ -10,24 +10,24 @@
 
 mod account;
 mod bytes;
-mod desk;
 mod disk;
+mod drop_policy;
 mod files;
 mod fresh;
 mod hearing;
+mod intake;
 mod pattern;
 mod recorder;
 mod ring;
-mod shed;
 
 pub use account::{Account, Run};
 pub use bytes::{BytesIn, BytesOut, byte_ring};
-pub use desk::{Desk, Heard, Status};
 pub use disk::{DiskState, PatientFile};
+pub use drop_policy::Keep;
 pub use files::{Create, Files, Names, Rotation};
 pub use fresh::Fresh;
 pub use hearing::{Hearing, Message, Tally};
+pub use intake::{Heard, Intake, Status};
 pub use pattern::{Filter, Pattern};
 pub use recorder::{Progress, RecordOptions, Recorded, Recorder};
 pub use ring::{EventSink, RingOptions, RingWriter, Target, WhenFull};
-pub use shed::Keep;

@@ -1,18 +1,18 @@
 //! The recorder: a socket, three threads, a log.
 //!
 //! ```text
-//! socket --receive thread--> ring of datagrams --this thread: Desk--> ring of events --log writer--> file
+//! socket --receive thread--> ring of datagrams --this thread: Intake--> ring of events --log writer--> file
 //! ```
 //! The receive thread does nothing but fetch datagrams, so that the kernel's buffer stays empty. The desk never waits for the disk. What the
 //! log writer cannot take in time is left out by channel, at the ring before it.
 
 use super::bytes::{BytesIn, BytesOut, byte_ring};
-use super::desk::{Desk, Heard, Status};
 use super::disk::DiskState;
+use super::drop_policy::Keep;
 use super::files::{Files, Names, Rotation};
+use super::intake::{Heard, Intake, Status};
 use super::pattern::{Filter, Pattern};
 use super::ring::{RingOptions, RingWriter, WhenFull};
-use super::shed::Keep;
 use crate::Error;
 use crate::udpm::{self, Datagram, Listener, Url};
 use nix::sys::statvfs::statvfs;
@@ -55,7 +55,7 @@ pub struct RecordOptions {
 
 /// A recording that has begun.
 pub struct Recorder {
-    desk: Desk,
+    desk: Intake,
     datagrams: BytesOut,
     receiver: Receiver,
     disk: Arc<DiskState>,
@@ -124,7 +124,7 @@ impl Recorder {
         let (input, datagrams) = byte_ring(DATAGRAMS);
         let receiver = Receiver::start(listener, input).map_err(|source| Error::Io { path: out.clone(), source })?;
         let folder = out.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new(".")).into();
-        let (desk, url) = (Desk::new(filter, writer), url.to_string());
+        let (desk, url) = (Intake::new(filter, writer), url.to_string());
         Ok(Recorder { desk, datagrams, receiver, disk, names, folder, reserve, url, warning, moved })
     }
 

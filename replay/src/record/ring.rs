@@ -5,7 +5,7 @@
 
 use super::Pattern;
 use super::bytes::{BytesIn, BytesOut, byte_ring};
-use super::shed::{Keep, Shedder};
+use super::drop_policy::{Keep, Shedder};
 use crate::Error;
 use crate::log::{LogWriter, check_event};
 use crate::udpm::monotonic_ns;

@@ -5,7 +5,7 @@ use crate::experiment::bench::{Bench, Spec, count, mean};
 use crate::experiment::table::Row;
 use crate::robot::RobotFiles;
 use analysis::Run;
-use analysis::figures::{Ask, Kind, Named, draw};
+use analysis::figures::{FigureSpec, Kind, Named, draw};
 use analysis::tables::tracking_rows;
 use controller::stack::S1;
 use std::collections::BTreeMap;
@@ -16,8 +16,9 @@ pub fn base_motion(bench: &Bench) -> anyhow::Result<Vec<Row>> {
 }
 
 fn table3(bench: &Bench, prefix: &str) -> anyhow::Result<Vec<Row>> {
-    let sample = bench
-        .one_with(Spec::of("base_motion"), |run| draw(&Ask::new(Kind::Figure9), &[(Named("run".to_owned()), run)]))?;
+    let sample = bench.one_with(Spec::of("base_motion"), |run| {
+        draw(&FigureSpec::new(Kind::Figure9), &[(Named("run".to_owned()), run)])
+    })?;
     let mut rows = Vec::new();
     for row in tracking_rows(&sample.metrics) {
         let (Some(measured), Some(published)) = (row.measured, row.published) else { continue };

@@ -92,13 +92,13 @@ impl Switch {
 
 /// Chooses among sources.
 #[derive(Clone, Debug)]
-pub struct Arbiter {
+pub struct CommandMux {
     sources: Vec<Source>,
     heard: Vec<Option<Heard>>,
     followed: Option<Followed>,
-    /// Source, number, sending and arrival of the last [`Arbiter::news`].
+    /// Source, number, sending and arrival of the last [`CommandMux::news`].
     newest: Option<(usize, i64, i64, i64)>,
-    /// What [`Arbiter::switch`] has told of it.
+    /// What [`CommandMux::switch`] has told of it.
     told: Option<Followed>,
 }
 
@@ -108,7 +108,7 @@ struct Heard {
     arrival_ns: i64,
     /// Its emergency stop is in force.
     stops: bool,
-    /// Whether [`Arbiter::switch`] has told of that.
+    /// Whether [`CommandMux::switch`] has told of that.
     told_stops: bool,
 }
 
@@ -118,7 +118,7 @@ struct Followed {
     silent: bool,
 }
 
-impl Arbiter {
+impl CommandMux {
     /// Checks sources; none has been heard yet.
     ///
     /// # Errors
@@ -140,7 +140,7 @@ impl Arbiter {
                 return Err(SourcesError::Timeout { channel, found: *timeout_s });
             }
         }
-        Ok(Arbiter { heard: vec![None; sources.len()], sources, followed: None, newest: None, told: None })
+        Ok(CommandMux { heard: vec![None; sources.len()], sources, followed: None, newest: None, told: None })
     }
 
     /// The sources, as listed.
@@ -183,7 +183,7 @@ impl Arbiter {
         Some(Choice { source, command: &heard.command, arrival_ns })
     }
 
-    /// [`Arbiter::choose`], where it is another command than last time; an emergency stop in force is one again every [`RENEW_NS`].
+    /// [`CommandMux::choose`], where it is another command than last time; an emergency stop in force is one again every [`RENEW_NS`].
     pub fn news(&mut self, t_ns: i64) -> Option<Choice<'_>> {
         let before = self.newest;
         let Choice { source, command, arrival_ns } = self.choose(t_ns)?;
@@ -262,9 +262,9 @@ mod tests {
     const PLANNER: usize = 2;
 
     /// A pad above a keyboard above a planner, listed so that order and priority differ.
-    fn arbiter() -> Arbiter {
+    fn mux() -> CommandMux {
         let source = |channel: &str, priority, timeout_s| Source { channel: channel.to_owned(), priority, timeout_s };
-        Arbiter::new(vec![source("PAD", 30, 0.1), source("KEYS", 20, 0.25), source("PLANNER", 10, 1.0)]).unwrap()
+        CommandMux::new(vec![source("PAD", 30, 0.1), source("KEYS", 20, 0.25), source("PLANNER", 10, 1.0)]).unwrap()
     }
 
     fn command(mode: i8, seq: i64) -> OperatorCommand {
@@ -284,17 +284,17 @@ mod tests {
     }
 
     /// Source, number and arrival in ms of the command that counts.
-    fn chosen(arbiter: &mut Arbiter, ms: i64) -> Option<(usize, i64, i64)> {
-        arbiter.choose(ms * MS).map(|choice| (choice.source, choice.command.seq, choice.arrival_ns / MS))
+    fn chosen(mux: &mut CommandMux, ms: i64) -> Option<(usize, i64, i64)> {
+        mux.choose(ms * MS).map(|choice| (choice.source, choice.command.seq, choice.arrival_ns / MS))
     }
 
-    fn told(arbiter: &mut Arbiter) -> Vec<Switch> {
-        std::iter::from_fn(|| arbiter.switch()).collect()
+    fn told(mux: &mut CommandMux) -> Vec<Switch> {
+        std::iter::from_fn(|| mux.switch()).collect()
     }
 
     #[test]
     fn the_highest_priority_that_speaks_is_followed_until_its_time_out() {
-        let mut a = arbiter();
+        let mut a = mux();
         assert_eq!(chosen(&mut a, 0), None);
         a.hear(PLANNER, 10 * MS, &walk(7));
         assert_eq!(chosen(&mut a, 12), Some((PLANNER, 7, 10)));
@@ -310,7 +310,7 @@ mod tests {
 
     #[test]
     fn in_silence_the_last_command_grows_old() {
-        let mut a = arbiter();
+        let mut a = mux();
         a.hear(KEYS, 10 * MS, &walk(3));
         a.hear(PLANNER, 9 * MS, &walk(1));
         assert_eq!(chosen(&mut a, 200), Some((KEYS, 3, 10)));
@@ -324,7 +324,7 @@ mod tests {
 
     #[test]
     fn an_emergency_stop_of_the_least_wins_and_is_taken_back_by_itself_alone() {
-        let mut a = arbiter();
+        let mut a = mux();
         a.hear(PAD, 0, &walk(1));
         a.hear(PLANNER, 5 * MS, &stop(2));
         assert_eq!(chosen(&mut a, 6), Some((PLANNER, 2, 6)));
@@ -340,8 +340,8 @@ mod tests {
 
     #[test]
     fn news_are_commands_that_were_not_there_before() {
-        let mut a = arbiter();
-        let news = |a: &mut Arbiter, ms: i64| a.news(ms * MS).map(|c| (c.source, c.command.seq, c.arrival_ns / MS));
+        let mut a = mux();
+        let news = |a: &mut CommandMux, ms: i64| a.news(ms * MS).map(|c| (c.source, c.command.seq, c.arrival_ns / MS));
         assert_eq!(news(&mut a, 0), None);
         a.hear(KEYS, MS, &walk(1));
         assert_eq!(news(&mut a, 2), Some((KEYS, 1, 1)));
@@ -358,7 +358,7 @@ mod tests {
 
     #[test]
     fn two_emergency_stops_are_two() {
-        let mut a = arbiter();
+        let mut a = mux();
         a.hear(PAD, 0, &stop(1));
         a.hear(KEYS, 0, &stop(1));
         assert_eq!(chosen(&mut a, 1), Some((PAD, 1, 1)));
@@ -369,7 +369,7 @@ mod tests {
 
     #[test]
     fn what_was_overtaken_takes_no_emergency_stop_back() {
-        let mut a = arbiter();
+        let mut a = mux();
         a.hear(KEYS, 0, &stop(9));
         a.hear(KEYS, MS, &walk(8));
         assert_eq!(chosen(&mut a, 2), Some((KEYS, 9, 2)));
@@ -381,7 +381,7 @@ mod tests {
 
     #[test]
     fn a_source_may_begin_anew() {
-        let mut a = arbiter();
+        let mut a = mux();
         a.hear(KEYS, 1000 * MS, &walk(50));
         // At once, with its clock running on; and after its time-out, with another one.
         a.hear(KEYS, 1020 * MS, &OperatorCommand { t_ns: 1020 * MS, ..walk(0) });
@@ -393,7 +393,7 @@ mod tests {
     #[test]
     fn of_equal_priorities_the_first_counts() {
         let source = |channel: &str| Source { channel: channel.to_owned(), priority: 1, timeout_s: 0.1 };
-        let mut a = Arbiter::new(vec![source("A"), source("B")]).unwrap();
+        let mut a = CommandMux::new(vec![source("A"), source("B")]).unwrap();
         a.hear(1, 0, &walk(1));
         a.hear(0, 0, &walk(1));
         assert_eq!(chosen(&mut a, 1), Some((0, 1, 0)));
@@ -402,7 +402,7 @@ mod tests {
 
     #[test]
     fn what_happens_is_said_with_the_channel() {
-        let a = arbiter();
+        let a = mux();
         assert_eq!(a.text(Switch::TakesOver(KEYS)), "KEYS takes over");
         assert_eq!(a.text(Switch::Silent(PAD)), "PAD is silent, and so are all others");
         assert_eq!(a.text(Switch::Stops(PLANNER)), "emergency stop by PLANNER");
@@ -411,14 +411,14 @@ mod tests {
 
     #[test]
     fn sources_that_cannot_be_are_refused_by_name() {
-        let read = |text: &str| -> Result<Arbiter, String> {
+        let read = |text: &str| -> Result<CommandMux, String> {
             #[derive(Deserialize)]
             struct File {
                 #[serde(default)]
                 operator: Vec<Source>,
             }
             let file: File = toml::from_str(text).map_err(|error| error.message().to_owned())?;
-            Arbiter::new(file.operator).map_err(|error| error.to_string())
+            CommandMux::new(file.operator).map_err(|error| error.to_string())
         };
         let pad = "[[operator]]\nchannel = \"PAD\"\npriority = 3\n";
         assert_eq!(read(pad).unwrap().sources()[0].timeout_s, 0.25);

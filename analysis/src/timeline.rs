@@ -17,7 +17,7 @@ const OTHER_CLOCK_S: f64 = 3600.0;
 
 /// Something that a reader wants to know of.
 #[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct Happening {
+pub struct TimelineEntry {
     /// When it began, s since the first tick.
     pub t_s: f64,
     /// Number of the tick, where it is known.
@@ -84,7 +84,7 @@ impl What {
 }
 
 /// Everything that happened, in the order of time.
-pub fn happenings(run: &Run) -> Vec<Happening> {
+pub fn happenings(run: &Run) -> Vec<TimelineEntry> {
     let mut all = changes(run);
     all.extend(stretches(run));
     all.extend(losses(run));
@@ -92,9 +92,9 @@ pub fn happenings(run: &Run) -> Vec<Happening> {
     all.extend(safety.fell_at_s.map(|t_s| {
         let at = run.ticks.partition_point(|tick| tick.t_s < t_s);
         let tick = run.ticks.get(at).and_then(Tick::number);
-        Happening { t_s, tick, what: What::Fall, text: "the robot fell".to_owned() }
+        TimelineEntry { t_s, tick, what: What::Fall, text: "the robot fell".to_owned() }
     }));
-    all.extend(safety.faults.into_iter().map(|fault| Happening {
+    all.extend(safety.faults.into_iter().map(|fault| TimelineEntry {
         t_s: fault.t_s,
         tick: Some(fault.tick),
         what: What::Fault,
@@ -108,7 +108,7 @@ pub fn happenings(run: &Run) -> Vec<Happening> {
         if (-OTHER_CLOCK_S..run.duration_s() + OTHER_CLOCK_S).contains(&t_s) {
             last_s = t_s;
         }
-        Happening {
+        TimelineEntry {
             t_s: last_s,
             tick: (event.tick >= 0).then_some(event.tick),
             what: if event.level == Event::LEVEL_INFO { What::Event } else { What::Warning },
@@ -120,11 +120,12 @@ pub fn happenings(run: &Run) -> Vec<Happening> {
 }
 
 /// Changes of mode and gait.
-fn changes(run: &Run) -> Vec<Happening> {
+fn changes(run: &Run) -> Vec<TimelineEntry> {
     let mut all = Vec::new();
     let (mut mode, mut gait) = (None, None);
     for tick in &run.ticks {
-        let mut changed = |what, text: String| all.push(Happening { t_s: tick.t_s, tick: tick.number(), what, text });
+        let mut changed =
+            |what, text: String| all.push(TimelineEntry { t_s: tick.t_s, tick: tick.number(), what, text });
         if let Some(now) = tick.status.map(|s| s.mode) {
             if mode.is_some_and(|before| before != now) {
                 changed(What::Mode, format!("the controller {}", mode_text(now)));
@@ -162,7 +163,7 @@ fn gait_text(gait: i8) -> &'static str {
 }
 
 /// Pushes, missed deadlines, late states, unsolved programs: what lasts or comes in bursts.
-fn stretches(run: &Run) -> Vec<Happening> {
+fn stretches(run: &Run) -> Vec<TimelineEntry> {
     let late_us = |tick: &Tick| {
         let t = tick.timing.as_ref().filter(|t| t.deadline_ns > 0)?;
         (t.end_ns > t.deadline_ns).then(|| (t.end_ns - t.deadline_ns) as f64 * 1e-3)
@@ -205,19 +206,19 @@ fn bursts(run: &Run, holds: impl Fn(&Tick) -> bool) -> Vec<Vec<&Tick>> {
     bursts
 }
 
-fn happening(burst: &[&Tick], what: What, text: String) -> Happening {
-    Happening { t_s: burst[0].t_s, tick: burst[0].number(), what, text }
+fn happening(burst: &[&Tick], what: What, text: String) -> TimelineEntry {
+    TimelineEntry { t_s: burst[0].t_s, tick: burst[0].number(), what, text }
 }
 
 /// Gaps in the log, and states that were lost or used twice on the way to the controller.
-fn losses(run: &Run) -> Vec<Happening> {
-    let mut all: Vec<Happening> = Vec::new();
+fn losses(run: &Run) -> Vec<TimelineEntry> {
+    let mut all: Vec<TimelineEntry> = Vec::new();
     let longest = GAP_PERIODS * run.period_s();
     let mut add =
         |tick: &Tick, what, count: i64, words: &dyn Fn(i64) -> String, burst: &mut Option<(usize, f64, i64)>| {
             let near = burst.filter(|(_, last_s, _)| tick.t_s - last_s < TOGETHER_S);
             let (at, total) = near.map_or((all.len(), count), |(at, _, sum)| (at, sum + count));
-            let begin = Happening { t_s: tick.t_s, tick: tick.number(), what, text: words(total) };
+            let begin = TimelineEntry { t_s: tick.t_s, tick: tick.number(), what, text: words(total) };
             match all.get_mut(at) {
                 Some(known) => known.text = words(total),
                 None => all.push(begin),

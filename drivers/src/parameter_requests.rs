@@ -3,7 +3,7 @@
 use crate::scenario::to_ns;
 use crate::terrain::{BadKey, check_range};
 use controller::Controller;
-use controller::change::Parameters;
+use controller::handover::Parameters;
 use lcmtypes::{Event, ParameterChange, ParameterRequest, RunInfo};
 use serde::Deserialize;
 
@@ -33,7 +33,7 @@ impl ParameterEntry {
 /// Answers wishes one after the other, each on top of those that were granted before. Builds controllers, so it has no place on a real-time
 /// thread.
 #[derive(Debug)]
-pub struct ParameterDesk {
+pub struct ParameterRequestHandler {
     parameters: Parameters,
 }
 
@@ -43,14 +43,14 @@ pub struct Proposal {
     pub controller: Box<dyn Controller>,
     /// The change, whose time and tick are those of the take-over.
     pub change: ParameterChange,
-    /// The parameters then, for [`ParameterDesk::granted`].
+    /// The parameters then, for [`ParameterRequestHandler::granted`].
     pub parameters: Parameters,
 }
 
-impl ParameterDesk {
+impl ParameterRequestHandler {
     /// For a run.
     pub fn new(info: &RunInfo) -> Self {
-        ParameterDesk { parameters: Parameters::new(info) }
+        ParameterRequestHandler { parameters: Parameters::new(info) }
     }
 
     /// What is to take over, or the text of the EVENT that says why nothing does.
@@ -96,7 +96,7 @@ mod tests {
 
     #[test]
     fn what_would_not_fit_a_tick_is_refused() {
-        let desk = ParameterDesk::new(&RunInfo::default());
+        let desk = ParameterRequestHandler::new(&RunInfo::default());
         for value in ["9".repeat(5000), "[1.0,\n2.0]".to_owned()] {
             let wish = ParameterRequest { key: "trunk.kp".to_owned(), value, ..ParameterRequest::default() };
             let why = desk.answer(&wish).err().unwrap();

@@ -6,8 +6,8 @@ mod common;
 
 use analysis::Run;
 use analysis::check::Limits;
-use analysis::happenings::{Happening, What, happenings};
 use analysis::metrics::Metrics;
+use analysis::timeline::{TimelineEntry, What, happenings};
 use common::{Plan, late_by_two_from, scratch, write};
 use lcmtypes::Event;
 
@@ -19,7 +19,7 @@ fn run_of(name: &str, plan: &Plan) -> Run {
 
 /// Kind, tick and words of everything that happened.
 fn told(run: &Run) -> Vec<(What, Option<i64>, String)> {
-    happenings(run).into_iter().map(|Happening { what, tick, text, .. }| (what, tick, text)).collect()
+    happenings(run).into_iter().map(|TimelineEntry { what, tick, text, .. }| (what, tick, text)).collect()
 }
 
 #[test]

@@ -1,8 +1,8 @@
 //! The page of logs that have changed.
 
 use super::{SCRIPT, head};
-use crate::changes::{Log, Shown};
 use crate::figures::{Figure, escape};
+use crate::replay_comparison::{Log, Shown};
 use std::fmt::Write as _;
 
 /// The page: every log in a line, then each that has changed.

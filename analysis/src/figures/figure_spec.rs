@@ -117,7 +117,7 @@ pub enum Several {
 
 /// A figure that is asked for.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Ask {
+pub struct FigureSpec {
     /// What it shows.
     pub kind: Kind,
     /// Name of its files, without ending.
@@ -144,7 +144,7 @@ pub struct Ask {
     pub several: Several,
 }
 
-impl Ask {
+impl FigureSpec {
     /// A figure of a kind, across the page.
     pub fn new(kind: Kind) -> Self {
         Self {

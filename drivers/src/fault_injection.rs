@@ -1,4 +1,4 @@
-//! Faults of a scenario: what goes wrong between robot and controller, and nothing else does.
+//! FaultInjection of a scenario: what goes wrong between robot and controller, and nothing else does.
 //!
 //! All of them act on the two messages that a driver exchanges, in one place, so a simulator and a robot fail alike. A false touch
 //! needs to know besides when legs swing and where feet are.
@@ -243,7 +243,7 @@ impl FaultEntry {
 
 /// The faults of one run on one robot.
 #[derive(Clone, Debug)]
-pub struct Faults {
+pub struct FaultInjection {
     faults: Vec<ActiveFault>,
 }
 
@@ -269,7 +269,7 @@ enum Effect {
     FalseTouch { leg: Option<Leg>, force: f64, swing: Window },
 }
 
-impl Faults {
+impl FaultInjection {
     /// Binds faults to a robot whose actuated joints are `joints`, in the order of its messages.
     ///
     /// # Errors
@@ -310,7 +310,7 @@ impl Faults {
             };
             Ok(ActiveFault { window: fault.window, effect })
         };
-        Ok(Faults { faults: faults.iter().enumerate().map(bind).collect::<Result<_, DriverError>>()? })
+        Ok(FaultInjection { faults: faults.iter().enumerate().map(bind).collect::<Result<_, DriverError>>()? })
     }
 
     /// Spoils a measurement in place, at `t_ns` of the scenario. False: no message arrives, and none must be sent.
@@ -446,9 +446,9 @@ fn set(values: &mut [f64], index: usize, value: f64) {
 mod tests {
     use super::*;
 
-    fn faults(kind: FaultKind) -> Faults {
+    fn faults(kind: FaultKind) -> FaultInjection {
         let window = Window { start_ns: 10, end_ns: 20 };
-        Faults::new(&[FaultWindow { window, kind }], &["hip".to_owned(), "knee".to_owned()]).unwrap()
+        FaultInjection::new(&[FaultWindow { window, kind }], &["hip".to_owned(), "knee".to_owned()]).unwrap()
     }
 
     fn state(t_ns: i64) -> RobotState {
@@ -457,7 +457,7 @@ mod tests {
         RobotState { t_ns, nj: 2, q, qd: vec![1.0, 2.0], tau: vec![3.0, 4.0], ..RobotState::default() }
     }
 
-    fn spoiled(faults: &mut Faults, t_ns: i64) -> (bool, RobotState) {
+    fn spoiled(faults: &mut FaultInjection, t_ns: i64) -> (bool, RobotState) {
         let mut state = state(t_ns);
         let arrives = faults.on_state(t_ns, &mut state);
         (arrives, state)
@@ -590,7 +590,7 @@ mod tests {
     fn an_unknown_joint_is_named_beside_those_there_are() {
         let window = Window { start_ns: 0, end_ns: 1 };
         let fault = FaultWindow { window, kind: FaultKind::NanSensor { joint: "elbow".to_owned() } };
-        let error = Faults::new(&[fault], &["hip".to_owned(), "knee".to_owned()]).unwrap_err();
+        let error = FaultInjection::new(&[fault], &["hip".to_owned(), "knee".to_owned()]).unwrap_err();
         assert_eq!(error.to_string(), "fault[1].joint: the robot has no joint \"elbow\", it has: hip, knee");
     }
 }

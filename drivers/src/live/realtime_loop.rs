@@ -2,9 +2,9 @@
 
 use super::Hardware;
 use super::call::{Call, Called, Handover};
-use super::clock::{Beat, now_ns, sleep_until, wall_ns};
+use super::clock::{TickSchedule, now_ns, sleep_until, wall_ns};
 use super::hardware::empty_state;
-use controller::change::take_over;
+use controller::handover::take_over;
 use controller::{Controller, Outbox, Probe, Stage};
 use lcmtypes::{ControllerInput, ControllerTick, Event, Message, OperatorCommand, Timing, channels};
 use replay::record::BytesIn;
@@ -69,12 +69,12 @@ pub struct Ticked {
 }
 
 /// All that the real-time thread works with.
-pub struct Runner {
+pub struct RealtimeLoop {
     controller: Box<dyn Controller>,
     hardware: Box<dyn Hardware>,
     calls: Called,
     ring: BytesIn,
-    beat: Beat,
+    beat: TickSchedule,
     input: ControllerInput,
     outbox: Outbox,
     bytes: Vec<u8>,
@@ -86,7 +86,7 @@ pub struct Runner {
     done: Ticked,
 }
 
-impl Runner {
+impl RealtimeLoop {
     /// Takes everything together, and allocates whatever a tick needs. Bit k of `running`: the k-th controller starts at once.
     pub fn new(
         controller: Box<dyn Controller>,
@@ -94,11 +94,11 @@ impl Runner {
         hardware: Box<dyn Hardware>,
         calls: Called,
         ring: BytesIn,
-        beat: Beat,
+        beat: TickSchedule,
     ) -> Self {
         let mut input = ControllerInput { running, state: empty_state(), ..ControllerInput::default() };
         input.op.seq = -1;
-        Runner {
+        RealtimeLoop {
             controller,
             hardware,
             calls,
@@ -229,7 +229,7 @@ impl Runner {
     /// joints, and it is that tick which the log holds and a replay finds.
     fn step(&mut self) {
         self.clock.start();
-        let Runner { controller, input, outbox, clock, .. } = self;
+        let RealtimeLoop { controller, input, outbox, clock, .. } = self;
         // What a panic leaves half done is scratch, or state that a start begins anew.
         let stepped = catch_unwind(AssertUnwindSafe(|| controller.step_probed(input, outbox, clock)));
         let Err(panic) = stepped else { return };

@@ -1,10 +1,10 @@
 //! From datagrams to events: what is whole goes into the log, what is missing is said there.
 
 use super::account::Account;
+use super::drop_policy::Keep;
 use super::hearing::{Hearing, Tally};
 use super::pattern::Filter;
 use super::ring::{EventSink, RingWriter};
-use super::shed::Keep;
 use crate::Error;
 use crate::udpm::Datagram;
 use lcmtypes::Event;
@@ -14,7 +14,7 @@ use std::collections::BTreeMap;
 const REPORT_NS: i64 = 1_000_000_000;
 
 /// Sorts what was heard.
-pub struct Desk {
+pub struct Intake {
     filter: Filter,
     writer: RingWriter,
     hearing: Hearing,
@@ -61,10 +61,10 @@ pub struct Heard {
     pub senders: Vec<Account>,
 }
 
-impl Desk {
+impl Intake {
     /// Hands what passes the filter to `writer`.
     pub fn new(filter: Filter, writer: RingWriter) -> Self {
-        Desk { filter, writer, hearing: Hearing::default(), now_ns: 0, reported_ns: 0 }
+        Intake { filter, writer, hearing: Hearing::default(), now_ns: 0, reported_ns: 0 }
     }
 
     /// Takes a datagram.
@@ -85,7 +85,7 @@ impl Desk {
     /// was found.
     ///
     /// # Errors
-    /// As [`Desk::datagram`].
+    /// As [`Intake::datagram`].
     pub fn look_up(&mut self, now_ns: i64) -> Result<(), Error> {
         self.now_ns = self.now_ns.max(now_ns);
         if now_ns - self.reported_ns < REPORT_NS {

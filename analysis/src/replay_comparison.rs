@@ -1,8 +1,8 @@
 //! Logs that replay otherwise than they were recorded: what differs first, and figures before and after side by side.
 
 use crate::fields::Field;
-use crate::figures::{self, Ask, Figure, Kind, Named, Quantity};
-use crate::html::changes as html;
+use crate::figures::{self, Figure, FigureSpec, Kind, Named, Quantity};
+use crate::html::replay_comparison as html;
 use crate::run::Run;
 use crate::{Error, Progress, Stage};
 use lcmtypes::channels;
@@ -81,9 +81,9 @@ fn show<'a>(log: &'a Log, [before, after]: &[PathBuf; 2]) -> Result<Shown<'a>, E
     let both = [(Named("before".to_owned()), &before), (Named("after".to_owned()), &after)];
     let overlaid = fields.into_iter().filter_map(|field| {
         let title = Some(field.to_string());
-        figures::draw(&Ask { title, fields: vec![field], ..Ask::new(Kind::Fields) }, &both).ok()
+        figures::draw(&FigureSpec { title, fields: vec![field], ..FigureSpec::new(Kind::Fields) }, &both).ok()
     });
-    let asks = KINDS.map(|kind| Ask { width_mm: HALF_MM, quantity: Quantity::Torque, ..Ask::new(kind) });
+    let asks = KINDS.map(|kind| FigureSpec { width_mm: HALF_MM, quantity: Quantity::Torque, ..FigureSpec::new(kind) });
     let pairs = asks.iter().filter_map(|ask| {
         let pair = both.each_ref().map(|side| figures::draw(ask, std::slice::from_ref(side)).ok());
         let [Some(before), Some(after)] = pair else { return None };

@@ -3,14 +3,14 @@
 
 use super::clock::now_ns;
 use super::{Call, Caller, Handover, Lateness};
-use crate::changes::{self, ParameterDesk, Proposal};
-use crate::operators::Arbiter;
+use crate::command_mux::CommandMux;
+use crate::parameter_requests::{self, ParameterRequestHandler, Proposal};
 use crate::watch::{ModeWatch, Said};
 use controller::model::{JointKind, UrdfTree};
 use lcmtypes::bus::{Bus, Received};
 use lcmtypes::{
     ControllerInput, ControllerTick, Event, ExecutorCommand, Message, OperatorCommand, ParameterChange,
-    ParameterRequest, RunInfo, Timing, channels, words,
+    ParameterRequest, RunInfo, Timing, channels, enum_names,
 };
 use replay::record::BytesOut;
 use std::collections::VecDeque;
@@ -27,7 +27,7 @@ const AGAIN_NS: [i64; 3] = [20_000_000, 60_000_000, 140_000_000];
 
 /// How a carrier's work went.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Carried {
+pub struct PublisherReport {
     /// Messages that the bus refused.
     pub unpublished: u64,
     /// Messages on the carrier's channels that could not be read.
@@ -37,10 +37,10 @@ pub struct Carried {
 }
 
 /// The carrier.
-pub struct Carrier {
+pub struct Publisher {
     ring: BytesOut,
     calls: Caller,
-    arbiter: Arbiter,
+    mux: CommandMux,
     bus: Box<dyn Bus>,
     info: RunInfo,
     info_due_ns: Option<i64>,
@@ -49,7 +49,7 @@ pub struct Carrier {
     running: i64,
     modes: ModeWatch,
     lateness: Lateness,
-    desk: ParameterDesk,
+    desk: ParameterRequestHandler,
     /// Wishes for other parameters that wait for the one before them.
     wishes: VecDeque<ParameterRequest>,
     /// A wish is with the real-time thread.
@@ -61,25 +61,25 @@ pub struct Carrier {
     /// The executor has asked for something in the operator's place.
     ending: bool,
     bytes: Vec<u8>,
-    done: Carried,
+    done: PublisherReport,
 }
 
-impl Carrier {
+impl Publisher {
     /// A carrier between the ends of rings towards the real-time thread and `bus`, which has subscribed to [`channels::EXECUTOR_COMMAND`],
     /// [`channels::PARAMETER_REQUEST`] and to what the operators speak on. `controllers`: names, in the order of their bits.
     pub fn new(
         (ring, calls): (BytesOut, Caller),
         bus: Box<dyn Bus>,
-        arbiter: Arbiter,
+        mux: CommandMux,
         info: RunInfo,
         controllers: Vec<String>,
         lateness: Lateness,
     ) -> Self {
-        let (desk, modes) = (ParameterDesk::new(&info), ModeWatch::new(joints(&info)));
-        Carrier {
+        let (desk, modes) = (ParameterRequestHandler::new(&info), ModeWatch::new(joints(&info)));
+        Publisher {
             ring,
             calls,
-            arbiter,
+            mux,
             bus,
             info,
             info_due_ns: None,
@@ -94,12 +94,12 @@ impl Carrier {
             again: VecDeque::new(),
             ending: false,
             bytes: Vec::new(),
-            done: Carried::default(),
+            done: PublisherReport::default(),
         }
     }
 
     /// Works until the real-time thread is gone and the ring is empty.
-    pub fn run(mut self) -> Carried {
+    pub fn run(mut self) -> PublisherReport {
         let mut parcel = Vec::new();
         loop {
             // Asked before the ring is: what was put in last is there then.
@@ -190,7 +190,7 @@ impl Carrier {
         }
         let Ok(ControllerInput { t_ns, tick, op, .. }) = ControllerInput::decode(input) else { return };
         self.ending = true;
-        let what = words::operator_mode(op.mode);
+        let what = enum_names::operator_mode(op.mode);
         self.tell(t_ns, tick, Event::LEVEL_INFO, "executor", format!("the run ends: {what} is asked for"));
     }
 
@@ -215,7 +215,7 @@ impl Carrier {
     /// Another controller has taken over. What held before is said once more, for a log that was begun after it was said; the change itself several
     /// times, since a log that has lost it cannot be replayed.
     fn changed(&mut self, change: ParameterChange) {
-        self.say(&changes::event(change.t_ns, change.tick, Ok(&change)));
+        self.say(&parameter_requests::event(change.t_ns, change.tick, Ok(&change)));
         self.say_changes();
         self.changes.retain(|before| before.key != change.key);
         self.changes.push(change.clone());
@@ -252,10 +252,10 @@ impl Carrier {
 
     fn hear(&mut self, message: &Received) {
         let t_ns = now_ns();
-        if let Some(source) = self.arbiter.source_of(&message.channel) {
+        if let Some(source) = self.mux.source_of(&message.channel) {
             match OperatorCommand::decode(&message.data) {
                 Ok(command) => {
-                    self.arbiter.hear(source, t_ns, &command);
+                    self.mux.hear(source, t_ns, &command);
                     // After each: an emergency stop that is taken back at once was one.
                     self.follow_operator();
                 }
@@ -267,7 +267,7 @@ impl Carrier {
                 Ok(wish) if self.wishes.contains(&wish) => {}
                 Ok(wish) if self.wishes.len() < MAX_WISHES => self.wishes.push_back(wish),
                 Ok(ParameterRequest { key, value, .. }) => {
-                    self.refuse(changes::refusal(&key, &value, &format!("{MAX_WISHES} wait before it")));
+                    self.refuse(parameter_requests::refusal(&key, &value, &format!("{MAX_WISHES} wait before it")));
                 }
                 Err(_) => self.done.unreadable += 1,
             }
@@ -303,7 +303,11 @@ impl Carrier {
                 let handover = Handover { controller, change, parameters, refused: None };
                 self.changing = self.call(Call::Change(Box::new(handover)));
                 if !self.changing {
-                    self.refuse(changes::refusal(&wish.key, &wish.value, &"the real-time thread stands still"));
+                    self.refuse(parameter_requests::refusal(
+                        &wish.key,
+                        &wish.value,
+                        &"the real-time thread stands still",
+                    ));
                 }
             }
             Err(why) => self.refuse(why),
@@ -320,13 +324,13 @@ impl Carrier {
                     self.desk.granted(parameters);
                     self.changed(change);
                 }
-                Some(why) => self.refuse(changes::refusal(&change.key, &change.value, &why)),
+                Some(why) => self.refuse(parameter_requests::refusal(&change.key, &change.value, &why)),
             }
         }
     }
 
     fn refuse(&mut self, why: String) {
-        self.say(&changes::event(now_ns(), -1, Err(&why)));
+        self.say(&parameter_requests::event(now_ns(), -1, Err(&why)));
     }
 
     fn call(&mut self, call: Call) -> bool {
@@ -337,13 +341,13 @@ impl Carrier {
 
     fn follow_operator(&mut self) {
         let now_ns = now_ns();
-        if let Some(choice) = self.arbiter.news(now_ns) {
+        if let Some(choice) = self.mux.news(now_ns) {
             let call = Call::Operator { t_ns: choice.arrival_ns, command: choice.command.clone() };
             self.call(call);
         }
-        while let Some(switch) = self.arbiter.switch() {
+        while let Some(switch) = self.mux.switch() {
             let level = if switch.is_alarming() { Event::LEVEL_WARNING } else { Event::LEVEL_INFO };
-            let text = self.arbiter.text(switch);
+            let text = self.mux.text(switch);
             self.tell(now_ns, -1, level, "operator", text);
         }
     }
