@@ -1,0 +1,67 @@
+#!/usr/bin/env python3
+"""Finds old names and phrases of scripts/words.tsv in the files of the repository. Usage: see scripts/words.sh."""
+
+import argparse
+import json
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+KINDS = (".rs", ".md", ".toml", ".sh", ".py", ".lcm", ".css", ".html")
+LIST = "scripts/words.tsv"
+# Names on the wire, in JSON and in files that tools write: users type or read them, so they stay.
+EXEMPT = re.compile(r'happenings\.json|"happenings"|"wishes_not_taken"|"heard"')
+
+
+def patterns(text):
+    for number, line in enumerate(text.splitlines(), 1):
+        if not line or line.startswith("#"):
+            continue
+        pattern, tab, instead = line.partition("\t")
+        if not tab:
+            sys.exit(f"error: {LIST}:{number}: expected a pattern, a tab and a replacement, found {line!r}")
+        # A space between words is `_` in an identifier.
+        pattern = pattern.replace(" ", "[ _]")
+        yield re.compile(f"(?<![A-Za-z])(?:{pattern})(?![A-Za-z])", re.IGNORECASE), instead
+
+
+def main():
+    parser = argparse.ArgumentParser(description="Finds old names and phrases in the files of the repository.")
+    parser.add_argument("paths", nargs="*", help="only files whose path starts with one of these")
+    parser.add_argument("--json", action="store_true", help="print the number of hits as JSON")
+    parser.add_argument("--count", action="store_true", help="print hits per folder and per pattern only")
+    args = parser.parse_args()
+    top = Path(__file__).resolve().parent.parent
+    listed = subprocess.run(["git", "ls-files", "-z"], cwd=top, check=True, capture_output=True).stdout.decode()
+    files = [f for f in listed.split("\0") if f.endswith(KINDS) and (top / f).is_file()]
+    files = [f for f in files if not args.paths or f.startswith(tuple(args.paths))]
+    old = list(patterns((top / LIST).read_text(encoding="utf-8")))
+    hits = []
+    for file in files:
+        for number, line in enumerate((top / file).read_text(encoding="utf-8").splitlines(), 1):
+            line = EXEMPT.sub("", line)
+            for pattern, instead in old:
+                match = pattern.search(line)
+                if match:
+                    hits.append((file, number, match.group(), instead))
+    if args.json:
+        print(json.dumps({"hits": len(hits), "files": len({h[0] for h in hits})}))
+    elif args.count:
+        for key in (lambda h: h[0].split("/")[0], lambda h: h[3]):
+            counts = {}
+            for hit in hits:
+                counts[key(hit)] = counts.get(key(hit), 0) + 1
+            for name, count in sorted(counts.items(), key=lambda c: -c[1]):
+                print(f"{count:6} {name}")
+            print()
+    else:
+        for file, number, found, instead in hits:
+            print(f"{file}:{number}: `{found}`: write: {instead}")
+    if hits and not args.json:
+        print(f"error: {len(hits)} old names or phrases in {len({h[0] for h in hits})} files", file=sys.stderr)
+    sys.exit(1 if hits else 0)
+
+
+if __name__ == "__main__":
+    main()
