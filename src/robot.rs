@@ -92,15 +92,12 @@ impl RobotFiles {
 }
 
 fn by_name(name: &str) -> anyhow::Result<PathBuf> {
-    let roots = [PathBuf::from("robots"), Path::new(env!("CARGO_MANIFEST_DIR")).join("robots")];
-    if let Some(path) =
-        roots.iter().map(|root| root.join(name).join(format!("{name}.toml"))).find(|path| path.is_file())
-    {
+    if let Some(path) = drivers::shipped::find(&Path::new("robots").join(name).join(format!("{name}.toml"))) {
         return Ok(path);
     }
-    let mut known: Vec<String> = roots
+    let mut known: Vec<String> = drivers::shipped::folders()
         .iter()
-        .filter_map(|root| std::fs::read_dir(root).ok())
+        .filter_map(|folder| std::fs::read_dir(folder.join("robots")).ok())
         .flatten()
         .filter_map(|entry| entry.ok()?.file_name().into_string().ok())
         .collect();
@@ -112,11 +109,13 @@ fn by_name(name: &str) -> anyhow::Result<PathBuf> {
     )
 }
 
-/// Finds a file of the project below the working directory or the source tree.
+/// Finds a file that ships with the command, such as `scenarios/flat_trot.toml`.
 pub fn shipped(name: &str) -> anyhow::Result<PathBuf> {
-    let roots = [Path::new(""), Path::new(env!("CARGO_MANIFEST_DIR"))];
-    let found = roots.iter().map(|root| root.join(name)).find(|path| path.is_file());
-    found.with_context(|| format!("{name} is neither below the working directory nor in the source tree"))
+    drivers::shipped::find(Path::new(name)).with_context(|| {
+        let folders = drivers::shipped::folders();
+        let folders: Vec<_> = folders[1..].iter().map(|folder| folder.display().to_string()).collect();
+        format!("{name} not found; searched the working directory, {}", folders.join(", "))
+    })
 }
 
 /// Sets parameters by `KEY=VALUE` in a complete TOML text.

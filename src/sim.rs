@@ -22,7 +22,7 @@ pub struct Args {
     #[arg(long)]
     robot: String,
     /// Scenario: terrain, operator commands, pushes, faults (TOML)
-    #[arg(long)]
+    #[arg(long, value_parser = drivers::shipped::argument)]
     scenario: PathBuf,
     /// Log to write: LCM event log (.lcmlog) or MCAP (.mcap); one that is there is replaced
     #[arg(long)]

@@ -28,6 +28,7 @@ pub mod parameter_requests;
 mod rng;
 pub mod scenario;
 mod sensors;
+pub mod shipped;
 mod simulator;
 mod start;
 pub mod teleop;

@@ -13,7 +13,7 @@ use std::path::PathBuf;
 )]
 pub struct Args {
     /// Scenario (TOML)
-    #[arg(long)]
+    #[arg(long, value_parser = drivers::shipped::argument)]
     scenario: PathBuf,
     /// Key to vary, such as `terrain.step_height_m` or `push[0].force_W[1]`
     #[arg(long)]

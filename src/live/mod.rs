@@ -35,9 +35,10 @@ const HEARING: Duration = Duration::from_millis(30);
 #[derive(clap::Args)]
 pub struct Shared {
     /// Run file (TOML): robot, log, network, controller
+    #[arg(value_parser = drivers::shipped::argument)]
     run_file: PathBuf,
     /// Scenario of the simulator, instead of the run file's
-    #[arg(long, value_name = "FILE")]
+    #[arg(long, value_name = "FILE", value_parser = drivers::shipped::argument)]
     scenario: Option<PathBuf>,
     /// Network, instead of the run file's
     #[arg(long, value_name = "URL")]
