@@ -6,7 +6,7 @@ use crate::html::replay_comparison as html;
 use crate::run::Run;
 use crate::{Error, Progress, Stage};
 use lcmtypes::channels;
-use replay::log::{ChannelDiff, Selection, Types};
+use replay::log::{ChannelDiff, EventFilter, Types};
 use std::path::{Path, PathBuf};
 
 /// Width of a figure that stands beside another, mm.
@@ -64,7 +64,7 @@ pub fn changes(logs: &[Log], out_dir: &Path, progress: &mut dyn FnMut(Progress))
 }
 
 fn show<'a>(log: &'a Log, [before, after]: &[PathBuf; 2]) -> Result<Shown<'a>, Error> {
-    let diff = replay::log::diff(before, after, &Selection::default(), Types::default(), &mut |_| {})
+    let diff = replay::log::diff(before, after, &EventFilter::default(), Types::default(), &mut |_| {})
         .map_err(|source| Error::Log { path: before.clone(), source })?;
     let is_output = |name: &str| channels::find(name).is_some_and(|channel| channel.stage.is_some());
     let differs = |channel: &ChannelDiff| channel.first.is_some() && is_output(&channel.name);

@@ -6,7 +6,7 @@ mod common;
 use common::{Seen, run, scenario};
 use lcmtypes::{Event, Message, ParameterChange, ParameterRequest, channels};
 use replay::engine::{Cursor, Options, Replay};
-use replay::log::{Around, LogReader, LogWriter, Selection, Types, bundle};
+use replay::log::{EventFilter, ExcerptWindow, LogReader, LogWriter, Types, copy_excerpt};
 use std::path::{Path, PathBuf};
 use std::sync::LazyLock;
 
@@ -245,10 +245,10 @@ fn a_part_of_a_log_brings_along_what_changed_before_it() {
 fn a_bundle_brings_along_what_changed_before_it() {
     let whole = log("to_trim.mcap", |_, _| true);
     // From the state of tick 1000, with a change on either side of the state of tick 2000; and from that one on.
-    for (moment_s, ticks, keys) in [(1.8, 1100, &["trunk.kp"][..]), (2.5, 800, &["trunk.kp", "stack.formula"])] {
+    for (around_s, ticks, keys) in [(1.8, 1100, &["trunk.kp"][..]), (2.5, 800, &["trunk.kp", "stack.formula"])] {
         let out = path("trimmed.mcap");
-        let around = Around { moment_s, before_s: 0.3, after_s: 0.3 };
-        bundle(&whole, &out, around, Selection::default(), Types::default(), &mut |_| {}).unwrap();
+        let window = ExcerptWindow { around_s, before_s: 0.3, after_s: 0.3 };
+        copy_excerpt(&whole, &out, window, EventFilter::default(), Types::default(), &mut |_| {}).unwrap();
         let kept = LogReader::open(&out).unwrap().events().map(Result::unwrap);
         let kept = kept.filter(|event| *event.channel == *channels::PARAMETER_CHANGE);
         let kept: Vec<String> = kept.map(|event| ParameterChange::decode(&event.data).unwrap().key).collect();

@@ -7,7 +7,7 @@ use replay::log::{ItemRef, LogReader};
 fuzz_target!(|bytes: &[u8]| {
     let input = [&[0xed, 0xa1, 0xda, 0x01], bytes].concat();
     let length = input.len() as u64;
-    let Ok(mut reader) = LogReader::of_bytes("fuzz", input) else { return };
+    let Ok(mut reader) = LogReader::from_bytes("fuzz", input) else { return };
     let mut at = 0;
     while let Ok(Some(item)) = reader.read() {
         let (offset, end) = match item {

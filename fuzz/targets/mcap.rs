@@ -7,7 +7,7 @@ use replay::log::{ItemRef, LogReader};
 fn read(bytes: &[u8], unchecked: bool) -> Vec<(u64, u64)> {
     let input = [b"\x89MCAP0\r\n", bytes].concat();
     let length = input.len() as u64;
-    let Ok(reader) = LogReader::of_bytes("fuzz", input) else { return Vec::new() };
+    let Ok(reader) = LogReader::from_bytes("fuzz", input) else { return Vec::new() };
     let mut reader = reader.keep_unchecked(unchecked);
     let mut items = Vec::new();
     while let Ok(Some(item)) = reader.read() {

@@ -325,7 +325,7 @@ fn git(dir: &Path, args: &[&str]) -> Result<String, Error> {
         .env_remove("GIT_INDEX_FILE");
     match run(&mut command)? {
         (Some(0), said) => Ok(said),
-        (_, said) => Err(Error::Command { command: format!("git {}", args.join(" ")), said }),
+        (_, output) => Err(Error::Command { command: format!("git {}", args.join(" ")), output }),
     }
 }
 
@@ -335,7 +335,7 @@ fn run(command: &mut Command) -> Result<(Option<i32>, String), Error> {
     let output = command
         .stdin(std::process::Stdio::null())
         .output()
-        .map_err(|source| Error::Command { command: name, said: source.to_string() })?;
+        .map_err(|source| Error::Command { command: name, output: source.to_string() })?;
     let text = if output.stdout.is_empty() { &output.stderr } else { &output.stdout };
     Ok((output.status.code(), String::from_utf8_lossy(text).trim().to_owned()))
 }

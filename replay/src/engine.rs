@@ -128,13 +128,13 @@ impl<'a> Replay<'a> {
         let builder = Builder::new(self, options)?;
         let what_if = options.asks_what_if();
         if !options.changes.is_empty() && options.out.is_some() {
-            return Err(Error::ChangesInLog);
+            return Err(Error::ParameterChangesInLog);
         }
         // A log that is written must be one run from its beginning to its end.
         let own_state = what_if || options.out.is_some();
         let mut out = match &options.out {
             Some(path) => {
-                Error::unless_apart(&self.path, path)?;
+                Error::check_distinct_files(&self.path, path)?;
                 Some(Out::create(path, &builder.info)?)
             }
             None => None,

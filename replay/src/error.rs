@@ -1,33 +1,36 @@
-//! The one error type of this crate.
+//! The error type of this crate.
 
+use crate::printable::{printable, printable_path};
 use std::path::{Path, PathBuf};
 
-/// What can go wrong with a log or its replay. Damage inside a log is not an error: see [`crate::log::Item`].
+/// An error of a log, a network or a replay. Damage inside a log is not an error: see [`crate::log::Item`].
+///
+/// Messages contain names from logs and networks only with their control characters escaped.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum Error {
-    /// The operating system refused.
-    #[error("{path}: {source}", path = path.display())]
+    /// An operating system call failed.
+    #[error("{path}: {source}", path = printable_path(path))]
     Io {
         /// File.
         path: PathBuf,
-        /// Reason.
+        /// Cause.
         source: std::io::Error,
     },
-    /// A directory, device or pipe where a file was expected.
-    #[error("{path}: not a regular file", path = path.display())]
+    /// A directory, device or pipe in place of a file.
+    #[error("{path}: not a regular file", path = printable_path(path))]
     NotAFile {
-        /// What was opened.
+        /// The path that was opened.
         path: PathBuf,
     },
-    /// A file without a byte.
-    #[error("{path}: the file is empty", path = path.display())]
+    /// An empty file.
+    #[error("{path}: the file is empty", path = printable_path(path))]
     EmptyFile {
         /// File.
         path: PathBuf,
     },
     /// A file that is neither an LCM event log nor MCAP.
-    #[error("{path}: neither an LCM event log nor MCAP: {bytes} bytes, beginning with {found}", path = path.display())]
+    #[error("{path}: not an LCM event log and not MCAP: {bytes} bytes, first bytes {found}", path = printable_path(path))]
     NotALog {
         /// File.
         path: PathBuf,
@@ -36,22 +39,22 @@ pub enum Error {
         /// Its first bytes in hexadecimal.
         found: String,
     },
-    /// A name whose ending names no log format.
-    #[error("{path}: the name of a log ends with .lcmlog or .mcap", path = path.display())]
+    /// A file name whose extension is no log format.
+    #[error("{path}: unknown log format: expected a file name that ends with .lcmlog or .mcap", path = printable_path(path))]
     UnknownExtension {
         /// File.
         path: PathBuf,
     },
-    /// A channel name that LCM cannot carry.
-    #[error("{path}: channel {channel:?}: an LCM channel has 1 to 63 bytes and no NUL", path = path.display())]
+    /// A channel name that LCM does not allow.
+    #[error("{path}: channel {channel:?}: expected 1 to 63 bytes without NUL", path = printable_path(path))]
     ChannelName {
         /// File.
         path: PathBuf,
         /// Channel.
         channel: String,
     },
-    /// A time before the epoch of its clock.
-    #[error("{path}: channel {channel}: time {t_ns} ns is negative, which no log format can hold", path = path.display())]
+    /// An event with a negative time.
+    #[error("{path}: channel {channel}: time {t_ns} ns is negative; a log holds times from 0", path = printable_path(path), channel = printable(channel))]
     NegativeTime {
         /// File.
         path: PathBuf,
@@ -60,8 +63,8 @@ pub enum Error {
         /// Time of the event, ns.
         t_ns: i64,
     },
-    /// A message longer than LCM can carry.
-    #[error("{path}: channel {channel}: {bytes} bytes, an LCM message has at most {limit}", path = path.display())]
+    /// A message longer than LCM allows.
+    #[error("{path}: channel {channel}: message of {bytes} bytes, limit {limit}", path = printable_path(path), channel = printable(channel))]
     MessageTooLong {
         /// File.
         path: PathBuf,
@@ -69,128 +72,123 @@ pub enum Error {
         channel: String,
         /// Length of the message.
         bytes: usize,
-        /// Largest length.
+        /// Greatest length.
         limit: usize,
     },
-    /// A write failed before, so the log has a hole: nothing more is written to it.
-    #[error("{path}: an earlier write failed, the log ends there", path = path.display())]
+    /// An earlier write failed. Nothing more is written, so that the log has no hole.
+    #[error("{path}: an earlier write failed; the log ends there", path = printable_path(path))]
     WriterFailed {
         /// File.
         path: PathBuf,
     },
-    /// The MCAP library refused to write.
-    #[error("{path}: {source}", path = path.display())]
+    /// The MCAP library failed to write.
+    #[error("{path}: {source}", path = printable_path(path))]
     Mcap {
         /// File.
         path: PathBuf,
-        /// Reason.
+        /// Cause.
         source: Box<mcap::McapError>,
     },
-    /// `.lcm` texts that cannot be used.
-    #[error("{path}: its types: {source}", path = path.display())]
+    /// Invalid `.lcm` text.
+    #[error("{path}: invalid LCM types: {source}", path = printable_path(path))]
     Types {
         /// File.
         path: PathBuf,
-        /// Reason.
+        /// Cause.
         source: Box<lcm_idl::Error>,
     },
-    /// A folder that was to hold `.lcm` files.
-    #[error("{path}: no .lcm file in this folder nor in the folders in it", path = path.display())]
+    /// A folder without `.lcm` files.
+    #[error("{path}: no .lcm file in this folder or its subfolders", path = printable_path(path))]
     NoTypes {
         /// Folder.
         path: PathBuf,
     },
-    /// What was to be a regular expression.
-    #[error("{pattern:?} is no regular expression for channels: {why}")]
+    /// An invalid regular expression.
+    #[error("{pattern:?}: invalid regular expression for channel names: {why}")]
     Pattern {
-        /// As given.
+        /// The expression.
         pattern: String,
-        /// Reason.
+        /// Cause.
         why: String,
     },
-    /// What was to be a condition on the traffic.
+    /// An invalid alarm condition.
     #[error("alarm {alarm:?}: {why}")]
     Alarm {
-        /// As given.
+        /// The condition.
         alarm: String,
-        /// What is wrong with it.
+        /// What is wrong, and what was expected.
         why: String,
     },
-    /// A moment behind the end of a log.
-    #[error("{path}: nothing at {moment_s} s: the log ends {duration_s:.3} s after its first tick", path = path.display())]
-    NothingThere {
-        /// File.
-        path: PathBuf,
-        /// Time asked for, s since the first tick.
-        moment_s: f64,
-        /// Time of the last event, s since the first tick.
-        duration_s: f64,
-    },
-    /// No state to start a replay from.
-    #[error("{path}: no CONTROLLER_SNAPSHOT up to {before_s:.3} s, so nothing could be replayed from there", path = path.display())]
+    /// No snapshot to start a replay from.
+    #[error("{path}: no CONTROLLER_SNAPSHOT up to {before_s:.3} s: a replay cannot start before that time", path = printable_path(path))]
     NoSnapshot {
         /// File.
         path: PathBuf,
-        /// Until when one was looked for, s since the first event.
+        /// End of the searched range, s since the first tick.
         before_s: f64,
     },
-    /// A log without RUN_INFO: nobody knows which controller ran.
-    #[error("{path}: no RUN_INFO among its {events} events, so the controller and its parameters are unknown: a live run says it again every 5 s", path = path.display())]
+    /// A log without RUN_INFO: controller and parameters are unknown.
+    #[error("{path}: no RUN_INFO in {events} events: controller and parameters are unknown (a live run repeats it every 5 s)", path = printable_path(path))]
     NoRunInfo {
         /// File.
         path: PathBuf,
-        /// Events that were looked through.
+        /// Events that were searched.
         events: u64,
     },
-    /// A log without CONTROLLER_INPUT: there is nothing to replay.
-    #[error("{path}: no CONTROLLER_INPUT, so there is nothing to replay", path = path.display())]
+    /// A log without CONTROLLER_INPUT.
+    #[error("{path}: no CONTROLLER_INPUT: the log cannot be replayed", path = printable_path(path))]
     NoInput {
         /// File.
         path: PathBuf,
     },
-    /// A time behind the end of the log.
-    #[error("{path}: nothing to replay from {from_s} s on: its last tick is {last_s:.3} s after the first", path = path.display())]
+    /// A time after the end of the log.
+    #[error("{path}: no data at {from_s} s: the log ends {last_s:.3} s after its first tick", path = printable_path(path))]
     BeyondEnd {
         /// File.
         path: PathBuf,
-        /// Time asked for, s since the first tick.
+        /// Requested time, s since the first tick.
         from_s: f64,
-        /// Time of the last tick, s since the first.
+        /// End of the log, s since the first tick.
         last_s: f64,
     },
-    /// A tick that the log does not hold.
-    #[error("{path}: no input of tick {tick}: the log holds ticks {first} to {last}", path = path.display())]
+    /// A tick that is not in the log.
+    #[error("{path}: no input of tick {tick}: the log has ticks {first} to {last}", path = printable_path(path))]
     NoSuchTick {
         /// File.
         path: PathBuf,
-        /// Tick asked for.
+        /// Requested tick.
         tick: i64,
         /// First tick of the log.
         first: i64,
         /// Last tick of the log.
         last: i64,
     },
-    /// A tick that can be computed from no state of the log.
-    #[error("{path}: tick {tick} cannot be computed: inputs before it are missing, and the next recorded state comes later", path = path.display())]
+    /// A tick that no recorded state of the log leads to.
+    #[error("{path}: tick {tick} cannot be computed: inputs before it are missing and the next recorded state is later", path = printable_path(path))]
     StateUnknown {
         /// File.
         path: PathBuf,
-        /// Tick asked for.
+        /// Requested tick.
         tick: i64,
     },
-    /// Parameters that change on the way, and a log to write, which has one set of them.
-    #[error("parameters that change on the way cannot be written into a log: RUN_INFO holds one set")]
-    ChangesInLog,
+    /// A replay with timed parameter overrides cannot write a log, because RUN_INFO holds one set of parameters.
+    #[error(
+        "a replay with parameters that change during the run cannot write a log: RUN_INFO holds one set of parameters"
+    )]
+    ParameterChangesInLog,
     /// A second RUN_INFO that differs from the first.
-    #[error("{path}: another run begins at byte {offset}: trim the log to one run", path = path.display())]
+    #[error("{path}: a second run starts at byte {offset}; cut the log to one run with `hoof log trim`", path = printable_path(path))]
     SeveralRuns {
         /// File.
         path: PathBuf,
-        /// Where the second RUN_INFO stands.
+        /// Offset of the second RUN_INFO.
         offset: u64,
     },
-    /// A type has changed since the log was written.
-    #[error("{path}: log of another type version: channel {channel}, {type_name}: fingerprint {found:016x} in the log, {expected:016x} today", path = path.display())]
+    /// A message type that changed after the log was written.
+    #[error(
+        "{path}: channel {channel}, {type_name}: log of another type version: fingerprint {found:016x} in the log, expected {expected:016x}",
+        path = printable_path(path), channel = printable(channel), type_name = printable(type_name)
+    )]
     OtherTypeVersion {
         /// File.
         path: PathBuf,
@@ -200,101 +198,104 @@ pub enum Error {
         type_name: String,
         /// Fingerprint in the log; 0 if the message is too short to have one.
         found: u64,
-        /// Fingerprint of the type as it is now.
+        /// Fingerprint of the type in this build.
         expected: u64,
     },
-    /// A message that is not what its channel says.
-    #[error("{path}: channel {channel}, byte {offset}: {source}", path = path.display())]
+    /// A message that is not of its channel's type.
+    #[error("{path}: channel {channel}, byte {offset}: {source}", path = printable_path(path), channel = printable(channel))]
     Decode {
         /// File.
         path: PathBuf,
         /// Channel.
         channel: String,
-        /// Where its event stands.
+        /// Offset of its event.
         offset: u64,
-        /// Reason.
+        /// Cause.
         source: Box<lcmtypes::DecodeError>,
     },
-    /// A message that cannot be written.
-    #[error("{path}: {source}", path = path.display())]
+    /// A message that cannot be encoded.
+    #[error("{path}: {source}", path = printable_path(path))]
     Encode {
         /// File.
         path: PathBuf,
-        /// Reason.
+        /// Cause.
         source: Box<lcmtypes::EncodeError>,
     },
     /// The controller of a log cannot be built.
-    #[error("{path}: {source}", path = path.display())]
+    #[error("{path}: {source}", path = printable_path(path))]
     Load {
         /// Log.
         path: PathBuf,
-        /// Reason.
+        /// Cause.
         source: Box<controller::LoadError>,
     },
-    /// A recorded state that the controller does not take.
-    #[error("{path}: CONTROLLER_SNAPSHOT of tick {tick}: {source}", path = path.display())]
+    /// A recorded state that the controller rejects.
+    #[error("{path}: CONTROLLER_SNAPSHOT of tick {tick}: {source}", path = printable_path(path))]
     Restore {
         /// Log.
         path: PathBuf,
         /// Tick of the snapshot.
         tick: i64,
-        /// Reason.
+        /// Cause.
         source: Box<controller::RestoreError>,
     },
-    /// A manifest of golden logs that cannot be used.
-    #[error("{path}: {why}", path = path.display())]
+    /// An invalid manifest of golden logs.
+    #[error("{path}: {why}", path = printable_path(path))]
     Manifest {
         /// File.
         path: PathBuf,
-        /// Reason.
+        /// What is wrong.
         why: String,
     },
-    /// A golden log that the manifest does not know.
-    #[error("{path}: no golden log \"{name}\", known: {known}", path = path.display())]
+    /// A golden log that the manifest does not list.
+    #[error("{path}: no golden log \"{name}\"; known: {known}", path = printable_path(path))]
     UnknownGolden {
         /// Manifest.
         path: PathBuf,
-        /// Name asked for.
+        /// Requested name.
         name: String,
         /// Names in the manifest.
         known: String,
     },
-    /// A program that was asked for help refused it.
-    #[error("{command}: {said}")]
+    /// An external program failed.
+    #[error("{command}: {output}")]
     Command {
-        /// What was run.
+        /// Command line.
         command: String,
-        /// What it said.
-        said: String,
+        /// Its error output, or why it could not be started.
+        output: String,
     },
-    /// Revisions among which there is nothing to find.
-    #[error("{path}: {why}", path = path.display())]
+    /// Revisions that cannot be bisected.
+    #[error("{path}: {why}", path = printable_path(path))]
     Bisect {
         /// Log.
         path: PathBuf,
-        /// Reason.
+        /// Cause.
         why: String,
     },
-    /// A URL that names no LCM network over UDP multicast.
+    /// An invalid LCM URL.
     #[error("LCM URL {url:?}: {problem}; expected udpm://239.255.76.67:7667?ttl=0&recv_buf_size=BYTES or part of it")]
     LcmUrl {
-        /// What was given.
+        /// The URL.
         url: String,
-        /// What is wrong with it.
+        /// What is wrong.
         problem: String,
     },
-    /// A network that cannot be heard.
+    /// The UDP socket of an LCM network cannot be opened.
     #[error("{url}: {at}: {source}{advice}", advice = socket_advice(source))]
     Socket {
         /// Network.
         url: String,
-        /// System call or option.
+        /// System call or socket option that failed.
         at: &'static str,
-        /// Reason.
+        /// Cause.
         source: std::io::Error,
     },
-    /// A message longer than the whole ring between a run and the thread that writes its log.
-    #[error("{path}: channel {channel}: a message of {bytes} bytes, the ring before the log takes at most {limit}", path = path.display())]
+    /// A message that does not fit into the ring buffer in front of the log writer.
+    #[error(
+        "{path}: channel {channel}: message of {bytes} bytes does not fit into the write buffer, limit {limit}",
+        path = printable_path(path), channel = printable(channel)
+    )]
     RingTooSmall {
         /// File.
         path: PathBuf,
@@ -302,17 +303,17 @@ pub enum Error {
         channel: String,
         /// Length of the message.
         bytes: usize,
-        /// Longest that it takes.
+        /// Greatest length that fits.
         limit: usize,
     },
-    /// A log without two ticks: no even pace can be found in it.
-    #[error("{path}: no two messages with t_ns and tick, so the control period is unknown; play it by receive or publish time", path = path.display())]
+    /// A log without two ticks: the control period is unknown.
+    #[error("{path}: no two messages with t_ns and tick: the control period is unknown; play by receive or publish time", path = printable_path(path))]
     NoTicks {
         /// File.
         path: PathBuf,
     },
-    /// A log that would be written over itself while it is read.
-    #[error("{path}: a log cannot be read and written at the same time", path = path.display())]
+    /// The same file as input and output.
+    #[error("{path}: input and output are the same file", path = printable_path(path))]
     SameFile {
         /// File.
         path: PathBuf,
@@ -320,8 +321,8 @@ pub enum Error {
 }
 
 impl Error {
-    /// [`Error::SameFile`] if `out` is there and is the file `log`.
-    pub(crate) fn unless_apart(log: &Path, out: &Path) -> Result<(), Self> {
+    /// [`Error::SameFile`] if `out` exists and is the file `log`.
+    pub(crate) fn check_distinct_files(log: &Path, out: &Path) -> Result<(), Self> {
         match (log.canonicalize(), out.canonicalize()) {
             (Ok(log), Ok(out)) if log == out => Err(Error::SameFile { path: out }),
             _ => Ok(()),
@@ -329,15 +330,13 @@ impl Error {
     }
 }
 
-/// What to do where the network has no way to multicast.
+/// The command that adds a multicast route, if the error shows that none exists.
 fn socket_advice(error: &std::io::Error) -> &'static str {
-    match error.kind() {
-        std::io::ErrorKind::NetworkUnreachable => {
-            "; as root: ip route replace 224.0.0.0/4 dev lo (or the robot's interface)"
-        }
-        _ if error.raw_os_error() == Some(nix::libc::ENODEV) => {
-            "; no interface has a route for multicast; as root: ip route replace 224.0.0.0/4 dev lo (or the robot's interface)"
-        }
-        _ => "",
+    let no_route =
+        error.kind() == std::io::ErrorKind::NetworkUnreachable || error.raw_os_error() == Some(nix::libc::ENODEV);
+    if no_route {
+        "; no interface has a multicast route; as root: ip route replace 224.0.0.0/4 dev lo (or the robot's interface)"
+    } else {
+        ""
     }
 }

@@ -7,7 +7,7 @@ use common::toy::{self, Toy};
 use lcmtypes::channels::{self, Stage};
 use replay::Error;
 use replay::corpus::{self, Corpus, Part};
-use replay::log::{LogSummary, Selection, Types};
+use replay::log::{EventFilter, LogSummary, Types};
 use std::path::{Path, PathBuf};
 
 /// A folder with two golden logs of the toy.
@@ -83,7 +83,7 @@ fn a_changed_log_can_be_laid_beside_what_it_was() {
     let dir = folder("sides");
     let [before, after] = ["before", "after"].map(|side| dir.join(format!("{side}.mcap")));
     open(&dir, mutant).sides("trot", &before, &after).unwrap();
-    let none = Selection::default();
+    let none = EventFilter::default();
     let diff = replay::log::diff(&before, &after, &none, Types::default(), &mut |_| {}).unwrap();
     let found: Vec<_> =
         diff.channels.iter().map(|c| (&*c.name, c.left, c.right, c.first.as_ref().map(|f| f.number))).collect();

@@ -133,7 +133,7 @@ fn a_parameter_that_changes_on_the_way_takes_over_the_state() {
         out: Some(common::path("changes_out.mcap")),
         ..Options::default()
     };
-    assert!(matches!(replay.run(&options, &mut |_| {}), Err(Error::ChangesInLog)));
+    assert!(matches!(replay.run(&options, &mut |_| {}), Err(Error::ParameterChangesInLog)));
 }
 
 /// The bound is passed where the recorded and the replayed torques themselves say so.

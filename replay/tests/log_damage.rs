@@ -107,7 +107,7 @@ fn told(items: &[Item]) -> String {
 }
 
 fn read(bytes: Vec<u8>) -> Option<Vec<Item>> {
-    LogReader::of_bytes("sample", bytes).ok().map(|reader| reader.map(Result::unwrap).collect())
+    LogReader::from_bytes("sample", bytes).ok().map(|reader| reader.map(Result::unwrap).collect())
 }
 
 impl Sample {
@@ -253,7 +253,7 @@ fn a_cut_chunk_gives_the_events_in_front_of_the_cut() {
     let items = read(damaged.clone()).unwrap();
     assert!(items.iter().all(|item| !matches!(item, Item::Event(e) if e.offset == begin as u64)), "{}", told(&items));
     assert!(matches!(&items[0], Item::Damaged(d) if d.offset == begin as u64), "{}", told(&items));
-    let kept = LogReader::of_bytes("sample", damaged).unwrap().keep_unchecked(true).events().count();
+    let kept = LogReader::from_bytes("sample", damaged).unwrap().keep_unchecked(true).events().count();
     assert!(kept > 50, "{kept} events");
 }
 
@@ -264,7 +264,7 @@ fn unchecked_chunks_can_be_kept() {
     let at = records[1].0.end - 3;
     bytes[at] ^= 1;
     let counts = [false, true].map(|keep| {
-        let mut reader = LogReader::of_bytes("sample", bytes.clone()).unwrap().keep_unchecked(keep);
+        let mut reader = LogReader::from_bytes("sample", bytes.clone()).unwrap().keep_unchecked(keep);
         let (mut events, mut told) = (0, 0);
         while let Some(item) = reader.read().unwrap() {
             match item {
@@ -312,7 +312,7 @@ fn an_event_may_hold_a_log() {
     let messages: Vec<Message> = (0..3).map(|i| ("LOG".into(), i, bytes.clone())).collect();
     let mut log = LogWriter::create(&path).unwrap();
     for (i, (channel, t_ns, data)) in messages.iter().enumerate() {
-        // Numbers with a hole, as a filter leaves them.
+        // SequenceTracker with a hole, as a filter leaves them.
         log.write_numbered(channel, *t_ns * 1000, 20 * i as i64, data).unwrap();
     }
     log.finish().unwrap();
@@ -384,7 +384,7 @@ fn noise_is_read_to_its_end() {
                 );
             }
             let length = bytes.len() as u64;
-            for item in LogReader::of_bytes("noise", bytes).unwrap() {
+            for item in LogReader::from_bytes("noise", bytes).unwrap() {
                 let end = match item.unwrap() {
                     Item::Event(event) => event.offset + event.data.len() as u64,
                     Item::Damaged(damaged) => damaged.offset + damaged.bytes,

@@ -36,7 +36,7 @@ fn peak(bytes: &[u8]) -> (usize, usize) {
     let bytes = bytes.to_vec();
     let before = NOW.load(Ordering::Relaxed);
     PEAK.store(before, Ordering::Relaxed);
-    let mut reader = LogReader::of_bytes("sample", bytes).unwrap();
+    let mut reader = LogReader::from_bytes("sample", bytes).unwrap();
     let mut events = 0;
     while let Some(item) = reader.read().unwrap() {
         events += usize::from(matches!(item, replay::log::ItemRef::Event(_)));
@@ -66,7 +66,7 @@ fn memory_is_bounded_by_what_the_file_holds() {
             for claim in [u64::MAX >> 8, 0x1fff_ffff, 0x0fff_ffff_0000_0000] {
                 let mut spoilt = bytes.clone();
                 spoilt[at..at + 8].copy_from_slice(&claim.to_le_bytes());
-                if LogReader::of_bytes("sample", spoilt.clone()).is_ok() {
+                if LogReader::from_bytes("sample", spoilt.clone()).is_ok() {
                     let (peak, _) = peak(&spoilt);
                     assert!(peak < ENOUGH, "{peak} bytes with {claim:#x} at {at}");
                 }

@@ -46,7 +46,7 @@ fn types_of_elsewhere_can_be_given() {
     let imu = types.by_name("other.imu_t").unwrap();
     let path = common::path("elsewhere.mcap");
     let mut log = LogWriter::create(&path).unwrap();
-    log.explain(&[source]).unwrap();
+    log.add_types(&[source]).unwrap();
     log.write("IMU", 0, &imu.encode(&imu.default_value()).unwrap()).unwrap();
     log.finish().unwrap();
     let bytes = std::fs::read(path).unwrap();

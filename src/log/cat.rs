@@ -19,7 +19,7 @@ const LOOK: Duration = Duration::from_millis(20);
     hoof log cat other.lcmlog --lcm-types ~/other/lcmtypes | head\n         \
     hoof log cat recording.mcap --follow --channels EVENT\n\n\
     A JSON line has the keys t_ns, number, channel, type and fields; of a message of no known type, bytes (hexadecimal) in the \
-    place of fields. Numbers that JSON does not have are the texts \"NaN\", \"Infinity\" and \"-Infinity\".")]
+    place of fields. SequenceTracker that JSON does not have are the texts \"NaN\", \"Infinity\" and \"-Infinity\".")]
 pub struct Args {
     /// Log to read
     log: PathBuf,
@@ -36,7 +36,7 @@ pub struct Args {
 }
 
 pub fn run(args: &Args) -> anyhow::Result<Outcome> {
-    let (mut selection, mut types) = (args.part.selection()?, args.types.read()?);
+    let (mut filter, mut types) = (args.part.filter()?, args.types.read()?);
     let mut reader = if args.follow { follow(&args.log)? } else { LogReader::open(&args.log)? };
     let mut out = std::io::BufWriter::new(std::io::stdout().lock());
     let (mut health, mut first, mut line) = (Health::default(), None, String::new());
@@ -52,7 +52,7 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
         let Some(event) = health.note(item) else { continue };
         types.learn(&event);
         let since = event.t_ns.saturating_sub(*first.get_or_insert(event.t_ns));
-        if !selection.wants(&event) {
+        if !filter.accepts(&event) {
             continue;
         }
         line.clear();

@@ -1,12 +1,12 @@
 //! `hoof log convert`: a log in another format.
 
-use super::{Channels, LogTypes, loss, say_copied};
+use super::{Channels, LogTypes, loss, print_copy_report};
 use crate::progress::Progress;
 use crate::{Outcome, say, say_json};
 use analysis::export::{Exported, Table, export};
 use clap::ValueEnum;
 use replay::log::ros2::{self, BaseSource};
-use replay::log::{CopyOptions, Selection};
+use replay::log::{CopyOptions, EventFilter};
 use std::path::{Path, PathBuf};
 
 #[derive(clap::Args)]
@@ -84,7 +84,7 @@ impl To {
 pub fn run(args: &Args) -> anyhow::Result<Outcome> {
     let (to, out) = target(args)?;
     let Channels { channels, exclude } = &args.channels;
-    let selection = Selection::new(channels.as_deref(), exclude.as_deref(), None, None)?;
+    let filter = EventFilter::new(channels.as_deref(), exclude.as_deref(), None, None)?;
     let types = args.types.read()?;
     let bar = Progress::new("convert");
     let mut progress = |part| bar.set(part);
@@ -94,19 +94,19 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
         To::Ticks => Table::Ticks,
         To::Mat => Table::Mat,
         To::Mcap if args.encoding == Encoding::Ros2 => {
-            let exported = ros2::to_ros2(&args.log, &out, selection, types, &mut progress)?;
+            let exported = ros2::to_ros2(&args.log, &out, filter, types, &mut progress)?;
             drop(bar);
             return say_ros2(&exported, args.json);
         }
         To::Lcmlog | To::Mcap => {
-            let options = CopyOptions { selection, types, ..CopyOptions::default() };
+            let options = CopyOptions { filter, types, ..CopyOptions::default() };
             let copied = replay::log::copy(&args.log, &out, options, &mut progress)?;
             drop(bar);
-            return say_copied(&copied, args.json);
+            return print_copy_report(&copied, args.json);
         }
     };
     let mut progress = |p: analysis::Progress| bar.set(p.done as f64 / p.total.max(1) as f64);
-    let wanted = |channel: &str| selection.matches(channel);
+    let wanted = |channel: &str| filter.matches(channel);
     let exported = export(&args.log, &out, table, types, wanted, &mut progress)?;
     drop(bar);
     say_tables(&exported, args.json)

@@ -1,9 +1,9 @@
 //! `hoof log filter`, `trim`, `merge`, `recover`: copies of logs.
 
-use super::{Channels, LogTypes, Part, say_copied, seconds};
+use super::{Channels, LogTypes, Part, print_copy_report, seconds};
 use crate::Outcome;
 use crate::progress::Progress;
-use replay::log::{Around, CopyOptions, Selection};
+use replay::log::{CopyOptions, EventFilter, ExcerptWindow};
 use std::path::PathBuf;
 
 #[derive(clap::Args)]
@@ -26,18 +26,17 @@ pub struct FilterArgs {
 }
 
 pub fn filter(args: &FilterArgs) -> anyhow::Result<Outcome> {
-    let options =
-        CopyOptions { selection: args.part.selection()?, types: args.types.read()?, ..CopyOptions::default() };
+    let options = CopyOptions { filter: args.part.filter()?, types: args.types.read()?, ..CopyOptions::default() };
     let bar = Progress::new("filter");
     let copied = replay::log::copy(&args.log, &args.out, options, &mut |part| bar.set(part))?;
     drop(bar);
-    say_copied(&copied, args.json)
+    print_copy_report(&copied, args.json)
 }
 
 #[derive(clap::Args)]
 #[command(after_help = "Example: hoof log trim run.mcap stumble.mcap --around 41.2s --before 2 --after 1\n         \
     hoof replay stumble.mcap\n         hoof log trim run.mcap part.mcap --from 10 --to 20\n\n\
-    Around a moment the copy begins at the last snapshot of the controller that leaves --before seconds, so that it replays from \
+    ExcerptWindow a moment the copy begins at the last snapshot of the controller that leaves --before seconds, so that it replays from \
     there; RUN_INFO with parameters, URDF and types is always in it.")]
 pub struct TrimArgs {
     /// Log to read
@@ -63,25 +62,25 @@ pub struct TrimArgs {
 }
 
 pub fn trim(args: &TrimArgs) -> anyhow::Result<Outcome> {
-    let (selection, types) = (args.part.selection()?, args.types.read()?);
+    let (filter, types) = (args.part.filter()?, args.types.read()?);
     let bar = Progress::new("trim");
     let mut progress = |part| bar.set(part);
     let copied = match args.around {
-        Some(moment_s) => {
-            let around = Around { moment_s, before_s: args.before, after_s: args.after };
-            replay::log::bundle(&args.log, &args.out, around, selection, types, &mut progress)?
+        Some(around_s) => {
+            let window = ExcerptWindow { around_s, before_s: args.before, after_s: args.after };
+            replay::log::copy_excerpt(&args.log, &args.out, window, filter, types, &mut progress)?
         }
         None => {
             anyhow::ensure!(
                 args.part.from.is_some() || args.part.to.is_some(),
                 "nothing to trim: expected --from, --to or --around"
             );
-            let options = CopyOptions { selection: selection.always_run_info(), types, ..CopyOptions::default() };
+            let options = CopyOptions { filter: filter.keep_run_info(), types, ..CopyOptions::default() };
             replay::log::copy(&args.log, &args.out, options, &mut progress)?
         }
     };
     drop(bar);
-    say_copied(&copied, args.json)
+    print_copy_report(&copied, args.json)
 }
 
 #[derive(clap::Args)]
@@ -105,7 +104,7 @@ pub fn merge(args: &MergeArgs) -> anyhow::Result<Outcome> {
     let bar = Progress::new("merge");
     let copied = replay::log::merge(&args.logs, &args.out, types, &mut |part| bar.set(part))?;
     drop(bar);
-    say_copied(&copied, args.json)
+    print_copy_report(&copied, args.json)
 }
 
 #[derive(clap::Args)]
@@ -130,10 +129,10 @@ pub struct RecoverArgs {
 
 pub fn recover(args: &RecoverArgs) -> anyhow::Result<Outcome> {
     let Channels { channels, exclude } = &args.channels;
-    let selection = Selection::new(channels.as_deref(), exclude.as_deref(), None, None)?;
-    let options = CopyOptions { selection, types: args.types.read()?, keep_unchecked: args.unchecked };
+    let filter = EventFilter::new(channels.as_deref(), exclude.as_deref(), None, None)?;
+    let options = CopyOptions { filter, types: args.types.read()?, keep_unchecked: args.unchecked };
     let bar = Progress::new("recover");
     let copied = replay::log::copy(&args.log, &args.out, options, &mut |part| bar.set(part))?;
     drop(bar);
-    say_copied(&copied, args.json)
+    print_copy_report(&copied, args.json)
 }

@@ -25,9 +25,9 @@ pub struct Args {
 }
 
 pub fn run(args: &Args) -> anyhow::Result<Outcome> {
-    let (selection, types) = (args.part.selection()?, args.types.read()?);
+    let (filter, types) = (args.part.filter()?, args.types.read()?);
     let bar = Progress::new("diff");
-    let diff = replay::log::diff(&args.left, &args.right, &selection, types, &mut |part| bar.set(part))?;
+    let diff = replay::log::diff(&args.left, &args.right, &filter, types, &mut |part| bar.set(part))?;
     drop(bar);
     if args.json {
         say_json(&diff)?;

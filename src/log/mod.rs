@@ -12,7 +12,7 @@ mod verify;
 use crate::{Outcome, say, say_json};
 use clap::Subcommand;
 pub use record::default_name as record_name;
-use replay::log::{Copied, Selection, Types};
+use replay::log::{CopyReport, EventFilter, Types};
 use std::path::PathBuf;
 
 #[derive(Subcommand)]
@@ -95,12 +95,12 @@ struct Part {
 }
 
 impl Part {
-    fn selection(&self) -> anyhow::Result<Selection> {
+    fn filter(&self) -> anyhow::Result<EventFilter> {
         if let (Some(from), Some(to)) = (self.from, self.to) {
             anyhow::ensure!(from <= to, "--from {from} is after --to {to}");
         }
         let Channels { channels, exclude } = &self.channels;
-        Ok(Selection::new(channels.as_deref(), exclude.as_deref(), self.from, self.to)?)
+        Ok(EventFilter::new(channels.as_deref(), exclude.as_deref(), self.from, self.to)?)
     }
 }
 
@@ -116,16 +116,16 @@ fn loss(loss: bool) -> Outcome {
 }
 
 /// Says what was copied.
-fn say_copied(copied: &Copied, json: bool) -> anyhow::Result<Outcome> {
+fn print_copy_report(copied: &CopyReport, json: bool) -> anyhow::Result<Outcome> {
     if json {
         say_json(copied)?;
     } else {
-        say(copied_text(copied))?;
+        say(copy_report_text(copied))?;
     }
     Ok(loss(!copied.is_lossless()))
 }
 
-fn copied_text(c: &Copied) -> String {
+fn copy_report_text(c: &CopyReport) -> String {
     let mut text = format!("{} events in {}", c.events, c.out.display());
     let mut note = |n: u64, what: &str| {
         if n > 0 {

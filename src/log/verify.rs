@@ -3,7 +3,7 @@
 use super::LogTypes;
 use crate::progress::Progress;
 use crate::{Outcome, say, say_json};
-use replay::log::{Certificate, ChannelAccount, Gap, Replayable};
+use replay::log::{ChannelReport, Gap, ReplayCheck, VerifyReport};
 use std::path::PathBuf;
 
 /// Gaps that are shown of a channel.
@@ -42,7 +42,7 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
     })
 }
 
-fn text(c: &Certificate) -> String {
+fn text(c: &VerifyReport) -> String {
     let verdict = if c.good { "good" } else { "not good" };
     let mut text = format!("{verdict}: {:?}, {} events, {:.3} s", c.format, c.events, c.duration_s);
     for damaged in &c.damaged {
@@ -61,7 +61,7 @@ fn text(c: &Certificate) -> String {
     text + &replay_text(&c.replay)
 }
 
-fn channel_text(c: &ChannelAccount) -> String {
+fn channel_text(c: &ChannelReport) -> String {
     let expected = c.lost.map_or(0, |lost| c.count + lost);
     let mut text = match (c.lost, c.counter) {
         (Some(_), Some(counter)) => format!("\n{}: {} of {expected} by {counter}", c.name, c.count),
@@ -89,7 +89,7 @@ fn channel_text(c: &ChannelAccount) -> String {
     text
 }
 
-fn replay_text(r: &Replayable) -> String {
+fn replay_text(r: &ReplayCheck) -> String {
     let mut text = "\n\n".to_owned();
     if r.complete {
         let from = r.first_tick.unwrap_or(0);

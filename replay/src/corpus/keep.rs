@@ -54,7 +54,7 @@ fn is_output(channel: &str) -> bool {
 
 /// Copies the events that are to be kept.
 pub(super) fn copy(log: &Path, out: &Path, mut keep: impl FnMut(&Event) -> bool) -> Result<u64, Error> {
-    Error::unless_apart(log, out)?;
+    Error::check_distinct_files(log, out)?;
     let events = LogReader::open(log)?.events();
     let mut out = LogWriter::create(out)?;
     for event in events {

@@ -3,8 +3,8 @@
 //! Messages of a channel are matched by their counter (`seq`, `tick`) where their type has one, so that a missing message is told as
 //! missing and not as a difference of all that follow; else one by one, in order.
 
-use super::counter::{counter, second_integer};
-use super::{Event, EventRef, Health, LogReader, Selection, Types};
+use super::sequence_gaps::{sequence_field, sequence_number};
+use super::{Event, EventFilter, EventRef, Health, LogReader, Types};
 use crate::Error;
 use crate::engine::show;
 use std::collections::{BTreeMap, VecDeque};
@@ -79,11 +79,11 @@ pub struct FirstDifference {
 pub fn diff(
     left: &Path,
     right: &Path,
-    selection: &Selection,
+    filter: &EventFilter,
     types: Types,
     progress: &mut dyn FnMut(f64),
 ) -> Result<LogDiff, Error> {
-    let mut sides = [Side::open(left, selection)?, Side::open(right, selection)?];
+    let mut sides = [Side::open(left, filter)?, Side::open(right, filter)?];
     let mut comparison = Comparison { types, lanes: BTreeMap::new() };
     let total: u64 = sides.iter().map(|side| side.reader.bytes()).sum();
     let mut steps = 0_u64;
@@ -102,7 +102,7 @@ pub fn diff(
 
 struct Side {
     reader: LogReader,
-    selection: Selection,
+    filter: EventFilter,
     health: Health,
     first: Option<i64>,
     /// Time of the last event, ns since the first.
@@ -112,10 +112,10 @@ struct Side {
 }
 
 impl Side {
-    fn open(log: &Path, selection: &Selection) -> Result<Self, Error> {
+    fn open(log: &Path, filter: &EventFilter) -> Result<Self, Error> {
         let reader = LogReader::open(log)?;
-        let (selection, health) = (selection.clone(), Health::default());
-        Ok(Side { reader, selection, health, first: None, since: 0, offset: 0, over: false })
+        let (filter, health) = (filter.clone(), Health::default());
+        Ok(Side { reader, filter, health, first: None, since: 0, offset: 0, over: false })
     }
 }
 
@@ -149,7 +149,7 @@ impl Comparison {
         side.since = event.t_ns.saturating_sub(*side.first.get_or_insert(event.t_ns));
         side.offset = event.offset;
         self.types.learn(&event);
-        if side.selection.wants(&event) {
+        if side.filter.accepts(&event) {
             self.take(&event, which);
         }
         Ok(())
@@ -158,12 +158,12 @@ impl Comparison {
     fn take(&mut self, event: &EventRef<'_>, which: usize) {
         let types = &self.types;
         if !self.lanes.contains_key(event.channel) {
-            let has_counter = types.of_message(event.channel, event.data).and_then(counter).is_some();
+            let has_counter = types.of_message(event.channel, event.data).and_then(sequence_field).is_some();
             self.lanes.insert(Arc::clone(event.channel), Lane { has_counter, ..Lane::default() });
         }
         let Some(lane) = self.lanes.get_mut(event.channel) else { return };
         let place = lane.counts[which] as i64;
-        let number = second_integer(event.data).filter(|_| lane.has_counter).unwrap_or(place);
+        let number = sequence_number(event.data).filter(|_| lane.has_counter).unwrap_or(place);
         lane.counts[which] += 1;
         lane.bytes[which] += event.data.len();
         lane.waiting[which].push_back(Waiting { event: event.to_event(), number });

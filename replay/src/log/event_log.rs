@@ -9,8 +9,8 @@
 //! another one begins *inside* it, since then its own length is wrong; otherwise the bytes between the two are what is damaged.
 //! A wrong length may also end an event exactly where another one begins, having swallowed those between: the event numbers tell.
 
-use super::names::Names;
-use super::source::Source;
+use super::byte_source::ByteSource;
+use super::channel_names::ChannelNames;
 use super::writer::Output;
 use super::{Cut, Damaged, EventRef, ItemRef, MAX_CHANNEL, MAX_MESSAGE};
 use crate::Error;
@@ -55,9 +55,9 @@ impl EventLogWriter {
 
 /// Reads events, from any offset on.
 pub(super) struct EventLogReader {
-    source: Source,
+    source: ByteSource,
     at: u64,
-    names: Names,
+    names: ChannelNames,
     pending: Option<Damaged>,
     /// The file may still grow: what is incomplete at its end is left for later.
     growing: bool,
@@ -97,13 +97,13 @@ enum Step {
 }
 
 impl EventLogReader {
-    pub fn new(source: Source, growing: bool) -> Self {
-        EventLogReader { source, at: 0, names: Names::default(), pending: None, growing }
+    pub fn new(source: ByteSource, growing: bool) -> Self {
+        EventLogReader { source, at: 0, names: ChannelNames::default(), pending: None, growing }
     }
 
     /// Whether an event begins anywhere in the first `limit` bytes.
-    pub fn looks_like_one(source: &mut Source, limit: u64) -> Result<bool, Error> {
-        let event = next_header(source, &Names::default(), 0)?;
+    pub fn looks_like_one(source: &mut ByteSource, limit: u64) -> Result<bool, Error> {
+        let event = next_header(source, &ChannelNames::default(), 0)?;
         Ok(event.is_some_and(|offset| offset < limit))
     }
 
@@ -116,11 +116,11 @@ impl EventLogReader {
         };
         let bytes = self.source.bytes(offset, header.length())?;
         let (name, data) = bytes.get(HEADER..).unwrap_or_default().split_at_checked(header.channel).unwrap_or_default();
-        if self.names.at_hand(name).is_none() {
+        if self.names.cached(name).is_none() {
             // `found_at` has seen that the name is text.
             self.names.intern(&String::from_utf8_lossy(name));
         }
-        let Some(channel) = self.names.at_hand(name) else { return Ok(None) };
+        let Some(channel) = self.names.cached(name) else { return Ok(None) };
         let Header { t_ns, number, .. } = header;
         Ok(Some(ItemRef::Event(EventRef { channel, t_ns, number, data, offset, schema: None })))
     }
@@ -133,7 +133,7 @@ impl EventLogReader {
         let at = self.at;
         if at >= self.source.len() {
             if self.growing {
-                self.source.look_again()?;
+                self.source.refresh_len()?;
             }
             if at >= self.source.len() {
                 return Ok(Step::End);
@@ -189,7 +189,7 @@ impl EventLogReader {
         Ok(match (next, found) {
             (None, Found::Beginning) if self.growing => {
                 let length = self.source.len();
-                self.source.look_again()?;
+                self.source.refresh_len()?;
                 if self.source.len() > length { self.step()? } else { Step::End }
             }
             (None, Found::Beginning) => {
@@ -233,7 +233,7 @@ impl EventLogReader {
 }
 
 /// The next offset at or after `from` with a whole, plausible event.
-fn next_header(source: &mut Source, names: &Names, mut from: u64) -> Result<Option<u64>, Error> {
+fn next_header(source: &mut ByteSource, names: &ChannelNames, mut from: u64) -> Result<Option<u64>, Error> {
     while let Some(at) = source.find(&SYNC, from)? {
         if matches!(found_at(source, names, at)?, Found::Event(_)) {
             return Ok(Some(at));
@@ -244,7 +244,7 @@ fn next_header(source: &mut Source, names: &Names, mut from: u64) -> Result<Opti
 }
 
 #[inline]
-fn found_at(source: &mut Source, names: &Names, at: u64) -> Result<Found, Error> {
+fn found_at(source: &mut ByteSource, names: &ChannelNames, at: u64) -> Result<Found, Error> {
     let left = source.len() - at;
     let bytes = source.bytes(at, HEADER + MAX_CHANNEL_READ)?;
     if !SYNC.starts_with(&bytes[..bytes.len().min(SYNC.len())]) {
@@ -267,7 +267,7 @@ fn found_at(source: &mut Source, names: &Names, at: u64) -> Result<Found, Error>
         return Ok(Found::Other("an event has a time beyond 292 years"));
     };
     let name = &rest[..channel.min(rest.len())];
-    if names.at_hand(name).is_none() && !is_text(name, channel) {
+    if names.cached(name).is_none() && !is_text(name, channel) {
         return Ok(Found::Other("a channel's name is not text"));
     }
     if (HEADER + channel + data) as u64 > left {

@@ -5,13 +5,13 @@
 //! [`super::LogWriter`] never writes) the walk goes on at the next message after damage, and only the CRC of all the data tells that a
 //! message was altered.
 
-mod chunks;
+mod chunk_messages;
 mod resync;
 
+use super::byte_source::ByteSource;
+use super::channel_names::ChannelNames;
 use super::chunk::{ChunkHead, HEAD, MAX_RECORD, MessageHead, PREFIX, Unpacker, plausible};
 use super::mcap_summary::{DATA_END, FOOTER, STRETCH, ends_with_magic, has_its_length, prefix};
-use super::names::Names;
-use super::source::Source;
 use super::{Cut, Damaged, EventRef, FileSchema, ItemRef};
 use crate::Error;
 use mcap::MAGIC;
@@ -25,14 +25,14 @@ use std::sync::Arc;
 pub(super) const NUMBER_HIGH: &str = "lcm_event_number_high";
 
 pub(super) struct McapReader {
-    source: Source,
+    source: ByteSource,
     at: u64,
     /// End of the last record that is surely one: those behind it may be misread, if one of them has a wrong length.
     sure: u64,
     place: Place,
     /// Where the MCAP at hand begins: several may stand in one file, one behind the other.
     base: u64,
-    names: Names,
+    names: ChannelNames,
     /// By their ids.
     channels: Vec<Option<Channel>>,
     schemas: BTreeMap<u16, Arc<FileSchema>>,
@@ -96,14 +96,14 @@ enum Step {
 }
 
 impl McapReader {
-    pub fn new(source: Source, growing: bool) -> Self {
+    pub fn new(source: ByteSource, growing: bool) -> Self {
         McapReader {
             source,
             at: 0,
             sure: 0,
             place: Place::BeforeOpeningMagic,
             base: 0,
-            names: Names::default(),
+            names: ChannelNames::default(),
             channels: Vec::new(),
             schemas: BTreeMap::new(),
             unpacker: Unpacker::new(),
@@ -118,7 +118,7 @@ impl McapReader {
     }
 
     /// Whether the file, its first bytes apart, is MCAP: it ends with the magic, or its first record is a header.
-    pub fn looks_like_one(source: &mut Source) -> Result<bool, Error> {
+    pub fn looks_like_one(source: &mut ByteSource) -> Result<bool, Error> {
         if ends_with_magic(source)? {
             return Ok(true);
         }
@@ -150,7 +150,7 @@ impl McapReader {
             }
             if self.at >= self.source.len() {
                 if self.growing {
-                    self.source.look_again()?;
+                    self.source.refresh_len()?;
                 }
                 if self.at >= self.source.len() {
                     let complete = matches!(self.place, Place::AfterClosingMagic | Place::Over) || self.growing;
@@ -180,7 +180,7 @@ impl McapReader {
                 Step::Lost(why) => self.resynchronise(why)?,
                 Step::Wait => {
                     let length = self.source.len();
-                    self.source.look_again()?;
+                    self.source.refresh_len()?;
                     if self.source.len() == length {
                         return Ok(None);
                     }

@@ -1,7 +1,7 @@
 //! The end of an MCAP file: closing magic, footer, and the channels that the summary repeats.
 
+use super::byte_source::ByteSource;
 use super::chunk::{MAX_RECORD, PREFIX};
-use super::source::Source;
 use crate::Error;
 use mcap::MAGIC;
 use mcap::read::parse_record;
@@ -16,7 +16,7 @@ pub(super) const DATA_END: u64 = 4;
 pub(super) const STRETCH: u64 = 1 << 16;
 
 /// Opcode and length of the record at `at`, if the file holds that much.
-pub(super) fn prefix(source: &mut Source, at: u64) -> Result<Option<(u8, u64)>, Error> {
+pub(super) fn prefix(source: &mut ByteSource, at: u64) -> Result<Option<(u8, u64)>, Error> {
     let bytes = source.bytes(at, PREFIX as usize)?;
     let Some((&opcode, length)) = bytes.split_first() else {
         return Ok(None);
@@ -25,13 +25,13 @@ pub(super) fn prefix(source: &mut Source, at: u64) -> Result<Option<(u8, u64)>, 
 }
 
 /// Whether the file ends as a complete MCAP does.
-pub(super) fn ends_with_magic(source: &mut Source) -> Result<bool, Error> {
+pub(super) fn ends_with_magic(source: &mut ByteSource) -> Result<bool, Error> {
     let at = source.len().saturating_sub(MAGIC.len() as u64);
     Ok(source.bytes(at, MAGIC.len())? == MAGIC)
 }
 
 /// The footer in front of the closing magic, and where it stands.
-pub(super) fn footer(source: &mut Source) -> Result<Option<(u64, Footer)>, Error> {
+pub(super) fn footer(source: &mut ByteSource) -> Result<Option<(u64, Footer)>, Error> {
     let Some(at) = source.len().checked_sub(PREFIX + FOOTER + MAGIC.len() as u64) else {
         return Ok(None);
     };
@@ -46,7 +46,7 @@ pub(super) fn footer(source: &mut Source) -> Result<Option<(u64, Footer)>, Error
 }
 
 /// The schemas and channels that the summary of the last MCAP of the file repeats. Empty if there is no sound summary.
-pub(super) fn summary_records(source: &mut Source, base: u64) -> Result<Vec<Record<'static>>, Error> {
+pub(super) fn summary_records(source: &mut ByteSource, base: u64) -> Result<Vec<Record<'static>>, Error> {
     let mut records = Vec::new();
     let Some((end, footer)) = footer(source)? else {
         return Ok(records);
@@ -70,9 +70,9 @@ pub(super) fn summary_records(source: &mut Source, base: u64) -> Result<Vec<Reco
 
 /// Where the summary begins: behind the end of the data. Where bytes are missing or too many in front of it, its offset is wrong, but
 /// its CRC tells it.
-fn start(source: &mut Source, base: u64, footer_at: u64, footer: &Footer) -> Result<Option<u64>, Error> {
+fn start(source: &mut ByteSource, base: u64, footer_at: u64, footer: &Footer) -> Result<Option<u64>, Error> {
     let behind = PREFIX + DATA_END;
-    let is_sound = |source: &mut Source, at: u64| -> Result<bool, Error> {
+    let is_sound = |source: &mut ByteSource, at: u64| -> Result<bool, Error> {
         let data_end = at.checked_sub(behind).map(|before| prefix(source, before)).transpose()?;
         let is_behind = data_end == Some(Some((op::DATA_END, DATA_END)));
         let end = footer_at + PREFIX + FOOTER - 4;
@@ -102,7 +102,7 @@ fn start(source: &mut Source, base: u64, footer_at: u64, footer: &Footer) -> Res
 }
 
 /// Whether the parts of a record, by the lengths in it, are as long as the record. A wrong length may end where another record begins.
-pub(super) fn has_its_length(source: &mut Source, opcode: u8, body: u64, end: u64) -> Result<bool, Error> {
+pub(super) fn has_its_length(source: &mut ByteSource, opcode: u8, body: u64, end: u64) -> Result<bool, Error> {
     // Fixed parts by their length; `s`: what a u32 in front counts; `d`: what a u64 in front counts.
     let parts: &[u8] = match opcode {
         op::HEADER => b"ss",
@@ -138,7 +138,7 @@ pub(super) fn has_its_length(source: &mut Source, opcode: u8, body: u64, end: u6
     Ok(at == end)
 }
 
-fn crc(source: &mut Source, mut from: u64, to: u64) -> Result<u32, Error> {
+fn crc(source: &mut ByteSource, mut from: u64, to: u64) -> Result<u32, Error> {
     let mut crc = crc32fast::Hasher::new();
     while from < to {
         let bytes = source.bytes(from, (to - from).min(STRETCH) as usize)?;

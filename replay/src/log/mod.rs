@@ -21,35 +21,37 @@
 //! Memory is bounded by one record (one event; one chunk, compressed and not), however long the file, and by what the file really holds:
 //! no length that it claims is believed before as many bytes are there.
 
-mod bundle;
+mod byte_source;
+mod channel_names;
 mod chunk;
 mod copy;
-mod counter;
 mod diff;
+mod event_filter;
 mod event_log;
+mod excerpt;
 mod mcap_reader;
 mod mcap_summary;
 mod mcap_writer;
-mod names;
+mod merge;
 mod reader;
 pub mod ros2;
-mod select;
-mod source;
+mod sequence_gaps;
 mod summary;
 mod types;
 mod verify;
 mod writer;
 
-pub use bundle::{Around, bundle};
-pub use copy::{Copied, CopyOptions, copy, merge};
-pub use counter::Gap;
-pub(crate) use counter::{Numbers, counter, second_integer};
+pub use copy::{CopyOptions, CopyReport, copy};
 pub use diff::{ChannelDiff, FirstDifference, LogDiff, diff};
+pub use event_filter::EventFilter;
+pub use excerpt::{ExcerptWindow, copy_excerpt};
+pub use merge::merge;
 pub use reader::{Events, LogReader};
-pub use select::Selection;
+pub use sequence_gaps::Gap;
+pub(crate) use sequence_gaps::{SequenceTracker, sequence_field, sequence_number};
 pub use summary::{ChannelSummary, LogSummary};
 pub use types::Types;
-pub use verify::{Certificate, ChannelAccount, Replayable, verify};
+pub use verify::{ChannelReport, ReplayCheck, VerifyReport, verify};
 pub(crate) use writer::check_event;
 pub use writer::{LogWriter, Output};
 

@@ -1,8 +1,8 @@
 //! Reading a log of either format.
 
+use super::byte_source::ByteSource;
 use super::event_log::{self, EventLogReader};
 use super::mcap_reader::McapReader;
-use super::source::Source;
 use super::{Event, Format, Health, Item, ItemRef};
 use crate::Error;
 use std::path::Path;
@@ -31,7 +31,7 @@ impl LogReader {
     /// # Errors
     /// [`Error::Io`], [`Error::NotAFile`], [`Error::EmptyFile`], or [`Error::NotALog`] if neither format shows in the file.
     pub fn open(path: impl AsRef<Path>) -> Result<Self, Error> {
-        Self::new(Source::open(path.as_ref())?, false)
+        Self::new(ByteSource::open(path.as_ref())?, false)
     }
 
     /// [`LogReader::open`] for a log that is still being written. There is no cut: at the end of what has been written the reader gives
@@ -40,18 +40,18 @@ impl LogReader {
     /// # Errors
     /// As [`LogReader::open`].
     pub fn open_growing(path: impl AsRef<Path>) -> Result<Self, Error> {
-        Self::new(Source::open(path.as_ref())?, true)
+        Self::new(ByteSource::open(path.as_ref())?, true)
     }
 
     /// A log in memory; `name` is what errors call it.
     ///
     /// # Errors
     /// As [`LogReader::open`], but for those of the operating system.
-    pub fn of_bytes(name: impl AsRef<Path>, bytes: Vec<u8>) -> Result<Self, Error> {
-        Self::new(Source::of_bytes(name.as_ref(), bytes), false)
+    pub fn from_bytes(name: impl AsRef<Path>, bytes: Vec<u8>) -> Result<Self, Error> {
+        Self::new(ByteSource::from_bytes(name.as_ref(), bytes), false)
     }
 
-    fn new(mut source: Source, growing: bool) -> Result<Self, Error> {
+    fn new(mut source: ByteSource, growing: bool) -> Result<Self, Error> {
         let bytes = source.len();
         if bytes == 0 {
             return Err(Error::EmptyFile { path: source.path().into() });
@@ -147,7 +147,7 @@ impl Iterator for Events {
     }
 }
 
-fn detect(source: &mut Source) -> Result<Format, Error> {
+fn detect(source: &mut ByteSource) -> Result<Format, Error> {
     let first = source.bytes(0, mcap::MAGIC.len())?;
     if first.starts_with(&event_log::SYNC) {
         return Ok(Format::LcmLog);

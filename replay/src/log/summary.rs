@@ -1,6 +1,6 @@
 //! What is in a log, at a glance.
 
-use super::counter::{Numbers, counter, second_integer};
+use super::sequence_gaps::{SequenceTracker, sequence_field, sequence_number};
 use super::{EventRef, Format, Health, LogReader, Types};
 use crate::Error;
 use std::collections::BTreeMap;
@@ -60,7 +60,7 @@ struct Tally {
     bytes: u64,
     first: i64,
     last: i64,
-    numbers: Numbers,
+    numbers: SequenceTracker,
 }
 
 impl LogSummary {
@@ -121,13 +121,13 @@ impl Tally {
         // A type of another encoding has a name, at least.
         let named = event.schema.filter(|schema| schema.encoding != "lcm").map(|schema| schema.name.clone());
         Tally {
-            has_counter: ty.and_then(counter).is_some(),
+            has_counter: ty.and_then(sequence_field).is_some(),
             type_name: ty.map(|ty| ty.name().to_owned()).or(named),
             count: 0,
             bytes: 0,
             first: event.t_ns,
             last: event.t_ns,
-            numbers: Numbers::default(),
+            numbers: SequenceTracker::default(),
         }
     }
 
@@ -137,7 +137,7 @@ impl Tally {
         self.first = self.first.min(event.t_ns);
         self.last = self.last.max(event.t_ns);
         if self.has_counter
-            && let Some(number) = second_integer(event.data)
+            && let Some(number) = sequence_number(event.data)
         {
             self.numbers.add(number, event.t_ns);
         }

@@ -1,6 +1,6 @@
 //! What a log is worth: what is in it, what is missing and where, and whether its run can be replayed.
 
-use super::counter::{Gap, Numbers, counter, second_integer};
+use super::sequence_gaps::{Gap, SequenceTracker, sequence_field, sequence_number};
 use super::summary::seconds;
 use super::{Cut, Damaged, EventRef, Format, Health, LogReader, Types};
 use crate::Error;
@@ -11,7 +11,7 @@ use std::sync::Arc;
 
 /// The account of a log.
 #[derive(Debug, Clone, serde::Serialize)]
-pub struct Certificate {
+pub struct VerifyReport {
     /// Nothing is damaged, cut, lost or undecodable, and if the log is of a run, every tick of it can be replayed.
     pub good: bool,
     /// Format of the file.
@@ -33,14 +33,14 @@ pub struct Certificate {
     /// Events with a time before that of the event in front of them.
     pub times_backwards: u64,
     /// Channels by name.
-    pub channels: Vec<ChannelAccount>,
+    pub channels: Vec<ChannelReport>,
     /// Whether the run can be replayed.
-    pub replay: Replayable,
+    pub replay: ReplayCheck,
 }
 
 /// The account of one channel.
 #[derive(Debug, Clone, serde::Serialize)]
-pub struct ChannelAccount {
+pub struct ChannelReport {
     /// Channel.
     pub name: String,
     /// Its types, if they are known here.
@@ -65,7 +65,7 @@ pub struct ChannelAccount {
 
 /// Whether a run can be replayed from its log.
 #[derive(Debug, Clone, Default, serde::Serialize)]
-pub struct Replayable {
+pub struct ReplayCheck {
     /// From its first tick to its last, without a gap.
     pub complete: bool,
     /// What stands against it.
@@ -88,7 +88,7 @@ pub struct Replayable {
 ///
 /// # Errors
 /// As [`LogReader::open`], or [`Error::Io`] on the way.
-pub fn verify(log: &Path, mut types: Types, progress: &mut dyn FnMut(f64)) -> Result<Certificate, Error> {
+pub fn verify(log: &Path, mut types: Types, progress: &mut dyn FnMut(f64)) -> Result<VerifyReport, Error> {
     let mut reader = LogReader::open(log)?;
     let (format, bytes) = (reader.format(), reader.bytes().max(1));
     let mut health = Health::default();
@@ -119,7 +119,7 @@ struct Account {
 struct Lane {
     types: Vec<(Option<u64>, Option<String>)>,
     counter: Option<&'static str>,
-    numbers: Numbers,
+    numbers: SequenceTracker,
     count: u64,
     undecodable: u64,
     first_number: Option<i64>,
@@ -153,14 +153,14 @@ impl Account {
         }
     }
 
-    fn certificate(self, format: Format, health: Health) -> Certificate {
+    fn certificate(self, format: Format, health: Health) -> VerifyReport {
         let replay = self.replayable();
         let is_run = self.run_info.is_some() || self.channels.contains_key(channels::CONTROLLER_INPUT);
         let channels: Vec<_> = self.channels.iter().map(|(name, lane)| lane.account(name)).collect();
         let lost = channels.iter().filter_map(|c| c.lost).sum();
         let undecodable = channels.iter().map(|c| c.undecodable).sum();
         let good = health.is_good() && lost == 0 && undecodable == 0 && (replay.complete || !is_run);
-        Certificate {
+        VerifyReport {
             good,
             format,
             events: self.events,
@@ -176,8 +176,8 @@ impl Account {
         }
     }
 
-    fn replayable(&self) -> Replayable {
-        let mut replay = Replayable::default();
+    fn replayable(&self) -> ReplayCheck {
+        let mut replay = ReplayCheck::default();
         let mut why = Vec::new();
         match &self.run_info {
             None => why.push("no RUN_INFO: controller and parameters are unknown".to_owned()),
@@ -218,7 +218,7 @@ impl Account {
                 }
             }
         }
-        Replayable { complete: why.is_empty(), why, ..replay }
+        ReplayCheck { complete: why.is_empty(), why, ..replay }
     }
 }
 
@@ -237,16 +237,16 @@ impl Lane {
             self.undecodable += 1;
             return;
         }
-        self.counter = self.counter.or_else(|| counter(ty));
-        if let (Some(_), Some(number)) = (counter(ty), second_integer(event.data)) {
+        self.counter = self.counter.or_else(|| sequence_field(ty));
+        if let (Some(_), Some(number)) = (sequence_field(ty), sequence_number(event.data)) {
             self.first_number.get_or_insert(number);
             self.numbers.add(number, event.t_ns);
         }
     }
 
-    fn account(&self, name: &str) -> ChannelAccount {
+    fn account(&self, name: &str) -> ChannelReport {
         let lost = self.numbers.lost().filter(|_| self.counter.is_some());
-        ChannelAccount {
+        ChannelReport {
             name: name.to_owned(),
             types: self.types.iter().filter_map(|(_, name)| name.clone()).collect(),
             count: self.count,

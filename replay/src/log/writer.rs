@@ -61,7 +61,7 @@ impl LogWriter {
     ///
     /// # Errors
     /// [`Error::Types`] if the texts cannot be used.
-    pub fn explain(&mut self, sources: &[(String, String)]) -> Result<(), Error> {
+    pub fn add_types(&mut self, sources: &[(String, String)]) -> Result<(), Error> {
         if let Sink::Mcap(_, types) = &mut self.sink {
             types.add(&self.path, sources)?;
         }
@@ -69,7 +69,7 @@ impl LogWriter {
     }
 
     /// [`LogWriter::explain`] by everything that is known of the types of a log.
-    pub fn explain_by(&mut self, types: Types) {
+    pub fn set_types(&mut self, types: Types) {
         if let Sink::Mcap(_, known) = &mut self.sink {
             **known = types;
         }

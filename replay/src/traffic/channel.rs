@@ -1,7 +1,7 @@
 //! What is known of one channel.
 
 use super::intervals::{Intervals, Pace, SAMPLE, Window};
-use crate::log::{Numbers, Types, counter, fingerprint, second_integer};
+use crate::log::{SequenceTracker, Types, fingerprint, sequence_field, sequence_number};
 use std::net::SocketAddrV4;
 
 /// Senders of one channel that are told apart; messages of further ones count for the channel alone.
@@ -35,7 +35,7 @@ pub(super) struct Channel {
 #[derive(Debug, Clone)]
 pub(super) struct Lane {
     pub sender: Option<SocketAddrV4>,
-    numbers: Numbers,
+    numbers: SequenceTracker,
 }
 
 /// A message as it comes to its channel.
@@ -75,7 +75,7 @@ impl Channel {
         if self.known_at != Some(knowledge) || self.fingerprint != found {
             let ty = found.and_then(|found| types.of(name, found));
             self.type_name = ty.map(|ty| ty.name().to_owned());
-            self.has_counter = ty.and_then(counter).is_some();
+            self.has_counter = ty.and_then(sequence_field).is_some();
             (self.fingerprint, self.known_at) = (found, Some(knowledge));
         }
         self.count += 1;
@@ -92,7 +92,7 @@ impl Channel {
         if keep && data.len() <= KEPT {
             self.message.extend_from_slice(data);
         }
-        let number = second_integer(data).filter(|_| self.has_counter);
+        let number = sequence_number(data).filter(|_| self.has_counter);
         if let (Some(lane), Some(number)) = (self.lane(sender), number) {
             lane.numbers.add(number, t_ns);
         }
@@ -128,7 +128,7 @@ impl Channel {
     fn lane(&mut self, sender: Option<SocketAddrV4>) -> Option<&mut Lane> {
         let known = self.lanes.iter().position(|lane| lane.sender == sender);
         if known.is_none() && self.lanes.len() < MAX_LANES {
-            self.lanes.push(Lane { sender, numbers: Numbers::default() });
+            self.lanes.push(Lane { sender, numbers: SequenceTracker::default() });
             return self.lanes.last_mut();
         }
         self.lanes.get_mut(known?)

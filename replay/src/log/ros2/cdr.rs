@@ -1,6 +1,6 @@
 //! CDR, little-endian, as ROS 2 puts messages on the wire.
 //!
-//! Source: OMG, *DDS Interoperability Wire Protocol* 2.5, §10.2 (plain CDR, version 1): every primitive is aligned to its own size,
+//! ByteSource: OMG, *DDS Interoperability Wire Protocol* 2.5, §10.2 (plain CDR, version 1): every primitive is aligned to its own size,
 //! counted from behind the four bytes of the header.
 
 const HEADER: [u8; 4] = [0, 1, 0, 0];

@@ -5,19 +5,19 @@
 //! `/contact_truth/FOOT` (the simulator's). Times are those of the log.
 
 mod cdr;
-mod generic;
-mod robot;
-mod schemas;
+mod definitions;
+mod lcm_types;
+mod robot_topics;
 
-pub use robot::BaseSource;
+pub use robot_topics::BaseSource;
 
-use super::{EventRef, Health, LogReader, Selection, Types};
+use super::{EventFilter, EventRef, Health, LogReader, Types};
 use crate::Error;
 use cdr::Cdr;
 use lcmtypes::{Message, RunInfo, channels};
 use mcap::records::MessageHeader;
 use mcap::{Compression, WriteOptions, Writer};
-use robot::{Robot, Shown};
+use robot_topics::{Robot, Shown};
 use std::collections::BTreeMap;
 use std::fs::File;
 use std::io::BufWriter;
@@ -55,11 +55,11 @@ impl Exported {
 pub fn to_ros2(
     log: &Path,
     out: &Path,
-    mut selection: Selection,
+    mut filter: EventFilter,
     mut types: Types,
     progress: &mut dyn FnMut(f64),
 ) -> Result<Exported, Error> {
-    Error::unless_apart(log, out)?;
+    Error::check_distinct_files(log, out)?;
     let mut file = Target::create(out)?;
     let mut robot = scene(log, &mut |part| progress(0.2 * part))?;
     file.exported.base = robot.as_ref().map(|scene| scene.robot.source);
@@ -73,7 +73,7 @@ pub fn to_ros2(
             progress(0.2 + 0.8 * event.offset as f64 / bytes as f64);
         }
         types.learn(&event);
-        let wanted = selection.wants(&event);
+        let wanted = filter.accepts(&event);
         let Ok(t) = u64::try_from(event.t_ns) else {
             file.exported.unreadable += 1;
             continue;
@@ -150,18 +150,18 @@ impl Target {
     fn describe(&mut self, t: u64, urdf: &str) -> Result<(), Error> {
         let mut cdr = Cdr::new();
         cdr.string(urdf);
-        self.put("/robot_description", "std_msgs/msg/String", schemas::STRING, t, &cdr)
+        self.put("/robot_description", "std_msgs/msg/String", definitions::STRING, t, &cdr)
     }
 
     fn show(&mut self, t: u64, shown: &Shown) -> Result<(), Error> {
         match shown {
-            Shown::Transforms(cdr) => self.put("/tf", "tf2_msgs/msg/TFMessage", schemas::TF_MESSAGE, t, cdr),
+            Shown::Transforms(cdr) => self.put("/tf", "tf2_msgs/msg/TFMessage", definitions::TF_MESSAGE, t, cdr),
             Shown::JointState(cdr) => {
-                self.put("/joint_states", "sensor_msgs/msg/JointState", schemas::JOINT_STATE, t, cdr)
+                self.put("/joint_states", "sensor_msgs/msg/JointState", definitions::JOINT_STATE, t, cdr)
             }
-            Shown::Imu(cdr) => self.put("/imu", "sensor_msgs/msg/Imu", schemas::IMU, t, cdr),
+            Shown::Imu(cdr) => self.put("/imu", "sensor_msgs/msg/Imu", definitions::IMU, t, cdr),
             Shown::Wrench(topic, cdr) => {
-                self.put(topic, "geometry_msgs/msg/WrenchStamped", schemas::WRENCH_STAMPED, t, cdr)
+                self.put(topic, "geometry_msgs/msg/WrenchStamped", definitions::WRENCH_STAMPED, t, cdr)
             }
         }
     }
@@ -186,11 +186,11 @@ impl Target {
             }
         };
         let mut cdr = Cdr::new();
-        generic::encode(ty, &value, &mut cdr);
+        lcm_types::encode(ty, &value, &mut cdr);
         if self.topics.contains_key(&topic) {
             return self.put(&topic, "", "", t, &cdr);
         }
-        self.put(&topic, &generic::type_name(ty), &generic::definition(ty), t, &cdr)
+        self.put(&topic, &lcm_types::type_name(ty), &lcm_types::definition(ty), t, &cdr)
     }
 
     fn put(&mut self, topic: &str, type_name: &str, definition: &str, t: u64, cdr: &Cdr) -> Result<(), Error> {

@@ -1,67 +1,68 @@
-//! A small log around a moment that replays by itself, from the middle of the run.
+//! Copies a short time window of a run's log into a small log that replays on its own, from the middle of the run.
 
-use super::copy::{Copied, copy_with};
-use super::{EventRef, Health, LogReader, Selection, Types};
+use super::copy::{CopyReport, PROGRESS_EVENTS, copy_if};
+use super::{EventFilter, EventRef, Health, LogReader, Types};
 use crate::Error;
 use lcmtypes::channels::{self, CONTROLLER_INPUT, CONTROLLER_SNAPSHOT, PARAMETER_CHANGE, RUN_INFO};
 use std::path::Path;
 
-/// The stretch of a log that a bundle is to hold.
+/// Time window of an excerpt.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Around {
-    /// The moment, s since the first tick of the log, as for a replay; of a log without one, since its first event.
-    pub moment_s: f64,
-    /// Before it, s; the bundle begins at the last snapshot that leaves so much.
+pub struct ExcerptWindow {
+    /// Reference time, s since the log's first tick, as in a replay; if the log has no tick, since its first event.
+    pub around_s: f64,
+    /// Shortest time before `around_s`, s: the excerpt starts at the last controller snapshot that is at least this early.
     pub before_s: f64,
-    /// Behind it, s.
+    /// Time after `around_s`, s.
     pub after_s: f64,
 }
 
-/// Writes the bundle: RUN_INFO (parameters, URDF, types), every change of parameters up to its end, the snapshot from which a replay can start, and every event of the stretch
-/// behind that snapshot's tick. Times and numbers stay those of the run.
+/// Writes an excerpt: RUN_INFO (parameters, URDF, types), every PARAMETER_CHANGE up to its end, the snapshot from which a replay starts,
+/// and every event of the window after that snapshot's tick. Times and event numbers stay those of the run. `progress` receives the
+/// fraction done, 0 to 1.
 ///
 /// # Errors
-/// As [`super::copy`]; [`Error::NoRunInfo`]; [`Error::NoSnapshot`] if no snapshot stands in front of the stretch;
-/// [`Error::NothingThere`] if the log ends before the moment.
-pub fn bundle(
+/// As [`super::copy`]; [`Error::NoRunInfo`]; [`Error::NoSnapshot`] if the log has no snapshot before the window;
+/// [`Error::BeyondEnd`] if the log ends before `around_s`.
+pub fn copy_excerpt(
     log: &Path,
     out: &Path,
-    around: Around,
-    mut selection: Selection,
+    window: ExcerptWindow,
+    mut filter: EventFilter,
     types: Types,
     progress: &mut dyn FnMut(f64),
-) -> Result<Copied, Error> {
+) -> Result<CopyReport, Error> {
     let nanoseconds = |s: f64| (s * 1e9).round() as i64;
-    let from = nanoseconds((around.moment_s - around.before_s).max(0.0));
-    let start = Start::find(log, from, &around, &mut |part| progress(part / 2.0))?;
-    let to_ns = start.origin_ns.saturating_add(nanoseconds(around.moment_s + around.after_s));
-    let mut wants = |event: &EventRef<'_>| {
+    let from = nanoseconds((window.around_s - window.before_s).max(0.0));
+    let start = Start::find(log, from, &window, &mut |part| progress(part / 2.0))?;
+    let to_ns = start.origin_ns.saturating_add(nanoseconds(window.around_s + window.after_s));
+    let mut is_selected = |event: &EventRef<'_>| {
         match (&**event.channel, tick_of(event)) {
             (RUN_INFO, _) => true,
-            // The snapshot's state belongs to the parameters as they had become by then.
+            // The parameters at the snapshot are those of RUN_INFO plus every change before it.
             (PARAMETER_CHANGE, _) => event.t_ns <= to_ns,
             (CONTROLLER_SNAPSHOT, Some(tick)) if Some(tick) == start.snapshot => true,
-            // What the controller did up to the snapshot cannot be computed from it.
+            // Outputs up to the snapshot cannot be computed from it.
             (_, Some(tick)) if start.snapshot.is_some_and(|snapshot| tick <= snapshot) => false,
             (_, None) if start.snapshot_ns.is_some_and(|t_ns| event.t_ns < t_ns) => false,
-            _ => event.t_ns <= to_ns && selection.wants_channel(event.channel),
+            _ => event.t_ns <= to_ns && filter.accepts_channel(event.channel),
         }
     };
-    copy_with(log, out, types, false, &mut wants, &mut |part| progress(0.5 + part / 2.0))
+    copy_if(log, out, types, false, &mut is_selected, &mut |part| progress(0.5 + part / 2.0))
 }
 
-/// Where a bundle begins. Times are those of the events in the log, ns.
+/// Start of an excerpt. Times are log times, ns.
 #[derive(Default)]
 struct Start {
-    /// Tick of the snapshot; `None`: at tick 0, where no snapshot is needed.
+    /// Tick of the snapshot; `None` if the excerpt starts at tick 0, which needs no snapshot.
     snapshot: Option<i64>,
     snapshot_ns: Option<i64>,
-    /// From when on moments are counted: the first input's time.
+    /// Time origin of the window: the first CONTROLLER_INPUT, or else the first event.
     origin_ns: i64,
 }
 
 impl Start {
-    fn find(log: &Path, from: i64, around: &Around, progress: &mut dyn FnMut(f64)) -> Result<Self, Error> {
+    fn find(log: &Path, from: i64, window: &ExcerptWindow, progress: &mut dyn FnMut(f64)) -> Result<Self, Error> {
         let mut reader = LogReader::open(log)?;
         let (bytes, mut events) = (reader.bytes().max(1), 0_u64);
         let mut start = Start::default();
@@ -71,7 +72,7 @@ impl Start {
         while let Some(item) = reader.read()? {
             let Some(event) = health.note(item) else { continue };
             events += 1;
-            if events.is_multiple_of(4096) {
+            if events.is_multiple_of(PROGRESS_EVENTS) {
                 progress(event.offset as f64 / bytes as f64);
             }
             let (channel, t_ns) = (&**event.channel, event.t_ns);
@@ -94,8 +95,8 @@ impl Start {
             return Err(Error::NoRunInfo { path: path(), events });
         }
         let last = seconds(last_ns.saturating_sub(start.origin_ns));
-        if last < around.moment_s {
-            return Err(Error::NothingThere { path: path(), moment_s: around.moment_s, duration_s: last });
+        if last < window.around_s {
+            return Err(Error::BeyondEnd { path: path(), from_s: window.around_s, last_s: last });
         }
         if start.snapshot.is_none() && first_tick != Some(0) {
             return Err(Error::NoSnapshot { path: path(), before_s: seconds(from) });
@@ -104,8 +105,8 @@ impl Start {
     }
 }
 
-/// Tick of a message that a controller consumed or put out.
+/// Tick of an input or output message of a controller; `None` for other channels.
 fn tick_of(event: &EventRef<'_>) -> Option<i64> {
     let stage = channels::find(event.channel)?.stage;
-    stage.and_then(|_| super::counter::second_integer(event.data))
+    stage.and_then(|_| super::sequence_gaps::sequence_number(event.data))
 }

@@ -1,27 +1,29 @@
-//! The bytes of a log at any place, through a window, so that looking ahead and going back cost no seek.
+//! Random access to the bytes of a log through a read window, so that looking ahead and stepping back need no further read.
 //!
-//! Files are read, not mapped: a window that stays in the cache is as fast as a mapping for a reader that goes from the beginning to
-//! the end, a file that shrinks meanwhile ends early instead of killing the process, and no `unsafe` is needed.
+//! Files are read, not memory-mapped. For a reader that goes from start to end a cached window is as fast as a mapping, a file that is
+//! truncated meanwhile ends early instead of killing the process with SIGBUS, and no `unsafe` is needed.
 
 use crate::Error;
 use std::fs::File;
 use std::os::unix::fs::FileExt;
 use std::path::{Path, PathBuf};
 
-/// Bytes read at a time.
+/// Bytes per read.
 const WINDOW: usize = 1 << 18;
 
-/// A regular file of the length that it had when it was last looked at, or bytes in memory.
-pub(super) struct Source {
+/// A regular file, or bytes in memory.
+pub(super) struct ByteSource {
     path: PathBuf,
-    /// `None`: the window holds everything.
+    /// `None`: `window` holds all bytes.
     file: Option<File>,
+    /// Length at the last [`ByteSource::refresh_len`].
     len: u64,
     window: Vec<u8>,
+    /// Offset of `window` in the file.
     start: u64,
 }
 
-impl Source {
+impl ByteSource {
     pub fn open(path: &Path) -> Result<Self, Error> {
         let io = |source| Error::Io { path: path.into(), source };
         let file = File::open(path).map_err(io)?;
@@ -29,12 +31,12 @@ impl Source {
         if !metadata.is_file() {
             return Err(Error::NotAFile { path: path.into() });
         }
-        Ok(Source { path: path.into(), file: Some(file), len: metadata.len(), window: Vec::new(), start: 0 })
+        Ok(ByteSource { path: path.into(), file: Some(file), len: metadata.len(), window: Vec::new(), start: 0 })
     }
 
-    /// `name` is what errors call it.
-    pub fn of_bytes(name: &Path, bytes: Vec<u8>) -> Self {
-        Source { path: name.into(), file: None, len: bytes.len() as u64, window: bytes, start: 0 }
+    /// `name` is the path in error messages.
+    pub fn from_bytes(name: &Path, bytes: Vec<u8>) -> Self {
+        ByteSource { path: name.into(), file: None, len: bytes.len() as u64, window: bytes, start: 0 }
     }
 
     pub fn path(&self) -> &Path {
@@ -45,15 +47,15 @@ impl Source {
         self.len
     }
 
-    /// Looks how long the file is now. What has been read stays as it is: logs grow at their end only.
-    pub fn look_again(&mut self) -> Result<(), Error> {
+    /// Updates the length of a file that is still being written. Bytes already read stay valid: a log is only appended to.
+    pub fn refresh_len(&mut self) -> Result<(), Error> {
         if let Some(file) = &self.file {
             self.len = file.metadata().map_err(|source| Error::Io { path: self.path.clone(), source })?.len();
         }
         Ok(())
     }
 
-    /// The `n` bytes at `offset`, or as many as the file has there. The caller has checked `n` against a limit.
+    /// The `n` bytes at `offset`, or fewer at the end of the file. The caller has checked `n` against a limit.
     #[inline]
     pub fn bytes(&mut self, offset: u64, n: usize) -> Result<&[u8], Error> {
         let n = (n as u64).min(self.len.saturating_sub(offset)) as usize;
@@ -66,7 +68,7 @@ impl Source {
         Ok(&self.window[from..to])
     }
 
-    /// Where `pattern` next occurs at or after `offset`; only occurrences that lie wholly in the file count.
+    /// Offset of the next complete occurrence of `pattern` at or after `offset`.
     pub fn find(&mut self, pattern: &[u8], mut offset: u64) -> Result<Option<u64>, Error> {
         loop {
             let bytes = self.bytes(offset, WINDOW)?;
@@ -84,7 +86,7 @@ impl Source {
     fn load(&mut self, offset: u64, n: usize) -> Result<(), Error> {
         let Some(file) = &self.file else { return Ok(()) };
         let n = (n as u64).min(self.len.saturating_sub(offset)) as usize;
-        // A window that one long record has made large does not stay so.
+        // Free the memory of a window that one long record enlarged.
         if self.window.capacity() > 8 * n.max(WINDOW) {
             self.window = Vec::new();
         }
@@ -94,7 +96,7 @@ impl Source {
         while filled < n {
             match file.read_at(&mut self.window[filled..], offset + filled as u64) {
                 Ok(0) => {
-                    // The file has become shorter since it was looked at.
+                    // The file was truncated after its length was read.
                     self.len = offset + filled as u64;
                     break;
                 }
@@ -110,7 +112,7 @@ impl Source {
     }
 }
 
-/// First place of `pattern` in `bytes`, from one occurrence of its first byte to the next.
+/// Index of the first occurrence of `pattern` in `bytes`; searches for its first byte.
 fn position(bytes: &[u8], pattern: &[u8]) -> Option<usize> {
     let (first, last) = (*pattern.first()?, bytes.len().checked_sub(pattern.len())?);
     let mut at = 0;

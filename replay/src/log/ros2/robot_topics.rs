@@ -1,6 +1,6 @@
 //! The robot of a run as viewers want it: transforms of all links, joint states, the IMU, forces at the feet.
 
-// Names of quantities carry frames, such as p_WF: see ARCHITECTURE.md.
+// ChannelNames of quantities carry frames, such as p_WF: see ARCHITECTURE.md.
 #![allow(non_snake_case)]
 
 use super::cdr::Cdr;

@@ -1,0 +1,83 @@
+//! Selects the events of a log by channel and time.
+
+use super::EventRef;
+use crate::Error;
+use crate::record::{Filter, Pattern};
+use lcmtypes::channels;
+use std::sync::Arc;
+
+/// Decisions that are cached per channel. A damaged file can appear to have an unlimited number of channels.
+const MAX_CACHED: usize = 1000;
+
+/// Selects events by channel and by time. The default accepts every event.
+#[derive(Debug, Clone, Default)]
+pub struct EventFilter {
+    channels: Filter,
+    from_ns: Option<i64>,
+    to_ns: Option<i64>,
+    keep_run_info: bool,
+    first_t_ns: Option<i64>,
+    cached: Vec<(Arc<str>, bool)>,
+}
+
+impl EventFilter {
+    /// - `channels`, `exclude`: regular expressions that the whole channel name must match, or must not match, as in LCM.
+    /// - `from_s`, `to_s`: inclusive limits, s since the first event of the log.
+    ///
+    /// # Errors
+    /// [`Error::Pattern`] for an invalid regular expression.
+    pub fn new(
+        channels: Option<&str>,
+        exclude: Option<&str>,
+        from_s: Option<f64>,
+        to_s: Option<f64>,
+    ) -> Result<Self, Error> {
+        let pattern = |text: Option<&str>| text.map(Pattern::new).transpose();
+        let nanoseconds = |s: f64| (s * 1e9).round() as i64;
+        Ok(EventFilter {
+            channels: Filter { include: pattern(channels)?, exclude: pattern(exclude)? },
+            from_ns: from_s.map(nanoseconds),
+            to_ns: to_s.map(nanoseconds),
+            ..EventFilter::default()
+        })
+    }
+
+    /// Also accepts RUN_INFO at any time and PARAMETER_CHANGE before the start time: a replay of the copy needs them.
+    #[must_use]
+    pub fn keep_run_info(self) -> Self {
+        EventFilter { keep_run_info: true, ..self }
+    }
+
+    /// Whether an event is selected. Call it for every event, in log order: the first call sets the time origin.
+    pub fn accepts(&mut self, event: &EventRef<'_>) -> bool {
+        let since = event.t_ns.saturating_sub(*self.first_t_ns.get_or_insert(event.t_ns));
+        if !self.accepts_channel(event.channel) {
+            return false;
+        }
+        let before_end = self.to_ns.is_none_or(|to| since <= to);
+        let in_time = self.from_ns.is_none_or(|from| since >= from) && before_end;
+        let needed = match &**event.channel {
+            channels::RUN_INFO => true,
+            channels::PARAMETER_CHANGE => before_end,
+            _ => false,
+        };
+        in_time || self.keep_run_info && needed
+    }
+
+    /// Whether a channel is selected. The result is cached by the address of the name, as [`super::LogReader`] interns names.
+    pub fn accepts_channel(&mut self, channel: &Arc<str>) -> bool {
+        if let Some((_, accepted)) = self.cached.iter().find(|(known, _)| Arc::ptr_eq(known, channel)) {
+            return *accepted;
+        }
+        let accepted = self.matches(channel);
+        if self.cached.len() < MAX_CACHED {
+            self.cached.push((Arc::clone(channel), accepted));
+        }
+        accepted
+    }
+
+    /// Whether a channel of this name is selected.
+    pub fn matches(&self, channel: &str) -> bool {
+        self.channels.takes(channel)
+    }
+}
