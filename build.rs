@@ -1,4 +1,4 @@
-//! Tells the command what it was built from, and where libmujoco.so lies.
+//! Passes revision, toolchain and flags to the command (`env!("HOOF_…")`), and the run paths of libmujoco.so to the linker.
 
 use std::process::Command;
 
@@ -18,6 +18,8 @@ fn main() {
     println!("cargo::rustc-env=HOOF_BUILD={} {} [{flags}]", var("PROFILE"), var("TARGET"));
 
     println!("cargo::rerun-if-env-changed=MUJOCO_DYNAMIC_LINK_DIR");
+    // libmujoco.so: of an installed command, of a build in `target`, of a build elsewhere.
+    println!("cargo::rustc-link-arg=-Wl,-rpath,$ORIGIN/../lib/hoofprint");
     println!("cargo::rustc-link-arg=-Wl,-rpath,$ORIGIN/../../third_party/mujoco/lib");
     if let Ok(dir) = std::env::var("MUJOCO_DYNAMIC_LINK_DIR") {
         println!("cargo::rustc-link-arg=-Wl,-rpath,{dir}");

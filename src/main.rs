@@ -8,6 +8,7 @@ mod debug;
 mod demo;
 mod doctor;
 mod experiment;
+mod install_files;
 mod live;
 mod log;
 mod progress;
@@ -20,7 +21,7 @@ mod spy;
 mod teleop;
 
 use anyhow::Context;
-use clap::{Parser, Subcommand};
+use clap::{CommandFactory, Parser, Subcommand};
 use std::process::ExitCode;
 
 /// Log-centric whole-body control for legged robots: every run is a log, every log replays bit for bit.
@@ -67,6 +68,9 @@ enum Command {
     /// Look at robots
     #[command(subcommand)]
     Robot(robot::Command),
+    /// Write shell completions and manual pages
+    #[command(hide = true)]
+    InstallFiles(install_files::Args),
 }
 
 /// How a command ended, when it could do its work.
@@ -106,6 +110,7 @@ fn main() -> ExitCode {
         Command::Log(command) => log::run(&command),
         Command::Corpus(command) => corpus::run(&command),
         Command::Robot(command) => robot::run(&command),
+        Command::InstallFiles(args) => install_files::run(&args, Cli::command()),
     };
     match result {
         Ok(Outcome::Good) => ExitCode::SUCCESS,
