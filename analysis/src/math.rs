@@ -41,14 +41,6 @@ pub fn rotation_about(axis: Vec3, angle: f64) -> Mat3 {
     ]
 }
 
-/// Roll, pitch, yaw of a rotation given by its unit quaternion `w x y z`: `R = Rz(yaw) Ry(pitch) Rx(roll)`, rad.
-pub fn rpy_of_quaternion([w, x, y, z]: [f64; 4]) -> Vec3 {
-    let roll = (2.0 * (w * x + y * z)).atan2(1.0 - 2.0 * (x * x + y * y));
-    let pitch = (2.0 * (w * y - z * x)).clamp(-1.0, 1.0).asin();
-    let yaw = (2.0 * (w * z + x * y)).atan2(1.0 - 2.0 * (y * y + z * z));
-    [roll, pitch, yaw]
-}
-
 /// The same vector, from W axes to H axes: turned back by the heading.
 pub fn from_w_to_h(yaw: f64, [x, y, z]: Vec3) -> Vec3 {
     let (sin, cos) = yaw.sin_cos();
@@ -79,20 +71,6 @@ pub fn unwrap_angles(angles: &mut [f64]) {
 mod tests {
     use super::*;
     use std::f64::consts::{FRAC_PI_2, PI};
-
-    #[test]
-    fn quarter_turns_are_read_from_quaternions() {
-        let h = 0.5_f64.sqrt();
-        for (q, rpy) in [
-            ([1.0, 0.0, 0.0, 0.0], [0.0, 0.0, 0.0]),
-            ([h, h, 0.0, 0.0], [FRAC_PI_2, 0.0, 0.0]),
-            ([h, 0.0, 0.0, h], [0.0, 0.0, FRAC_PI_2]),
-        ] {
-            for (found, expected) in rpy_of_quaternion(q).into_iter().zip(rpy) {
-                assert!((found - expected).abs() < 1e-15, "{q:?}: {found}, expected {expected}");
-            }
-        }
-    }
 
     #[test]
     fn a_point_ahead_of_a_robot_that_faces_left_is_to_its_right() {

@@ -3,11 +3,11 @@
 use crate::export::read_states;
 use crate::sample::time_each;
 use anyhow::{Context, Result};
-use controller::math::{Rx, Ry, Rz};
+use controller::math::{Rx, Ry, Rz, quaternion};
 use controller::model::eval::RobotInfo;
 use controller::model::{
-    Base, BaseState, FrameId, Kinematics, Model, Pose, UrdfTree, bias_force, centroidal_momentum,
-    centroidal_momentum_matrix, com, com_velocity, frame_bias_acceleration, frame_jacobian, mass_matrix,
+    Base, BaseState, FrameId, Kinematics, Model, UrdfTree, bias_force, centroidal_momentum, centroidal_momentum_matrix,
+    com, com_velocity, frame_bias_acceleration, frame_jacobian, mass_matrix,
 };
 use nalgebra::{DMatrix, DVector, Vector3, Vector6};
 use std::path::Path;
@@ -32,7 +32,7 @@ impl State {
         let q_WB_wxyz = [q_wxyz[0], q_wxyz[1], q_wxyz[2], q_wxyz[3]];
         let base = BaseState {
             p_WB: vector(p_WB),
-            R_WB: Pose::rotation_of_quaternion(q_WB_wxyz),
+            R_WB: quaternion::to_rotation(q_WB_wxyz),
             v_WB: Vector3::zeros(),
             w_WB_W: vector(w_WB_W),
         };
@@ -169,7 +169,7 @@ pub fn states(body: &Body, n: usize) -> Vec<State> {
         let joints = &body.model.joints;
         let q: Vec<f64> = joints.iter().map(|j| (3.0 * rng.symmetric()).clamp(j.lower, j.upper)).collect();
         let qd: Vec<f64> = joints.iter().map(|_| 5.0 * rng.symmetric()).collect();
-        let wxyz = Pose { p: Vector3::zeros(), R: R_WB }.quaternion_wxyz();
+        let wxyz = quaternion::from_rotation(&R_WB);
         State::new(&p, &DVector::from_row_slice(&wxyz), &w, &q, &qd)
     };
     (0..n).map(|_| state()).collect()

@@ -8,8 +8,8 @@
 //! the base leans by 0.01 rad to the right, and the forces shift to push it upright.
 #![allow(non_snake_case, reason = "names carry frames: see ARCHITECTURE.md")]
 
-use controller::math::Rx;
-use controller::model::{GRAVITY, Pose};
+use controller::math::{Rx, quaternion};
+use controller::model::GRAVITY;
 use controller::quadruped::Quadruped;
 use controller::quadruped::estimation::Estimate;
 use controller::quadruped::leg::Leg;
@@ -58,7 +58,7 @@ fn standing(robot: &Robot, roll: f64) -> ControllerInput {
     state.tau = vec![0.0; robot.nj()];
     // The IMU has axes of its own.
     let R_WI = Rx(roll) * robot.R_IB.transpose();
-    state.q_WI_wxyz = Pose { p: Vector3::zeros(), R: R_WI }.quaternion_wxyz();
+    state.q_WI_wxyz = quaternion::from_rotation(&R_WI);
     state.a_I = (R_WI.transpose() * Vector3::z() * GRAVITY).into();
     carry_weight(robot, &mut input);
     input

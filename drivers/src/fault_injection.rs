@@ -7,6 +7,7 @@ use crate::DriverError;
 use crate::floor::LegName;
 use crate::scenario::{Window, to_ns};
 use crate::terrain::{BadKey, check_range};
+use controller::math::quaternion;
 use controller::quadruped::leg::Leg;
 use lcmtypes::{RobotCommand, RobotState};
 use serde::Deserialize;
@@ -298,7 +299,7 @@ impl FaultInjection {
                 FaultKind::LateProcess => Effect::LateProcess,
                 FaultKind::ClockJump { jump_ns } => Effect::ClockJump { jump_ns: *jump_ns },
                 FaultKind::ImuBias { gyro, orientation } => {
-                    Effect::ImuBias { gyro: *gyro, turn_wxyz: quaternion(*orientation) }
+                    Effect::ImuBias { gyro: *gyro, turn_wxyz: quaternion::from_rotation_vector(*orientation) }
                 }
                 FaultKind::StuckEncoder { joint } => Effect::StuckEncoder { joint: index(number, joint)?, held: None },
                 FaultKind::TorqueLoss { joint, factor } => {
@@ -347,7 +348,7 @@ impl FaultInjection {
                 Effect::ClockJump { jump_ns } => state.t_ns = state.t_ns.saturating_add(*jump_ns),
                 Effect::ImuBias { gyro, turn_wxyz } => {
                     state.w_WI_I.iter_mut().zip(gyro).for_each(|(read, bias)| *read += *bias);
-                    state.q_WI_wxyz = product(state.q_WI_wxyz, *turn_wxyz);
+                    state.q_WI_wxyz = quaternion::product(state.q_WI_wxyz, *turn_wxyz);
                 }
                 Effect::DropOperator | Effect::DropCommand | Effect::TorqueLoss { .. } | Effect::FalseTouch { .. } => {}
             }
@@ -415,25 +416,6 @@ fn arrived(under_way: &mut VecDeque<(i64, RobotState)>, t_ns: i64, state: &mut R
         (*state, any) = (message, true);
     }
     any
-}
-
-/// Unit quaternion w x y z of a rotation vector.
-fn quaternion(v: [f64; 3]) -> [f64; 4] {
-    let angle = (v[0] * v[0] + v[1] * v[1] + v[2] * v[2]).sqrt();
-    let scale = if angle > 0.0 { libm::sin(angle / 2.0) / angle } else { 0.5 };
-    [libm::cos(angle / 2.0), scale * v[0], scale * v[1], scale * v[2]]
-}
-
-/// Product of quaternions w x y z: first the turn `b`, in the axes that `a` has turned.
-fn product(a: [f64; 4], b: [f64; 4]) -> [f64; 4] {
-    let [aw, ax, ay, az] = a;
-    let [bw, bx, by, bz] = b;
-    [
-        aw * bw - ax * bx - ay * by - az * bz,
-        aw * bx + ax * bw + ay * bz - az * by,
-        aw * by - ax * bz + ay * bw + az * bx,
-        aw * bz + ax * by - ay * bx + az * bw,
-    ]
 }
 
 fn set(values: &mut [f64], index: usize, value: f64) {

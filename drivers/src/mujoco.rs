@@ -13,6 +13,7 @@ use crate::sensors::{NoiseParams, Sensors};
 use crate::simulator::Simulator;
 use crate::start::StartParams;
 use crate::terrain::Terrain;
+use controller::math::quaternion;
 use controller::model::{JointKind, Pose, UrdfTree};
 use controller::params::RobotConfig;
 use lcmtypes::{GroundTruth, RobotCommand, RobotState};
@@ -213,10 +214,7 @@ impl MujocoSim {
 
     /// Pose of the base in W.
     fn X_WB(&self) -> Pose {
-        Pose {
-            p: Vector3::from(self.data.xpos()[self.base]),
-            R: Pose::rotation_of_quaternion(self.data.xquat()[self.base]),
-        }
+        Pose { p: Vector3::from(self.data.xpos()[self.base]), R: quaternion::to_rotation(self.data.xquat()[self.base]) }
     }
 
     /// Sums the contacts of each foot, as forces on the robot. Valid after the forces were computed and before the next

@@ -2,10 +2,8 @@
 
 use crate::DriverError;
 use crate::terrain::{BadKey, check_range};
-use controller::math::{Rx, Ry};
-use controller::model::Pose;
+use controller::math::{Rx, Ry, quaternion};
 use controller::params::RobotConfig;
-use nalgebra::Vector3;
 use serde::Deserialize;
 use std::collections::BTreeMap;
 
@@ -64,6 +62,6 @@ impl StartParams {
 
     /// Orientation of the base.
     pub(crate) fn quaternion_wxyz(&self) -> [f64; 4] {
-        Pose { p: Vector3::zeros(), R: Ry(self.pitch) * Rx(self.roll) }.quaternion_wxyz()
+        quaternion::from_rotation(&(Ry(self.pitch) * Rx(self.roll)))
     }
 }

@@ -2,7 +2,8 @@
 #![allow(non_snake_case, reason = "frames are capital letters")]
 #![allow(clippy::unwrap_used, reason = "a test may panic")]
 
-use controller::model::{Base, BaseState, Kinematics, Model, Pose, UrdfTree, point_jacobian_linear};
+use controller::math::quaternion;
+use controller::model::{Base, BaseState, Kinematics, Model, UrdfTree, point_jacobian_linear};
 use controller::params::{Params, RobotConfig};
 use controller::quadruped::leg::Leg;
 use drivers::terrain::{TerrainKind, TerrainParams};
@@ -129,7 +130,7 @@ fn a_touch_is_read_as_the_torque_that_holds_it() {
     let (truth, state) = (truth(&sim), state(&sim));
     let base = BaseState {
         p_WB: Vector3::from(truth.p_WB),
-        R_WB: Pose::rotation_of_quaternion(truth.q_WB_wxyz),
+        R_WB: quaternion::to_rotation(truth.q_WB_wxyz),
         v_WB: Vector3::zeros(),
         w_WB_W: Vector3::zeros(),
     };

@@ -2,7 +2,8 @@
 #![allow(non_snake_case, reason = "frames are capital letters")]
 #![allow(clippy::unwrap_used, reason = "a test may panic")]
 
-use controller::model::{GRAVITY, Pose, UrdfTree};
+use controller::math::quaternion;
+use controller::model::{GRAVITY, UrdfTree};
 use controller::params::{Params, RobotConfig};
 use drivers::terrain::{TerrainKind, TerrainParams};
 use drivers::{DriverError, MujocoSim, NoiseParams, SimParams, Simulator, Terrain};
@@ -183,7 +184,7 @@ fn momentum(sim: &MujocoSim) -> [f64; 3] {
     let mut kin = Kinematics::new(&model);
     let base = BaseState {
         p_WB: truth.p_WB.into(),
-        R_WB: Pose::rotation_of_quaternion(truth.q_WB_wxyz),
+        R_WB: quaternion::to_rotation(truth.q_WB_wxyz),
         v_WB: truth.v_WB.into(),
         w_WB_W: truth.w_WB_W.into(),
     };
@@ -195,7 +196,7 @@ fn momentum(sim: &MujocoSim) -> [f64; 3] {
 fn imu_at_rest_reads_gravity_upwards_also_when_it_is_mounted_turned() {
     let sim = standing(flat());
     let RobotState { q_WI_wxyz, a_I, w_WI_I, .. } = state(&sim);
-    let R_WI = Pose::rotation_of_quaternion(q_WI_wxyz);
+    let R_WI = quaternion::to_rotation(q_WI_wxyz);
     let a_W = R_WI * nalgebra::Vector3::from(a_I);
     assert!((a_W - nalgebra::Vector3::new(0.0, 0.0, GRAVITY)).norm() < 0.01, "specific force in W {a_W:?}");
     assert!(w_WI_I.iter().all(|w| w.abs() < 1e-3), "turn rate {w_WI_I:?}");
@@ -311,7 +312,7 @@ fn twists_are_the_rates_of_poses() {
     for foot in 0..4 {
         close("v_WF", rate(before.p_WF[foot], after.p_WF[foot]), middle.v_WF[foot]);
     }
-    let [R_before, R_after] = [before, after].map(|truth| Pose::rotation_of_quaternion(truth.q_WB_wxyz));
+    let [R_before, R_after] = [before, after].map(|truth| quaternion::to_rotation(truth.q_WB_wxyz));
     let turn = R_after * R_before.transpose();
     let w = [turn[(2, 1)] - turn[(1, 2)], turn[(0, 2)] - turn[(2, 0)], turn[(1, 0)] - turn[(0, 1)]];
     close("w_WB_W", w.map(|twice| twice / 4e-3), middle.w_WB_W);

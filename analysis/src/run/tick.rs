@@ -4,7 +4,8 @@
 
 use lcmtypes::{BaseTracking, ContactEstimate, ControllerTick, GroundTruth, LegState, Timing, WbcSolution};
 
-use crate::math::{Vec3, from_w_to_h, rpy_of_quaternion};
+use crate::math::{Vec3, from_w_to_h};
+use controller::math::quaternion;
 
 /// What the simulator knew at a tick; frames and units as in `ground_truth_t`.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -39,7 +40,7 @@ impl Truth {
         Some(Self {
             t_ns: message.t_ns,
             p_WB: message.p_WB,
-            rpy: rpy_of_quaternion(message.q_WB_wxyz),
+            rpy: quaternion::to_rpy(message.q_WB_wxyz),
             v_WB: message.v_WB,
             w_WB_W: message.w_WB_W,
             p_WF: four(&message.p_WF)?,

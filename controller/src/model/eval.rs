@@ -4,6 +4,7 @@
 
 use std::collections::BTreeMap;
 
+use crate::math::quaternion;
 use nalgebra::{DMatrix, DVector, Matrix3, Vector3};
 use serde::{Deserialize, Serialize};
 
@@ -190,8 +191,11 @@ pub fn eval(tree: &UrdfTree, request: &EvalRequest) -> Result<EvalResult, ModelE
     for (frame, link) in model.frames() {
         frame_jacobian(&model, &kin, frame, &mut J);
         let X_WF = Pose { p: kin.p_WF(&model, frame), R: kin.R_WF(&model, frame) };
-        let result =
-            EvalFrame { position_m: X_WF.p.into(), quaternion_wxyz: X_WF.quaternion_wxyz(), jacobian: rows(&J) };
+        let result = EvalFrame {
+            position_m: X_WF.p.into(),
+            quaternion_wxyz: quaternion::from_rotation(&X_WF.R),
+            jacobian: rows(&J),
+        };
         frames.insert(link.to_owned(), result);
     }
     Ok(EvalResult {
@@ -221,7 +225,7 @@ fn base_state(base: &EvalBase) -> Result<BaseState, ModelError> {
     if !(0.999..=1.001).contains(&norm) {
         return Err(bad_state("base.quaternion_wxyz", format!("length {norm}"), "length one to a thousandth"));
     }
-    let R_WB: Matrix3<f64> = Pose::rotation_of_quaternion(*quaternion_wxyz);
+    let R_WB: Matrix3<f64> = quaternion::to_rotation(*quaternion_wxyz);
     Ok(BaseState {
         p_WB: Vector3::from(*position_m),
         R_WB,

@@ -7,10 +7,8 @@ use super::leg::{Leg, PerLeg};
 use super::robot::Robot;
 use super::state::State;
 use super::terrain;
-use crate::math::{Rz, rpy_of};
-use crate::model::{
-    BaseState, Kinematics, Pose, bias_force, frame_bias_acceleration, mass_matrix, point_jacobian_linear,
-};
+use crate::math::{Rz, quaternion, rpy_of};
+use crate::model::{BaseState, Kinematics, bias_force, frame_bias_acceleration, mass_matrix, point_jacobian_linear};
 use crate::params::Params;
 use lcmtypes::RobotState;
 use nalgebra::{DMatrix, DVector, Matrix3, Vector3};
@@ -207,7 +205,7 @@ impl Estimate {
 pub fn base_estimate(robot: &Robot, measured: &RobotState) -> BaseEstimate {
     let [w, x, y, z] = measured.q_WI_wxyz;
     let length = (w * w + x * x + y * y + z * z).sqrt();
-    let R_WI = Pose::rotation_of_quaternion([w / length, x / length, y / length, z / length]);
+    let R_WI = quaternion::to_rotation([w / length, x / length, y / length, z / length]);
     let R_WB = R_WI * robot.R_IB;
     let rpy = rpy_of(&R_WB);
     let R_WH = Rz(rpy[2]);

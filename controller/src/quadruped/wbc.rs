@@ -18,7 +18,7 @@ use super::robot::Robot;
 use super::state::State;
 use super::tasks::Tasks;
 use crate::LoadError;
-use crate::model::Pose;
+use crate::math::quaternion;
 use crate::params::Params;
 use crate::qp::{Backend, NamedViolation, Qp, QpInfo, QpStatus, RowNames, explain};
 use crate::stack::{Cascade, Constraint, Formula, Solver, StackError};
@@ -203,7 +203,7 @@ impl Wbc {
         let mut estimate = Estimate::new(robot);
         let nj = robot.nj();
         let mut measured = RobotState { q: robot.q_nominal.clone(), qd: vec![0.0; nj], ..RobotState::default() };
-        measured.q_WI_wxyz = Pose { p: Vector3::zeros(), R: robot.R_IB.transpose() }.quaternion_wxyz();
+        measured.q_WI_wxyz = quaternion::from_rotation(&robot.R_IB.transpose());
         estimate.update(robot, &measured);
         let trunk = TrunkReference { R_WB: Matrix3::identity(), w_WB_W: Vector3::zeros() };
         let mut references = References::new(robot);

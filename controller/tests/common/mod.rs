@@ -4,8 +4,8 @@
 //! legs' states call for. That closes the loop well enough for every leg state to be visited, and needs nothing but this crate.
 #![allow(dead_code, reason = "each test file uses its part of it")]
 
-use controller::math::{Rx, Ry, Rz, cos, sin};
-use controller::model::{GRAVITY, Pose};
+use controller::math::{Rx, Ry, Rz, cos, quaternion, sin};
+use controller::model::GRAVITY;
 use controller::params::{Params, apply_overrides};
 use controller::quadruped::Quadruped;
 use controller::quadruped::estimation::Estimate;
@@ -84,7 +84,7 @@ pub fn wbc_of(out: &Outbox) -> WbcSolution {
 /// Orientation and angular velocity of the base in a measurement, put there as its IMU would.
 pub fn set_base(robot: &Robot, input: &mut ControllerInput, R_WB: &Matrix3<f64>, w_WB_W: &Vector3<f64>) {
     let R_WI = R_WB * robot.R_IB.transpose();
-    input.state.q_WI_wxyz = Pose { p: Vector3::zeros(), R: R_WI }.quaternion_wxyz();
+    input.state.q_WI_wxyz = quaternion::from_rotation(&R_WI);
     input.state.w_WI_I = (R_WI.transpose() * w_WB_W).into();
     input.state.a_I = (R_WI.transpose() * Vector3::z() * GRAVITY).into();
 }

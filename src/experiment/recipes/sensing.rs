@@ -7,6 +7,7 @@ use crate::experiment::table::Row;
 use crate::progress::Progress;
 use analysis::Run;
 use analysis::stats::ErrorStats;
+use controller::math::{log, rotation_of_rpy};
 use controller::quadruped::estimation::BasePlace;
 use drivers::Rng;
 use nalgebra::Vector3;
@@ -48,13 +49,9 @@ pub fn real_robot(bench: &Bench) -> anyhow::Result<Vec<Row>> {
 
 /// Angle between the reference and the true orientation of the base, rad, while it balances.
 fn orientation_error(run: &Run) -> Option<ErrorStats> {
-    let rotation = |[roll, pitch, yaw]: [f64; 3]| {
-        use controller::math::{Rx, Ry, Rz};
-        Rz(yaw) * Ry(pitch) * Rx(roll)
-    };
     ErrorStats::of(run.ticks.iter().filter(|tick| tick.balances()).filter_map(|tick| {
         let (base, truth) = (tick.base.as_ref()?, tick.truth.as_ref()?);
-        Some(controller::math::log(&(rotation(base.rpy_des) * rotation(truth.rpy).transpose())).norm())
+        Some(log(&(rotation_of_rpy(base.rpy_des) * rotation_of_rpy(truth.rpy).transpose())).norm())
     }))
 }
 

@@ -4,6 +4,7 @@
 #![allow(non_snake_case)]
 
 use super::cdr::Cdr;
+use controller::math::quaternion;
 use controller::model::{Base, BaseState, Kinematics, Model, Pose, UrdfTree};
 use lcmtypes::channels::{BASE_TRACKING, CONTACT_ESTIMATE, CONTROLLER_INPUT, GROUND_TRUTH, ROBOT_STATE};
 use lcmtypes::{BaseTracking, ContactEstimate, ControllerInput, GroundTruth, Message, RobotState, RunInfo};
@@ -81,7 +82,7 @@ impl Robot {
             GROUND_TRUTH => {
                 let Ok(truth) = GroundTruth::decode(data) else { return };
                 self.base.p_WB = truth.p_WB.into();
-                self.base.R_WB = Pose::rotation_of_quaternion(truth.q_WB_wxyz);
+                self.base.R_WB = quaternion::to_rotation(truth.q_WB_wxyz);
                 self.transforms(truth.t_ns, out);
                 self.wrenches(truth.t_ns, "contact_truth", &truth.f_F_W, out);
             }
@@ -143,7 +144,7 @@ impl Robot {
     }
 
     fn base_by_imu(&mut self) -> nalgebra::Matrix3<f64> {
-        let R_WI = Pose::rotation_of_quaternion(self.state.q_WI_wxyz);
+        let R_WI = quaternion::to_rotation(self.state.q_WI_wxyz);
         self.base = BaseState::identity();
         match self.model.frame(&self.imu) {
             Ok(imu) if self.update() => R_WI * self.kinematics.R_WF(&self.model, imu).transpose(),
@@ -182,7 +183,7 @@ impl Robot {
             cdr.header(t_ns, name);
             cdr.string(&link.name);
             cdr.f64s(X_PC.p.as_slice());
-            cdr.quaternion(X_PC.quaternion_wxyz());
+            cdr.quaternion(quaternion::from_rotation(&X_PC.R));
         }
         out.push(Shown::Transforms(cdr));
     }
