@@ -9,6 +9,7 @@
 //! - [`run`]: a log as a list of ticks, every message of a tick side by side; what is missing is `None`.
 //! - [`metrics`]: figures of merit, the content of `metrics.json`.
 //! - [`figures`]: SVG, PDF and PNG, the same bytes for the same logs; [`plots`]: which of them, and how they look.
+//! - [`table`]: aligned columns for a terminal; [`numeric_table`]: rows of numbers as text, CSV, LaTeX and JSON.
 //! - [`tables`]: the tracking table beside the published one, timing statistics: text, CSV, LaTeX, JSON.
 //! - [`timeline`]: what happened and when: gait changes, falls, faults, losses, missed deadlines.
 //! - [`check`]: limits that the metrics must keep.
@@ -31,6 +32,7 @@ pub mod figures;
 pub mod frames;
 pub mod math;
 pub mod metrics;
+pub mod numeric_table;
 pub mod plots;
 pub mod replay_comparison;
 pub mod run;

@@ -7,9 +7,9 @@ use serde_json::json;
 use crate::figures::{self, Figure, Lacking, Named};
 use crate::html::{Content, Part};
 use crate::metrics::Metrics;
+use crate::numeric_table::NumericTable;
 use crate::plots::Plots;
 use crate::run::Run;
-use crate::table::Table;
 use crate::timeline::{TimelineEntry, happenings};
 use crate::{Error, Progress, Stage, animation, html, tables};
 
@@ -203,7 +203,7 @@ impl Output {
     }
 
     /// A table in every form but text; nothing for a table without rows.
-    fn write_table(&mut self, name: &str, table: &Table, run: &Run) -> Result<(), Error> {
+    fn write_table(&mut self, name: &str, table: &NumericTable, run: &Run) -> Result<(), Error> {
         if table.rows.is_empty() {
             return Ok(());
         }

@@ -1,177 +1,134 @@
-//! A table of numbers, and its renderings: text, CSV, LaTeX, JSON.
+//! The table that every command prints: columns of text, aligned, without rules.
+//!
+//! ```
+//! use analysis::table::{Column, Table};
+//!
+//! let mut table = Table::new([Column::left("joint"), Column::right("effort")]);
+//! table.row(["LF_HAA", "120.0"]);
+//! table.row(["LF_KFE", "9.5"]);
+//! assert_eq!(table.to_string(), "joint   effort\nLF_HAA   120.0\nLF_KFE     9.5");
+//! ```
+//!
+//! Layout and the width of Unicode text come from the crate `comfy-table`. Tables of numbers that are also written to files are
+//! [`crate::numeric_table::NumericTable`], which prints itself through this type.
 
-use std::fmt::Write as _;
+use std::fmt;
 
-use serde::Serialize;
+use comfy_table::{Cell, CellAlignment, presets};
 
-/// Rows of numbers under headings.
-#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+/// Spaces between two columns.
+const GAP: u16 = 2;
+
+/// Rows of text under headings. [`Display`](fmt::Display) prints one line per row and no newline at the end.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Table {
-    /// What the table shows, one sentence.
-    pub caption: String,
-    /// Headings of the columns, the first that of the rows' names.
-    pub head: Vec<String>,
-    /// Rows.
-    pub rows: Vec<Row>,
+    columns: Vec<Column>,
+    rows: Vec<Vec<String>>,
 }
 
-/// A row of a table.
-#[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct Row {
-    /// Name of the row.
-    pub name: String,
-    /// Unit of its values, empty if there is none.
-    pub unit: String,
-    /// Values, `null` where there is none.
-    pub values: Vec<Option<f64>>,
-    /// Decimals of each value, printed for people.
-    #[serde(skip)]
-    pub decimals: Vec<usize>,
+/// Heading and alignment of a column.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Column {
+    heading: String,
+    alignment: Alignment,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Alignment {
+    Left,
+    Right,
+}
+
+impl Column {
+    /// A column of text.
+    pub fn left(heading: impl Into<String>) -> Self {
+        Self { heading: heading.into(), alignment: Alignment::Left }
+    }
+
+    /// A column of numbers.
+    pub fn right(heading: impl Into<String>) -> Self {
+        Self { heading: heading.into(), alignment: Alignment::Right }
+    }
 }
 
 impl Table {
-    /// For a terminal, columns aligned, ending in a newline.
-    pub fn text(&self) -> String {
-        let names: Vec<String> = self.rows.iter().map(Row::label).collect();
-        let first = names.iter().chain(self.head.first()).map(|name| name.chars().count()).max().unwrap_or(0);
-        let cells: Vec<Vec<String>> = self.rows.iter().map(|row| row.printed("-")).collect();
-        let width = |k: usize| {
-            let of_cells = cells.iter().filter_map(|row| row.get(k)).map(|cell| cell.chars().count()).max();
-            of_cells.unwrap_or(0).max(self.head.get(k + 1).map_or(0, |h| h.chars().count()))
-        };
-        let mut out = format!("{:<first$}", self.head.first().map_or("", String::as_str));
-        for (k, heading) in self.head.iter().skip(1).enumerate() {
-            let _ = write!(out, "  {heading:>0$}", width(k));
-        }
-        out.push('\n');
-        for (name, row) in names.iter().zip(&cells) {
-            let _ = write!(out, "{name:<first$}");
-            for (k, cell) in row.iter().enumerate() {
-                let _ = write!(out, "  {cell:>0$}", width(k));
-            }
-            out.push('\n');
-        }
-        out
+    /// A table without rows. The line of headings is omitted if all of them are empty.
+    pub fn new(columns: impl IntoIterator<Item = Column>) -> Self {
+        Self { columns: columns.into_iter().collect(), rows: Vec::new() }
     }
 
-    /// With a header; every digit of the numbers, absent ones empty.
-    pub fn csv(&self) -> String {
-        let quoted = |text: &str| {
-            if text.contains([',', '"', '\n']) { format!("\"{}\"", text.replace('"', "\"\"")) } else { text.to_owned() }
-        };
-        let head: Vec<String> = self.head.iter().skip(1).map(|heading| quoted(heading)).collect();
-        let mut out = format!("quantity,unit,{}\n", head.join(","));
-        for row in &self.rows {
-            let values = row.values.iter().map(|value| value.map_or(String::new(), |v| format!("{v}")));
-            let _ =
-                writeln!(out, "{},{},{}", quoted(&row.name), quoted(&row.unit), values.collect::<Vec<_>>().join(","));
-        }
-        out
+    /// Appends a row. Missing cells are empty; cells beyond the last column are left-aligned.
+    pub fn row<T: Into<String>>(&mut self, cells: impl IntoIterator<Item = T>) {
+        self.rows.push(cells.into_iter().map(Into::into).collect());
     }
 
-    /// A `tabular` with the rules of the package booktabs; the caption and `origin` stand above it as comments.
-    pub fn latex(&self, origin: &str) -> String {
-        let columns = "r".repeat(self.head.len().saturating_sub(1));
-        let comment = |text: &str| text.replace('\n', " ");
-        let mut out = format!(
-            "% {}\n% {}\n\\begin{{tabular}}{{l{columns}}}\n\\toprule\n",
-            comment(&self.caption),
-            comment(origin)
-        );
-        let head: Vec<String> = self.head.iter().map(|heading| latex_text(heading)).collect();
-        let _ = writeln!(out, "{} \\\\\n\\midrule", head.join(" & "));
-        for row in &self.rows {
-            let cells: Vec<String> =
-                row.printed("--").into_iter().map(|c| if c == "--" { c } else { format!("${c}$") }).collect();
-            let _ = writeln!(out, "{} & {} \\\\", latex_text(&row.label()), cells.join(" & "));
-        }
-        out.push_str("\\bottomrule\n\\end{tabular}\n");
-        out
-    }
-
-    /// Indented JSON, ending in a newline.
-    pub fn json(&self) -> String {
-        serde_json::to_string_pretty(self).expect("a structure of numbers, texts and lists is always JSON") + "\n"
+    /// True if no row was appended.
+    pub fn is_empty(&self) -> bool {
+        self.rows.is_empty()
     }
 }
 
-impl Row {
-    /// A row with its unit and the decimals that people are shown.
-    pub fn new(name: impl Into<String>, unit: &str, decimals: usize, values: Vec<Option<f64>>) -> Self {
-        Self { name: name.into(), unit: unit.to_owned(), decimals: vec![decimals; values.len()], values }
-    }
-
-    /// Name with unit.
-    pub fn label(&self) -> String {
-        if self.unit.is_empty() { self.name.clone() } else { format!("{} [{}]", self.name, self.unit) }
-    }
-
-    /// Values for people; `absent` where there is none.
-    pub fn printed(&self, absent: &str) -> Vec<String> {
-        let each = self.values.iter().zip(&self.decimals);
-        each.map(|(value, &decimals)| value.map_or(absent.to_owned(), |v| fixed(v, decimals))).collect()
-    }
-}
-
-/// A number with so many decimals; what rounds to zero has no sign.
-pub fn fixed(value: f64, decimals: usize) -> String {
-    let text = format!("{value:.decimals$}");
-    let zero = text.bytes().all(|b| matches!(b, b'-' | b'0' | b'.'));
-    if zero { text.trim_start_matches('-').to_owned() } else { text }
-}
-
-/// Words for LaTeX: its special characters escaped, signs outside ASCII by their commands.
-fn latex_text(text: &str) -> String {
-    let mut out = String::new();
-    for c in text.chars() {
-        match c {
-            '%' | '&' | '#' | '_' | '$' | '{' | '}' => out.extend(['\\', c]),
-            '\\' => out.push_str("\\textbackslash{}"),
-            '^' => out.push_str("\\textasciicircum{}"),
-            '~' => out.push_str("\\textasciitilde{}"),
-            '|' => out.push_str("$|$"),
-            'µ' => out.push_str("\\textmu{}"),
-            '²' => out.push_str("$^2$"),
-            '±' => out.push_str("$\\pm$"),
-            c => out.push(c),
+impl fmt::Display for Table {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let mut layout = comfy_table::Table::new();
+        layout.load_style(presets::NOTHING);
+        let has_headings = self.columns.iter().any(|column| !column.heading.is_empty());
+        let headings = self.columns.iter().map(|column| column.heading.clone()).collect();
+        for row in has_headings.then_some(&headings).into_iter().chain(&self.rows) {
+            layout.add_row(row.iter().enumerate().map(|(k, text)| {
+                let cell = Cell::new(one_line(text));
+                match self.columns.get(k).map_or(Alignment::Left, |column| column.alignment) {
+                    Alignment::Left => cell.set_alignment(CellAlignment::Left),
+                    Alignment::Right => cell.set_alignment(CellAlignment::Right),
+                }
+            }));
         }
+        for column in layout.column_iter_mut() {
+            column.set_padding((0, GAP));
+        }
+        f.write_str(&layout.trim_fmt())
     }
-    out
+}
+
+/// The text with control characters escaped: text from a log can neither break the layout nor control the terminal.
+fn one_line(text: &str) -> String {
+    let escaped = |c: char| if c.is_control() { c.escape_default().collect::<String>() } else { c.to_string() };
+    text.chars().map(escaped).collect()
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
 
-    fn table() -> Table {
-        Table {
-            caption: "Two rows".to_owned(),
-            head: ["", "mean |e|", "a_b, %"].map(str::to_owned).to_vec(),
-            rows: vec![
-                Row::new("roll", "rad", 4, vec![Some(-0.000_01), None]),
-                Row::new("tick", "µs", 1, vec![Some(-1.25), Some(3.0)]),
-            ],
-        }
+    #[test]
+    fn columns_are_as_wide_as_their_widest_cell_in_characters() {
+        let mut table = Table::new([Column::left(""), Column::right("time [µs]"), Column::left("note")]);
+        table.row(["tick", "-1.2", ""]);
+        table.row(["wake-up", "12345678.9", "late"]);
+        let lines = ["          time [µs]  note", "tick           -1.2", "wake-up  12345678.9  late"];
+        assert_eq!(table.to_string(), lines.join("\n"));
     }
 
     #[test]
-    fn zero_has_no_sign() {
-        assert_eq!([-0.00004, -0.00006, 0.1].map(|v| fixed(v, 4)), ["0.0000", "-0.0001", "0.1000"]);
+    fn headings_are_omitted_if_all_are_empty() {
+        let mut table = Table::new([Column::left(""), Column::left("")]);
+        assert!(table.is_empty());
+        table.row(["robot", "hyq"]);
+        assert_eq!(table.to_string(), "robot  hyq");
     }
 
     #[test]
-    fn one_table_in_four_forms() {
-        let table = table();
-        assert_eq!(
-            table.text(),
-            "            mean |e|  a_b, %\nroll [rad]    0.0000       -\ntick [µs]       -1.2     3.0\n"
-        );
-        assert_eq!(table.csv(), "quantity,unit,mean |e|,\"a_b, %\"\nroll,rad,-0.00001,\ntick,µs,-1.25,3\n");
-        let latex = table.latex("log run.mcap");
-        let rows = "roll [rad] & $0.0000$ & -- \\\\\ntick [\\textmu{}s] & $-1.2$ & $3.0$ \\\\\n";
-        assert!(latex.contains(rows) && latex.contains(" & mean $|$e$|$ & a\\_b, \\% \\\\\n\\midrule"), "{latex}");
-        assert!(latex.starts_with("% Two rows\n% log run.mcap\n\\begin{tabular}{lrr}\n\\toprule\n"));
-        let json: serde_json::Value = serde_json::from_str(&table.json()).unwrap();
-        assert_eq!(json["rows"][0]["values"], serde_json::json!([-0.000_01, null]));
+    fn control_characters_are_escaped() {
+        let mut table = Table::new([Column::left("channel")]);
+        table.row(["A\u{1b}[2J\nB"]);
+        assert_eq!(table.to_string(), "channel\nA\\u{1b}[2J\\nB");
+    }
+
+    #[test]
+    fn rows_may_be_longer_or_shorter_than_the_headings() {
+        let mut table = Table::new([Column::right("n")]);
+        table.row(["10", "more"]);
+        table.row::<String>([]);
+        assert_eq!(table.to_string(), " n\n10  more\n");
     }
 }

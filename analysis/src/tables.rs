@@ -3,9 +3,9 @@
 use std::fmt::Write as _;
 
 use crate::metrics::{Metrics, Reference};
+use crate::numeric_table::{NumericTable, Row};
 use crate::run::LEGS;
 use crate::stats::{Distribution, ErrorStats, mean_and_std};
-use crate::table::{Row, Table, fixed};
 
 /// Mean and standard deviation of an error as a source prints them.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -86,8 +86,8 @@ pub fn tracking_heading(metrics: &Metrics) -> &'static str {
 }
 
 /// The tracking table, with the published figures in its last four columns.
-pub fn tracking(metrics: &Metrics) -> Table {
-    let head = ["", "mean", "std", "rms", "mean|e|", "max|e|", "publ. mean", "std", "rms", "ratio"];
+pub fn tracking(metrics: &Metrics) -> NumericTable {
+    let head = ["", "mean", "std", "rms", "mean|e|", "max|e|", "publ. mean", "publ. std", "publ. rms", "ratio"];
     let rows = tracking_rows(metrics).into_iter().map(|row| {
         let (m, p) = (row.measured, row.published);
         let values = vec![
@@ -105,40 +105,17 @@ pub fn tracking(metrics: &Metrics) -> Table {
         Row { decimals: ratio_last, ..Row::new(row.name, row.unit, 4, values) }
     });
     let caption = format!("{}; published: Raiola et al. 2020, Table 3", tracking_heading(metrics));
-    Table { caption, head: head.map(str::to_owned).to_vec(), rows: rows.collect() }
+    NumericTable { caption, head: head.map(str::to_owned).to_vec(), rows: rows.collect() }
 }
 
-/// The tracking table for a terminal, ending in a newline.
+/// The tracking table with its caption for a terminal, ending in a newline.
 pub fn tracking_text(metrics: &Metrics) -> String {
-    let mut text = format!("{}; published: Raiola et al. 2020, Table 3\n", tracking_heading(metrics));
-    let _ = writeln!(
-        text,
-        "{:<14}{:>9}{:>9}{:>9}{:>9}{:>9}   |{:>9}{:>9}{:>9}{:>8}",
-        "", "mean", "std", "rms", "mean|e|", "max|e|", "mean", "std", "rms", "ratio"
-    );
-    for row in tracking_rows(metrics) {
-        let _ = write!(text, "{:<14}", format!("{} [{}]", row.name, row.unit));
-        match row.measured {
-            Some(e) => {
-                for value in [e.mean, e.std, e.rms, e.mean_abs, e.max_abs] {
-                    let _ = write!(text, "{:>9}", fixed(value, 4));
-                }
-            }
-            None => text.push_str(&format!("{:>9}", "-").repeat(5)),
-        }
-        if let Some(p) = row.published {
-            let _ = write!(text, "   |{:>9.4}{:>9.4}{:>9.4}", p.mean, p.std, p.rms());
-        }
-        if let Some(ratio) = row.rms_ratio() {
-            let _ = write!(text, "{ratio:>8.2}");
-        }
-        text.push('\n');
-    }
-    text
+    let table = tracking(metrics);
+    format!("{}\n{}", table.caption, table.text())
 }
 
 /// Statistics of times: the tick, its stages, and of a live run wake-up latency and period.
-pub fn timing(metrics: &Metrics) -> Table {
+pub fn timing(metrics: &Metrics) -> NumericTable {
     let row = |name: String, d: Distribution| {
         let values = [d.mean, d.std, d.p50, d.p99, d.p999, d.max].map(Some).to_vec();
         Row::new(name, "µs", 1, values)
@@ -154,11 +131,11 @@ pub fn timing(metrics: &Metrics) -> Table {
         }
     }
     let head = ["", "mean", "std", "p50", "p99", "p99.9", "max"].map(str::to_owned).to_vec();
-    Table { caption: "Times by the wall clock".to_owned(), head, rows }
+    NumericTable { caption: "Times by the wall clock".to_owned(), head, rows }
 }
 
 /// Figures of merit of several logs side by side, with mean and standard deviation over the logs.
-pub fn comparison(runs: &[(String, &Metrics)]) -> Table {
+pub fn comparison(runs: &[(String, &Metrics)]) -> NumericTable {
     let mut rows = Vec::new();
     let mut add = |name: &str, unit: &str, decimals: usize, value: &dyn Fn(&Metrics) -> Option<f64>| {
         let each: Vec<Option<f64>> = runs.iter().map(|(_, metrics)| value(metrics)).collect();
@@ -190,7 +167,7 @@ pub fn comparison(runs: &[(String, &Metrics)]) -> Table {
     let deadlines = |m: &Metrics| m.timing.as_ref().filter(|t| t.with_deadline > 0).map(|t| t.missed_deadlines as f64);
     add("missed deadlines", "", 0, &deadlines);
     let head = std::iter::once("").chain(runs.iter().map(|(name, _)| name.as_str())).chain(["mean", "std"]);
-    Table { caption: "Several logs side by side".to_owned(), head: head.map(str::to_owned).collect(), rows }
+    NumericTable { caption: "Several logs side by side".to_owned(), head: head.map(str::to_owned).collect(), rows }
 }
 
 /// A few lines on how the run went: robot, length, way, falls, speed, contact, QP. Pairs of what and how much.

@@ -6,7 +6,7 @@ use std::fmt::Write as _;
 
 use crate::figures::{FONT, Figure, Format, Lacking, escape};
 use crate::metrics::Metrics;
-use crate::table::Table;
+use crate::numeric_table::NumericTable;
 use crate::tables;
 use crate::timeline::TimelineEntry;
 
@@ -229,7 +229,7 @@ fn contact(page: &mut String, metrics: &Metrics) {
 }
 
 /// A table of numbers. A column `ratio` is good up to one.
-fn numbers(page: &mut String, table: &Table) {
+fn numbers(page: &mut String, table: &NumericTable) {
     page.push_str("<div class=\"wide\"><table><tr>");
     for (k, heading) in table.head.iter().enumerate() {
         let class = if k == 0 { "" } else { " class=\"n\"" };
