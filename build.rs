@@ -3,7 +3,17 @@
 use std::process::Command;
 
 fn main() {
-    for path in [".git/HEAD", ".git/index", "src", "controller", "drivers", "replay", "lcmtypes", "analysis/src"] {
+    for path in [
+        ".git/HEAD",
+        ".git/index",
+        "src",
+        "controller",
+        "drivers",
+        "replay",
+        "lcmtypes",
+        "analysis/src",
+        "experiments/src",
+    ] {
         println!("cargo::rerun-if-changed={path}");
     }
     let revision = output("git", &["rev-parse", "HEAD"]).unwrap_or_else(|| "unknown".to_owned());

@@ -1,17 +1,18 @@
 //! `hoof demo`: simulate, log, replay bit for bit, report.
 
 use crate::progress::Progress;
-use crate::robot::shipped;
-use crate::sim::{Job, simulate};
-use crate::{Outcome, replay_log, report, say, say_json};
+use crate::replay_log::threads;
+use crate::robot::find_shipped;
+use crate::{Outcome, replay_log, report, run_info, say, say_json, sim};
 use analysis::tables;
+use drivers::simulation::{Job, Setup};
 use replay::engine::Options;
 use std::path::PathBuf;
 
 #[derive(clap::Args)]
-#[command(after_help = "Example: hoof demo --out out/demo")]
+#[command(after_help = "Example: hoof demo --out out/demo\n\nExit code 1 if the robot falls or the replay differs.")]
 pub struct Args {
-    /// Directory for log and report; made if need be
+    /// Folder for log and report; created if missing
     #[arg(long, value_name = "DIR", default_value = "out/demo")]
     out: PathBuf,
     /// Print JSON
@@ -22,15 +23,15 @@ pub struct Args {
 const SCENARIO: &str = "scenarios/rough_trot.toml";
 
 pub fn run(args: &Args) -> anyhow::Result<Outcome> {
-    let scenario = shipped(SCENARIO)?;
+    let scenario = find_shipped(SCENARIO)?;
     let (log, report_dir) = (args.out.join("hyq_rough_trot.mcap"), args.out.join("report"));
-    let job = Job { robot: "hyq", scenario: &scenario, log: &log, seconds: None, seed: None, set: &[] };
+    let job = Job { robot: "hyq", scenario: &scenario, seconds: None, seed: None, set: &[] };
     let say_unless_json = |text: String| if args.json { Ok(()) } else { say(text) };
 
     let bar = Progress::new("HyQ trots over stones");
-    let summary = simulate(&job, &mut |part| bar.set(part))?;
+    let summary = Setup::read(&job)?.simulate(&log, &run_info::build(), &mut |fraction| bar.set(fraction))?;
     drop(bar);
-    say_unless_json(format!("{}\n", summary.text()))?;
+    say_unless_json(format!("{}\n", sim::text(&summary)))?;
     let replayed = replay_log::replay(&log, &Options { jobs: threads(), ..Options::default() })?;
     say_unless_json(format!("{}\n", replay_log::text(&replayed, &[])))?;
     let written = report::write(&log, &report_dir)?;
@@ -46,8 +47,4 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
         }))?;
     }
     Ok(Outcome::failed_if(summary.fell || !replayed.identical))
-}
-
-fn threads() -> usize {
-    std::thread::available_parallelism().map_or(1, usize::from)
 }

@@ -14,20 +14,13 @@ fn the_list_holds_every_experiment_of_the_paper() {
         assert!(ids.contains(&format!("A{number}").as_str()), "{ids:?}");
     }
     let text = hoof("experiment list").exits(0).stdout;
-    assert!(
-        text.contains("A4               A2, A3 and speed on another robot")
-            && text.contains("anymal_b, 20 seeds, about"),
-        "{text}"
-    );
+    assert!(ids.iter().all(|id| text.contains(id)) && text.contains("anymal_b, 20 seeds"), "{text}");
 }
 
 #[test]
-fn an_unknown_experiment_is_told_what_there_is() {
+fn the_error_about_an_unknown_experiment_lists_the_known_ones() {
     let error = hoof("experiment run A13").exits(2).stderr;
-    assert!(
-        error.contains("no experiment \"A13\", there are: A1, A2, A3,") && error.contains("limits_anymal_b, all"),
-        "{error}"
-    );
+    assert!(["A13", "A1, A2, A3,", "limits_anymal_b", "all"].iter().all(|id| error.contains(id)), "{error}");
 }
 
 #[test]
@@ -36,18 +29,21 @@ fn an_experiment_prints_published_wanted_and_measured() {
     let markdown = out.join("tables.md");
     let arguments = format!("experiment run a10 --out {} --markdown {}", out.display(), markdown.display());
     let text = hoof(&arguments).exits(0).stdout;
-    assert!(text.starts_with("A10, hyq: ") && text.contains("A(17), task over posture"), "{text}");
+    assert!(text.contains("A10, hyq") && text.contains("A(17)"), "{text}");
     let page = std::fs::read_to_string(&markdown).unwrap();
-    assert!(page.contains("| 3 of 3 |  |") && page.contains("| A(4), joint impedance,"), "{page}");
+    assert!(page.contains("| 3 of 3 |") && page.contains("| A(4)"), "{page}");
 
     let json = hoof(&format!("{arguments} --robot anymal_b --json")).exits(0).json();
     assert_eq!((&json["id"], &json["robot"], &json["pass"]), (&json!("A10"), &json!("anymal_b"), &json!(true)));
-    for row in json["rows"].as_array().unwrap() {
-        assert!(row["measured"].as_f64().unwrap() < 1e-8 && row["wanted"] == "<= 1.0e-8", "{row}");
+    let rows = json["rows"].as_array().unwrap();
+    assert_eq!(rows.len(), 3);
+    for row in rows {
+        assert_eq!((&row["wanted"], &row["pass"]), (&json!("<= 1.0e-8"), &json!(true)), "{row}");
+        assert!(row["measured"].as_f64().unwrap() < 1e-8, "{row}");
     }
 }
 
-/// A push that the robot does not feel and one that throws it over: the limit lies between, and every run is kept and replays.
+/// The robot survives a push of 0 N and falls at 2000 N; the search finds the limit between them. Every run is kept and replays.
 #[test]
 fn a_limit_is_found_by_bisection() {
     let out = folder("limit");
@@ -73,5 +69,5 @@ fn a_limit_is_found_by_bisection() {
         scenario.display(),
         out.display()
     ));
-    assert!(key.exits(2).stderr.contains("push[3].t_s: there are 1 entries, counted from 0"));
+    assert!(key.exits(2).stderr.contains("push[3].t_s"));
 }

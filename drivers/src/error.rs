@@ -6,13 +6,81 @@ use std::path::PathBuf;
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum DriverError {
-    /// A scenario cannot be read.
+    /// A file cannot be read.
     #[error("{}: {source}", path.display())]
     Read {
         /// The file.
         path: PathBuf,
-        /// What the system says.
+        /// Error of the operating system.
         source: std::io::Error,
+    },
+    /// A folder for a log cannot be created.
+    #[error("{}: {source}", path.display())]
+    Folder {
+        /// The folder.
+        path: PathBuf,
+        /// Error of the operating system.
+        source: std::io::Error,
+    },
+    /// No robot has this name.
+    #[error(
+        "no robot \"{name}\": found neither robots/{name}/{name}.toml nor a .toml or .urdf file; known robots: {}", known.join(", ")
+    )]
+    UnknownRobot {
+        /// The name.
+        name: String,
+        /// Names below `robots/`.
+        known: Vec<String>,
+    },
+    /// A URDF file was given where parameters are required.
+    #[error("{}: a URDF alone has no feet, posture and gains; give the name of a robot or its TOML file", path.display())]
+    UrdfAlone {
+        /// The URDF.
+        path: PathBuf,
+    },
+    /// A file of the project is missing.
+    #[error("{name} not found; searched the working directory{}", folders.iter().map(|f| format!(", {}", f.display())).collect::<String>())]
+    NotShipped {
+        /// Path below the root of the project.
+        name: String,
+        /// Folders searched besides the working directory.
+        folders: Vec<PathBuf>,
+    },
+    /// A parameter override without `=`.
+    #[error("parameter {text}: expected KEY=VALUE")]
+    Override {
+        /// The text.
+        text: String,
+    },
+    /// The URDF is invalid.
+    #[error(transparent)]
+    Urdf(#[from] controller::model::ModelError),
+    /// Parameters are invalid.
+    #[error(transparent)]
+    Params(#[from] controller::params::ParamsError),
+    /// Parameters in a file are invalid.
+    #[error("{file}: {source}")]
+    ParamsFile {
+        /// The file.
+        file: String,
+        /// The error.
+        source: controller::params::ParamsError,
+    },
+    /// The controller cannot be built for a robot.
+    #[error("{robot}: {source}")]
+    Controller {
+        /// The robot, by name or file.
+        robot: String,
+        /// The error.
+        source: controller::LoadError,
+    },
+    /// A scenario does not fit the robot.
+    #[error("{file}: {source}")]
+    InScenario {
+        /// Scenario file.
+        file: String,
+        /// The error.
+        source: Box<DriverError>,
     },
     /// A scenario is not TOML, has an unknown key, or a value of the wrong kind.
     #[error("{file}:{line}: {error}, in `{text}`")]

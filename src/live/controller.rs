@@ -11,6 +11,7 @@ use controller::params::Params;
 use drivers::Scenario;
 use drivers::command_mux::CommandMux;
 use drivers::live::{self, Dummy, Executor, Faulty, LcmRobot, Plan, Summary};
+use drivers::run_info::{Run, describe};
 use lcmtypes::bus::LcmBus;
 use lcmtypes::{RunInfo, channels};
 use replay::udpm::Url;
@@ -79,14 +80,17 @@ pub(super) fn prepare(file: &RunFile, url: &Url) -> anyhow::Result<(RunInfo, Box
         let parsed = Scenario::parse(&scenario, &simulation.scenario.display().to_string())?;
         (scenario_name, seed) = (parsed.name, parsed.seed);
     }
-    let info = run_info::of(&run_info::Run {
-        controller: &file.controller(),
-        robot: &params.robot.name,
-        urdf: &files.urdf,
-        params: &params_text,
-        scenario: (&scenario_name, &scenario),
-        seed,
-    });
+    let info = describe(
+        &Run {
+            controller: &file.controller(),
+            robot: &params.robot.name,
+            urdf: &files.urdf,
+            params: &params_text,
+            scenario: (&scenario_name, &scenario),
+            seed,
+        },
+        &run_info::build(),
+    );
     let tree = files.tree()?;
     let joints = tree.joints.iter().filter(|joint| joint.kind != JointKind::Fixed);
     let joints: Vec<String> = joints.map(|joint| joint.name.clone()).collect();

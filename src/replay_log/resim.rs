@@ -1,12 +1,12 @@
 //! `hoof replay LOG --resim LOG2`: the plant is simulated again, so that the robot answers the changed controller.
 
 use crate::progress::Progress;
-use crate::sim::{Setup, simulate_setup};
-use crate::{Outcome, say, say_json};
+use crate::{Outcome, run_info, say, say_json, sim};
 use analysis::{Metrics, Run};
 use anyhow::{Context, ensure};
 use drivers::Scenario;
 use drivers::operator_script::OperatorScript;
+use drivers::simulation::Setup;
 use lcmtypes::{ControllerInput, Message, OperatorCommand, ParameterRequest, channels};
 use replay::engine::{Options, Replay};
 use replay::log::LogReader;
@@ -41,16 +41,17 @@ pub fn run(log: &Path, options: &Options, out: &Path, json: bool) -> anyhow::Res
     let urdf = options.urdf.clone().unwrap_or_else(|| recorded.urdf.clone());
     let setup = Setup {
         robot: recorded.robot.clone(),
-        called: recorded.robot.clone(),
+        robot_source: recorded.robot.clone(),
         urdf,
-        urdf_name: format!("URDF of {}", log.display()),
+        urdf_source: format!("URDF of {}", log.display()),
         params,
         scenario,
         scenario_text: recorded.scenario.clone(),
-        prove: false,
+        scenario_source: format!("scenario of {}", log.display()),
+        prove: None,
     };
     let bar = Progress::new("simulate again");
-    let summary = simulate_setup(setup, out, &mut |part| bar.set(part))?;
+    let summary = setup.simulate(out, &run_info::build(), &mut |part| bar.set(part))?;
     drop(bar);
     let same =
         if live { Some("it was live, and no plant repeats that to the bit".to_owned()) } else { same_run(log, out)? };
@@ -65,9 +66,9 @@ pub fn run(log: &Path, options: &Options, out: &Path, json: bool) -> anyhow::Res
             None => "the simulation repeats the log, bit for bit".to_owned(),
             Some(place) => format!("the simulation departs from the log: {place}"),
         };
-        say(format!("{}\n{verdict}\n\n{}", summary.text(), compared(&before, &after)))?;
+        say(format!("{}\n{verdict}\n\n{}", sim::text(&summary), compared(&before, &after)))?;
     }
-    Ok(Outcome::failed_if(summary.fell || summary.safe_state.is_some()))
+    Ok(Outcome::failed_if(summary.failed()))
 }
 
 /// What people asked for in a run, in times since its first tick.

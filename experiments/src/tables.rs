@@ -1,56 +1,65 @@
-//! What an experiment found: rows of figures, as text, JSON and Markdown.
+//! Results of an experiment: judged rows, as text, JSON and Markdown.
 
-use super::Experiment;
-use super::bench::Bench;
+use crate::Experiment;
+use crate::bench::Bench;
+use replay::engine::Build;
 use serde::Serialize;
 use std::path::PathBuf;
 
-/// One figure of an experiment.
-#[derive(Debug, Serialize)]
+/// [`Row::wanted`] of a row without a target.
+pub const NOT_JUDGED: &str = "not judged";
+
+/// One measured quantity of an experiment.
+#[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Row {
-    /// What.
+    /// Name of the quantity.
     pub name: String,
-    /// What the source prints, if it prints a figure.
+    /// Value that the source reports, if any.
     pub published: Option<f64>,
-    /// What it is to be, such as "<= 10"; empty where there is no limit.
+    /// Target, such as "<= 10"; [`NOT_JUDGED`] if there is none.
     pub wanted: String,
-    /// What this run gave; not a number where there was nothing to measure.
+    /// Measured value; NaN (`null` in JSON) if there was nothing to measure, which misses every target.
     pub measured: f64,
-    /// Of all of them.
+    /// Unit of all values; empty for counts and ratios.
     pub unit: &'static str,
-    /// Whether the measured figure is good enough; `None` where there is no limit.
+    /// Whether the measured value meets the target; `None` for a row that is not judged.
     pub pass: Option<bool>,
 }
 
 impl Row {
-    /// A figure to know.
-    pub fn noted(name: impl Into<String>, measured: f64, unit: &'static str) -> Self {
-        Row { name: name.into(), published: None, wanted: String::new(), measured, unit, pass: None }
+    /// A row that is not judged.
+    pub fn info(name: impl Into<String>, measured: f64, unit: &'static str) -> Self {
+        Row { name: name.into(), published: None, wanted: NOT_JUDGED.to_owned(), measured, unit, pass: None }
     }
 
-    /// The same, with what the source prints.
+    /// Adds the value that the source reports.
     pub fn published(self, published: f64) -> Self {
         Row { published: Some(published), ..self }
     }
 
-    /// The same, with a largest value that passes.
+    /// Judges the row: passes up to and including `limit`.
     pub fn at_most(self, limit: f64) -> Self {
         Row { wanted: format!("<= {}", number(limit)), pass: Some(self.measured <= limit), ..self }
     }
 
-    /// The same, with a smallest value that passes.
+    /// Judges the row: passes from `limit` on, inclusive.
     pub fn at_least(self, limit: f64) -> Self {
         Row { wanted: format!(">= {}", number(limit)), pass: Some(self.measured >= limit), ..self }
     }
 
-    /// The same, with the one value that passes.
+    /// Removes the target.
+    pub fn not_judged(self) -> Self {
+        Row { wanted: NOT_JUDGED.to_owned(), pass: None, ..self }
+    }
+
+    /// Judges the row: passes within 1e-9 of `value`.
     pub fn exactly(self, value: f64) -> Self {
         let close = (self.measured - value).abs() < 1e-9;
         Row { wanted: number(value), pass: Some(close), ..self }
     }
 }
 
-/// All that came of an experiment.
+/// The result of one experiment on one robot.
 #[derive(Serialize)]
 pub struct Tables {
     id: &'static str,
@@ -58,16 +67,17 @@ pub struct Tables {
     published: &'static str,
     robot: String,
     rows: Vec<Row>,
-    /// Remarks: what was compared, what differs between two robots.
+    /// Remarks, such as what was compared or which parameters differ between two robots.
     notes: Vec<String>,
     figures: Vec<PathBuf>,
     logs: PathBuf,
     seconds: f64,
-    /// No row fails.
+    /// No row misses its target.
     pub pass: bool,
 }
 
 impl Tables {
+    /// Collects rows, remarks and figures of a finished experiment.
     pub fn new(experiment: &Experiment, bench: &Bench, rows: Vec<Row>, seconds: f64) -> Self {
         let pass = rows.iter().all(|row| row.pass != Some(false));
         let Experiment { id, title, published, .. } = experiment;
@@ -76,7 +86,12 @@ impl Tables {
         Tables { id, title, published, robot, rows, notes, figures, logs, seconds, pass }
     }
 
-    /// For a terminal.
+    /// The rows.
+    pub fn rows(&self) -> &[Row] {
+        &self.rows
+    }
+
+    /// Text for a terminal.
     pub fn text(&self) -> String {
         let width = self.rows.iter().map(|row| row.name.len()).max().unwrap_or(0).max(30);
         let mut text = format!("{}, {}: {}\n", self.id, self.robot, self.title);
@@ -112,20 +127,20 @@ impl Tables {
 }
 
 impl Row {
-    /// Published, wanted, measured, pass.
+    /// Cells of the columns published, wanted, measured, pass.
     fn cells(&self) -> [String; 4] {
         let pass = self.pass.map_or("", |pass| if pass { "yes" } else { "NO" });
         [self.published.map_or(String::new(), number), self.wanted.clone(), number(self.measured), pass.to_owned()]
     }
 }
 
-/// The tables one below the other, with what failed on top.
-pub fn markdown(all: &[Tables]) -> String {
-    let mut text = "# Experiments\n\nThe experiments of Raiola et al. 2020, measured beside published; made by `hoof experiment run all --markdown \
-                    docs/experiments.md`.\nA row without a wanted figure is there to know.\n\n"
+/// All tables as Markdown, after a summary that lists the rows that miss their target.
+pub fn markdown(all: &[Tables], build: &Build) -> String {
+    let mut text = "# Experiments\n\nThe experiments of Raiola et al. 2020: published and measured values. Written by `hoof experiment run all \
+                    --markdown docs/experiments.md`.\nA row that is not judged has no target.\n\n"
         .to_owned();
-    text += &format!("Build {}, {}.\n\n", env!("HOOF_REVISION"), env!("HOOF_TOOLCHAIN"));
-    text += "| experiment | robot | rows that pass | what does not |\n|---|---|---|---|\n";
+    text += &format!("Build {}, {}.\n\n", build.revision, build.toolchain);
+    text += "| experiment | robot | rows that pass | rows that fail |\n|---|---|---|---|\n";
     for tables in all {
         let judged = tables.rows.iter().filter(|row| row.pass.is_some());
         let failed: Vec<&str> =
@@ -140,7 +155,7 @@ pub fn markdown(all: &[Tables]) -> String {
     text
 }
 
-/// Four digits after the point for small figures, fewer for large ones, powers of ten for tiny ones.
+/// A value for a table: four decimals below 10, one from there on, a power of ten below 5e-4, none for whole numbers; `-` for NaN.
 fn number(x: f64) -> String {
     if x.is_nan() {
         "-".to_owned()
@@ -160,18 +175,19 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_row_passes_on_its_limit_and_never_without_a_measurement() {
-        let row = |measured| Row::noted("delay", measured, "ms");
+    fn limits_are_inclusive_and_nan_never_passes() {
+        let row = |measured| Row::info("delay", measured, "ms");
         assert_eq!([row(10.0).at_most(10.0).pass, row(10.1).at_most(10.0).pass], [Some(true), Some(false)]);
         assert_eq!([row(20.0).at_least(20.0).pass, row(19.9).at_least(20.0).pass], [Some(true), Some(false)]);
         let nothing = [row(f64::NAN).at_most(1.0), row(f64::NAN).at_least(1.0), row(f64::NAN).exactly(0.0)];
         assert!(nothing.iter().all(|row| row.pass == Some(false)));
-        assert_eq!(row(f64::NAN).cells(), ["", "", "-", ""]);
+        assert_eq!(row(f64::NAN).cells(), ["", NOT_JUDGED, "-", ""]);
+        assert_eq!(row(1.0).exactly(2.0).not_judged(), row(1.0));
         assert_eq!(row(0.012_34).published(0.0101).at_most(0.0101).cells(), ["0.0101", "<= 0.0101", "0.0123", "NO"]);
     }
 
     #[test]
-    fn numbers_are_short() {
+    fn values_are_printed_with_few_digits() {
         assert_eq!([3.0, 1.25, 1180.44, 3.2e-14].map(number), ["3", "1.2500", "1180.4", "3.2e-14"]);
     }
 }

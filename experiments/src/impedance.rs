@@ -1,6 +1,8 @@
-//! The equivalences of the source's appendix, as relative errors: with gains premultiplied by the inertia, the stack's quadratic programs are
-//! impedance control in closed form. All coordinates count as actuated, base included; no contacts, no gravity, and of the torques what
-//! moves the masses, `M vd`. Expected values by dense linear algebra, without the stack.
+//! Equivalence of the stack with closed-form impedance control, as relative errors. Source: Raiola et al. 2020, appendix A.
+//!
+//! With gains premultiplied by the inverse inertia, the quadratic programs of the stack give the torques of impedance control. All
+//! coordinates count as actuated, base included; there are no contacts and no gravity; the compared torque is the inertial part `M vd`.
+//! Expected values are computed by dense linear algebra, without the stack.
 
 use controller::math::{Rx, Ry, Rz};
 use controller::model::{BaseState, Kinematics, mass_matrix, point_bias_acceleration, point_jacobian_linear};
@@ -11,21 +13,21 @@ use controller::stack::{Cascade, Rows, Solver, Term};
 use drivers::Rng;
 use nalgebra::{DMatrix, DVector, Vector3};
 
-/// What is left of the tasks' errors: small enough to see 1e-8 of them.
+/// Regularization of the programs: small enough that relative errors of 1e-8 are visible.
 const REGULARIZATION: f64 = 1e-13;
 
-/// Largest relative errors over all configurations.
+/// Largest relative error of each equivalence over all configurations.
 #[derive(Debug, Default)]
 pub struct Errors {
     /// Eq. A(4): joint impedance.
     pub joint: f64,
-    /// Eq. A(10): Cartesian impedance with as many rows as coordinates.
+    /// Eq. A(10): Cartesian impedance with a square Jacobian.
     pub cartesian: f64,
-    /// Eqs. A(15) and A(17): a task over a posture, dynamically consistent null space.
+    /// Eqs. A(15) and A(17): a task above a posture, with the dynamically consistent null space.
     pub null_space: f64,
 }
 
-/// A robot at a random configuration, and what is asked of it.
+/// A robot at a random configuration, with random reference torques and forces.
 struct Case {
     M: DMatrix<f64>,
     M_inv: DMatrix<f64>,
@@ -35,10 +37,10 @@ struct Case {
     F_r: DVector<f64>,
 }
 
-/// Errors over `n` random configurations of a robot.
+/// Largest errors over `n` random configurations of a robot.
 ///
 /// # Errors
-/// A program without a solution; a mass matrix that cannot be inverted.
+/// A program without a solution, or a matrix that cannot be inverted.
 pub fn errors(robot: &Robot, n: usize, seed: i64) -> anyhow::Result<Errors> {
     let (mut rng, mut errors) = (Rng::new(seed, "impedance"), Errors::default());
     for _ in 0..n {
@@ -75,16 +77,16 @@ impl Case {
         Ok(Case { M_inv: inverse(&M)?, M, J, Jd_v, tau_r, F_r })
     }
 
-    /// `K = M⁻¹ K'` asks for the accelerations that the torques of `K'` give.
+    /// Eq. A(4): with `K = M⁻¹ K'` the program gives the accelerations that the torques of `K'` cause.
     fn joint(&self) -> anyhow::Result<f64> {
         let n = self.M.nrows();
         let vd = accelerations(&[rows(&DMatrix::identity(n, n), &(&self.M_inv * &self.tau_r))])?;
         Ok(relative(&(&self.M * vd), &self.tau_r))
     }
 
-    /// `J M⁻¹ Jᵀ F_r - Jd v` is asked for, and `Jᵀ F_r - M J⁻¹ Jd v` given.
+    /// Eq. A(10): the reference acceleration `J M⁻¹ Jᵀ F_r - Jd v` gives the torque `Jᵀ F_r - M J⁻¹ Jd v`.
     fn cartesian(&self, rng: &mut Rng) -> anyhow::Result<f64> {
-        // The foot and random combinations, well conditioned.
+        // The rows of the foot, completed by random rows; well conditioned.
         let n = self.M.nrows();
         let mut J = DMatrix::from_fn(n, n, |i, j| 0.1 * rng.uniform(-1.0, 1.0) + if i == j { 1.0 } else { 0.0 });
         J.rows_mut(0, 3).copy_from(&self.J);
@@ -94,7 +96,7 @@ impl Case {
         Ok(relative(&(&self.M * vd), &(J.transpose() * &F_r - &self.M * inverse(&J)? * &Jd_v)))
     }
 
-    /// `τ = Jᵀ F_r - Jᵀ Λ Jd v + (I - Jᵀ J̄ᵀ) τ_r`, with the posture in the norm of kinetic energy, W = M.
+    /// Eq. A(17): `τ = Jᵀ F_r - Jᵀ Λ Jd v + (I - Jᵀ J̄ᵀ) τ_r`, with the posture weighted by W = M.
     fn null_space(&self) -> anyhow::Result<f64> {
         let Case { M, M_inv, J, Jd_v, tau_r, F_r } = self;
         let mobility = J * M_inv * J.transpose();
@@ -112,7 +114,7 @@ impl Case {
     }
 }
 
-/// Rows of one dense block.
+/// Task rows of one dense block, `A vd = b`.
 fn rows(A: &DMatrix<f64>, b: &DVector<f64>) -> Rows {
     let mut rows = Rows::new(A.ncols(), [(A.nrows(), (0..A.ncols()).collect())]);
     rows.switch(0, true);
@@ -121,7 +123,7 @@ fn rows(A: &DMatrix<f64>, b: &DVector<f64>) -> Rows {
     rows
 }
 
-/// Accelerations that a stack without constraints gives; one task a level, the most important first.
+/// Accelerations of a stack without constraints; one task per level, highest priority first.
 fn accelerations(tasks: &[Rows]) -> anyhow::Result<DVector<f64>> {
     let nv = tasks[0].A.ncols();
     let mut pattern = Qp::zeros(nv, 0, 0);

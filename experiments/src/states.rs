@@ -1,4 +1,4 @@
-//! The states of a log: what the controller consumed, fed to controllers that are built otherwise.
+//! Feeds the logged inputs of a run to controllers with other parameters.
 
 use anyhow::Context;
 use controller::params::apply_overrides;
@@ -9,10 +9,10 @@ use lcmtypes::{ControllerInput, GroundTruth, Message, RobotCommand, RunInfo, cha
 use replay::log::LogReader;
 use std::path::Path;
 
-/// Inputs of a run in the order of its ticks, and where the base truly was.
+/// The controller inputs of a run, each with the true position and velocity of the base.
 pub struct States {
     info: RunInfo,
-    /// One a tick.
+    /// One entry per tick, in order.
     pub ticks: Vec<(ControllerInput, BasePlace)>,
 }
 
@@ -20,7 +20,7 @@ impl States {
     /// Reads a log of the simulator.
     ///
     /// # Errors
-    /// A log that cannot be read, or without RUN_INFO, CONTROLLER_INPUT or GROUND_TRUTH.
+    /// A log that cannot be read, or that has no RUN_INFO, no CONTROLLER_INPUT, or no GROUND_TRUTH before its first input.
     pub fn read(log: &Path) -> anyhow::Result<Self> {
         let (mut info, mut ticks, mut place) = (None, Vec::new(), None);
         for event in LogReader::open(log)?.events() {
@@ -32,8 +32,9 @@ impl States {
                     place = Some(BasePlace { p_WB: p_WB.into(), v_WB: v_WB.into() });
                 }
                 channels::CONTROLLER_INPUT => {
-                    let place =
-                        place.with_context(|| format!("{}: an input before any ground truth", log.display()))?;
+                    let place = place.with_context(|| {
+                        format!("{}: CONTROLLER_INPUT before the first GROUND_TRUTH", log.display())
+                    })?;
                     ticks.push((ControllerInput::decode(&event.data)?, place));
                 }
                 _ => {}
@@ -44,27 +45,34 @@ impl States {
         Ok(States { info, ticks })
     }
 
-    /// The run's controller with other values of some parameters.
+    /// Builds the run's controller with some parameters changed.
+    ///
+    /// # Errors
+    /// An unknown key or an invalid value.
     pub fn controller(&self, set: &[(&str, &str)]) -> anyhow::Result<Quadruped> {
         let set: Vec<_> = set.iter().map(|(key, value)| ((*key).to_owned(), (*value).to_owned())).collect();
         Ok(Quadruped::new(&self.info.urdf, &apply_overrides(&self.info.params, &set)?)?)
     }
 }
 
-/// A controller that is led through the states, and what it commands.
-pub struct Led {
+/// A controller that is stepped through logged inputs, and its last command.
+pub struct OpenLoop {
     /// The controller.
     pub controller: Quadruped,
     out: Outbox,
     command: RobotCommand,
 }
 
-impl Led {
+impl OpenLoop {
+    /// Starts with a controller that has made no tick.
     pub fn new(controller: Quadruped) -> Self {
-        Led { controller, out: Outbox::new(), command: RobotCommand::default() }
+        OpenLoop { controller, out: Outbox::new(), command: RobotCommand::default() }
     }
 
-    /// Torques of a tick, N m; none unless it balances.
+    /// Steps one tick and returns its joint torques, N m, URDF order; `None` if the command is not in torque mode.
+    ///
+    /// # Errors
+    /// A tick without ROBOT_COMMAND.
     pub fn torques(&mut self, input: &ControllerInput) -> anyhow::Result<Option<&[f64]>> {
         self.controller.step(input, &mut self.out);
         let bytes = self.out.get(channels::ROBOT_COMMAND).context("a tick without ROBOT_COMMAND")?;

@@ -1,39 +1,64 @@
-//! The highest step, the deepest hole and the largest push.
+//! Highest step, deepest hole and largest push that a trotting robot survives.
 
-use crate::experiment::bench::{Bench, Spec};
-use crate::experiment::limit::{Sweep, Tried, largest};
-use crate::experiment::table::Row;
+use crate::bench::{Bench, RunSpec};
+use crate::limit_search::{Sweep, Tried, largest};
+use crate::{Experiment, Row};
 use analysis::figures::Curves;
 
-/// Steps up, holes, and pushes from the side and from behind, all on a trot.
-pub fn limits(bench: &Bench) -> anyhow::Result<Vec<Row>> {
+pub(super) const HYQ: Experiment = Experiment {
+    id: "limits",
+    title: "the highest step, the deepest hole and the largest push that are survived",
+    published: "no number",
+    robot: "hyq",
+    seeds: 4,
+    minutes: 4.0,
+    run,
+};
+
+pub(super) const ANYMAL_B: Experiment = Experiment {
+    id: "limits_anymal_b",
+    title: "the same limits of another robot, with a third of the mass",
+    robot: "anymal_b",
+    ..HYQ
+};
+
+/// Searches the four limits; each must be at least the first value of its search.
+fn run(bench: &Bench) -> anyhow::Result<Vec<Row>> {
     let walk = "[{ t_s = 0.0, mode = \"stand\" }, { t_s = 1.0, mode = \"walk\" }, { t_s = 2.0, v_x = 0.25 }, { t_s = 13.0, v_x = 0.0 }]";
-    // The step is 0.8 m ahead: at 1.6 m the hind legs are on it too.
-    let steps = Spec::of("flat_trot")
+    // The step is 0.8 m ahead; at 1.6 m the hind legs have climbed it too.
+    let steps = RunSpec::of("flat_trot")
         .named("steps")
         .with("duration_s", "14.0")
         .with("operator", walk)
         .with("noise", "{ velocity = 0.01, orientation = 0.001, gyro = 0.002 }")
         .with("terrain", "{ kind = \"steps\", step_height_m = 0.02, step_length_m = 5.0, flat_radius_m = 0.8, extent_m = [12.0, 4.0] }");
-    let push = Spec::of("flat_trot")
+    let push = RunSpec::of("flat_trot")
         .named("push")
         .with("duration_s", "8.0")
         .with("operator", "[{ t_s = 0.0, mode = \"stand\" }, { t_s = 1.0, mode = \"walk\" }]")
         .with("push", "[{ t_s = 4.0, duration_s = 0.2, force_W = [0.0, 0.0, 0.0] }]");
-    let hole = Spec::of("flat_trot")
+    let hole = RunSpec::of("flat_trot")
         .named("hole")
         .with("duration_s", "8.0")
         .with("operator", walk)
         .with("floor", "[{ t_s = 4.0, leg = \"LF\", height_m = 0.0 }]");
-    // A fifth of a stride later with each seed.
+    // Each seed pushes a fifth of a stride later.
     let later = |seed: i64| ("push[0].t_s".to_owned(), format!("{:.3}", 4.0 + 0.111 * f64::from(seed as i32)));
-    // Under another foot with each seed, diagonal ones first.
+    // Each seed lowers the floor of another foot, diagonal pairs first.
     let foot = |seed: i64| ("floor[0].leg".to_owned(), format!("{:?}", ["LF", "RH", "RF", "LH"][(seed % 4) as usize]));
     let sweeps = [
         (
             "highest step up",
             "m",
-            Sweep { spec: steps, key: "terrain.step_height_m", from: 0.02, to: 0.3, step: 0.01, way: 1.6, vary: None },
+            Sweep {
+                spec: steps,
+                key: "terrain.step_height_m",
+                from: 0.02,
+                to: 0.3,
+                step: 0.01,
+                min_distance: 1.6,
+                vary: None,
+            },
         ),
         (
             "deepest hole under any one foot",
@@ -44,7 +69,7 @@ pub fn limits(bench: &Bench) -> anyhow::Result<Vec<Row>> {
                 from: -0.02,
                 to: -0.3,
                 step: -0.01,
-                way: 0.0,
+                min_distance: 0.0,
                 vary: Some(&foot),
             },
         ),
@@ -57,7 +82,7 @@ pub fn limits(bench: &Bench) -> anyhow::Result<Vec<Row>> {
                 from: 50.0,
                 to: 3250.0,
                 step: 25.0,
-                way: 0.0,
+                min_distance: 0.0,
                 vary: Some(&later),
             },
         ),
@@ -70,7 +95,7 @@ pub fn limits(bench: &Bench) -> anyhow::Result<Vec<Row>> {
                 from: 50.0,
                 to: 3250.0,
                 step: 25.0,
-                way: 0.0,
+                min_distance: 0.0,
                 vary: Some(&later),
             },
         ),
@@ -78,10 +103,10 @@ pub fn limits(bench: &Bench) -> anyhow::Result<Vec<Row>> {
     let mut rows = Vec::new();
     for (name, unit, sweep) in &sweeps {
         let (limit, tried) = largest(bench, sweep)?;
-        rows.push(Row::noted(*name, limit.abs(), unit).at_least(sweep.from.abs()));
+        rows.push(Row::info(*name, limit.abs(), unit).at_least(sweep.from.abs()));
         if limit == sweep.to {
             bench.note(format!(
-                "{name}: {} {unit}, the last that is tried, is survived too: the limit lies beyond",
+                "{name}: the last value tried, {} {unit}, is survived; the limit is beyond it",
                 limit.abs()
             ));
         }

@@ -1,0 +1,120 @@
+//! A robot's files: found by name or path, and read.
+
+use crate::{DriverError, shipped};
+use controller::model::UrdfTree;
+use controller::params::{Params, ParamsError, apply_overrides};
+use std::path::{Path, PathBuf};
+
+/// A robot's files, read.
+#[derive(Clone, Debug)]
+pub struct RobotFiles {
+    /// Text of the URDF.
+    pub urdf: String,
+    /// Path of the URDF.
+    pub urdf_path: PathBuf,
+    /// All parameters as TOML, defaults included; `None` if only a URDF was given.
+    pub params: Option<String>,
+}
+
+impl RobotFiles {
+    /// Finds a robot by name (`robots/NAME/NAME.toml` below one of [`shipped::folders`]), TOML file or URDF file.
+    ///
+    /// # Errors
+    /// - [`DriverError::UnknownRobot`], [`DriverError::Read`]
+    /// - [`DriverError::Params`]: the TOML file is invalid.
+    pub fn find(robot: &str) -> Result<Self, DriverError> {
+        let path = Path::new(robot);
+        match path.extension().and_then(|e| e.to_str()) {
+            Some("urdf" | "xml") => Ok(RobotFiles { urdf: read(path)?, urdf_path: path.to_owned(), params: None }),
+            Some("toml") => Self::with_params(path),
+            _ => Self::with_params(&by_name(robot)?),
+        }
+    }
+
+    /// Same as [`RobotFiles::find`], for a robot that must have parameters; the second value is their TOML text.
+    ///
+    /// # Errors
+    /// [`DriverError::UrdfAlone`] if `robot` is a URDF file; else as [`RobotFiles::find`].
+    pub fn find_with_params(robot: &str) -> Result<(Self, String), DriverError> {
+        let mut files = Self::find(robot)?;
+        match files.params.take() {
+            Some(params) => Ok((files, params)),
+            None => Err(DriverError::UrdfAlone { path: robot.into() }),
+        }
+    }
+
+    fn with_params(path: &Path) -> Result<Self, DriverError> {
+        let params = parse_params(&read(path)?, path)?;
+        let urdf_path = path.with_file_name(&params.robot.urdf);
+        Ok(RobotFiles { urdf: read(&urdf_path)?, urdf_path, params: Some(params.to_toml()) })
+    }
+
+    /// The URDF as a checked tree.
+    ///
+    /// # Errors
+    /// [`DriverError::Urdf`]
+    pub fn tree(&self) -> Result<UrdfTree, DriverError> {
+        Ok(UrdfTree::parse(&self.urdf, &self.urdf_path.display().to_string())?)
+    }
+}
+
+fn by_name(name: &str) -> Result<PathBuf, DriverError> {
+    if let Some(path) = shipped::find(&Path::new("robots").join(name).join(format!("{name}.toml"))) {
+        return Ok(path);
+    }
+    let folders = shipped::folders().into_iter().filter_map(|folder| std::fs::read_dir(folder.join("robots")).ok());
+    let names = folders.flatten().filter_map(|entry| entry.ok()?.file_name().into_string().ok());
+    let mut known: Vec<String> = names.collect();
+    known.sort();
+    known.dedup();
+    Err(DriverError::UnknownRobot { name: name.to_owned(), known })
+}
+
+/// Finds a file that ships with the command, such as `scenarios/flat_trot.toml`; see [`shipped::folders`].
+///
+/// # Errors
+/// [`DriverError::NotShipped`]
+pub fn find_shipped(name: &str) -> Result<PathBuf, DriverError> {
+    shipped::find(Path::new(name)).ok_or_else(|| DriverError::NotShipped {
+        name: name.to_owned(),
+        folders: shipped::folders().into_iter().skip(1).collect(),
+    })
+}
+
+/// Sets parameters by `KEY=VALUE` in a complete TOML text.
+///
+/// # Errors
+/// [`DriverError::Override`], or [`DriverError::Params`] for an unknown key or an invalid value.
+pub fn with_overrides(params: &str, set: &[String]) -> Result<String, DriverError> {
+    Ok(apply_overrides(params, &overrides(set)?)?)
+}
+
+/// Splits each `KEY=VALUE` into key and value.
+///
+/// # Errors
+/// [`DriverError::Override`] for a text without `=`.
+pub fn overrides(set: &[String]) -> Result<Vec<(String, String)>, DriverError> {
+    let split = |text: &String| {
+        let (key, value) = text.split_once('=').ok_or_else(|| DriverError::Override { text: text.clone() })?;
+        Ok((key.trim().to_owned(), value.trim().to_owned()))
+    };
+    set.iter().map(split).collect()
+}
+
+/// Parses parameters; every error names the file.
+fn parse_params(text: &str, path: &Path) -> Result<Params, DriverError> {
+    let file = path.display().to_string();
+    Params::from_toml(text, &file).map_err(|source| match source {
+        // This text contains the file name already.
+        ParamsError::Parse { .. } => source.into(),
+        _ => DriverError::ParamsFile { file, source },
+    })
+}
+
+/// Reads a text file.
+///
+/// # Errors
+/// [`DriverError::Read`], with the path.
+pub fn read(path: &Path) -> Result<String, DriverError> {
+    std::fs::read_to_string(path).map_err(|source| DriverError::Read { path: path.to_owned(), source })
+}

@@ -1,0 +1,61 @@
+//! RUN_INFO: everything a log needs to rebuild its controller and to identify the build and machine that wrote it.
+
+use lcmtypes::{RunInfo, TextFile};
+use replay::engine::Build;
+
+/// The part of RUN_INFO that differs between runs of one build.
+#[derive(Clone, Copy, Debug)]
+pub struct Run<'a> {
+    /// Name of the controller, as [`controller::load`] expects it.
+    pub controller: &'a str,
+    /// Name of the robot.
+    pub robot: &'a str,
+    /// Text of its URDF.
+    pub urdf: &'a str,
+    /// Every parameter, as TOML.
+    pub params: &'a str,
+    /// Name and text of the scenario.
+    pub scenario: (&'a str, &'a str),
+    /// Seed of terrain and noise.
+    pub seed: i64,
+}
+
+/// Fills RUN_INFO for a lockstep run on this machine. A live run replaces `t_ns` and `realtime`.
+pub fn describe(run: &Run, build: &Build) -> RunInfo {
+    let lcm_types: Vec<TextFile> = lcmtypes::SOURCES
+        .iter()
+        .map(|(name, text)| TextFile { name: (*name).to_owned(), text: (*text).to_owned() })
+        .collect();
+    let Build { revision, dirty, toolchain, flags } = build.clone();
+    RunInfo {
+        t_ns: 0,
+        controller: run.controller.to_owned(),
+        robot: run.robot.to_owned(),
+        urdf: run.urdf.to_owned(),
+        params: run.params.to_owned(),
+        scenario_name: run.scenario.0.to_owned(),
+        scenario: run.scenario.1.to_owned(),
+        seed: run.seed,
+        revision,
+        dirty,
+        toolchain,
+        build: flags,
+        host: host(),
+        realtime: "lockstep".to_owned(),
+        num_lcm_types: i32::try_from(lcm_types.len()).expect("there are a few dozen types"),
+        lcm_types,
+    }
+}
+
+/// Host name, kernel, CPU.
+fn host() -> String {
+    let file = |path: &str| std::fs::read_to_string(path).unwrap_or_default().trim().to_owned();
+    let cpuinfo = file("/proc/cpuinfo");
+    let cpu = cpuinfo.lines().find(|line| line.starts_with("model name")).and_then(|line| line.split(": ").nth(1));
+    format!(
+        "{}, Linux {}, {}",
+        file("/proc/sys/kernel/hostname"),
+        file("/proc/sys/kernel/osrelease"),
+        cpu.unwrap_or("unknown CPU")
+    )
+}

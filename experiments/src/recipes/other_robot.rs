@@ -1,0 +1,54 @@
+//! A4: A2, A3 and the speed experiment on another robot.
+
+use super::{base_motion, gait_speeds, rough_terrain};
+use crate::bench::{Bench, count};
+use crate::{Experiment, Row};
+use drivers::robot_files::RobotFiles;
+use std::collections::BTreeMap;
+
+pub(super) const EXPERIMENT: Experiment = Experiment {
+    id: "A4",
+    title: "A2, A3 and speed on another robot, and the parameters that differ",
+    published: "\"a slight tuning of the gains of the postural and of the trunk orientation tasks\"",
+    robot: "anymal_b",
+    seeds: 20,
+    minutes: 5.0,
+    run,
+};
+
+/// Runs the three experiments, and lists the parameters outside `[robot]` that differ from HyQ's.
+fn run(bench: &Bench) -> anyhow::Result<Vec<Row>> {
+    let (hyq, other) = (parameters("hyq")?, parameters(bench.robot())?);
+    let differing: Vec<_> = hyq.iter().filter(|(key, value)| other.get(*key) != Some(value)).collect();
+    let width = differing.iter().map(|(key, _)| key.len()).max().unwrap_or(0);
+    let mut note = format!("{:<width$}  {:>10}  {:>10}", "parameters that differ", "hyq", bench.robot());
+    for (key, value) in &differing {
+        let value_there = other.get(*key).map_or("-", String::as_str);
+        note += &format!("\n{key:<width$}  {value:>10}  {value_there:>10}");
+    }
+    bench.note(note);
+    let mut rows = base_motion::table3(bench, "A2: ")?;
+    rows.extend(rough_terrain::rough(bench, "A3: ")?);
+    rows.extend(gait_speeds::speeds(bench, "speed: ")?);
+    rows.push(Row::info("parameters that differ from HyQ's", count(differing.len()), ""));
+    Ok(rows)
+}
+
+/// Every parameter outside `[robot]`, by its dotted key.
+fn parameters(robot: &str) -> anyhow::Result<BTreeMap<String, String>> {
+    fn collect(prefix: &str, value: &toml::Value, into: &mut BTreeMap<String, String>) {
+        match value {
+            toml::Value::Table(table) => {
+                for (key, value) in table {
+                    collect(&format!("{prefix}.{key}"), value, into);
+                }
+            }
+            value => drop(into.insert(prefix.trim_start_matches('.').to_owned(), value.to_string())),
+        }
+    }
+    let mut table: toml::Table = RobotFiles::find_with_params(robot)?.1.parse()?;
+    table.remove("robot");
+    let mut all = BTreeMap::new();
+    collect("", &toml::Value::Table(table), &mut all);
+    Ok(all)
+}
