@@ -6,8 +6,10 @@
 use std::fmt::Write as _;
 
 use crate::figures::escape;
-use crate::math::{Mat3, Vec3, add, rotate, rotation_of_rpy};
+use crate::math::{Vec3, transform};
 use crate::run::{Run, Tick};
+use controller::math::rotation_of_rpy;
+use nalgebra::Matrix3;
 
 /// Frames per second.
 const RATE_HZ: f64 = 25.0;
@@ -33,13 +35,13 @@ struct Frames {
 
 /// The walk as an SVG document, from the middle of the run; `None` without joints, a URDF, or a base to draw.
 pub fn side_view(run: &Run) -> Option<String> {
-    let skeleton = run.skeleton.as_ref().filter(|s| s.movable().count() == run.joints.count())?;
+    let robot = run.robot.as_ref().filter(|robot| robot.nj() == run.joints.count())?;
     let shown = part_shown(run);
-    let poses: Vec<(&Tick, Vec3, Mat3)> =
+    let poses: Vec<(&Tick, Vec3, Matrix3<f64>)> =
         every_frame(shown).filter_map(|tick| pose(tick).map(|(p, r)| (tick, p, r))).collect();
     let (_, first, r_first) = poses.first()?;
     let heading = {
-        let ahead = rotate(r_first, [1.0, 0.0, 0.0]);
+        let ahead = r_first.column(0);
         let length = ahead[0].hypot(ahead[1]).max(1e-9);
         [ahead[0] / length, ahead[1] / length]
     };
@@ -56,11 +58,11 @@ pub fn side_view(run: &Run) -> Option<String> {
         let Some(q) = q else { continue };
         let camera = along(*p_WB);
         let place = |p_B: Vec3| {
-            let p = add(*p_WB, rotate(R_WB, p_B));
+            let p = transform(*p_WB, R_WB, p_B);
             (0.5 * SIZE.0 + (along(p) - camera) * scale, floor - p[2] * scale)
         };
         let (mut near, mut far, mut hips) = (String::new(), String::new(), Vec::new());
-        for (a_B, b_B) in skeleton.sticks(&q) {
+        for (a_B, b_B) in robot.sticks(&q) {
             let at_origin = a_B == [0.0; 3];
             if at_origin {
                 hips.push(b_B);
@@ -112,7 +114,7 @@ fn every_frame(ticks: &[Tick]) -> impl Iterator<Item = &Tick> {
 }
 
 /// Position and orientation of the base in W.
-fn pose(tick: &Tick) -> Option<(Vec3, Mat3)> {
+fn pose(tick: &Tick) -> Option<(Vec3, Matrix3<f64>)> {
     let known = tick.truth.as_ref().map(|w| (w.p_WB, rotation_of_rpy(w.rpy)));
     let believed = || tick.base.as_ref().map(|b| ([0.0, 0.0, b.height_est], rotation_of_rpy(b.rpy_est)));
     known.or_else(believed)

@@ -217,8 +217,7 @@ fn joints_are_tracked_and_their_power_is_weighed() {
     // Torque against velocity: the joints take up 14 × 10 W and do no positive work.
     assert_eq!((energy.mean_power_w, energy.mean_positive_power_w), (14.0 * JOINT_TORQUE * JOINT_VELOCITY, 0.0));
     assert_eq!((energy.max_torque_use, energy.cost_of_transport), (Some(-JOINT_TORQUE / EFFORT), Some(0.0)));
-    assert_eq!(analysis::skeleton::Skeleton::parse("<joint name='a' type='fixed'/>").unwrap().mass_kg, 0.0);
-    assert_eq!(run_of("mass", &Plan { ticks: 10, ..Plan::default() }).skeleton.unwrap().mass_kg, MASS);
+    assert_eq!(run_of("mass", &Plan { ticks: 10, ..Plan::default() }).robot.unwrap().mass_kg(), MASS);
 }
 
 #[test]

@@ -11,7 +11,7 @@ use crate::progress::Progress;
 use crate::robot::{overrides, read};
 use crate::sim::Stack;
 use crate::{Outcome, run_info, say, say_json};
-use analysis::skeleton::Skeleton;
+use analysis::robot::Robot;
 use replay::engine::{DEFAULT_BOUND, Options, Replay, ReplayReport};
 use std::path::{Path, PathBuf};
 
@@ -194,8 +194,8 @@ fn with_bar(replay: &Replay, options: &Options) -> anyhow::Result<ReplayReport> 
 
 /// Names of the joints, URDF order.
 fn joints(replay: &Replay) -> Vec<String> {
-    let skeleton = Skeleton::parse(&replay.info().urdf);
-    skeleton.iter().flat_map(Skeleton::movable).map(|joint| joint.name.clone()).collect()
+    let robot = Robot::parse(&replay.info().urdf);
+    robot.iter().flat_map(Robot::joint_names).map(str::to_owned).collect()
 }
 
 /// How a replay counts: differences before losses.

@@ -2,6 +2,7 @@
 
 use serde::Serialize;
 
+use crate::robot::Robot;
 use crate::run::{Run, Tick};
 use crate::stats::ErrorStats;
 
@@ -55,7 +56,7 @@ impl Energy {
         let n = powers.len() as f64;
         let mean_positive_power_w = powers.iter().map(|p| p.1).sum::<f64>() / n;
         let positive_work_j = mean_positive_power_w * n * run.period_s();
-        let mass_kg = run.skeleton.as_ref().map(|s| s.mass_kg).filter(|&m| m > 0.0);
+        let mass_kg = run.robot.as_ref().map(Robot::mass_kg).filter(|&m| m > 0.0);
         let path_m = super::Locomotion::path_m(run).filter(|&m| m > 0.5);
         let joint = |k: usize| {
             let difference =
@@ -91,7 +92,7 @@ pub(crate) fn joint_powers<'a>(run: &'a Run, tick: &'a Tick) -> Option<impl Iter
 
 /// Largest share of its torque limit that a joint uses at a tick.
 pub(crate) fn torque_use(run: &Run, tick: &Tick) -> Option<f64> {
-    let limits = run.skeleton.as_ref().filter(|s| s.movable().count() == run.joints.count())?.movable();
-    let shares = limits.enumerate().filter_map(|(k, j)| Some(run.joints.measured(tick, k)?.tau.abs() / j.effort?));
+    let robot = run.robot.as_ref().filter(|robot| robot.nj() == run.joints.count())?;
+    let shares = (0..robot.nj()).filter_map(|k| Some(run.joints.measured(tick, k)?.tau.abs() / robot.effort(k)?));
     shares.reduce(f64::max)
 }

@@ -6,9 +6,10 @@
 use serde::Serialize;
 
 use super::Reference;
-use crate::math::{Vec3, wrap};
+use crate::math::Vec3;
 use crate::run::{LEGS, Run, Tick};
 use crate::stats::ErrorStats;
+use controller::math::wrap_angle;
 
 /// Error = reference − measured, over the ticks in which the controller stands or walks. Angles in rad, lengths in m.
 #[derive(Clone, Debug, Serialize)]
@@ -64,7 +65,7 @@ fn rpy_error(tick: &Tick, against: Reference) -> Option<Vec3> {
         Reference::GroundTruth => tick.truth.as_ref()?.rpy,
         Reference::Estimate => base.rpy_est,
     };
-    Some(std::array::from_fn(|k| wrap(base.rpy_des[k] - measured[k])))
+    Some(std::array::from_fn(|k| wrap_angle(base.rpy_des[k] - measured[k])))
 }
 
 fn height_error(tick: &Tick, against: Reference) -> Option<f64> {

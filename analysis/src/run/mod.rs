@@ -17,7 +17,7 @@ pub use joints::{JointSample, Joints};
 pub use tick::{Consumed, Contact, Legs, Status, Tick, Truth, Wbc};
 
 use crate::fields::{Field, Samples};
-use crate::skeleton::Skeleton;
+use crate::robot::Robot;
 use crate::{Error, Progress};
 
 /// Names of the legs, in the order of every array of four.
@@ -45,8 +45,8 @@ pub struct Run {
     pub sha256: String,
     /// What the log says of itself; `None` when it has no RUN_INFO.
     pub info: Option<RunInfo>,
-    /// Links and joints, from the URDF in RUN_INFO; `None` without one that can be read.
-    pub skeleton: Option<Skeleton>,
+    /// The robot, from the URDF in RUN_INFO; `None` without RUN_INFO, or if the model rejects the URDF: then a note gives the reason.
+    pub robot: Option<Robot>,
     /// Events in the order of the log.
     pub events: Vec<Event>,
     /// Ticks in the order of time, at least one.

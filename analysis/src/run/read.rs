@@ -14,7 +14,7 @@ use sha2::{Digest, Sha256};
 use super::joints::Table;
 use super::{Consumed, Joints, Run, TICK_CHANNELS, Tick, Truth};
 use crate::fields::{Field, FieldReader};
-use crate::skeleton::Skeleton;
+use crate::robot::Robot;
 use crate::{Error, Progress, Stage};
 
 /// What became of a message.
@@ -92,15 +92,19 @@ pub(super) fn read(path: &Path, fields: &[Field], progress: &mut dyn FnMut(Progr
             expected: TICK_CHANNELS.join(", "),
         });
     };
-    let skeleton = info.as_ref().and_then(|info| Skeleton::parse(&info.urdf));
-    let named = skeleton.as_ref().map(|s| s.movable().map(|joint| joint.name.clone()).collect::<Vec<_>>());
+    let robot = info.as_ref().and_then(|info| {
+        let rejected = |error| notes.push(format!("no joint names, torque limits and drawing of the robot: {error}"));
+        Robot::parse(&info.urdf).map_err(rejected).ok()
+    });
     let count = joints.in_messages();
-    joints.names = named
-        .filter(|names| names.len() == count)
+    joints.names = robot
+        .as_ref()
+        .filter(|robot| robot.nj() == count)
+        .map(|robot| robot.joint_names().map(str::to_owned).collect())
         .unwrap_or_else(|| (0..count).map(|joint| format!("joint {joint}")).collect());
     let fields = field_reader.finish(t0_ns);
     let sha256 = sha256(path)?;
-    Ok(Run { path: path.to_owned(), sha256, info, skeleton, events, ticks, joints, fields, channels, notes })
+    Ok(Run { path: path.to_owned(), sha256, info, robot, events, ticks, joints, fields, channels, notes })
 }
 
 impl Gathered {
