@@ -61,7 +61,7 @@ house: ## judge the source tree: README length, circles, phrases, golden logs, n
 guard: setup ## count the instructions of a replay and compare them with the stored counts (ACCEPT=1 stores new ones)
 	cargo test --release --locked --workspace --test instructions
 
-# BENCH='--rounds 3', BENCH='--into README.md': see bench run --help.
+# BENCH='--rounds 3', BENCH='--into docs/measured.md': see bench run --help.
 bench: build ## time the controller and other libraries and print the tables (builds the libraries below TARGET_DIR/peers)
 	scripts/bench_peers.sh $(TARGET_DIR)/peers
 	@mkdir -p $(TARGET_DIR)/bench

@@ -1,32 +1,32 @@
 #!/usr/bin/env bash
-# Replays the golden logs with two builds that are not the one that ships, unoptimised and with every instruction of this CPU, and with the one that
-# ships on an emulated CPU of 2006 (no AVX, no FMA). All must give every bit of the record, which the shipped build gives here too: cargo test sees to that.
-# Only what a replay needs is built, in target directories of their own. `make test` calls it.
-#
-#     scripts/replay_across_builds.sh [CORPUS]
+# Replays the golden logs with two other builds of the replay program (unoptimised; with every instruction set of this CPU) and with the shipped build on
+# an emulated CPU of 2006 (no AVX, no FMA). Every bit must equal the record. `cargo test` replays them with the shipped build on this CPU.
+# Only what a replay needs is built; the two other builds have target directories of their own. `make test` calls this script.
+# usage: scripts/replay_across_builds.sh [CORPUS]
 set -euo pipefail
 cd "$(dirname "$0")/.."
 
 golden=${1:-logs/golden}
 target=${CARGO_TARGET_DIR:-target}
-# What the caller has set would make other builds than these two.
+# Flags of the caller would change all three builds.
 unset RUSTFLAGS CARGO_ENCODED_RUSTFLAGS CARGO_BUILD_RUSTFLAGS
 failed=0
 
 echo "unoptimised (dev profile, opt-level 0)"
-CARGO_PROFILE_DEV_OPT_LEVEL=0 cargo run --quiet --locked --package replay --example replay_golden \
+CARGO_PROFILE_DEV_OPT_LEVEL=0 CARGO_PROFILE_DEV_DEBUG=false cargo run --quiet --locked --package replay --example replay_golden \
     --target-dir "$target/replay-dev" -- "$golden" || failed=1
 
-echo "every instruction of this CPU (release profile, -C target-cpu=native)"
+echo "every instruction set of this CPU (release profile, -C target-cpu=native)"
 RUSTFLAGS="-C target-cpu=native" cargo run --quiet --locked --release --package replay --example replay_golden \
     --target-dir "$target/replay-native" -- "$golden" || failed=1
 
 echo "an emulated CPU without AVX and FMA (release profile, qemu-x86_64 -cpu core2duo)"
 if command -v qemu-x86_64 >/dev/null; then
-    cargo build --quiet --locked --release --package replay --example replay_golden --target-dir "$target/replay-release"
-    qemu-x86_64 -cpu core2duo "$target/replay-release/release/examples/replay_golden" "$golden" || failed=1
+    # `cargo test --workspace` has built this example with the same features, so nothing is compiled again.
+    cargo build --quiet --locked --release --workspace --example replay_golden
+    qemu-x86_64 -cpu core2duo "$target/release/examples/replay_golden" "$golden" || failed=1
 else
-    echo "error: qemu-x86_64 is not there: run scripts/setup.sh (Debian's qemu-user)" >&2
+    echo "error: qemu-x86_64 not found; run scripts/setup.sh (Debian's package qemu-user)" >&2
     failed=1
 fi
 

@@ -1,5 +1,5 @@
-//! Bad input: exit code 2, nothing done, and a message that names the file and the key, channel or joint, what was found and what was
-//! expected. A log that is cut is no bad input: what is there is replayed, and exit code 3 says that it was not all.
+//! Bad input ends a command with exit code 2 before anything is written. The error names the file, the key, channel or joint, the value found
+//! and the values expected. These facts are asserted, the sentence around them is not. A log that is cut is replayed up to the cut: exit code 3.
 #![allow(clippy::unwrap_used, missing_docs)]
 
 mod common;
@@ -10,27 +10,27 @@ use replay::log::LogWriter;
 use std::fs::File;
 use std::path::{Path, PathBuf};
 
-/// The command ends with exit code 2 and an error that says every one of `words`.
+/// Exit code 2, nothing on standard output, and an error that contains each of `facts`: file, key, value found, values expected.
 #[track_caller]
-fn refuses(arguments: &str, words: &[&str]) {
+fn rejects(arguments: &str, facts: &[&str]) {
     let ran = hoof(arguments).exits(2);
     assert!(ran.stderr.starts_with("error: "), "{}", ran.stderr);
     assert_eq!(ran.stdout, "", "{arguments}");
-    for word in words {
-        assert!(ran.stderr.contains(word), "hoof {arguments}\nfound    {}expected {word}", ran.stderr);
+    for fact in facts {
+        assert!(ran.stderr.contains(fact), "hoof {arguments}\nfound    {}expected {fact}", ran.stderr);
     }
 }
 
-/// A folder with a robot and a scenario that are good, to be spoiled.
-struct Bench(PathBuf);
+/// A folder with a valid robot and a valid scenario, for tests that make them invalid.
+struct Files(PathBuf);
 
-impl Bench {
+impl Files {
     fn new(test: &str) -> Self {
         let folder = folder(test);
         for file in ["robots/hyq/hyq.urdf", "robots/hyq/hyq.toml", "scenarios/short_flat.toml"] {
             std::fs::copy(file, folder.join(Path::new(file).file_name().unwrap())).unwrap();
         }
-        Bench(folder)
+        Files(folder)
     }
 
     fn path(&self, file: &str) -> String {
@@ -45,7 +45,7 @@ impl Bench {
         std::fs::write(self.0.join(file), bytes).unwrap();
     }
 
-    /// `file` with `from` changed to `to`, for the time of `check`.
+    /// Replaces `from` by `to` in `file` while `check` runs.
     #[track_caller]
     fn with(&self, file: &str, from: &str, to: &str, check: impl Fn()) {
         let text = self.read(file);
@@ -75,210 +75,188 @@ impl Bench {
 }
 
 #[test]
-fn urdf() {
-    let bench = Bench::new("urdf");
-    let (info, sim) = (format!("robot info {}", bench.path("hyq.toml")), bench.sim());
-    let file = bench.path("hyq.urdf");
-    let both = |words: &[&str]| {
-        refuses(&info, words);
-        refuses(&sim, words);
+fn invalid_urdf() {
+    let files = Files::new("invalid_urdf");
+    let (info, sim) = (format!("robot info {}", files.path("hyq.toml")), files.sim());
+    let file = files.path("hyq.urdf");
+    let both = |facts: &[&str]| {
+        rejects(&info, facts);
+        rejects(&sim, facts);
     };
-    let text = bench.read("hyq.urdf");
-    bench.with("hyq.urdf", "</link>", "</lnk>", || both(&[&file, "link \"base_link\"", "not properly nested"]));
-    bench.with("hyq.urdf", "name=\"", "name=", || both(&[&file, "not a URDF", "Line: 12"]));
-    bench.with("hyq.urdf", "</robot>", "<link name=\"orphan\"/></robot>", || {
-        both(&[&file, "links [\"base_link\", \"orphan\"] have no parent joint, expected one root"]);
+    let text = files.read("hyq.urdf");
+    files.with("hyq.urdf", "</link>", "</lnk>", || both(&[&file, "\"base_link\""]));
+    files.with("hyq.urdf", "name=\"", "name=", || both(&[&file, "12"]));
+    files.with("hyq.urdf", "</robot>", "<link name=\"orphan\"/></robot>", || {
+        both(&[&file, "base_link", "orphan"]);
     });
-    bench.with("hyq.urdf", "<mass value=\"", "<mass value=\"-", || both(&[&file, "link \"", "mass", "is -"]));
+    files.with("hyq.urdf", "<mass value=\"", "<mass value=\"-", || both(&[&file, "mass", " -"]));
     for text in ["", "hello", &text[..text.len() / 2]] {
-        bench.write("hyq.urdf", text);
-        both(&[&file, "not a URDF"]);
+        files.write("hyq.urdf", text);
+        both(&[&file]);
     }
     std::fs::remove_file(&file).unwrap();
     both(&[&file, "No such file"]);
-    refuses(&format!("robot info {file}"), &[&file, "No such file"]);
+    rejects(&format!("robot info {file}"), &[&file, "No such file"]);
 }
 
 #[test]
-fn robot_file() {
-    let bench = Bench::new("robot_file");
-    let (info, sim) = (format!("robot info {}", bench.path("hyq.toml")), bench.sim());
-    let file = bench.path("hyq.toml");
-    let with = |from: &str, to: &str, words: &[&str]| {
-        bench.with("hyq.toml", from, to, || {
+fn invalid_robot_file() {
+    let files = Files::new("robot_file");
+    let (info, sim) = (format!("robot info {}", files.path("hyq.toml")), files.sim());
+    let file = files.path("hyq.toml");
+    let with = |from: &str, to: &str, facts: &[&str]| {
+        files.with("hyq.toml", from, to, || {
             for command in [&info, &sim] {
-                refuses(command, &[&[&*file], words].concat());
+                rejects(command, &[&[&*file], facts].concat());
             }
         });
     };
-    with("lf_kfe_joint", "lf_knee_joint", &["robot \"hyq\" has no joint \"lf_knee_joint\"; near: lf_kfe_joint"]);
-    with("lf_kfe_joint = -1.5\n", "", &["robot.posture does not name joint lf_kfe_joint"]);
-    with("\"lh_foot\"", "\"lh_hoof\"", &["robot \"hyq\" has no link \"lh_hoof\"; near: lh_foot"]);
-    with("\"trunk_imu\"", "\"nose\"", &["has no link \"nose\""]);
-    with(
-        "duty =",
-        "duty_factor = 0.5\nduty =",
-        &["unknown field `duty_factor`, expected one of `duty`, `swing_frequency`", "line 42"],
-    );
-    with("duty = 0.55", "duty = 1.5", &["parameter gait.trot.duty is 1.5, expected at least 0.5 and below 1"]);
-    with("duty = 0.55", "duty = \"half\"", &["invalid type: string \"half\", expected f64"]);
-    bench.with("hyq.toml", "\"hyq.urdf\"", "\"horse.urdf\"", || {
-        refuses(&info, &[&bench.path("horse.urdf"), "No such file"])
+    with("lf_kfe_joint", "lf_knee_joint", &["hyq", "lf_knee_joint", "lf_kfe_joint"]);
+    with("lf_kfe_joint = -1.5\n", "", &["robot.posture", "lf_kfe_joint"]);
+    with("\"lh_foot\"", "\"lh_hoof\"", &["hyq", "lh_hoof", "lh_foot"]);
+    with("\"trunk_imu\"", "\"nose\"", &["hyq", "nose"]);
+    with("duty =", "duty_factor = 0.5\nduty =", &["`duty_factor`", "`duty`", "`swing_frequency`", "42"]);
+    with("duty = 0.55", "duty = 1.5", &["gait.trot.duty", "1.5", "0.5", "1"]);
+    with("duty = 0.55", "duty = \"half\"", &["\"half\"", "f64"]);
+    files.with("hyq.toml", "\"hyq.urdf\"", "\"horse.urdf\"", || {
+        rejects(&info, &[&files.path("horse.urdf"), "No such file"])
     });
-    refuses("robot info gallop", &["no robot \"gallop\"", "robots/gallop/gallop.toml", "known: ", "hyq"]);
-    refuses(
-        &format!("sim --robot robots/hyq/hyq.urdf --scenario x --log {}", bench.path("x.mcap")),
-        &["robots/hyq/hyq.urdf: a URDF alone"],
+    rejects("robot info gallop", &["\"gallop\"", "robots/gallop/gallop.toml", "anymal_b", "hyq"]);
+    rejects(
+        &format!("sim --robot robots/hyq/hyq.urdf --scenario x --log {}", files.path("x.mcap")),
+        &["robots/hyq/hyq.urdf"],
     );
-    bench.write("hyq.toml", b"\xff\xfe");
-    refuses(&info, &[&file, "UTF-8"]);
+    files.write("hyq.toml", b"\xff\xfe");
+    rejects(&info, &[&file, "UTF-8"]);
 }
 
 #[test]
-fn parameters() {
-    let bench = Bench::new("parameters");
-    let log = bench.log("good.mcap");
-    let (sim, replay) = (bench.sim(), format!("replay {}", log.display()));
-    let cases = [
-        (
-            "wbc.frction=0.5",
-            "unknown parameter \"wbc.frction\", in [wbc] there are: f_xy_max, f_z_max, f_z_min, friction,",
-        ),
-        ("friction=0.5", "unknown parameter \"friction\", at the top there are: contact, foothold, gait,"),
-        ("wbc=3", "unknown parameter \"wbc\", in [wbc] there are:"),
-        ("wbc.friction=high", "parameter wbc.friction: found `high`, expected a value like `0.6` (float)"),
-        ("wbc.friction=", "parameter wbc.friction: found ``, expected a value like `0.6` (float)"),
-        ("wbc.friction=-1", "parameter wbc.friction is -1, expected a positive number"),
-        ("wbc.friction=nan", "parameter wbc.friction is NaN, expected a positive number"),
-        ("wbc.max_iterations=2.5", "parameter wbc.max_iterations: found `2.5`, expected a value like `200` (integer)"),
-        (
-            "posture.stance_kp=[1,2]",
-            "parameter posture.stance_kp: found `[1,2]`, expected a value like `[500.0, 500.0, 500.0]`",
-        ),
-        ("friction", "parameter friction: expected KEY=VALUE"),
+fn invalid_parameters() {
+    let files = Files::new("parameters");
+    let log = files.log("good.mcap");
+    let (sim, replay) = (files.sim(), format!("replay {}", log.display()));
+    let cases: [(&str, &[&str]); 10] = [
+        ("wbc.frction=0.5", &["\"wbc.frction\"", "f_xy_max, f_z_max, f_z_min, friction,"]),
+        ("friction=0.5", &["\"friction\"", "contact, foothold, gait,"]),
+        ("wbc=3", &["\"wbc\"", "f_xy_max, f_z_max, f_z_min, friction,"]),
+        ("wbc.friction=high", &["wbc.friction", "`high`", "`0.6`", "float"]),
+        ("wbc.friction=", &["wbc.friction", "``", "`0.6`", "float"]),
+        ("wbc.friction=-1", &["wbc.friction", "-1", "positive"]),
+        ("wbc.friction=nan", &["wbc.friction", "NaN", "positive"]),
+        ("wbc.max_iterations=2.5", &["wbc.max_iterations", "`2.5`", "`200`", "integer"]),
+        ("posture.stance_kp=[1,2]", &["posture.stance_kp", "`[1,2]`", "`[500.0, 500.0, 500.0]`"]),
+        ("friction", &["friction", "KEY=VALUE"]),
     ];
-    for (set, words) in cases {
+    for (set, facts) in cases {
         for command in [&sim, &replay] {
-            refuses(&format!("{command} --set {set}"), &[words]);
+            rejects(&format!("{command} --set {set}"), facts);
         }
-        // Once, not once a link of the chain of errors.
+        // The key is named once, not once for each cause in the chain of errors.
         let text = hoof(&format!("{replay} --set {set}")).stderr;
-        assert_eq!(text.matches(words).count(), 1, "{text}");
+        assert_eq!(text.matches(facts[0]).count(), 1, "{text}");
     }
 }
 
 #[test]
-fn scenario() {
-    let bench = Bench::new("scenario");
-    let (sim, file) = (bench.sim(), bench.path("short_flat.toml"));
-    let with = |from: &str, to: &str, words: &[&str]| {
-        bench.with("short_flat.toml", from, to, || refuses(&sim, &[&[&*file], words].concat()));
+fn invalid_scenario() {
+    let files = Files::new("scenario");
+    let (sim, file) = (files.sim(), files.path("short_flat.toml"));
+    let with = |from: &str, to: &str, facts: &[&str]| {
+        files.with("short_flat.toml", from, to, || rejects(&sim, &[&[&*file], facts].concat()));
     };
-    with(
-        "v_x = 0.3",
-        "v_z = 0.3",
-        &[".toml:18: unknown field `v_z`, expected one of `t_s`, `mode`, `gait`, `v_x`", "in `v_z = 0.3`"],
-    );
-    with("duration_s = 2.0", "duration_s = -1", &[".toml:3: duration_s is -1, expected at least 0.001"]);
-    with("friction = 0.8", "friction = nan", &[".toml:5: friction is NaN, expected at least 0.01 and at most 5"]);
-    with("\"flat\"", "\"moon\"", &[".toml:8: unknown variant `moon`, expected one of `flat`"]);
-    with("\"walk\"", "\"gallop\"", &["unknown variant `gallop`, expected"]);
-    with("t_s = 1.2", "t_s = 0.05", &["operator[3].t_s is 0.05, expected at least 0.1"]);
+    with("v_x = 0.3", "v_z = 0.3", &[".toml:18", "`v_z`", "`t_s`, `mode`, `gait`, `v_x`", "v_z = 0.3"]);
+    with("duration_s = 2.0", "duration_s = -1", &[".toml:3", "duration_s", "-1", "0.001"]);
+    with("friction = 0.8", "friction = nan", &[".toml:5", "friction", "NaN", "0.01", "5"]);
+    with("\"flat\"", "\"moon\"", &[".toml:8", "`moon`", "`flat`"]);
+    with("\"walk\"", "\"gallop\"", &["`gallop`", "`walk`"]);
+    with("t_s = 1.2", "t_s = 0.05", &["operator[3].t_s", "0.05", "0.1"]);
     with("[terrain]", "[terrain", &["short_flat.toml:7"]);
     let fault = "[[fault]]\nt_s = 9.0\nduration_s = 0.1\nkind = \"nan_sensor\"\njoint = \"elbow\"\n\n[[operator]]";
-    with("[[operator]]", fault, &["fault[1].joint: the robot has no joint \"elbow\", it has: lf_haa_joint,"]);
+    with("[[operator]]", fault, &["fault[1].joint", "\"elbow\"", "lf_haa_joint,"]);
     let push = "[[push]]\nt_s = 9.0\nduration_s = 0.1\nlink = \"tail\"\n\n[[operator]]";
-    with("[[operator]]", push, &["push[1].link: the robot has no link \"tail\", it has: base_link, trunk,"]);
-    refuses(&format!("{sim} --seconds 0"), &["--seconds 0: expected at least 0.001"]);
-    refuses(&format!("{sim} --seconds nan"), &["--seconds NaN"]);
+    with("[[operator]]", push, &["push[1].link", "\"tail\"", "base_link, trunk,"]);
+    rejects(&format!("{sim} --seconds 0"), &["--seconds", "0.001"]);
+    rejects(&format!("{sim} --seconds nan"), &["--seconds", "NaN"]);
     std::fs::remove_file(&file).unwrap();
-    refuses(&sim, &[&file, "No such file"]);
+    rejects(&sim, &[&file, "No such file"]);
 }
 
 #[test]
-fn places_that_cannot_be_written() {
-    let bench = Bench::new("places");
-    let log = bench.log("good.mcap");
+fn paths_that_cannot_be_written() {
+    let files = Files::new("places");
+    let log = files.log("good.mcap");
     let log = log.display();
-    let folder = bench.0.display();
+    let folder = files.0.display();
     let sim = "sim --robot hyq --scenario scenarios/short_flat.toml --seconds 0.1 --log";
     for end in ["run.log", "run", "mcap"] {
-        refuses(
-            &format!("{sim} {folder}/{end}"),
-            &[&format!("{folder}/{end}: the name of a log ends with .lcmlog or .mcap")],
-        );
+        rejects(&format!("{sim} {folder}/{end}"), &[&format!("{folder}/{end}"), ".lcmlog", ".mcap"]);
     }
-    // Nobody can make a file in /proc, not even root.
-    refuses(&format!("{sim} /proc/hoof/run.mcap"), &["/proc/hoof: "]);
-    refuses(&format!("{sim} /proc/run.mcap"), &["/proc/run.mcap: "]);
-    refuses(&format!("{sim} {log}/run.mcap"), &[&format!("{log}: ")]);
-    refuses(&format!("replay {log} --out /proc/run.mcap"), &["/proc/run.mcap: "]);
-    refuses(&format!("replay {log} --out {log}"), &["a log cannot be read and written at the same time"]);
+    // No user can create a file in /proc, root included.
+    rejects(&format!("{sim} /proc/hoof/run.mcap"), &["/proc/hoof: "]);
+    rejects(&format!("{sim} /proc/run.mcap"), &["/proc/run.mcap: "]);
+    rejects(&format!("{sim} {log}/run.mcap"), &[&format!("{log}: ")]);
+    rejects(&format!("replay {log} --out /proc/run.mcap"), &["/proc/run.mcap: "]);
+    rejects(&format!("replay {log} --out {log}"), &[&log.to_string()]);
     for out in [format!("{log}"), format!("{log}/report"), "/proc/report".to_owned()] {
-        refuses(&format!("report {log} --out {out}"), &["cannot write", &out]);
+        rejects(&format!("report {log} --out {out}"), &[&out]);
     }
     for name in ["full.mcap", "full.lcmlog"] {
-        std::os::unix::fs::symlink("/dev/full", bench.0.join(name)).unwrap();
-        refuses(&format!("{sim} {folder}/{name}"), &[name, "No space left on device"]);
-        refuses(&format!("replay {log} --out {folder}/{name}"), &[name, "No space left on device"]);
+        std::os::unix::fs::symlink("/dev/full", files.0.join(name)).unwrap();
+        rejects(&format!("{sim} {folder}/{name}"), &[name, "No space left on device"]);
+        rejects(&format!("replay {log} --out {folder}/{name}"), &[name, "No space left on device"]);
     }
 }
 
 #[test]
-fn what_is_no_log() {
-    let bench = Bench::new("no_log");
-    let good = bench.log("good.mcap");
-    let all = |name: &str, words: &[&str]| {
-        let path = bench.path(name);
+fn files_that_are_no_log() {
+    let files = Files::new("no_log");
+    let good = files.log("good.mcap");
+    let all = |name: &str, facts: &[&str]| {
+        let path = files.path(name);
         for command in [
             format!("replay {path}"),
             format!("log info {path}"),
-            format!("report {path} --out {}", bench.path("report")),
+            format!("report {path} --out {}", files.path("report")),
         ] {
-            refuses(&command, &[&[&*path], words].concat());
+            rejects(&command, &[&[&*path], facts].concat());
         }
     };
     for ending in ["mcap", "lcmlog"] {
         all(&format!("missing.{ending}"), &["No such file"]);
-        bench.write(&format!("empty.{ending}"), "");
-        all(&format!("empty.{ending}"), &["the file is empty"]);
-        bench.write(&format!("text.{ending}"), "This is a text.\n");
-        all(
-            &format!("text.{ending}"),
-            &["neither an LCM event log nor MCAP: 16 bytes, beginning with 54 68 69 73 20 69 73 20"],
-        );
+        files.write(&format!("empty.{ending}"), "");
+        all(&format!("empty.{ending}"), &["empty"]);
+        files.write(&format!("text.{ending}"), "This is a text.\n");
+        all(&format!("text.{ending}"), &["16 bytes", "54 68 69 73 20 69 73 20"]);
     }
-    all("", &["not a regular file"]);
+    // A folder.
+    all("", &[]);
 
     let part = |name: &str, keep: &[&str]| {
-        let mut log = LogWriter::create(bench.0.join(name)).unwrap();
+        let mut log = LogWriter::create(files.0.join(name)).unwrap();
         for event in events(&good).iter().filter(|event| keep.contains(&&*event.channel)) {
             log.write(&event.channel, event.t_ns, &event.data).unwrap();
         }
         log.finish().unwrap();
-        bench.path(name)
+        files.path(name)
     };
     let no_run_info = part("no_run_info.mcap", &[CONTROLLER_INPUT]);
-    refuses(&format!("replay {no_run_info}"), &["no RUN_INFO among its 500 events"]);
+    rejects(&format!("replay {no_run_info}"), &[&no_run_info, RUN_INFO, "500"]);
     let no_input = part("no_input.mcap", &[RUN_INFO, EVENT]);
-    refuses(&format!("replay {no_input}"), &["no CONTROLLER_INPUT, so there is nothing to replay"]);
-    refuses(
-        &format!("report {no_input} --out {}", bench.path("report")),
-        &[&no_input, "expected at least one of", CONTROLLER_TICK],
-    );
+    rejects(&format!("replay {no_input}"), &[&no_input, CONTROLLER_INPUT]);
+    rejects(&format!("report {no_input} --out {}", files.path("report")), &[&no_input, CONTROLLER_TICK]);
 
     let replay = format!("replay {}", good.display());
-    refuses(&format!("{replay} --from 0.3 --to 0.2"), &["--from 0.3 is after --to 0.2"]);
-    refuses(&format!("{replay} --to nan"), &["--to NaN"]);
-    refuses(&format!("{replay} --jobs 0"), &["--jobs", "0 is not in 1..=256"]);
+    rejects(&format!("{replay} --from 0.3 --to 0.2"), &["--from 0.3", "--to 0.2"]);
+    rejects(&format!("{replay} --to nan"), &["--to", "NaN"]);
+    rejects(&format!("{replay} --jobs 0"), &["--jobs", "1..=256"]);
 }
 
 #[test]
-fn a_log_of_another_type_version() {
-    let bench = Bench::new("another_version");
+fn a_log_with_other_message_types() {
+    let files = Files::new("another_version");
     for ending in ["mcap", "lcmlog"] {
-        let good = bench.log(&format!("good.{ending}"));
-        let other = bench.0.join(format!("other.{ending}"));
+        let good = files.log(&format!("good.{ending}"));
+        let other = files.0.join(format!("other.{ending}"));
         for channel in [RUN_INFO, CONTROLLER_INPUT, ROBOT_COMMAND] {
             let known = lcmtypes::channels::find(channel).unwrap();
             rewrite(&good, &other, |event| {
@@ -286,29 +264,26 @@ fn a_log_of_another_type_version() {
                     event.data[7] ^= 1;
                 }
             });
-            let version = format!(
-                "log of another type version: channel {channel}, {}: fingerprint {:016x} in the log, {:016x} today",
-                known.type_name,
-                known.fingerprint ^ 1,
-                known.fingerprint
-            );
-            refuses(&format!("replay {}", other.display()), &[&other.display().to_string(), &version]);
+            let recorded = format!("{:016x}", known.fingerprint ^ 1);
+            let today = format!("{:016x}", known.fingerprint);
+            let other = other.display().to_string();
+            rejects(&format!("replay {other}"), &[&other, channel, &known.type_name, &recorded, &today]);
         }
         rewrite(&good, &other, |event| {
             if *event.channel == *CONTROLLER_SNAPSHOT {
                 event.data[7] ^= 1;
             }
         });
-        refuses(&format!("replay {}", other.display()), &["CONTROLLER_SNAPSHOT of tick 0", "fingerprint"]);
+        rejects(&format!("replay {}", other.display()), &[CONTROLLER_SNAPSHOT, "tick 0"]);
     }
 }
 
 #[test]
-fn a_log_that_is_cut_is_replayed_as_far_as_it_goes() {
-    let bench = Bench::new("cut");
+fn a_cut_log_is_replayed_up_to_the_cut() {
+    let files = Files::new("cut");
     for ending in ["mcap", "lcmlog"] {
-        let whole = std::fs::read(bench.log(&format!("whole.{ending}"))).unwrap();
-        let cut = bench.path(&format!("cut.{ending}"));
+        let whole = std::fs::read(files.log(&format!("whole.{ending}"))).unwrap();
+        let cut = files.path(&format!("cut.{ending}"));
         for length in [whole.len() / 2, whole.len() * 3 / 4, whole.len() - 1] {
             std::fs::write(&cut, &whole[..length]).unwrap();
             for jobs in [1, 2] {
@@ -321,41 +296,37 @@ fn a_log_that_is_cut_is_replayed_as_far_as_it_goes() {
                 );
             }
             assert_eq!(hoof(&format!("log info {cut} --json")).exits(3).json()["cut"], true);
-            let report = hoof(&format!("report {cut} --out {}", bench.path("report"))).exits(3);
-            assert!(report.stdout.contains("the log is cut at byte"), "{}", report.stdout);
+            hoof(&format!("report {cut} --out {}", files.path("report"))).exits(3);
         }
     }
 }
 
 #[test]
-fn state_of_robot_eval() {
-    let bench = Bench::new("eval");
-    let file = bench.path("state.json");
+fn invalid_state_of_robot_eval() {
+    let files = Files::new("eval");
+    let file = files.path("state.json");
     let eval = format!("robot eval hyq --state {file}");
-    refuses(&eval, &[&file, "No such file"]);
-    let cases = [
-        (r#"{"base": null, "q": {"#, "EOF while parsing an object at line 1"),
-        (r#"{"base": null, "joints": {}}"#, "unknown field `joints`, expected one of `base`, `q`, `qd`"),
-        (r#"{"base": null}"#, "missing field `q`"),
-        (
-            r#"{"base": null, "q": {"lf_haa_joint": 0}}"#,
-            "q.lf_hfe_joint: found nothing, expected a number for every movable joint",
-        ),
-        (r#"{"base": null, "q": {"elbow": 0}}"#, "robot \"hyq\" has no joint \"elbow\""),
-        (r#"{"base": null, "q": {"lf_haa_joint": "bent"}}"#, "invalid type: string \"bent\", expected f64"),
+    rejects(&eval, &[&file, "No such file"]);
+    let cases: [(&str, &[&str]); 7] = [
+        (r#"{"base": null, "q": {"#, &["line 1"]),
+        (r#"{"base": null, "joints": {}}"#, &["`joints`", "`base`, `q`, `qd`"]),
+        (r#"{"base": null}"#, &["`q`"]),
+        (r#"{"base": null, "q": {"lf_haa_joint": 0}}"#, &["q.lf_hfe_joint"]),
+        (r#"{"base": null, "q": {"elbow": 0}}"#, &["\"hyq\"", "\"elbow\""]),
+        (r#"{"base": null, "q": {"lf_haa_joint": "bent"}}"#, &["\"bent\"", "f64"]),
         (
             r#"{"base": {"position_m": [0, 0, 0], "quaternion_wxyz": [2, 0, 0, 0]}, "q": {}}"#,
-            "base.quaternion_wxyz: found length 2, expected length one to a thousandth",
+            &["base.quaternion_wxyz", "2"],
         ),
     ];
-    for (state, words) in cases {
-        bench.write("state.json", state);
-        refuses(&eval, &[&file, words]);
+    for (state, facts) in cases {
+        files.write("state.json", state);
+        rejects(&eval, &[&[&*file], facts].concat());
     }
 }
 
 #[test]
-fn standard_output_that_nobody_reads_or_that_is_full() {
+fn closed_or_full_standard_output() {
     for arguments in [&["robot", "info", "hyq"][..], &["robot", "info", "hyq", "--params"], &["--version"]] {
         let (reader, writer) = std::io::pipe().unwrap();
         drop(reader);
@@ -364,13 +335,14 @@ fn standard_output_that_nobody_reads_or_that_is_full() {
     }
     let full = File::options().write(true).open("/dev/full").unwrap();
     let full = ran(command().args(["robot", "info", "hyq"]).stdout(full).output().unwrap());
-    assert_eq!((full.code, &*full.stderr), (2, "error: standard output: No space left on device (os error 28)\n"));
+    assert_eq!(full.code, 2);
+    assert!(full.stderr.contains("No space left on device (os error 28)"), "{}", full.stderr);
 }
 
 #[test]
-fn usage() {
-    refuses("gallop", &["unrecognized subcommand 'gallop'", "--help"]);
-    refuses("replay", &["<LOG>", "--help"]);
-    refuses("sim --robot hyq", &["--scenario <SCENARIO>", "--log <LOG>"]);
-    refuses("replay x.mcap --set", &["--set <KEY=VALUE>"]);
+fn invalid_usage() {
+    rejects("gallop", &["gallop", "--help"]);
+    rejects("replay", &["<LOG>", "--help"]);
+    rejects("sim --robot hyq", &["--scenario <SCENARIO>", "--log <LOG>"]);
+    rejects("replay x.mcap --set", &["--set <KEY=VALUE>"]);
 }
