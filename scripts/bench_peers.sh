@@ -1,9 +1,8 @@
 #!/usr/bin/env bash
-# Installs and builds what `make bench` sets us against: Pinocchio and four solvers of quadratic programs, from PyPI and Debian.
-# All of it goes below target/peers; packages of Debian are installed as scripts/setup.sh does. Every step asks whether there is anything to
-# do. The first time takes some minutes: Pinocchio is compiled out of its headers, for this CPU, to be at its best.
-#
-#     scripts/bench_peers.sh [DIR]
+# Installs and builds the libraries that `make bench` compares with: Pinocchio and four solvers of quadratic programs, from PyPI and Debian.
+# Everything is written below target/peers; Debian packages are installed as in scripts/setup.sh. Steps that are done are skipped.
+# The first run takes some minutes: Pinocchio is compiled from its headers for this CPU, to be as fast as possible.
+# usage: scripts/bench_peers.sh [DIR]
 set -euo pipefail
 cd "$(dirname "$0")/.."
 
@@ -28,11 +27,11 @@ as_root() {
     elif command -v sudo >/dev/null; then
         sudo "$@"
     else
-        fail "not root and no sudo; have this done as root, then start again: $*"
+        fail "not root, and sudo not found; run as root, then start again: $*"
     fi
 }
 
-# What is there counts, not which package brought it.
+# Checks for the files themselves: another package may provide them.
 install_packages() {
     local missing=()
     command -v g++ >/dev/null || missing+=(g++)
@@ -46,7 +45,7 @@ install_packages() {
     as_root "${install[@]}" || { as_root apt-get update && as_root "${install[@]}"; }
 }
 
-# pip asks the archive's own build tools for its metadata, which is what takes the time here.
+# Slow, because pip runs the archive's build tools to read its metadata.
 fetch_sources() {
     local entry package file hash
     mkdir -p "$peers/archives" "$peers/src"
@@ -60,7 +59,7 @@ fetch_sources() {
     done
 }
 
-# Wheels: Pinocchio with the libraries that it needs, and ProxQP, which is all headers.
+# Wheels: Pinocchio with the libraries that it needs, and ProxQP (headers only).
 fetch_wheels() {
     [ -f "$prefix/include/pinocchio/config.hpp" ] && [ -f "$prefix/include/proxsuite/config.hpp" ] && return 0
     say "fetching pin $pin_version and proxsuite $proxsuite_version"
@@ -68,7 +67,7 @@ fetch_wheels() {
     python3 -m pip install --quiet --root-user-action ignore --only-binary :all: --target "$peers/python" "pin==$pin_version" "proxsuite==$proxsuite_version"
 }
 
-# Pinocchio reads the URDF itself, once; the benchmark is compiled for this CPU and cannot share its matrices with the wheel's library.
+# Pinocchio's wheel converts each URDF to a text archive once: the benchmark is compiled for this CPU and cannot share matrices with the wheel's library.
 archive_robots() {
     local robot
     for robot in hyq anymal_b; do
@@ -83,7 +82,7 @@ PYTHON
     done
 }
 
-# build NAME ARGUMENTS...: benches/peers/NAME.cpp to bin/NAME, if that is not newer than every source and this script.
+# build NAME ARGUMENTS…: compiles benches/peers/NAME.cpp to bin/NAME, unless bin/NAME is newer than every source and this script.
 build() {
     local name=$1 program="$peers/bin/$1"
     shift
@@ -91,7 +90,7 @@ build() {
         return 0
     fi
     say "compiling $name"
-    # shellcheck disable=SC2086 # several words each
+    # shellcheck disable=SC2086 # several arguments each
     g++ -std=c++17 $optimised -w -isystem /usr/include/eigen3 -o "$program" "$sources/$name.cpp" "$@"
 }
 
@@ -104,14 +103,14 @@ build_solvers() {
         [ -f "$object" ] || gcc $optimised -I "$daqp/include" -c "$file" -o "$object"
     done
     build daqp -I "$daqp/include" "$peers"/daqp/*.o
-    # Its CMake script would make this header.
+    # In a build by CMake, CMake writes this header.
     printf '#pragma once\n#define EIQUADPROG_DLLAPI\n' >"$peers/include/eiquadprog/config.hpp"
     build eiquadprog -I "$eiquadprog/include" -I "$peers/include" "$eiquadprog/src/eiquadprog-fast.cpp"
     build piqp -I "$peers/src/piqp-0.7.0/include"
     build proxqp -DPROXSUITE_VECTORIZE -isystem "$prefix/include"
 }
 
-# The definitions are those of its CMake package.
+# The definitions are those of Pinocchio's CMake package.
 build_pinocchio() {
     build pinocchio -DBOOST_MPL_LIMIT_LIST_SIZE=30 -DBOOST_MPL_LIMIT_VECTOR_SIZE=30 -DBOOST_MPL_CFG_NO_PREPROCESSED_HEADERS \
         -DBOOST_FUSION_INVOKE_MAX_ARITY=12 -isystem "$prefix/include" -L "$prefix/lib" -Wl,-rpath,"$(realpath "$prefix/lib")" \
@@ -127,7 +126,7 @@ build_solvers
 build_pinocchio
 cat >"$peers/VERSIONS" <<TEXT
 peers: g++ $(g++ -dumpfullversion) $optimised
-Pinocchio $pin_version, out of its headers
+Pinocchio $pin_version, from its headers
 DAQP 0.11.0, eiquadprog 1.3.2, ProxQP $proxsuite_version, PIQP 0.7.0
 TEXT
 say "ready: $(paste -sd ';' "$peers/VERSIONS")"

@@ -1,9 +1,8 @@
 #!/usr/bin/env bash
-# Seeds changes into branches of a clone, and has `hoof replay bisect` find them: one that code makes among 20 revisions, then one each that a default, a
-# build flag and a new field of an input make. Prints a page, docs/bisect.md. The clone and the builds are below the target directory.
-#
-#     scripts/bisect_seeded.sh HOOF > docs/bisect.md
-#     scripts/bisect_seeded.sh HOOF flag field      # some of: twenty default flag field
+# Commits changes to branches of a clone and runs `hoof replay bisect` to find them: changed code among 20 revisions, a changed default, a build flag,
+# and a new input field. Prints the page docs/bisect.md. The clone and the builds are below the target directory.
+# usage: scripts/bisect_seeded.sh HOOF > docs/bisect.md
+#        scripts/bisect_seeded.sh HOOF flag field      # some of: twenty default flag field
 set -euo pipefail
 cd "$(dirname "$0")/.."
 hoof=$(realpath "${1:?the command to bisect with, such as target/release/hoof}")
@@ -27,13 +26,13 @@ commit() {  # MESSAGE
     git commit --quiet --message "$1"
 }
 
-# Replaces a text that must stand in a file once.
+# Replaces a text that must occur exactly once in the file.
 replace() {  # FILE FROM TO
     python3 - "$@" <<'PYTHON'
 import sys
 file, old, new = sys.argv[1:]
 text = open(file).read()
-assert text.count(old) == 1, f"{file}: {old!r} stands there {text.count(old)} times"
+assert text.count(old) == 1, f"{file}: {old!r} occurs {text.count(old)} times, expected once"
 open(file, "w").write(text.replace(old, new))
 PYTHON
 }
@@ -42,7 +41,7 @@ branch() {  # NAME
     git checkout --quiet -B "$1" "$base"
 }
 
-search() {  # TITLE, then what is said of it on standard input
+search() {  # TITLE; the description is read from standard input
     local begin=$SECONDS
     [[ $cases == *" $(git branch --show-current) "* ]] || return 0
     printf '\n## %s\n\n%s\n\n```text\n$ hoof replay bisect run.mcap --good %s --bad %s\n' "$1" "$(cat)" "${base:0:7}" "$(git branch --show-current)"
@@ -51,11 +50,11 @@ search() {  # TITLE, then what is said of it on standard input
 }
 
 cat <<PAGE
-# Bisect, tried
+# Bisect, an example
 
-\`scripts/bisect_seeded.sh\` seeds changes into branches of a clone at ${base:0:7} and lets \`hoof replay bisect\` find what changed the first bit of 2 s of HyQ
-on stones. Each revision is checked out, \`replay_golden\` is built there (no simulator, no analysis) and run; builds are shared, so a revision costs what it
-changes. Times are of a machine of two cores that was shared with several compilers; the first build is in the first of them.
+\`scripts/bisect_seeded.sh\` commits changes to branches of a clone at ${base:0:7} and runs \`hoof replay bisect\` to find the commit that changed the first bit of 2 s of
+HyQ on stones. For each revision, bisect checks it out, builds \`replay_golden\` (no simulator, no analysis) and runs it; builds are shared, so a revision costs only
+what it changes. Times: two cores shared with several compilers; the first time contains the first build.
 PAGE
 
 branch twenty
@@ -68,7 +67,7 @@ for i in $(seq 1 20); do
     esac
     commit "revision $i"
 done
-search "Code" <<<"Twenty revisions; number 13 writes π with a digit fewer than a double has, in the swing. The others are comments in controller and replay, and notes."
+search "Code" <<<"Twenty revisions. Number 13 writes π with one digit fewer than a double has, in the swing. The others are comments in controller and replay, and notes."
 
 branch default
 replace controller/src/params/step.rs $'    pub reach_time: f64,\n}' $'    pub reach_time: f64,\n    /// Pace.\n    pub pace: f64,\n}'
@@ -81,7 +80,7 @@ replace controller/src/params/step.rs 'pace: 1.0 }' 'pace: 1.01 }'
 commit "swing: a quicker pace"
 echo "Note." >>docs/notes.md
 commit "another note"
-search "Configuration" <<<"The default of a parameter that the log does not know yet: it comes with the first revision and changes with the third."
+search "Configuration" <<<"The default of a parameter that the log does not contain: the first revision adds it, the third changes it."
 
 branch flag
 replace controller/src/quadruped/swing.rs 'let (angle, rate) = (PI * phase' 'let pi = if cfg!(coarse) { 3.14159265358979 } else { PI };
@@ -93,7 +92,7 @@ echo "Note." >>docs/notes.md
 commit "build: for small machines"
 echo "Note." >>docs/notes.md
 commit "a note"
-search "Build" <<<"The second revision sets a flag of the compiler, and the code of the first makes use of it."
+search "Build" <<<"The second revision sets a compiler flag that the code of the first revision reads."
 
 branch field
 echo "Note." >>docs/notes.md
@@ -102,4 +101,4 @@ replace lcmtypes/operator_command_t.lcm $'    double step_height;\n' $'    doubl
 commit "operator_command_t: where to look"
 echo "Note." >>docs/notes.md
 commit "another note"
-search "A missing input" <<<"The second revision asks for a field that the inputs of the log do not have."
+search "A missing input" <<<"The second revision needs a field that the inputs of the log do not have."

@@ -1,12 +1,12 @@
 #!/usr/bin/env python3
-"""Expected fingerprints and bytes of the conformance types, made by the stock LCM tools.
+"""Writes the expected fingerprints and bytes of the conformance types, computed by the stock LCM tools.
 
     python3 scripts/lcm_gen_fixtures.py            writes lcmtypes/idl/tests/conformance/expected.json
-    python3 scripts/lcm_gen_fixtures.py --check    compares only; exit code 1 if anything differs
+    python3 scripts/lcm_gen_fixtures.py --check    only compares; exit code 1 if anything differs
 
 Needs the PyPI package `lcm` 1.5.3 in the Python that runs it (lcm-gen, Python code) and Debian's liblcm-dev and liblcm-bin
-1.3.1 with gcc (lcm-gen in /usr/bin, C code). Bytes come from the Python code; the C code has to decode them and to encode the
-same ones. Fingerprints come from both.
+1.3.1 with gcc (lcm-gen in /usr/bin, C code). The bytes are from the Python code; the C code must decode them and encode the same
+bytes. Both compute the fingerprints.
 """
 
 import importlib
@@ -22,9 +22,9 @@ import tempfile
 HERE = pathlib.Path(__file__).resolve().parent.parent / "lcmtypes/idl/tests/conformance"
 OUT = HERE / "expected.json"
 TYPES = sorted(HERE.glob("*.lcm"))
-# lcm-gen 1.3.1 knows no constants as dimensions, and C no structs that hold each other.
+# lcm-gen 1.3.1 does not support constants as dimensions; C does not support structs that contain each other.
 NOT_IN_C = {"named_constants.lcm": {"conformance.named_constants_t"}, "mutual.lcm": {"conformance.ping_t", "conformance.pong_t"}}
-# Its decoder of an array of enums steps over one element only.
+# The C decoder of an array of enums advances by one element only.
 NOT_DECODED_BY_C = {"conformance.enums_t"}
 LCM_GEN_1_3 = "/usr/bin/lcm-gen"
 
@@ -88,7 +88,7 @@ def main():
     lcm_gen = shutil.which("lcm-gen", path=str(pathlib.Path(sys.executable).parent)) or shutil.which("lcm-gen")
     expected = {"made_by": [version(lcm_gen), version(LCM_GEN_1_3)], "types": {}, "enums": {}, "messages": []}
     with tempfile.TemporaryDirectory() as folder:
-        # One file a call: lcm-gen carries the package of a file on to the next one.
+        # One file per call: lcm-gen applies the package of a file to the next one.
         for path in TYPES:
             run(lcm_gen, "--python", "--ppath", folder, path)
         sys.path.insert(0, folder)
@@ -109,7 +109,7 @@ def main():
     if "--check" not in sys.argv[1:]:
         OUT.write_text(text)
     elif OUT.read_text() != text:
-        sys.exit(f"{OUT} differs from what {' and '.join(expected['made_by'])} give")
+        sys.exit(f"{OUT} differs from the output of {' and '.join(expected['made_by'])}")
 
 
 def version(lcm_gen):
@@ -137,7 +137,7 @@ def base_hashes(lcm_gen):
 
 
 def python_class(name):
-    """The generated class; a type without a package has a module of its own."""
+    """The generated class; a type without a package is in a module of the same name."""
     package, _, short = name.rpartition(".")
     module = importlib.import_module(package or short)
     found = getattr(module, short)
@@ -148,7 +148,7 @@ PRIMITIVE_NAMES = {"int8_t", "int16_t", "int32_t", "int64_t", "byte", "float", "
 
 
 def build(name, fields):
-    """A message; without its constructor, which fails on enums."""
+    """A message, built without its constructor, which fails on enums."""
     cls = python_class(name)
     if not hasattr(cls, "__typenames__"):
         return cls(fields)
@@ -214,7 +214,7 @@ int main(int argc, char **argv)
 
 
 def check_with_c(folder, expected):
-    """Holds fingerprints and bytes against the C code of lcm-gen 1.3.1."""
+    """Compares fingerprints and bytes with the C code of lcm-gen 1.3.1."""
     for path in TYPES:
         if path.name not in NOT_IN_C:
             run(LCM_GEN_1_3, "-c", "--c-cpath", folder, "--c-hpath", folder, path)

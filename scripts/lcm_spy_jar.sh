@@ -1,9 +1,9 @@
 #!/usr/bin/env bash
-# The stock lcm-spy with our types: lcm_spy_jar.sh FOLDER.
-#
-# lcm-spy decodes messages by Java classes, which stock lcm-gen makes of our .lcm files and javac compiles into FOLDER/hoofprint_types.jar.
-# Debian's lcm-spy does not start under its own Java 17 (it passes -Xincgc), so lcm-spy and lcm.jar come from PyPI's lcm 1.5.3, pinned by hash.
-# What is missing is named; INSTALL=1 has it installed.
+# Builds the stock lcm-spy with the message types of this project in FOLDER.
+# usage: scripts/lcm_spy_jar.sh FOLDER
+# lcm-spy decodes messages with Java classes: stock lcm-gen generates them from the .lcm files, javac compiles them into FOLDER/hoofprint_types.jar.
+# Debian's lcm-spy does not start under Debian's Java 17 (it passes -Xincgc), so lcm-spy and lcm.jar are from PyPI's lcm 1.5.3, pinned by hash.
+# Missing programs are listed; INSTALL=1 installs them.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 
@@ -40,7 +40,7 @@ fetch_spy() {
         --platform manylinux_2_28_x86_64 --dest "$work" "lcm==$wheel_version"
     local wheel
     wheel=$(echo "$work"/lcm-*.whl)
-    sha256sum --quiet --check - <<<"$wheel_sha256  $wheel" || fail "$wheel is not the pinned file"
+    sha256sum --quiet --check - <<<"$wheel_sha256  $wheel" || fail "$wheel: SHA-256 differs from the pinned one"
     python3 -m zipfile --extract "$wheel" "$work/wheel"
     mkdir -p "$folder/bin" "$folder/share/java"
     install "$work/wheel/bin/lcm-spy" "$folder/bin/"
@@ -51,7 +51,7 @@ fetch_spy() {
 build_jar() {
     lcm-gen --java --jpath "$work/java" lcmtypes/*.lcm >/dev/null
     mkdir "$work/classes"
-    # For any Java from 8 on; the warning that 8 is old is not ours to follow.
+    # For any Java from version 8 on, without the compiler's warning that 8 is old.
     javac --release 8 -Xlint:-options -nowarn -cp "$folder/share/java/lcm.jar" -d "$work/classes" "$work"/java/hoofprint/*.java
     jar --create --file "$jar" -C "$work/classes" .
 }
@@ -59,7 +59,7 @@ build_jar() {
 check_tools
 fetch_spy
 build_jar
-say "types: $jar ($(jar --list --file "$jar" | grep -c '\.class$') of ours)"
+say "types: $jar ($(jar --list --file "$jar" | grep -c '\.class$') classes)"
 [ -e "$(dirname "$(realpath "$(command -v java)")")/../lib/libawt_xawt.so" ] \
-    || say "this Java has no windows; what brings them: apt-get install default-jre"
+    || say "this Java has no windows; install them: apt-get install default-jre"
 say "start: CLASSPATH=$jar $folder/bin/lcm-spy"

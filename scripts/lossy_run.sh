@@ -1,8 +1,7 @@
 #!/usr/bin/env bash
-# A live run over a network that loses one datagram in a hundred each way: driver on one network, controller and recorder on another, a relay for the
-# measurements and one for the commands between them. The log must replay bit for bit all the same.
-#
-#     scripts/lossy_run.sh HOOF LOSSY_RELAY [SECONDS]
+# A live run over a network that loses one datagram in a hundred in each direction: the driver is on one network, controller and recorder on another; one relay
+# passes measurements, another passes commands. The log must still replay bit for bit.
+# usage: scripts/lossy_run.sh HOOF LOSSY_RELAY [SECONDS]
 set -euo pipefail
 cd "$(dirname "$0")/.."
 hoof=${1:?the command, such as target/release/hoof}
@@ -13,14 +12,14 @@ control_side="udpm://239.255.76.67:7692?ttl=0&recv_buf_size=2000000"
 out=$(mktemp -d)
 trap 'kill $(jobs -p) 2>/dev/null || true; rm -rf "$out"' EXIT
 
-: >"$out/said"
-"$relay" "$robot_side" "$control_side" --drop 0.01 --seed 1 --channels "ROBOT_STATE|OPERATOR_COMMAND|GROUND_TRUTH|EVENT" >"$out/states" 2>>"$out/said" &
+: >"$out/stderr"
+"$relay" "$robot_side" "$control_side" --drop 0.01 --seed 1 --channels "ROBOT_STATE|OPERATOR_COMMAND|GROUND_TRUTH|EVENT" >"$out/states" 2>>"$out/stderr" &
 states=$!
-"$relay" "$control_side" "$robot_side" --drop 0.01 --seed 2 --channels ROBOT_COMMAND >"$out/commands" 2>>"$out/said" &
+"$relay" "$control_side" "$robot_side" --drop 0.01 --seed 2 --channels ROBOT_COMMAND >"$out/commands" 2>>"$out/stderr" &
 commands=$!
 "$hoof" log record "$out/run.mcap" --lcm-url "$control_side" >/dev/null 2>&1 &
 recorder=$!
-until [ "$(grep -c relaying "$out/said")" = 2 ]; do :; done
+until [ "$(grep -c relaying "$out/stderr")" = 2 ]; do :; done
 "$hoof" driver runs/hyq_sim.toml --scenario scenarios/rough_trot.toml --lcm-url "$robot_side" >"$out/driver" 2>/dev/null &
 driver=$!
 "$hoof" controller runs/hyq_sim.toml --seconds "$seconds" --lcm-url "$control_side" 2>/dev/null

@@ -1,16 +1,15 @@
 #!/usr/bin/env python3
-"""Changes one line of the controller, builds what a replay needs, and replays an unchanged log: is the change found in its stage, at its tick?
+"""Changes one line of the controller, builds the replay, and replays an unchanged log: is the change found in the expected stage and at the expected tick?
 
-    scripts/mutants.py HOOF [--only WORDS] [--markdown docs/mutants.md]
+    scripts/mutants.py HOOF [--only TEXT] [--markdown docs/mutants.md]
 
-HOOF makes the log, 2 s of HyQ on stones; the mutants stand in mutants.toml. At which tick each must show is read off the log by rules that know nothing
-of replays. Builds go to $CARGO_TARGET_DIR/mutants (or target/mutants). Exit code 1 if a mutant is not found where it must be.
+HOOF records the log, 2 s of HyQ on stones; the mutants are in mutants.toml. The expected tick of each is computed from the log by rules that use no
+replay. Builds are in $CARGO_TARGET_DIR/mutants (or target/mutants). Exit code 1 if a mutant is not found at the expected place.
 """
 
 import argparse
 import json
 import os
-import re
 import shutil
 import subprocess
 import sys
@@ -20,7 +19,6 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parent.parent
 WORK = Path(os.environ.get("CARGO_TARGET_DIR", ROOT / "target")).resolve() / "mutants"
 TREE, CORPUS, LOG = WORK / "tree", WORK / "corpus", WORK / "run.mcap"
-FOUND = re.compile(r"differs from tick (\d+) on, first in stage (\w+): (\w+) ([\w.\[\]]*)")
 
 
 def ticks(hoof):
@@ -41,7 +39,7 @@ def ticks(hoof):
         "start": 0,
         "swing": first("LEG_STATE", lambda m: any(t > 0 for t in m["t_swing"])),
         "swing+2": lift_off + 2,
-        # Every iteration takes a row in or gives one back.
+        # Every iteration adds a row to the working set or removes one.
         "release": first("WBC_SOLUTION", lambda m: m["iterations"] > m["n_active"]),
         "tilt": first("CONTROLLER_INPUT", lambda m: m["state"]["q_WI_wxyz"] != start["state"]["q_WI_wxyz"]),
         "clamps": first("WBC_SOLUTION", lambda m: m["n_clamped"] > 0),
@@ -50,7 +48,7 @@ def ticks(hoof):
 
 
 def mirror():
-    """Copies the sources; what has not changed keeps its time, so that cargo builds only what has."""
+    """Copies the sources. Unchanged files keep their time, so cargo builds only what changed."""
     names = subprocess.run(["git", "-C", ROOT, "ls-files"], check=True, capture_output=True, text=True).stdout.splitlines()
     for name in names:
         source, copy = ROOT / name, TREE / name
@@ -62,32 +60,32 @@ def mirror():
 
 
 def replay():
-    """Builds the tree and replays the log: what is said of it."""
+    """Builds the tree and replays the log; returns the result of `replay_golden --json` for it."""
     build = ["cargo", "build", "--quiet", "--release", "--package", "replay", "--example", "replay_golden", "--target-dir", WORK / "target"]
     environment = {**os.environ, "CARGO_INCREMENTAL": "1", "RUSTFLAGS": "-Awarnings"}
     subprocess.run(build, check=True, cwd=TREE, env=environment)
-    said = subprocess.run([WORK / "target/release/examples/replay_golden", CORPUS], capture_output=True, text=True)
-    if said.returncode not in (0, 1):
-        sys.exit(said.stderr)
-    return said.stdout.strip()
+    done = subprocess.run([WORK / "target/release/examples/replay_golden", CORPUS, "--json"], capture_output=True, text=True)
+    if done.returncode not in (0, 1):
+        sys.exit(done.stderr)
+    return json.loads(done.stdout)[0]
 
 
 def main():
     arguments = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     arguments.add_argument("hoof", type=Path, help="the command to record with, such as target/release/hoof")
-    arguments.add_argument("--only", default="", help="only mutants with these words in what they are")
+    arguments.add_argument("--only", default="", help="only mutants whose description contains this text")
     arguments.add_argument("--markdown", type=Path, help="write the table of results here")
     args = arguments.parse_args()
     hoof = args.hoof.resolve()
     shutil.rmtree(CORPUS, ignore_errors=True)
     CORPUS.mkdir(parents=True)
-    run = lambda *words: subprocess.run([hoof, *words], check=True, cwd=ROOT, stdout=subprocess.DEVNULL)
+    run = lambda *arguments: subprocess.run([hoof, *arguments], check=True, cwd=ROOT, stdout=subprocess.DEVNULL)
     run("sim", "--robot", "hyq", "--scenario", "scenarios/short_rough.toml", "--log", LOG)
     run("corpus", "add", LOG, "--name", "run", "--why", "mutants", "--keep", "all", "--dir", CORPUS)
     mirror()
-    said = replay()
-    if "identical" not in said:
-        sys.exit(f"error: without a mutant the log does not replay: {said}")
+    result = replay()
+    if not result["identical"]:
+        sys.exit(f"error: without a mutant the log does not replay: {result}")
 
     expected = ticks(hoof)
     mutants = tomllib.loads((ROOT / "scripts/mutants.toml").read_text())["mutant"]
@@ -96,19 +94,19 @@ def main():
         file = TREE / mutant["file"]
         text = file.read_text()
         if text.count(mutant["from"]) != 1:
-            sys.exit(f"error: {mutant['file']}: \"{mutant['from']}\" stands there {text.count(mutant['from'])} times, expected once")
+            sys.exit(f"error: {mutant['file']}: \"{mutant['from']}\" occurs {text.count(mutant['from'])} times, expected once")
         file.write_text(text.replace(mutant["from"], mutant["to"]))
         try:
-            said = replay()
+            result = replay()
         finally:
             file.write_text(text)
-        found = FOUND.search(said)
-        place = (int(found[1]), found[2], f"{found[3]} {found[4]}") if found else None
+        found = result["first_divergence"]
+        place = (found["tick"], found["stage"], f"{found['channel']} {found['field']}") if found else None
         wanted = (expected[mutant["tick"]], mutant["stage"], mutant["shows"])
-        seen = said.split("also ")[-1] if "also " in said else ""
+        seen = ", ".join(f"{also['channel']} {also['field']}" for also in found["also"]) if found else ""
         good = place == wanted and mutant.get("also", "") in seen
         failed |= not good
-        print(f"{'found ' if good else f'MISSED, expected {wanted}:'} {mutant['what']}: {said}", flush=True)
+        print(f"{'found ' if good else f'MISSED, expected {wanted}:'} {mutant['what']}: {place}", flush=True)
         rows.append((mutant, place, seen, good))
     if args.markdown:
         args.markdown.write_text(table(rows))
@@ -120,11 +118,11 @@ def table(rows):
     lines = [
         "# Mutants of the controller",
         "",
-        "One line of the controller changed, all else as it was: where does the replay of an unchanged log say that it differs? Made by",
-        "`scripts/mutants.py target/release/hoof --markdown docs/mutants.md`: 2 s of HyQ on stones with all outputs kept. The expected tick is read off the log",
-        "by rules that know nothing of replays (`scripts/mutants.toml`).",
+        "One line of the controller is changed; everything else stays. At which tick, stage and field does the replay of an unchanged log differ first? Made by",
+        "`scripts/mutants.py target/release/hoof --markdown docs/mutants.md`: 2 s of HyQ on stones with all outputs kept. The expected tick is computed from the",
+        "log by rules that use no replay (`scripts/mutants.toml`).",
         "",
-        "| stage | mutant | line | expected | first differs | so do |",
+        "| stage | mutant | line | expected | first difference | also different |",
         "|---|---|---|---|---|---|",
     ]
     for mutant, place, seen, good in rows:

@@ -29,14 +29,14 @@ ROBOTS = [
     ("arm", DATA / "arm.urdf", False),
 ]
 STATES = 6
-# The last state is far from the origin and fast: nothing but the place itself may lose digits there.
+# The last state is far from the origin and fast: only the position itself may lose digits there.
 FAR = np.array([8e2, -5e2, 60.0])
 FAST = np.array([-15.0, 20.0, 3.0])
 WORLD = pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
 
 
 def joints_in_file_order(path):
-    """Names of the movable joints as they stand in the text."""
+    """Names of the movable joints in the order of the file."""
     joints = ElementTree.parse(path).getroot().findall("joint")
     return [j.get("name") for j in joints if j.get("type") != "fixed"]
 
@@ -51,7 +51,7 @@ def random_rotation(rng):
 
 
 class Robot:
-    """One model, and the map from our state to Pinocchio's."""
+    """One model, and the map from this project's state to Pinocchio's."""
 
     def __init__(self, path, floating):
         root = [pin.JointModelFreeFlyer()] if floating else []
@@ -82,7 +82,7 @@ class Robot:
         return q, X @ v, X
 
     def drift(self, v_pin):
-        """vd_pin - X vd: what turning base axes add."""
+        """vd_pin - X vd: the term from rotating base axes."""
         drift = np.zeros(self.model.nv)
         if self.floating:
             drift[:3] = -np.cross(v_pin[3:6], v_pin[:3])
@@ -128,7 +128,7 @@ class Robot:
     def centroidal(self, state):
         """Centre of mass and momentum of all links.
 
-        Pinocchio leaves the root link of a fixed base out, so here that base is free, and at rest.
+        Pinocchio ignores the root link of a fixed base, so this function uses a free base at rest.
         """
         if not self.floating:
             rest = {"p_WB": np.zeros(3), "R_WB": np.eye(3), "v_WB": np.zeros(3), "w_WB_W": np.zeros(3)}
@@ -169,7 +169,7 @@ def plain(value):
     """Lists and floats; matrices by rows."""
     if isinstance(value, dict):
         return {key: plain(item) for key, item in value.items()}
-    # Adding zero turns -0.0 into 0.0, which reads better.
+    # Adding zero turns -0.0 into 0.0.
     return (np.asarray(value) + 0.0).tolist()
 
 

@@ -4,9 +4,9 @@
     pip install quadprog mpmath numpy
     python3 scripts/qp_fixtures.py
 
-lets the test `qp_solutions` write out its programs, solves them and makes controller/tests/data/qp_solutions.json. The active set comes
-from quadprog (Goldfarb and Idnani's dual method); with it the optimality conditions are linear and are solved in 60 digits, and the
-result is accepted only if it is feasible and its multipliers have the right sign: then it is the minimizer, whatever found it.
+runs the test `qp_solutions` to dump its programs, solves them and writes controller/tests/data/qp_solutions.json. The active set is from
+quadprog (Goldfarb and Idnani's dual method). With a known active set the optimality conditions are linear; they are solved in 60 digits. The
+result is accepted only if it is feasible and its multipliers have the right sign: then it is the minimizer, independent of the solver.
 """
 
 import json
@@ -25,7 +25,7 @@ mpmath.mp.dps = 60
 
 
 def dumped_programs():
-    """The programs of the test, from the test."""
+    """The programs that the test dumps."""
     with tempfile.TemporaryDirectory() as folder:
         path = pathlib.Path(folder) / "programs.json"
         command = ["cargo", "test", "--release", "-p", "controller", "--test", "qp_solutions", "exact"]

@@ -1,8 +1,7 @@
 #!/usr/bin/env bash
-# Records the golden logs again, all of them: for a change that alters every one, such as a new field in a message. Commit the code
-# first, so that the logs name a revision that exists; where a change is in the numbers, `hoof corpus accept` says why for each log.
-#
-#     scripts/record_golden.sh HOOF
+# Records all golden logs again, after a change that affects each of them, such as a new field in a message. Commit the code first, so that the logs
+# name an existing revision. After a change of computed numbers use `hoof corpus accept`, which stores the reason for each log.
+# usage: scripts/record_golden.sh HOOF
 set -euo pipefail
 cd "$(dirname "$0")/.."
 hoof=${1:?the command to record with, such as target/release/hoof}
@@ -10,7 +9,7 @@ runs=$(mktemp -d)
 trap 'rm -rf "$runs"' EXIT
 
 record() {  # NAME ROBOT SCENARIO WHY [SET]...
-    # 1: the robot went to its safe state, which may be what the log is for.
+    # Exit code 1: the robot is in DAMPING, which some logs are recorded for.
     "$hoof" sim --robot "$2" --scenario "scenarios/$3.toml" --log "$runs/$1.mcap" "${@:5}" || [ $? = 1 ]
     "$hoof" corpus add "$runs/$1.mcap" --name "$1" --why "$4"
 }

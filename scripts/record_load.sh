@@ -1,8 +1,7 @@
 #!/usr/bin/env bash
-# The recorder under load, beside stock lcm-logger on the same traffic: 20 kHz of 400-byte messages, both loggers stopped for 100 ms every
-# 10 s. Not part of the gate: it takes a minute and says as much about the machine as about the loggers.
-#
-#   scripts/record_load.sh [SECONDS]
+# The recorder and stock lcm-logger on the same traffic: 20 kHz of 400-byte messages, both loggers stopped for 100 ms every 10 s.
+# Not part of the gate: it takes a minute, and the result depends on the machine as much as on the loggers.
+# usage: scripts/record_load.sh [SECONDS]
 set -euo pipefail
 cd "$(dirname "$0")/.."
 
@@ -41,8 +40,8 @@ python3 - "$work/ours.json" <<'PYTHON'
 import json, sys
 r = json.load(open(sys.argv[1]))
 left_out = sum(r["left_out"].values())
-print(f"hoof log record: {r['heard']} recorded, {r['lost']} lost and named, {left_out} left out and named, "
+print(f"hoof log record: {r['heard']} recorded, {r['lost']} lost and reported, {left_out} dropped and reported, "
       f"{r['kernel_dropped']} dropped by the kernel, {r['file_bytes'] / 1e6:.0f} MB")
 PYTHON
 recorded=$("$target/hoof" log info --json "$work/stock.lcmlog" | python3 -c 'import json, sys; print(json.load(sys.stdin)["events"])' || true)
-echo "lcm-logger: $recorded recorded; it says: $(tail -n 1 "$work/stock.txt" | tr -d '\r' | cut -c 1-100)"
+echo "lcm-logger: $recorded recorded; its last line: $(tail -n 1 "$work/stock.txt" | tr -d '\r' | cut -c 1-100)"

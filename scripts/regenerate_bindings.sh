@@ -1,6 +1,6 @@
 #!/bin/sh
 # Regenerates lcmtypes/src/bus/ffi.rs from the installed liblcm (Debian: liblcm-dev, libclang-dev).
-# With --check: compares only, and fails if the committed file differs.
+# With --check: only compares; exit code 1 if the committed file differs.
 set -eu
 cd "$(dirname "$0")/.."
 

@@ -3,13 +3,13 @@
 
     python3 scripts/render_walk.py model.xml poses.csv --out out/walk
 
-model.xml  what `MujocoSim::mjcf` gives: robot and ground in one MJCF text.
-poses.csv  header `t_s,x,y,z,qw,qx,qy,qz` and then one column a joint, named as in the URDF; one row an instant, times rising.
+model.xml  output of `MujocoSim::mjcf`: robot and ground in one MJCF text.
+poses.csv  header `t_s,x,y,z,qw,qx,qy,qz`, then one column per joint, named as in the URDF; one row per instant, times increasing.
            Position (m) and orientation of the base in W, joints in rad.
 
 Writes filmstrip.png (a few instants side by side), walk.gif, and with --frames every frame as PNG.
 
-Needs the PyPI packages mujoco==3.17.0, numpy and pillow, and no display: Mesa's software renderer does it through EGL
+Needs the PyPI packages mujoco==3.17.0, numpy and pillow, and no display: Mesa's software renderer draws through EGL
 (Debian: libegl1 libgl1-mesa-dri) or, with MUJOCO_GL=osmesa, without EGL (Debian: libosmesa6).
 """
 
@@ -42,7 +42,7 @@ def read_poses(path, joint_names):
 
 
 def dressed(mjcf):
-    """The model with what only an eye needs: sky, grid on the plane, softer light."""
+    """The model with sky, a grid on the plane and softer light, for the picture only."""
     spec = mujoco.MjSpec.from_string(mjcf)
     texture = mujoco.mjtTexture
     sky = spec.add_texture(name="sky", type=texture.mjTEXTURE_SKYBOX, builtin=mujoco.mjtBuiltin.mjBUILTIN_GRADIENT)
@@ -78,7 +78,7 @@ class Film:
         self.data.qpos[self.addresses] = q
         mujoco.mj_forward(self.model, self.data)
         if self.follow:
-            # The way over the ground, not the bobbing of the base.
+            # Follows the path over the ground, not the vertical motion of the base.
             self.camera.lookat[:2] = base[:2]
         self.renderer.update_scene(self.data, self.camera)
         return Image.fromarray(self.renderer.render())
@@ -101,8 +101,8 @@ def main():
     parser.add_argument("--size", type=int, nargs=2, default=[480, 270], metavar=("W", "H"), help="pixels of a frame")
     parser.add_argument("--strip", type=int, default=5, help="instants of the filmstrip")
     parser.add_argument("--colors", type=int, default=48, help="colours of the GIF")
-    parser.add_argument("--follow", action="store_true", help="keep the robot in the middle; a camera at rest makes a smaller GIF")
-    parser.add_argument("--distance", type=float, default=2.6, help="m from the camera to what it looks at")
+    parser.add_argument("--follow", action="store_true", help="keep the robot in the middle; a fixed camera makes a smaller GIF")
+    parser.add_argument("--distance", type=float, default=2.6, help="distance from the camera to its target, m")
     parser.add_argument("--azimuth", type=float, default=125.0, help="degrees, 90 = looks along +y")
     parser.add_argument("--elevation", type=float, default=-18.0, help="degrees, negative = from above")
     parser.add_argument("--frames", action="store_true", help="keep every frame as PNG")
@@ -131,7 +131,7 @@ def main():
     strip.save(args.out / "filmstrip.png", optimize=True)
 
     frames = render(np.arange(start, end, 1.0 / args.fps))
-    # One palette for all frames: colours do not flicker, and equal pixels of neighbours cost nothing.
+    # One palette for all frames: colours do not flicker, and pixels equal to those of the frame before take no space.
     palette = strip.quantize(args.colors)
     small = [frame.quantize(palette=palette, dither=Image.Dither.NONE) for frame in frames]
     duration_ms = 1000.0 / args.fps

@@ -1,7 +1,7 @@
 #!/usr/bin/env bash
-# Fetches what cargo cannot: liblcm, a multicast route for it, libudev (gamepads), MuJoCo, and valgrind, which counts instructions in a test.
-# Every step asks whether there is anything to do, so a second run takes no time and leaves no stamp behind.
-# Run as root, or as somebody who may use sudo; without either it says what to run instead.
+# Installs what cargo cannot: liblcm, a multicast route, libudev (gamepads), MuJoCo, valgrind (counts instructions in a test), qemu-user.
+# Each step checks its result first, so a second run takes less than a second.
+# Run as root or with sudo; otherwise the script prints the command to run as root.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 
@@ -14,24 +14,24 @@ lcm_group=239.255.76.67
 say() { printf 'setup: %s\n' "$*"; }
 fail() { printf 'setup: %s\n' "$*" >&2; exit 1; }
 
-# Runs a command as root, or fails and says what to type.
+# Runs a command as root, or fails and prints the command.
 as_root() {
     if [ "$(id -u)" = 0 ]; then
         "$@"
     elif command -v sudo >/dev/null; then
         sudo "$@"
     else
-        fail "not root and no sudo; have this done as root, then start again: $*"
+        fail "not root, and sudo not found; run as root, then start again: $*"
     fi
 }
 
 check_machine() {
-    [ "$(uname -sm)" = "Linux x86_64" ] || fail "found $(uname -sm), but MuJoCo is pinned for Linux x86_64 only"
+    [ "$(uname -sm)" = "Linux x86_64" ] || fail "this machine is $(uname -sm); MuJoCo is pinned for Linux x86_64 only"
     PATH="$PATH:$HOME/.cargo/bin" command -v cargo >/dev/null \
         || fail "cargo not found; install Rust from https://rustup.rs (rust-toolchain.toml then picks the version)"
 }
 
-# What is there counts, not which package brought it.
+# Checks for the files themselves: another package may provide them.
 install_packages() {
     local missing=()
     command -v cc >/dev/null || missing+=(gcc libc6-dev)
@@ -44,10 +44,10 @@ install_packages() {
     mujoco_present || python3 -m pip --version >/dev/null 2>&1 || missing+=(python3 python3-pip)
     [ ${#missing[@]} -gt 0 ] || return 0
 
-    command -v apt-get >/dev/null || fail "no apt-get on this machine; install what Debian calls: ${missing[*]}"
+    command -v apt-get >/dev/null || fail "apt-get not found; install these Debian packages: ${missing[*]}"
     say "installing ${missing[*]}"
     local install=(env DEBIAN_FRONTEND=noninteractive apt-get install --yes --no-install-recommends "${missing[@]}")
-    # A machine without package lists, or with old ones, cannot find the packages at the first try.
+    # The first attempt fails if package lists are missing or old.
     as_root "${install[@]}" || { as_root apt-get update && as_root "${install[@]}"; }
 }
 
@@ -55,10 +55,10 @@ liblcm_present() {
     cc -x c - -o /dev/null -llcm 2>/dev/null <<<$'#include <lcm/lcm.h>\nint main(void) { return 0; }'
 }
 
-# liblcm refuses to start without a route for its multicast group. Lockstep runs need none, so this one only warns.
+# liblcm refuses to start without a route for its multicast group. Lockstep runs need no route, so this step only warns.
 add_multicast_route() {
     ip route get "$lcm_group" >/dev/null 2>&1 && return 0
-    say "no route to $lcm_group: sending 224.0.0.0/4 over the loopback"
+    say "no route to $lcm_group: adding 224.0.0.0/4 on the loopback interface"
     (as_root ip link set lo up && as_root ip route add 224.0.0.0/4 dev lo) \
         || say "could not add the route: lockstep runs work, live runs over LCM will not"
 }
@@ -80,7 +80,7 @@ install_mujoco() {
     python3 -m pip download --no-deps --only-binary=:all: --python-version 3.11 --implementation cp \
         --platform manylinux_2_28_x86_64 --dest "$work" "mujoco==$mujoco_version"
     wheel=$(echo "$work"/mujoco-*.whl)
-    sha256sum --check - <<<"$mujoco_wheel_sha256  $wheel" || fail "$wheel is not the pinned file"
+    sha256sum --check - <<<"$mujoco_wheel_sha256  $wheel" || fail "$wheel: SHA-256 differs from the pinned one"
 
     python3 - "$wheel" "$work/mujoco" <<'PYTHON'
 import pathlib, sys, zipfile

@@ -1,7 +1,7 @@
 //! Replays a corpus of golden logs by this build alone, without simulator and analysis: does another optimisation level or another
 //! instruction set give the same bits?
 //!
-//!     cargo run -p replay --example replay_golden -- logs/golden
+//!     cargo run -p replay --example replay_golden -- logs/golden [--json]
 //!
 //! `scripts/replay_across_builds.sh` runs it in several builds. Exit codes as those of `hoof corpus check`: 0 all bits are the same,
 //! 1 they are not, 2 there is no corpus.
@@ -10,9 +10,10 @@ use replay::corpus;
 use std::process::ExitCode;
 
 fn main() -> ExitCode {
-    let dir = std::env::args().nth(1).unwrap_or_else(|| "logs/golden".to_owned());
+    let (options, folders): (Vec<String>, Vec<String>) = std::env::args().skip(1).partition(|arg| arg == "--json");
+    let dir = folders.first().map_or("logs/golden", String::as_str);
     let jobs = std::thread::available_parallelism().map_or(1, usize::from);
-    let logs = match corpus::check(&dir, jobs) {
+    let logs = match corpus::check(dir, jobs) {
         Ok(logs) if !logs.is_empty() => logs,
         Ok(_) => {
             eprintln!("error: {dir}: no golden log");
@@ -23,6 +24,16 @@ fn main() -> ExitCode {
             return ExitCode::from(2);
         }
     };
+    if !options.is_empty() {
+        match serde_json::to_string_pretty(&logs) {
+            Ok(text) => println!("{text}"),
+            Err(error) => {
+                eprintln!("error: {dir}: {error}");
+                return ExitCode::from(2);
+            }
+        }
+        return ExitCode::from(u8::from(logs.iter().any(|log| !log.identical)));
+    }
     for log in &logs {
         let found = match (&log.first_divergence, &log.error) {
             (None, None) if log.identical => format!("identical: {} ticks", log.ticks),
