@@ -1,4 +1,4 @@
-//! Definitions of the ROS 2 messages that viewers know, as their packages publish them (comments left out).
+//! Definitions of the standard ROS 2 messages, as their packages publish them, without comments.
 
 pub(super) const STRING: &str = "string data\n";
 

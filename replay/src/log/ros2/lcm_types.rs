@@ -1,19 +1,19 @@
-//! Any LCM type as a ROS 2 message: its definition, and its messages in CDR.
+//! Converts any LCM type to a ROS 2 message type: its name, its definition, and its messages.
 //!
-//! - `hoofprint.robot_state_t` is `hoofprint/msg/RobotState`. ROS 2 wants lower-case fields, so `p_WF` is `p_wf`; names that fall
-//!   together get a number.
-//! - An array of several dimensions is a flat one, row by row; one whose length varies is a sequence.
+//! - `hoofprint.robot_state_t` becomes `hoofprint/msg/RobotState`. ROS 2 requires lower-case field names, so `p_WF` becomes `p_wf`; of
+//!   two fields that get the same name, the second gets the suffix `_2`.
+//! - An array of several dimensions is flattened row by row; an array of variable length becomes a sequence.
 
-use super::cdr::Cdr;
 use lcm_idl::ast::{ConstantValue, Dim, Field, FieldType, Primitive};
 use lcm_idl::{Type, Value, camel_case};
+use serde::ser::{Serialize, SerializeTuple, Serializer};
 use std::collections::BTreeSet;
 use std::fmt::Write as _;
 
-/// Line between the definitions of the types in a type.
+/// Separator between the definitions of a type and of its nested types.
 const LINE: &str = "================================================================================\n";
 
-/// Name of a type as messages call it: `hoofprint/msg/RobotState`.
+/// Name of a type in ROS 2: `hoofprint/msg/RobotState`.
 pub(super) fn type_name(ty: Type<'_>) -> String {
     let (package, name) = names(ty);
     format!("{package}/msg/{name}")
@@ -25,7 +25,7 @@ fn names(ty: Type<'_>) -> (String, String) {
     (package, camel_case(&name.short))
 }
 
-/// The definition of a type, and of those inside it.
+/// The definition of a type, followed by those of its nested types.
 pub(super) fn definition(ty: Type<'_>) -> String {
     let mut text = String::new();
     let mut inner = Vec::new();
@@ -102,7 +102,7 @@ fn brackets(field: &Field) -> String {
     }
 }
 
-/// Elements of an array whose length is known from the type, all dimensions together.
+/// Number of elements over all dimensions, if the type fixes it.
 fn fixed_length(field: &Field) -> Option<usize> {
     field.dims.iter().try_fold(1_usize, |length, dim| match dim {
         Dim::Constant { size, .. } => length.checked_mul(*size),
@@ -110,7 +110,7 @@ fn fixed_length(field: &Field) -> Option<usize> {
     })
 }
 
-/// A name as ROS 2 wants it: lower case, beginning with a letter, no two underscores in a row and none at the end.
+/// A valid ROS 2 field name: lower case, starts with a letter, no two underscores in a row, no underscore at the end.
 fn lower(name: &str) -> String {
     let mut out = String::new();
     for c in name.chars() {
@@ -123,6 +123,7 @@ fn lower(name: &str) -> String {
     if name.starts_with(|c: char| c.is_ascii_lowercase()) { name.to_owned() } else { format!("x{name}") }
 }
 
+/// The name, with a number if it is already used.
 fn unused(name: &str, used: &mut BTreeSet<String>) -> String {
     let numbered = (2..).map(|n| format!("{name}_{n}"));
     let free = std::iter::once(name.to_owned()).chain(numbered).find(|name| !used.contains(name)).unwrap_or_default();
@@ -130,46 +131,77 @@ fn unused(name: &str, used: &mut BTreeSet<String>) -> String {
     free
 }
 
-/// A message in CDR.
-pub(super) fn encode(ty: Type<'_>, value: &Value, out: &mut Cdr) {
-    let Value::Struct(values) = value else { return };
-    for (index, (field, (_, value))) in ty.def().fields.iter().zip(values).enumerate() {
-        if !field.dims.is_empty() && fixed_length(field).is_none() {
-            out.length(count(value, field.dims.len()));
-        }
-        put(ty.element(index), value, out);
-    }
-    if values.is_empty() {
-        out.u8(0);
+/// A decoded LCM message that serializes as the ROS 2 message of its type.
+pub(super) struct Ros2Value<'a> {
+    ty: Option<Type<'a>>,
+    value: &'a Value,
+}
+
+impl<'a> Ros2Value<'a> {
+    pub fn new(ty: Type<'a>, value: &'a Value) -> Self {
+        Ros2Value { ty: Some(ty), value }
     }
 }
 
-/// Elements of an array of so many dimensions.
-fn count(value: &Value, dims: usize) -> usize {
-    match value {
-        Value::Array(items) if dims > 1 => items.iter().map(|item| count(item, dims - 1)).sum(),
-        Value::Array(items) => items.len(),
-        _ => 1,
-    }
-}
-
-fn put(element: Option<Type<'_>>, value: &Value, out: &mut Cdr) {
-    match value {
-        Value::Int8(v) => out.i8(*v),
-        Value::Int16(v) => out.i16(*v),
-        Value::Int32(v) => out.i32(*v),
-        Value::Int64(v) => out.i64(*v),
-        Value::Byte(v) => out.u8(*v),
-        Value::Float(v) => out.f32(*v),
-        Value::Double(v) => out.f64(*v),
-        Value::Boolean(v) => out.u8(u8::from(*v)),
-        Value::String(v) => out.string(v),
-        Value::Array(items) => items.iter().for_each(|item| put(element, item, out)),
-        Value::Struct(_) => {
-            if let Some(element) = element {
-                encode(element, value, out);
+impl Serialize for Ros2Value<'_> {
+    fn serialize<S: Serializer>(&self, out: S) -> Result<S::Ok, S::Error> {
+        match (self.value, self.ty) {
+            (Value::Int8(v), _) => out.serialize_i8(*v),
+            (Value::Int16(v), _) => out.serialize_i16(*v),
+            (Value::Int32(v), _) => out.serialize_i32(*v),
+            (Value::Int64(v), _) => out.serialize_i64(*v),
+            (Value::Byte(v), _) => out.serialize_u8(*v),
+            (Value::Float(v), _) => out.serialize_f32(*v),
+            (Value::Double(v), _) => out.serialize_f64(*v),
+            (Value::Boolean(v), _) => out.serialize_bool(*v),
+            (Value::String(v), _) => out.serialize_str(v),
+            // ROS 2 has no empty messages: see `fields`.
+            (Value::Struct(fields), _) if fields.is_empty() => out.serialize_u8(0),
+            (Value::Struct(fields), Some(ty)) => {
+                let mut out = out.serialize_tuple(fields.len())?;
+                for (index, (field, (_, value))) in ty.def().fields.iter().zip(fields).enumerate() {
+                    let ty = ty.element(index);
+                    if field.dims.is_empty() {
+                        out.serialize_element(&Ros2Value { ty, value })?;
+                    } else {
+                        out.serialize_element(&Ros2Array { ty, value, is_fixed: fixed_length(field).is_some() })?;
+                    }
+                }
+                out.end()
             }
+            // Cannot occur: arrays are fields, and a struct has a type.
+            (Value::Array(_) | Value::Struct(_), _) => out.serialize_unit(),
         }
+    }
+}
+
+/// An array of any number of dimensions, flattened row by row. A fixed one is written without its length.
+struct Ros2Array<'a> {
+    ty: Option<Type<'a>>,
+    value: &'a Value,
+    is_fixed: bool,
+}
+
+impl Serialize for Ros2Array<'_> {
+    fn serialize<S: Serializer>(&self, out: S) -> Result<S::Ok, S::Error> {
+        let mut elements = Vec::new();
+        flatten(self.value, &mut elements);
+        let elements = elements.into_iter().map(|value| Ros2Value { ty: self.ty, value });
+        if self.is_fixed {
+            let mut out = out.serialize_tuple(elements.len())?;
+            for element in elements {
+                out.serialize_element(&element)?;
+            }
+            return out.end();
+        }
+        out.collect_seq(elements)
+    }
+}
+
+fn flatten<'a>(value: &'a Value, elements: &mut Vec<&'a Value>) {
+    match value {
+        Value::Array(items) => items.iter().for_each(|item| flatten(item, elements)),
+        element => elements.push(element),
     }
 }
 
@@ -179,7 +211,7 @@ mod tests {
     use lcm_idl::TypeSet;
 
     #[test]
-    fn a_type_becomes_a_definition() {
+    fn definition_of_a_type_with_nested_type_and_duplicate_names() {
         let text = "package demo; struct inner_t { double p_WF[3]; } \
             struct outer_t { const int8_t MODE_A = 1; int32_t n; inner_t legs[n]; boolean f[2][n]; byte p_WF; byte p_wf; }";
         let types = TypeSet::parse([("demo", text)]).unwrap();
@@ -191,7 +223,7 @@ mod tests {
     }
 
     #[test]
-    fn names_are_made_to_fit() {
+    fn field_names_become_valid_in_ros2() {
         let cases = [("p_WF", "p_wf"), ("__a__b_", "a_b"), ("3d", "x3d"), ("_", "x")];
         for (name, expected) in cases {
             assert_eq!(lower(name), expected);

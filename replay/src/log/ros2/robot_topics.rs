@@ -1,41 +1,50 @@
-//! The robot of a run as viewers want it: transforms of all links, joint states, the IMU, forces at the feet.
+//! Standard ROS 2 messages from which a viewer draws a robot: transforms of all links, joint states, the IMU, forces at the feet.
 
-// ChannelNames of quantities carry frames, such as p_WF: see ARCHITECTURE.md.
+// Names of quantities carry frames, such as p_WF: see ARCHITECTURE.md.
 #![allow(non_snake_case)]
 
-use super::cdr::Cdr;
+use super::messages::{
+    Header, Imu, JointState, Quaternion, StandardMessage, TfMessage, TransformStamped, WrenchStamped, to_cdr,
+};
 use controller::math::quaternion;
 use controller::model::{Base, BaseState, Kinematics, Model, Pose, UrdfTree};
 use lcmtypes::channels::{BASE_TRACKING, CONTACT_ESTIMATE, CONTROLLER_INPUT, GROUND_TRUTH, ROBOT_STATE};
 use lcmtypes::{BaseTracking, ContactEstimate, ControllerInput, GroundTruth, Message, RobotState, RunInfo};
 
-/// Frame of the world.
+/// Name of the world frame.
 const WORLD: &str = "world";
 
-/// Time between two transforms, ns: a viewer draws 60 times a second.
-const TRANSFORM_NS: i64 = 10_000_000;
+/// Period of `/tf`, ns: faster than the 60 Hz at which viewers draw.
+const TRANSFORM_PERIOD_NS: i64 = 10_000_000;
 
-/// Where the base is known from.
+/// Source of the base pose.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum BaseSource {
-    /// The simulator's truth.
+    /// The simulator's ground truth.
     GroundTruth,
-    /// Orientation and height of the controller's estimator; nobody knows where over the ground.
+    /// Orientation and height of the controller's estimator; the horizontal position is unknown.
     Estimate,
-    /// The IMU's orientation alone.
+    /// The orientation of the IMU only.
     Imu,
 }
 
-/// What a viewer is to be given, and on which topic.
-pub(super) enum Shown {
-    Transforms(Cdr),
-    JointState(Cdr),
-    Imu(Cdr),
-    /// Topic, message.
-    Wrench(String, Cdr),
+/// An encoded message for a viewer.
+pub(super) struct TopicMessage {
+    pub topic: String,
+    pub type_name: &'static str,
+    pub definition: &'static str,
+    /// The message in CDR.
+    pub cdr: Vec<u8>,
 }
 
+impl TopicMessage {
+    pub fn new<M: StandardMessage>(topic: impl Into<String>, message: &M) -> Self {
+        TopicMessage { topic: topic.into(), type_name: M::TYPE, definition: M::DEFINITION, cdr: to_cdr(message) }
+    }
+}
+
+/// Robot of a run and its latest state.
 pub(super) struct Robot {
     tree: UrdfTree,
     model: Model,
@@ -49,7 +58,7 @@ pub(super) struct Robot {
 }
 
 impl Robot {
-    /// The robot of a run; `None` if its URDF cannot be read.
+    /// The robot that RUN_INFO describes; `None` if its URDF cannot be read.
     pub fn new(info: &RunInfo, source: BaseSource) -> Option<Self> {
         let tree = UrdfTree::parse(&info.urdf, &info.robot).ok()?;
         let model = Model::new(&tree, Base::Floating).ok()?;
@@ -70,8 +79,8 @@ impl Robot {
         })
     }
 
-    /// What there is to show of a message.
-    pub fn show(&mut self, channel: &str, data: &[u8], out: &mut Vec<Shown>) {
+    /// Updates the state from a message of the log and appends the messages for the viewer that follow from it.
+    pub fn update_from(&mut self, channel: &str, data: &[u8], out: &mut Vec<TopicMessage>) {
         match channel {
             ROBOT_STATE => {
                 let Ok(state) = RobotState::decode(data) else { return };
@@ -108,33 +117,31 @@ impl Robot {
         }
     }
 
-    fn joint_state(&self, state: &RobotState) -> Shown {
-        let mut cdr = Cdr::new();
-        cdr.header(state.t_ns, "");
-        cdr.length(self.model.joints.len());
-        for joint in &self.model.joints {
-            cdr.string(&joint.name);
-        }
-        for values in [&state.q, &state.qd, &state.tau] {
-            cdr.length(values.len());
-            cdr.f64s(values);
-        }
-        Shown::JointState(cdr)
+    fn joint_state(&self, state: &RobotState) -> TopicMessage {
+        let message = JointState {
+            header: Header::new(state.t_ns, ""),
+            name: self.model.joints.iter().map(|joint| &*joint.name).collect(),
+            position: &state.q,
+            velocity: &state.qd,
+            effort: &state.tau,
+        };
+        TopicMessage::new("/joint_states", &message)
     }
 
-    fn imu(&self, state: &RobotState) -> Shown {
-        let mut cdr = Cdr::new();
-        cdr.header(state.t_ns, &self.imu);
-        cdr.quaternion(state.q_WI_wxyz);
-        cdr.f64s(&[0.0; 9]);
-        cdr.f64s(&state.w_WI_I);
-        cdr.f64s(&[0.0; 9]);
-        cdr.f64s(&state.a_I);
-        cdr.f64s(&[0.0; 9]);
-        Shown::Imu(cdr)
+    fn imu(&self, state: &RobotState) -> TopicMessage {
+        let message = Imu {
+            header: Header::new(state.t_ns, &self.imu),
+            orientation: Quaternion::of_wxyz(state.q_WI_wxyz),
+            orientation_covariance: [0.0; 9],
+            angular_velocity: state.w_WI_I,
+            angular_velocity_covariance: [0.0; 9],
+            linear_acceleration: state.a_I,
+            linear_acceleration_covariance: [0.0; 9],
+        };
+        TopicMessage::new("/imu", &message)
     }
 
-    /// Brings the kinematics up to date; `false` if the joints are not those of the robot.
+    /// Updates the kinematics; `false` if the state has another number of joints than the robot.
     fn update(&mut self) -> bool {
         let fits = self.state.q.len() == self.model.nj() && self.state.qd.len() == self.model.nj();
         if fits {
@@ -152,9 +159,9 @@ impl Robot {
         }
     }
 
-    /// Every link in its parent, the root in the world.
-    fn transforms(&mut self, t_ns: i64, out: &mut Vec<Shown>) {
-        if self.last_transform.is_some_and(|last| (0..TRANSFORM_NS).contains(&t_ns.saturating_sub(last)))
+    /// Pose of every link in its parent link, of the root link in the world.
+    fn transforms(&mut self, t_ns: i64, out: &mut Vec<TopicMessage>) {
+        if self.last_transform.is_some_and(|last| (0..TRANSFORM_PERIOD_NS).contains(&t_ns.saturating_sub(last)))
             || !self.update()
         {
             return;
@@ -168,9 +175,7 @@ impl Robot {
                 R: self.kinematics.R_WF(&self.model, frame),
             })
             .collect();
-        let mut cdr = Cdr::new();
-        cdr.length(self.tree.links.len());
-        for (link, X_WC) in self.tree.links.iter().zip(&poses) {
+        let transforms = self.tree.links.iter().zip(&poses).map(|(link, X_WC)| {
             let parent = link.parent_joint.map(|joint| self.tree.joints[joint].parent);
             let (name, X_PC) = match parent {
                 None => (WORLD, *X_WC),
@@ -180,27 +185,26 @@ impl Robot {
                     (self.tree.links[parent].name.as_str(), X_PC)
                 }
             };
-            cdr.header(t_ns, name);
-            cdr.string(&link.name);
-            cdr.f64s(X_PC.p.as_slice());
-            cdr.quaternion(quaternion::from_rotation(&X_PC.R));
-        }
-        out.push(Shown::Transforms(cdr));
+            TransformStamped {
+                header: Header::new(t_ns, name),
+                child_frame_id: &link.name,
+                translation: X_PC.p.into(),
+                rotation: Quaternion::of_wxyz(quaternion::from_rotation(&X_PC.R)),
+            }
+        });
+        out.push(TopicMessage::new("/tf", &TfMessage { transforms: transforms.collect() }));
     }
 
-    /// Forces in W as wrenches in the frames of the feet.
-    fn wrenches(&mut self, t_ns: i64, topic: &str, f_F_W: &[[f64; 3]], out: &mut Vec<Shown>) {
+    /// Contact forces, given in W, as wrenches in the frames of the feet.
+    fn wrenches(&mut self, t_ns: i64, topic: &str, f_F_W: &[[f64; 3]], out: &mut Vec<TopicMessage>) {
         if !self.update() {
             return;
         }
         for (name, f_W) in self.feet.iter().zip(f_F_W) {
             let Ok(frame) = self.model.frame(name) else { continue };
             let f_F = self.kinematics.R_WF(&self.model, frame).transpose() * nalgebra::Vector3::from(*f_W);
-            let mut cdr = Cdr::new();
-            cdr.header(t_ns, name);
-            cdr.f64s(f_F.as_slice());
-            cdr.f64s(&[0.0; 3]);
-            out.push(Shown::Wrench(format!("/{topic}/{name}"), cdr));
+            let message = WrenchStamped { header: Header::new(t_ns, name), force: f_F.into(), torque: [0.0; 3] };
+            out.push(TopicMessage::new(format!("/{topic}/{name}"), &message));
         }
     }
 }
