@@ -1,36 +1,37 @@
-//! `hoof log cat`: messages with every field decoded.
+//! `hoof log cat`: prints messages with every field decoded.
 
 use super::{LogTypes, Part, loss};
 use crate::Outcome;
 use anyhow::Context;
 use lcm_idl::{Leaf, Value};
 use replay::log::{EventRef, Health, LogReader, Types};
+use replay::printable;
 use std::fmt::Write as _;
 use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
-/// Time between two looks at a log that is being written.
-const LOOK: Duration = Duration::from_millis(20);
+/// Polling period for a log that is being written.
+const POLL: Duration = Duration::from_millis(20);
 
 #[derive(clap::Args)]
 #[command(after_help = "Example: hoof log cat run.mcap --channels EVENT\n         \
     hoof log cat run.lcmlog --json --channels ROBOT_STATE --from 10 --to 10.5\n         \
     hoof log cat other.lcmlog --lcm-types ~/other/lcmtypes | head\n         \
     hoof log cat recording.mcap --follow --channels EVENT\n\n\
-    A JSON line has the keys t_ns, number, channel, type and fields; of a message of no known type, bytes (hexadecimal) in the \
-    place of fields. SequenceTracker that JSON does not have are the texts \"NaN\", \"Infinity\" and \"-Infinity\".")]
+    A JSON line has the keys t_ns, number, channel, type and fields. A message of unknown type has bytes (hexadecimal) instead of \
+        fields. Non-finite numbers are the strings \"NaN\", \"Infinity\" and \"-Infinity\".")]
 pub struct Args {
     /// Log to read
     log: PathBuf,
     #[command(flatten)]
     part: Part,
-    /// Go on when more is written to the log, until interrupted or until an MCAP is complete
+    /// Wait for further messages, until interrupted or until an MCAP is complete
     #[arg(long)]
     follow: bool,
     #[command(flatten)]
     types: LogTypes,
-    /// Print JSON, one line a message
+    /// Print one JSON object per line and message
     #[arg(long)]
     json: bool,
 }
@@ -46,7 +47,7 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
                 break;
             }
             out.flush().context("standard output")?;
-            std::thread::sleep(LOOK);
+            std::thread::sleep(POLL);
             continue;
         };
         let Some(event) = health.note(item) else { continue };
@@ -81,27 +82,29 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
     Ok(loss(!health.is_good()))
 }
 
-/// Opens a log that is being written; one without a byte as soon as it has some.
+/// Opens a log that is being written; waits until it has its first byte.
 fn follow(log: &Path) -> anyhow::Result<LogReader> {
     loop {
         match LogReader::open_growing(log) {
-            Err(replay::Error::EmptyFile { .. }) => std::thread::sleep(LOOK),
+            Err(replay::Error::EmptyFile { .. }) => std::thread::sleep(POLL),
             opened => return Ok(opened?),
         }
     }
 }
 
-/// Writing to a string cannot fail.
-const STRING: &str = "a string takes everything";
+/// Why writing a line cannot fail.
+const STRING: &str = "writing to a string does not fail";
 
 fn text_line(event: &EventRef<'_>, since_ns: i64, types: &Types, line: &mut String) {
     let (s, ns) = (since_ns.div_euclid(1_000_000_000), since_ns.rem_euclid(1_000_000_000));
-    write!(line, "{s}.{ns:09} {} ", event.channel).expect(STRING);
+    write!(line, "{s}.{ns:09} {} ", printable(event.channel)).expect(STRING);
     match types.of_message(event.channel, event.data).map(|ty| ty.decode(event.data)) {
         Some(Ok(value)) => write!(line, "{value}").expect(STRING),
-        Some(Err(error)) => write!(line, "[{} bytes: {error}]", event.data.len()).expect(STRING),
+        Some(Err(error)) => {
+            write!(line, "[{} bytes: {}]", event.data.len(), printable(&error.to_string())).expect(STRING)
+        }
         None => {
-            let named = event.schema.map_or("of no known type", |schema| &schema.name);
+            let named = event.schema.map_or("of unknown type".into(), |schema| printable(&schema.name));
             write!(line, "[{} bytes {named}]", event.data.len()).expect(STRING);
         }
     }
@@ -137,7 +140,7 @@ fn json_line(event: &EventRef<'_>, types: &Types, line: &mut String) {
     line.push('}');
 }
 
-/// A value as JSON, fields in the order of the wire.
+/// Appends a value as JSON, fields in wire order.
 fn json_value(value: &Value, line: &mut String) {
     let comma = |line: &mut String, place: usize| {
         if place > 0 {
@@ -165,15 +168,15 @@ fn json_value(value: &Value, line: &mut String) {
         }
         leaf => match leaf.as_leaf() {
             Some(Leaf::String(text)) => json_text(text, line),
-            Some(Leaf::Double(v)) if !v.is_finite() => json_text(infinite(v), line),
-            Some(Leaf::Float(v)) if !v.is_finite() => json_text(infinite(v.into()), line),
+            Some(Leaf::Double(v)) if !v.is_finite() => json_text(non_finite(v), line),
+            Some(Leaf::Float(v)) if !v.is_finite() => json_text(non_finite(v.into()), line),
             Some(other) => write!(line, "{other}").expect(STRING),
             None => {}
         },
     }
 }
 
-fn infinite(v: f64) -> &'static str {
+fn non_finite(v: f64) -> &'static str {
     match v {
         v if v.is_nan() => "NaN",
         v if v > 0.0 => "Infinity",
@@ -182,5 +185,5 @@ fn infinite(v: f64) -> &'static str {
 }
 
 fn json_text(text: &str, line: &mut String) {
-    line.push_str(&serde_json::to_string(text).expect("a text is JSON"));
+    line.push_str(&serde_json::to_string(text).expect("a string serializes as JSON"));
 }

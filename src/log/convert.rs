@@ -1,4 +1,4 @@
-//! `hoof log convert`: a log in another format.
+//! `hoof log convert`: writes a log in another format.
 
 use super::{Channels, LogTypes, loss, print_copy_report};
 use crate::progress::Progress;
@@ -14,25 +14,25 @@ use std::path::{Path, PathBuf};
     hoof log convert run.mcap --to csv --out run_csv --channels 'ROBOT_STATE|EVENT'\n         \
     hoof log convert run.mcap --to parquet\n         hoof log convert run.mcap ticks.parquet --to ticks\n         hoof log convert run.mcap run.mat\n         \
     hoof log convert run.mcap --to mcap --encoding ros2\n\n\
-    .lcmlog and .mcap (encoding lcm) hold the same: events, bytes, times and numbers survive both ways; only an .lcmlog has whole \
-    microseconds. CSV and Parquet make one file a channel in a folder, one row a message, one column a field; Parquet \
-    carries their units as JSON under the metadata key `units`, and `ticks` makes one Parquet file of the controller's channels side by side, one row \
-    a tick. MATLAB (Level 5): one \
-    struct a channel, one matrix a field. Encoding ros2: CDR messages with ros2msg schemas, and beside them /robot_description, /tf, \
-    /joint_states, /imu and /contact/FOOT, so that Foxglove, PlotJuggler and rerun show the robot.")]
+    .lcmlog and .mcap (encoding lcm) hold the same events, bytes, times and numbers, and convert into each other without loss; an \
+        .lcmlog has a time resolution of 1 us. CSV and Parquet: a folder with one file per channel, one row per message, one column per \
+        field; a Parquet file has the units as JSON under the metadata key `units`. Ticks: one Parquet file with the controller's channels \
+        side by side, one row per tick. MATLAB (Level 5): one struct per channel, one matrix per field. Encoding ros2: CDR messages with \
+        ros2msg schemas, and the topics /robot_description, /tf, /joint_states, /imu and /contact/FOOT, with which Foxglove, PlotJuggler \
+        and rerun draw the robot.")]
 pub struct Args {
     /// Log to read
     log: PathBuf,
-    /// What to write: a file, for csv and parquet a folder; without it, the name of the log with another ending
+    /// Output file, for csv and parquet a folder; default: the log's name with another extension
     #[arg(long = "out", value_name = "OUT")]
     out_option: Option<PathBuf>,
-    /// The same, without --out
+    /// Same as --out
     #[arg(conflicts_with = "out_option", value_name = "OUT")]
     out: Option<PathBuf>,
-    /// Format to write; without it, what the name of OUT ends with
+    /// Output format; default: from the extension of OUT
     #[arg(long)]
     to: Option<To>,
-    /// How messages are encoded in an MCAP
+    /// Message encoding of an MCAP
     #[arg(long, default_value = "lcm")]
     encoding: Encoding,
     #[command(flatten)]
@@ -50,16 +50,16 @@ enum To {
     Mcap,
     Csv,
     Parquet,
-    /// One Parquet file, one row a tick
+    /// One Parquet file, one row per tick
     Ticks,
     Mat,
 }
 
 #[derive(Clone, Copy, PartialEq, Eq, ValueEnum)]
 enum Encoding {
-    /// The LCM bytes, with the `.lcm` text as schema: loses nothing
+    /// LCM messages as recorded, with the `.lcm` text as schema; lossless
     Lcm,
-    /// ROS 2's, for viewers
+    /// ROS 2 messages (CDR), for viewers
     Ros2,
 }
 
@@ -130,12 +130,12 @@ fn say_ros2(exported: &ros2::Exported, json: bool) -> anyhow::Result<Outcome> {
     } else {
         let mut text = format!("{} messages in {}", exported.messages, exported.out.display());
         text += match exported.base {
-            None => "\nno robot: the log has no RUN_INFO with a URDF",
-            Some(BaseSource::GroundTruth) => "\n/tf has the base from the simulator's truth",
+            None => "\nno robot topics: the log has no RUN_INFO with a URDF",
+            Some(BaseSource::GroundTruth) => "\nbase pose in /tf: ground truth of the simulator",
             Some(BaseSource::Estimate) => {
-                "\n/tf has the base's orientation and height as estimated; it does not travel"
+                "\nbase pose in /tf: estimated orientation and height; the horizontal position stays at 0"
             }
-            Some(BaseSource::Imu) => "\n/tf has the base's orientation by the IMU; it does not travel",
+            Some(BaseSource::Imu) => "\nbase pose in /tf: orientation of the IMU; the position stays at 0",
         };
         text += &losses(exported.unreadable, exported.damaged, exported.cut);
         say(text)?;
@@ -146,9 +146,9 @@ fn say_ros2(exported: &ros2::Exported, json: bool) -> anyhow::Result<Outcome> {
 fn losses(unreadable: u64, damaged: u64, cut: bool) -> String {
     let mut text = String::new();
     for (n, what) in [
-        (unreadable, "messages of no known type (see --lcm-types), or malformed, left out"),
-        (damaged, "stretches of the log are damaged"),
-        (u64::from(cut), "cut: the log stops inside a record"),
+        (unreadable, "messages omitted: unknown type (see --lcm-types) or malformed"),
+        (damaged, "damaged ranges in the log"),
+        (u64::from(cut), "cut: the log ends inside a record"),
     ] {
         if n > 0 {
             text += &format!("\n{n} {what}");
@@ -161,11 +161,11 @@ fn target(args: &Args) -> anyhow::Result<(To, PathBuf)> {
     let out = args.out.as_ref().or(args.out_option.as_ref());
     let Some(to) = args.to.or_else(|| out.and_then(|out| To::of_name(out))) else {
         anyhow::bail!(
-            "{}: to what? expected --to FORMAT, or a name that ends with .lcmlog, .mcap or .mat",
+            "{}: no output format: expected --to FORMAT, or an output name that ends with .lcmlog, .mcap or .mat",
             out.unwrap_or(&args.log).display()
         );
     };
-    anyhow::ensure!(to == To::Mcap || args.encoding == Encoding::Lcm, "--encoding ros2 is of an MCAP: add --to mcap");
+    anyhow::ensure!(to == To::Mcap || args.encoding == Encoding::Lcm, "--encoding ros2 requires --to mcap");
     let stem = args.log.file_stem().unwrap_or_default().to_string_lossy().into_owned();
     let name = match (to, args.encoding) {
         (To::Csv | To::Parquet, _) => format!("{stem}_{}", to.name()),

@@ -1,4 +1,4 @@
-//! `hoof log filter`, `trim`, `merge`, `recover`: copies of logs.
+//! `hoof log filter`, `trim`, `merge` and `recover`: copies of logs.
 
 use super::{Channels, LogTypes, Part, print_copy_report, seconds};
 use crate::Outcome;
@@ -36,8 +36,8 @@ pub fn filter(args: &FilterArgs) -> anyhow::Result<Outcome> {
 #[derive(clap::Args)]
 #[command(after_help = "Example: hoof log trim run.mcap stumble.mcap --around 41.2s --before 2 --after 1\n         \
     hoof replay stumble.mcap\n         hoof log trim run.mcap part.mcap --from 10 --to 20\n\n\
-    ExcerptWindow a moment the copy begins at the last snapshot of the controller that leaves --before seconds, so that it replays from \
-    there; RUN_INFO with parameters, URDF and types is always in it.")]
+    With --around, the copy starts at the last controller snapshot that is at least --before seconds earlier, so that it replays on its \
+    own. RUN_INFO with parameters, URDF and types is always copied.")]
 pub struct TrimArgs {
     /// Log to read
     log: PathBuf,
@@ -45,13 +45,13 @@ pub struct TrimArgs {
     out: PathBuf,
     #[command(flatten)]
     part: Part,
-    /// A bundle around this time, s since the log's first tick, as for `hoof replay --from`
+    /// Copy an excerpt around this time, s since the log's first tick, as for `hoof replay --from`
     #[arg(long, value_name = "S", value_parser = seconds, conflicts_with_all = ["from", "to"])]
     around: Option<f64>,
-    /// At least so much before it, s
+    /// Minimum time before --around, s
     #[arg(long, value_name = "S", value_parser = seconds, default_value = "1", requires = "around")]
     before: f64,
-    /// So much behind it, s
+    /// Time after --around, s
     #[arg(long, value_name = "S", value_parser = seconds, default_value = "1", requires = "around")]
     after: f64,
     #[command(flatten)]
@@ -73,7 +73,7 @@ pub fn trim(args: &TrimArgs) -> anyhow::Result<Outcome> {
         None => {
             anyhow::ensure!(
                 args.part.from.is_some() || args.part.to.is_some(),
-                "nothing to trim: expected --from, --to or --around"
+                "no time range: expected --from, --to or --around"
             );
             let options = CopyOptions { filter: filter.keep_run_info(), types, ..CopyOptions::default() };
             replay::log::copy(&args.log, &args.out, options, &mut progress)?
@@ -109,13 +109,13 @@ pub fn merge(args: &MergeArgs) -> anyhow::Result<Outcome> {
 
 #[derive(clap::Args)]
 #[command(after_help = "Example: hoof log recover damaged.mcap whole.mcap --json\n\n\
-    Exit code 0: nothing was damaged; 3: what could be had is in the copy.")]
+    Exit code 0: the log was undamaged; 3: the copy has every recoverable event.")]
 pub struct RecoverArgs {
     /// Log to read
     log: PathBuf,
     /// Log to write, .lcmlog or .mcap
     out: PathBuf,
-    /// Also events of damaged MCAP chunks, as far as they can be had: some of their bytes may not be what was written
+    /// Also copy the readable events of MCAP chunks with a wrong CRC; some of their bytes may be wrong
     #[arg(long)]
     unchecked: bool,
     #[command(flatten)]

@@ -1,15 +1,16 @@
-//! `hoof log diff`: two logs, channel by channel.
+//! `hoof log diff`: compares two logs channel by channel.
 
 use super::{LogTypes, Part};
 use crate::progress::Progress;
 use crate::{Outcome, say, say_json};
 use replay::log::{ChannelDiff, LogDiff};
+use replay::printable;
 use std::path::PathBuf;
 
 #[derive(clap::Args)]
 #[command(after_help = "Example: hoof log diff before.mcap after.mcap --exclude TIMING\n\n\
-    TIMING holds the wall clock, so it differs between any two runs. Exit code 0: identical; 1: they differ; 3: a log is damaged \
-    or cut, and what can be read is identical.")]
+    TIMING contains wall-clock times and differs between any two runs. Exit code 0: identical; 1: different; 3: a log is damaged or \
+        cut, and its readable part is identical.")]
 pub struct Args {
     /// First log
     left: PathBuf,
@@ -47,23 +48,23 @@ fn text(d: &LogDiff) -> String {
     let verdict = if other.is_empty() { "identical" } else { "different" };
     let mut text = format!("{verdict}: {} and {} events", d.left_events, d.right_events);
     if d.damaged > 0 {
-        text += &format!("\n{} stretches are damaged or cut", d.damaged);
+        text += &format!("\n{} damaged or cut ranges", d.damaged);
     }
     for channel in other {
         text += &channel_text(channel);
     }
     if !same.is_empty() {
-        let names: Vec<_> = same.iter().map(|channel| &*channel.name).collect();
+        let names: Vec<_> = same.iter().map(|channel| printable(&channel.name)).collect();
         text += &format!("\n\nidentical: {}", names.join(", "));
     }
     text
 }
 
 fn channel_text(c: &ChannelDiff) -> String {
-    let mut text = format!("\n\n{}: {} and {} messages", c.name, c.left, c.right);
+    let mut text = format!("\n\n{}: {} and {} messages", printable(&c.name), c.left, c.right);
     for (n, what) in [
         (c.different, "differ"),
-        (c.times_different, "differ only in the log's time"),
+        (c.times_different, "differ only in log time"),
         (c.left_only, "only in the first log"),
         (c.right_only, "only in the second log"),
     ] {
@@ -75,10 +76,12 @@ fn channel_text(c: &ChannelDiff) -> String {
         let ulp = first.ulp.map_or(String::new(), |ulp| format!(", {ulp} ulp apart"));
         #[expect(clippy::cast_precision_loss, reason = "a time for a person to read")]
         let t_s = first.t_ns as f64 * 1e-9;
-        let field = if first.field.is_empty() { "the whole message" } else { &first.field };
+        let field = if first.field.is_empty() { "whole message".into() } else { printable(&first.field) };
         text += &format!(
             "\n  first at t = {t_s:.6} s, number {}: {field}{ulp}\n    {}\n    {}",
-            first.number, first.left, first.right
+            first.number,
+            printable(&first.left),
+            printable(&first.right)
         );
     }
     text

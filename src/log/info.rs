@@ -1,8 +1,10 @@
-//! `hoof log info`: a log at a glance.
+//! `hoof log info`: summarizes a log.
 
 use super::{LogTypes, loss};
 use crate::{Outcome, say, say_json};
+use analysis::table::{Column, Table};
 use replay::log::LogSummary;
+use replay::printable;
 use std::path::PathBuf;
 
 #[derive(clap::Args)]
@@ -10,7 +12,7 @@ use std::path::PathBuf;
     after_help = "Example: hoof log info run.mcap\n         hoof log info other.lcmlog --lcm-types ~/other/lcmtypes --json"
 )]
 pub struct Args {
-    /// Log, LCM event log or MCAP; told apart by content
+    /// LCM event log or MCAP; the format is detected from the content
     log: PathBuf,
     #[command(flatten)]
     types: LogTypes,
@@ -32,28 +34,33 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
 fn text(s: &LogSummary) -> String {
     let mut text = format!("{:?}, {} events, {:.3} s, {:.1} MB", s.format, s.events, s.duration_s, megabytes(s.bytes));
     if s.damaged > 0 {
-        text += &format!("\ndamaged in {} places, {} bytes skipped", s.damaged, s.bytes_skipped);
+        text += &format!("\n{} damaged ranges, {} bytes skipped", s.damaged, s.bytes_skipped);
     }
     if s.cut {
-        text += "\ncut: the file stops inside a record";
+        text += "\ncut: the file ends inside a record";
     }
-    text +=
-        &format!("\n\n{:<21} {:<31} {:>8} {:>10} {:>9} {:>6}", "channel", "type", "count", "rate (Hz)", "MB", "lost");
+    let mut table = Table::new([
+        Column::left("channel"),
+        Column::left("type"),
+        Column::right("count"),
+        Column::right("rate (Hz)"),
+        Column::right("MB"),
+        Column::right("lost"),
+    ]);
     for c in &s.channels {
-        let lost = c.lost.map_or("-".to_owned(), |n| n.to_string());
-        text += &format!(
-            "\n{:<21} {:<31} {:>8} {:>10.1} {:>9.3} {lost:>6}",
-            c.name,
-            c.type_name.as_deref().unwrap_or("?"),
-            c.count,
-            c.rate_hz,
-            megabytes(c.bytes)
-        );
+        table.row([
+            printable(&c.name).into_owned(),
+            printable(c.type_name.as_deref().unwrap_or("?")).into_owned(),
+            c.count.to_string(),
+            format!("{:.1}", c.rate_hz),
+            format!("{:.3}", megabytes(c.bytes)),
+            c.lost.map_or("-".to_owned(), |n| n.to_string()),
+        ]);
     }
-    text
+    format!("{text}\n\n{table}")
 }
 
-#[expect(clippy::cast_precision_loss, reason = "a size for a person to read")]
+#[expect(clippy::cast_precision_loss, reason = "a size for display")]
 fn megabytes(bytes: u64) -> f64 {
     bytes as f64 * 1e-6
 }

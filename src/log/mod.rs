@@ -1,4 +1,4 @@
-//! `hoof log`: make logs, look at them, cut them, repair them, take them elsewhere.
+//! `hoof log`: record, play, inspect, copy, convert and compare logs.
 
 mod cat;
 mod convert;
@@ -19,23 +19,23 @@ use std::path::PathBuf;
 pub enum Command {
     Record(record::Args),
     Play(play::Args),
-    /// Channels, types, counts, rates, and whether anything is damaged or lost
+    /// Show channels, types, counts and rates, and report damage and losses
     Info(info::Args),
-    /// Print messages with every field decoded, as text or JSON lines; follow a log that is being written
+    /// Print messages with every field decoded, as text or JSON lines; can follow a log that is being written
     Cat(cat::Args),
-    /// Another format: .lcmlog, .mcap, CSV, Parquet, MATLAB, or an MCAP in ROS 2's encoding for Foxglove, PlotJuggler and rerun
+    /// Convert to .lcmlog, .mcap, CSV, Parquet, MATLAB, or an MCAP with ROS 2 messages for Foxglove, PlotJuggler and rerun
     Convert(convert::Args),
-    /// Copy only some channels, or a stretch of time
+    /// Copy selected channels or a time range
     Filter(copies::FilterArgs),
-    /// Copy a stretch of time, or a small bundle around a moment that replays by itself
+    /// Copy a time range, or a short excerpt that replays on its own
     Trim(copies::TrimArgs),
-    /// Several logs as one, by time
+    /// Merge several logs into one, sorted by time
     Merge(copies::MergeArgs),
-    /// Copy every event that can be had of a damaged log
+    /// Copy every recoverable event of a damaged log
     Recover(copies::RecoverArgs),
-    /// The account of a log: what is there, what is lost and where, whether its run can be replayed
+    /// Check a log: damage, lost messages with their position, and whether its run can be replayed
     Verify(verify::Args),
-    /// Compare two logs channel by channel, down to the first field that differs
+    /// Compare two logs channel by channel, down to the first differing field
     Diff(diff::Args),
 }
 
@@ -55,41 +55,41 @@ pub fn run(command: &Command) -> anyhow::Result<Outcome> {
     }
 }
 
-/// Types of other projects.
+/// Message types from `.lcm` files.
 #[derive(clap::Args)]
 pub struct LogTypes {
-    /// `.lcm` file, or folder with `.lcm` files, of types that the log does not know itself. May be repeated
+    /// File or folder with `.lcm` type definitions that the log itself does not contain; may be repeated
     #[arg(long, value_name = "DIR|FILE")]
     lcm_types: Vec<PathBuf>,
 }
 
 impl LogTypes {
-    /// Reads them.
+    /// Reads the files.
     pub fn read(&self) -> anyhow::Result<Types> {
         Ok(Types::from_files(&self.lcm_types)?)
     }
 }
 
-/// Channels of a log.
+/// Channels to select.
 #[derive(clap::Args)]
 struct Channels {
-    /// Only channels whose whole name matches this regular expression
+    /// Select only channels whose whole name matches this regular expression
     #[arg(long, value_name = "REGEX")]
     channels: Option<String>,
-    /// No channels whose whole name matches this regular expression
+    /// Omit channels whose whole name matches this regular expression
     #[arg(long, value_name = "REGEX")]
     exclude: Option<String>,
 }
 
-/// Part of a log.
+/// Channels and time range to select.
 #[derive(clap::Args)]
 struct Part {
     #[command(flatten)]
     channels: Channels,
-    /// From this time on, s since the log's first event
+    /// Start time, s since the log's first event
     #[arg(long, value_name = "S", value_parser = seconds)]
     from: Option<f64>,
-    /// Up to this time, s since the log's first event
+    /// End time, s since the log's first event
     #[arg(long, value_name = "S", value_parser = seconds)]
     to: Option<f64>,
 }
@@ -97,14 +97,14 @@ struct Part {
 impl Part {
     fn filter(&self) -> anyhow::Result<EventFilter> {
         if let (Some(from), Some(to)) = (self.from, self.to) {
-            anyhow::ensure!(from <= to, "--from {from} is after --to {to}");
+            anyhow::ensure!(from <= to, "--from {from} is later than --to {to}");
         }
         let Channels { channels, exclude } = &self.channels;
         Ok(EventFilter::new(channels.as_deref(), exclude.as_deref(), self.from, self.to)?)
     }
 }
 
-/// A time such as `41.2` or `41.2s`.
+/// Parses a time such as `41.2` or `41.2s`.
 pub fn seconds(text: &str) -> Result<f64, String> {
     let number = text.strip_suffix('s').unwrap_or(text).trim();
     let parsed = number.parse().ok().filter(|s| (0.0..1e9).contains(s));
@@ -115,7 +115,7 @@ fn loss(loss: bool) -> Outcome {
     if loss { Outcome::DataLoss } else { Outcome::Good }
 }
 
-/// Says what was copied.
+/// Prints the result of a copy.
 fn print_copy_report(copied: &CopyReport, json: bool) -> anyhow::Result<Outcome> {
     if json {
         say_json(copied)?;
@@ -132,11 +132,11 @@ fn copy_report_text(c: &CopyReport) -> String {
             text += &format!("\n{n} {what}");
         }
     };
-    note(c.left_out, "events left out");
-    note(c.damaged, "stretches are damaged");
-    note(u64::from(c.cut), "cut: the log stops inside a record");
+    note(c.left_out, "events not selected");
+    note(c.damaged, "damaged ranges");
+    note(u64::from(c.cut), "cut: the log ends inside a record");
     note(c.bytes_skipped, "bytes skipped");
-    note(c.refused, "events with a negative time or an overlong channel name could not be written");
-    note(c.times_rounded, "times rounded down to whole microseconds, as an LCM event log has them");
+    note(c.refused, "events not written: negative time, or channel name longer than 63 bytes");
+    note(c.times_rounded, "times rounded down to whole microseconds, the resolution of an LCM event log");
     text
 }
