@@ -5,6 +5,7 @@ mod legs;
 mod posture;
 
 use crate::{Outcome, say, say_json};
+use analysis::table::{Column, Table};
 use anyhow::Context;
 use clap::Subcommand;
 use controller::model::eval::{EvalRequest, RobotInfo, eval};
@@ -76,16 +77,19 @@ fn info(robot: &str, params: bool, json: bool) -> anyhow::Result<()> {
     }
     say(format!("{}  ({})", info.name, files.urdf_path.display()))?;
     say(format!("mass {:.3} kg, {} joints, feet: {}", info.mass_kg, info.dof, info.feet.join(" ")))?;
-    say(format!("\n{:<20} {:<11} {:>8} {:>8} {:>8} {:>9}", "joint", "kind", "lower", "upper", "effort", "velocity"))?;
+    let [lower, upper, effort, velocity] = ["lower", "upper", "effort", "velocity"].map(Column::right);
+    let mut joints = Table::new([Column::left("joint"), Column::left("kind"), lower, upper, effort, velocity]);
     let number = |x: Option<f64>| x.map_or("-".to_owned(), |x| format!("{x:.3}"));
     for j in &info.joints {
-        let (lower, upper, effort, velocity) = (number(j.lower), number(j.upper), number(j.effort), number(j.velocity));
-        say(format!("{:<20} {:<11} {lower:>8} {upper:>8} {effort:>8} {velocity:>9}", j.name, j.kind))?;
+        let [lower, upper, effort, velocity] = [j.lower, j.upper, j.effort, j.velocity].map(number);
+        joints.row([j.name.clone(), j.kind.to_string(), lower, upper, effort, velocity]);
     }
-    say(format!("\n{:<20} {:<20} {:>9}", "link", "parent", "mass (kg)"))?;
+    say(format!("\n{joints}"))?;
+    let mut links = Table::new([Column::left("link"), Column::left("parent"), Column::right("mass (kg)")]);
     for link in &info.links {
-        say(format!("{:<20} {:<20} {:>9.3}", link.name, link.parent.as_deref().unwrap_or("-"), link.mass_kg))?;
+        links.row([link.name.as_str(), link.parent.as_deref().unwrap_or("-"), &format!("{:.3}", link.mass_kg)]);
     }
+    say(format!("\n{links}"))?;
     for warning in &info.warnings {
         say(format!("\nwarning: {warning}"))?;
     }

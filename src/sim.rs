@@ -100,7 +100,7 @@ pub fn text(summary: &Summary) -> String {
         None => "",
     };
     format!(
-        "{robot} on {scenario}, seed {seed}: {result}, {distance_m:.2} m in {sim_seconds:.1} s\n{ticks} ticks in {wall_seconds:.1} s of wall \
+        "{robot} on {scenario}, seed {seed}: {result}, walked {distance_m:.2} m in {sim_seconds:.1} s\n{ticks} ticks in {wall_seconds:.1} s of wall \
          time ({real_time_factor:.1} times real time), log {}{proof}",
         log.display()
     )

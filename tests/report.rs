@@ -6,11 +6,16 @@ mod common;
 use common::{folder, hoof};
 use std::path::Path;
 
-/// A run of two seconds in a test's folder, `NAME.mcap`.
+/// Simulates two seconds into `FOLDER/NAME.mcap`; returns the path of the log.
 fn run(folder: &Path, name: &str) -> String {
+    simulate(folder, name).0
+}
+
+/// As [`run`], with the JSON that `hoof sim` prints.
+fn simulate(folder: &Path, name: &str) -> (String, serde_json::Value) {
     let log = folder.join(format!("{name}.mcap")).display().to_string();
-    hoof(&format!("sim --robot hyq --scenario scenarios/short_flat.toml --log {log}")).exits(0);
-    log
+    let ran = hoof(&format!("sim --robot hyq --scenario scenarios/short_flat.toml --log {log} --json")).exits(0);
+    (log, ran.json())
 }
 
 /// A file in a test's folder, and its path as text.
@@ -54,6 +59,17 @@ fn limits_decide_the_exit_code() {
     let typed = file(&folder, "typed.toml", "[limits]\n\"tracking.pich.std\" = 0.0\n");
     let ran = hoof(&format!("report {log} --check {typed}")).exits(2);
     assert!(ran.stderr.contains("unknown key `tracking.pich.std`; near: `tracking.pitch.std`"), "{}", ran.stderr);
+}
+
+#[test]
+fn sim_and_report_agree_on_the_distance_walked() {
+    let folder = folder("distance");
+    let (log, sim) = simulate(&folder, "flat_trot");
+    let plots = file(&folder, "plots.toml", "formats = [\"svg\"]\n[[figure]]\nkind = \"gait\"\n");
+    let out = folder.join("out");
+    let report = hoof(&format!("report {log} --plots {plots} --out {} --json", out.display())).exits(0).json();
+    assert!(sim["distance_m"].as_f64().unwrap() > 0.0, "{sim}");
+    assert_eq!(report["metrics"]["locomotion"]["distance_m"], sim["distance_m"]);
 }
 
 #[test]

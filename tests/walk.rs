@@ -47,33 +47,28 @@ fn twenty_seconds_of_omnidirectional_trot_over_stones_of_2_to_4_cm_without_a_fal
     assert_eq!(ways.len(), 10, "two seeds gave the same way");
 }
 
-/// Mean and standard deviation of the error. Source: Raiola et al. 2020, Table 3; base, then the two feet that it prints.
-const PUBLISHED: [(&str, f64, f64); 10] = [
-    ("/roll", 0.0050, 0.0145),
-    ("/pitch", 0.0072, 0.0187),
-    ("/yaw", 0.0017, 0.0043),
-    ("/height", 0.0071, 0.0145),
-    ("/feet/3/x", 0.0303, 0.0186),
-    ("/feet/3/y", 0.0203, 0.0128),
-    ("/feet/3/z", 0.0016, 0.0027),
-    ("/feet/0/x", 0.0235, 0.0152),
-    ("/feet/0/y", 0.0202, 0.0201),
-    ("/feet/0/z", 0.0006, 0.0022),
-];
-
 #[test]
 fn on_flat_ground_every_tracking_error_is_within_the_published_one() {
     let folder = folder("flat");
     let log = folder.join("flat.mcap");
     let run = hoof(&format!("sim --robot hyq --scenario scenarios/flat_trot.toml --log {} --json", log.display()));
-    assert_eq!(run.exits(0).json()["fell"], false);
+    let run = run.exits(0).json();
+    assert_eq!(run["fell"], false);
     let out = folder.join("report");
     let report = hoof(&format!("report {} --out {} --json", log.display(), out.display())).exits(0).json();
-    for (row, mean, std) in PUBLISHED {
-        let rms = report["metrics"]["tracking"].pointer(row).unwrap()["rms"].as_f64().unwrap();
-        let published = f64::hypot(mean, std);
-        assert!(rms > 0.0 && rms <= published, "{row}: rms {rms}, published {published}");
+    let tracking = &report["metrics"]["tracking"];
+    for (quantity, published) in analysis::tables::PUBLISHED_TRACKING {
+        let error = match quantity.split_once(' ') {
+            Some((leg, axis)) => {
+                let feet = tracking["feet"].as_array().unwrap();
+                &feet.iter().find(|foot| foot["leg"] == leg).unwrap()[axis]
+            }
+            None => &tracking[quantity],
+        };
+        let rms = error["rms"].as_f64().unwrap();
+        assert!(rms > 0.0 && rms <= published.rms(), "{quantity}: rms {rms}, published {}", published.rms());
     }
+    assert_eq!(report["metrics"]["locomotion"]["distance_m"], run["distance_m"], "the report and `hoof sim` agree");
     let written: Value = serde_json::from_slice(&std::fs::read(out.join("metrics.json")).unwrap()).unwrap();
     assert_eq!(written, report["metrics"]);
     assert!(std::fs::read_to_string(out.join("report.html")).unwrap().contains("<svg"));

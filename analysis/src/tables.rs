@@ -1,11 +1,10 @@
 //! Tables of a report: tracking errors beside the published ones, statistics of times, several logs side by side.
 
-use std::fmt::Write as _;
-
 use crate::metrics::{Metrics, Reference};
 use crate::numeric_table::{NumericTable, Row};
 use crate::run::LEGS;
 use crate::stats::{Distribution, ErrorStats, mean_and_std};
+use crate::table::{Column, Table};
 
 /// Mean and standard deviation of an error as a source prints them.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -32,7 +31,7 @@ pub struct TrackingRow {
     pub unit: &'static str,
     /// What the log gives.
     pub measured: Option<ErrorStats>,
-    /// Table 3 of Raiola et al. 2020 (HyQ in simulation, flat ground, crawl then trot).
+    /// The entry of [`PUBLISHED_TRACKING`], if there is one.
     pub published: Option<Published>,
 }
 
@@ -43,22 +42,24 @@ impl TrackingRow {
     }
 }
 
-/// The table prints two of the four feet.
+/// Tracking errors by name of the quantity: orientation in rad, height and feet in m. The source lists two of the four feet.
+///
+/// Source: Raiola et al. 2020, Table 3 (HyQ in simulation, flat ground, crawl then trot).
+pub const PUBLISHED_TRACKING: [(&str, Published); 10] = [
+    ("roll", Published { mean: 0.0050, std: 0.0145 }),
+    ("pitch", Published { mean: 0.0072, std: 0.0187 }),
+    ("yaw", Published { mean: 0.0017, std: 0.0043 }),
+    ("height", Published { mean: 0.0071, std: 0.0145 }),
+    ("RH x", Published { mean: 0.0303, std: 0.0186 }),
+    ("RH y", Published { mean: 0.0203, std: 0.0128 }),
+    ("RH z", Published { mean: 0.0016, std: 0.0027 }),
+    ("LF x", Published { mean: 0.0235, std: 0.0152 }),
+    ("LF y", Published { mean: 0.0202, std: 0.0201 }),
+    ("LF z", Published { mean: 0.0006, std: 0.0022 }),
+];
+
 fn published(name: &str) -> Option<Published> {
-    let (mean, std) = match name {
-        "roll" => (0.0050, 0.0145),
-        "pitch" => (0.0072, 0.0187),
-        "yaw" => (0.0017, 0.0043),
-        "height" => (0.0071, 0.0145),
-        "RH x" => (0.0303, 0.0186),
-        "RH y" => (0.0203, 0.0128),
-        "RH z" => (0.0016, 0.0027),
-        "LF x" => (0.0235, 0.0152),
-        "LF y" => (0.0202, 0.0201),
-        "LF z" => (0.0006, 0.0022),
-        _ => return None,
-    };
-    Some(Published { mean, std })
+    PUBLISHED_TRACKING.iter().find(|(quantity, _)| *quantity == name).map(|(_, published)| *published)
 }
 
 /// Base first, then the feet in the order LF RF LH RH.
@@ -147,7 +148,7 @@ pub fn comparison(runs: &[(String, &Metrics)]) -> NumericTable {
     };
     add("fell at", "s", 3, &|m| m.safety.fell_at_s);
     add("duration", "s", 2, &|m| Some(m.run.duration_s));
-    add("distance", "m", 3, &|m| m.locomotion.distance_m);
+    add("distance walked", "m", 3, &|m| m.locomotion.distance_m);
     add("forward speed", "m/s", 4, &|m| m.locomotion.true_velocity.map(|v| v[0]));
     let quantities = runs.first().map(|(_, m)| tracking_rows(m)).unwrap_or_default();
     for (k, TrackingRow { name, unit, .. }) in quantities.iter().enumerate() {
@@ -184,8 +185,8 @@ pub fn summary_rows(metrics: &Metrics) -> Vec<(&'static str, String)> {
         ("revision", or_unknown(&run.revision) + if run.dirty { ", with uncommitted changes" } else { "" }),
         ("duration", format!("{:.2} s, {} ticks of {:.3} ms", run.duration_s, run.ticks, run.period_s * 1e3)),
     ];
-    if let Some((distance, path)) = way.distance_m.zip(way.path_m) {
-        rows.push(("distance", format!("{distance:.2} m from start to end, {path:.2} m along the path")));
+    if let Some((distance, displacement)) = way.distance_m.zip(way.displacement_m) {
+        rows.push(("distance walked", format!("{distance:.2} m ({displacement:.2} m from start to end)")));
     }
     if let Some([x, y]) = way.commanded_velocity {
         let realised =
@@ -246,20 +247,20 @@ pub fn summary_rows(metrics: &Metrics) -> Vec<(&'static str, String)> {
 
 /// Summary, tracking and timing for a terminal: what `tables.txt` holds.
 pub fn text(metrics: &Metrics) -> String {
-    let mut text = String::new();
+    let mut summary = Table::new([Column::left(""), Column::left("")]);
     for (name, value) in summary_rows(metrics) {
-        let _ = writeln!(text, "{name:<16}{value}");
+        summary.row([name.to_owned(), value]);
     }
     for note in &metrics.notes {
-        let _ = writeln!(text, "{:<16}{note}", "note");
+        summary.row(["note", note]);
     }
     if !metrics.missing_channels.is_empty() {
-        let _ = writeln!(text, "{:<16}{}", "not in the log", metrics.missing_channels.join(", "));
+        summary.row(["not in the log".to_owned(), metrics.missing_channels.join(", ")]);
     }
-    let _ = write!(text, "\n{}", tracking_text(metrics));
+    let mut text = format!("{summary}\n\n{}", tracking_text(metrics));
     let times = timing(metrics);
     if !times.rows.is_empty() {
-        let _ = write!(text, "\n{}\n{}", times.caption, times.text());
+        text += &format!("\n{}\n{}", times.caption, times.text());
     }
     text
 }

@@ -64,7 +64,7 @@ fn contact_is_compared_tick_by_tick_and_touchdowns_are_timed() {
 }
 
 #[test]
-fn speed_is_measured_along_the_heading_and_the_way_along_the_ground() {
+fn speed_is_along_the_heading_and_distance_along_the_path() {
     let metrics = Metrics::of(&run_of("speed", &Plan::default()));
     let way = &metrics.locomotion;
     let close = |a: f64, b: f64, tolerance: f64| assert!((a - b).abs() < tolerance, "{a}, expected {b}");
@@ -75,7 +75,9 @@ fn speed_is_measured_along_the_heading_and_the_way_along_the_ground() {
     close(way.true_yaw_rate.unwrap(), YAW_RATE, 1e-12);
     // 3 s at 0.3 m/s along an arc of 0.6 rad: the chord is 2 r sin(0.3) with r = 1.5 m. Steps of 1 ms: 1e-3 m.
     close(way.path_m.unwrap(), 0.9, 1e-3);
-    close(way.distance_m.unwrap(), 3.0 * 0.3_f64.sin(), 1e-3);
+    close(way.displacement_m.unwrap(), 3.0 * 0.3_f64.sin(), 1e-3);
+    // Sampled once per second: three chords of 0.2 rad.
+    close(way.distance_m.unwrap(), 3.0 * 3.0 * 0.1_f64.sin(), 1e-3);
     assert!(!metrics.safety.fell && metrics.safety.faults.is_empty());
     // Feet swing 0.1 m high in pairs: at the apex the base is 0.55 m − 0.05 m above the mean of all four.
     close(metrics.safety.min_height_m.unwrap(), 0.5, 1e-4);

@@ -3,8 +3,10 @@
 
 pub mod quaternion;
 mod rotation;
+mod walked_distance;
 
 pub use rotation::{Rx, Ry, Rz, log, rotation_of_rpy, rpy_of, wrap_angle};
+pub use walked_distance::WalkedDistance;
 
 use nalgebra::Vector3;
 

@@ -7,6 +7,7 @@ use crate::parameter_requests::{self, ParameterRequestHandler, Proposal};
 use crate::watch::{ModeWatch, Said};
 use crate::{DriverError, FaultInjection, Scenario, Simulator};
 use controller::handover::take_over;
+use controller::math::WalkedDistance;
 use controller::{Controller, Outbox, Probe, Stage};
 use lcmtypes::{
     ControllerInput, ControllerTick, Event, GroundTruth, LegState, Message, ParameterChange, ParameterRequest,
@@ -27,14 +28,12 @@ pub struct Outcome {
     pub wall_seconds: f64,
     /// When the robot fell, s, if it did.
     pub fell_at_s: Option<f64>,
-    /// Length of the base's way over the ground, m: horizontal, from one whole second to the next, so that sway does not count.
+    /// Distance walked, m; see [`WalkedDistance`].
     pub distance_m: f64,
     /// When and why the controller went to its safe state, if it did.
     pub safe_state: Option<String>,
 }
 
-/// Ticks between two places of the base whose distances add up.
-const TICKS_BETWEEN_PLACES: i64 = 1000;
 /// Ticks that a fallen robot is still simulated.
 const TICKS_AFTER_FALL: i64 = 1000;
 
@@ -69,13 +68,12 @@ pub fn run(
             progress(seconds(tick * period_ns));
         }
     }
-    run.measure_distance();
     Ok(Outcome {
         ticks: tick,
         sim_seconds: seconds(tick * period_ns),
         wall_seconds: started.elapsed().as_secs_f64(),
         fell_at_s: run.fell_at.map(|at| seconds(at * period_ns)),
-        distance_m: run.distance_m,
+        distance_m: run.walked.get().unwrap_or(0.0),
         safe_state: run.safe_state,
     })
 }
@@ -117,8 +115,7 @@ struct Run {
     mode: ModeWatch,
     fell_at: Option<i64>,
     safe_state: Option<String>,
-    last_p_WB: Option<[f64; 3]>,
-    distance_m: f64,
+    walked: WalkedDistance,
 }
 
 impl Run {
@@ -144,8 +141,7 @@ impl Run {
             mode: ModeWatch::new(sim.joints().to_vec()),
             fell_at: None,
             safe_state: None,
-            last_p_WB: None,
-            distance_m: 0.0,
+            walked: WalkedDistance::default(),
         })
     }
 
@@ -175,9 +171,7 @@ impl Run {
         }
         sim.ground_truth(t_ns, &mut self.truth);
         put(&mut self.bytes, log, channels::GROUND_TRUTH, t_ns, &self.truth)?;
-        if tick % TICKS_BETWEEN_PLACES == 0 {
-            self.measure_distance();
-        }
+        self.walked.add(t_ns, self.truth.p_WB);
 
         self.change_parameters(controller, log, t_ns, tick)?;
         let controller = self.changed.as_deref_mut().map_or(controller, |changed| changed as &mut dyn Controller);
@@ -272,14 +266,6 @@ impl Run {
             self.t_swing = LegState::decode(bytes)?.t_swing;
         }
         Ok(())
-    }
-
-    fn measure_distance(&mut self) {
-        let p = self.truth.p_WB;
-        if let Some(last) = self.last_p_WB {
-            self.distance_m += ((p[0] - last[0]).powi(2) + (p[1] - last[1]).powi(2)).sqrt();
-        }
-        self.last_p_WB = Some(p);
     }
 
     fn event(

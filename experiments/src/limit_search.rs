@@ -15,8 +15,8 @@ pub struct Sweep<'a> {
     pub to: f64,
     /// Resolution of the search, with the sign of `to - from`.
     pub step: f64,
-    /// Distance from its start that the robot must reach, m.
-    pub min_distance: f64,
+    /// Displacement from its start that the robot must reach, m.
+    pub min_displacement: f64,
     /// A further change per seed, such as the time of a push, so that it acts in different phases of the gait.
     pub vary: Option<&'a (dyn Fn(i64) -> Change + Sync)>,
 }
@@ -53,8 +53,8 @@ pub fn largest(bench: &Bench, sweep: &Sweep) -> anyhow::Result<(f64, Vec<Tried>)
             }
         };
         let samples = bench.all(&format!("{} {value:.3}", sweep.key), bench.seeds().map(one).collect())?;
-        let reached = |distance: Option<f64>| distance.is_some_and(|distance| distance >= sweep.min_distance);
-        let survives = |sample: &Sample| !sample.failed() && reached(sample.metrics.locomotion.distance_m);
+        let reached = |displacement: Option<f64>| displacement.is_some_and(|d| d >= sweep.min_displacement);
+        let survives = |sample: &Sample| !sample.failed() && reached(sample.metrics.locomotion.displacement_m);
         let survivors = samples.iter().filter(|sample| survives(sample)).count();
         tried.push(Tried { value, survived: count(survivors) / count(samples.len()) });
         Ok(survivors == samples.len())

@@ -2,6 +2,7 @@
 
 use crate::Experiment;
 use crate::bench::Bench;
+use analysis::table::{Column, Table};
 use replay::engine::Build;
 use serde::Serialize;
 use std::path::PathBuf;
@@ -93,14 +94,14 @@ impl Tables {
 
     /// Text for a terminal.
     pub fn text(&self) -> String {
-        let width = self.rows.iter().map(|row| row.name.len()).max().unwrap_or(0).max(30);
-        let mut text = format!("{}, {}: {}\n", self.id, self.robot, self.title);
-        text += &format!("{:<width$} {:>10} {:>10} {:>10} {:<6} pass", "", "published", "wanted", "measured", "unit");
+        let [published, wanted, measured] = ["published", "wanted", "measured"].map(Column::right);
+        let mut table =
+            Table::new([Column::left(""), published, wanted, measured, Column::left("unit"), Column::left("pass")]);
         for row in &self.rows {
             let [published, wanted, measured, pass] = row.cells();
-            text +=
-                &format!("\n{:<width$} {published:>10} {wanted:>10} {measured:>10} {:<6} {pass}", row.name, row.unit);
+            table.row([row.name.clone(), published, wanted, measured, row.unit.to_owned(), pass]);
         }
+        let mut text = format!("{}, {}: {}\n{table}", self.id, self.robot, self.title);
         for note in &self.notes {
             text += &format!("\n\n{note}");
         }

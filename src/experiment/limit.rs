@@ -2,6 +2,7 @@
 
 use crate::robot::overrides;
 use crate::{Outcome, say, say_json};
+use analysis::table::{Column, Table};
 use experiments::bench::{Bench, RunSpec};
 use experiments::limit_search::{Sweep, Tried, largest, toml_float};
 use std::path::PathBuf;
@@ -69,7 +70,7 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
         spec = spec.set(&key, value);
     }
     let sweep =
-        Sweep { spec, key, from: *from, to: *to, step: step.copysign(to - from), min_distance: *way, vary: None };
+        Sweep { spec, key, from: *from, to: *to, step: step.copysign(to - from), min_displacement: *way, vary: None };
     let (limit, tried) = largest(&bench, &sweep)?;
     if *json {
         say_json(&serde_json::json!({ "key": key, "limit": (!limit.is_nan()).then_some(limit), "tried": tried }))?;
@@ -81,9 +82,11 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
 
 fn print(bench: &Bench, sweep: &Sweep, limit: f64, tried: &[Tried]) -> anyhow::Result<()> {
     let (key, seeds) = (sweep.key, bench.seeds().end);
+    let mut table = Table::new([Column::right(key), Column::right(format!("survived, % of {seeds} seeds"))]);
     for Tried { value, survived } in tried {
-        say(format!("{key} = {:<10} {:>4.0} % of {seeds} seeds survive", toml_float(*value), 100.0 * survived))?;
+        table.row([toml_float(*value), format!("{:.0}", 100.0 * survived)]);
     }
+    say(table)?;
     let limit_text = toml_float(limit);
     say(if limit.is_nan() {
         format!("\n{key}: the first value, {}, is not survived", toml_float(sweep.from))

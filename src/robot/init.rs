@@ -2,6 +2,7 @@
 
 use super::{legs, posture, read};
 use crate::{Outcome, say, say_json};
+use analysis::table::{Column, Table};
 use anyhow::Context;
 use controller::model::{Model, UrdfTree};
 use controller::params::{FootholdParams, Params, SwingParams, WbcParams};
@@ -92,9 +93,11 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
         return Ok(Outcome::Good);
     }
     say(format!("{name}: {:.3} kg, {} joints\n", model.total_mass(), model.nj()))?;
+    let mut table = Table::new(["parameter", "value", "derived from"].map(Column::left));
     for Guess { what, value, because } in &guesses {
-        say(format!("{what:<16} {value}  ({because})"))?;
+        table.row([what.to_string(), value.to_string(), because.to_string()]);
     }
+    say(table)?;
     for (leg, of) in Leg::ALL.into_iter().zip(&found.legs) {
         let joints: Vec<_> =
             of.joints.iter().map(|&j| format!("{} {:.4}", model.joints[j].name, stance.q[j])).collect();

@@ -7,6 +7,7 @@ use serde::Serialize;
 use super::Reference;
 use crate::math::from_w_to_h;
 use crate::run::{Run, Tick};
+use controller::math::WalkedDistance;
 
 /// Roll or pitch beyond which a robot counts as fallen, rad.
 const FALLEN_TILT: f64 = 0.6;
@@ -28,9 +29,11 @@ pub struct Locomotion {
     pub commanded_yaw_rate: Option<f64>,
     /// Mean true yaw rate over the same ticks, rad/s.
     pub true_yaw_rate: Option<f64>,
-    /// Horizontal distance between the first and the last true position of the base, m.
+    /// Distance walked, m: horizontal length of the true path of the base, sampled once per second; see [`WalkedDistance`].
     pub distance_m: Option<f64>,
-    /// Horizontal length of its true path, body sway included, m.
+    /// Horizontal distance from the first to the last true position of the base, m.
+    pub displacement_m: Option<f64>,
+    /// Horizontal length of the true path of the base with every tick, body sway included, m.
     pub path_m: Option<f64>,
 }
 
@@ -46,7 +49,7 @@ pub struct Safety {
     pub min_height_m: Option<f64>,
     /// Largest of roll and pitch, rad.
     pub max_tilt_rad: Option<f64>,
-    /// FaultInjection that the controller entered, in order of time.
+    /// Faults that the controller entered, in order of time.
     pub faults: Vec<Fault>,
     /// Ticks in which at least one torque was limited after the solve.
     pub clamped_ticks: Option<u64>,
@@ -75,14 +78,17 @@ impl Locomotion {
         let commanded = |k: usize| mean(walking().filter_map(|t| t.base.as_ref().map(|b| b.v_H_des[k])));
         let realised =
             |k: usize| mean(walking().filter_map(|t| t.truth.as_ref().map(|w| from_w_to_h(w.rpy[2], w.v_WB)[k])));
-        let positions: Vec<_> = run.ticks.iter().filter_map(|t| t.truth.as_ref().map(|w| w.p_WB)).collect();
+        let positions: Vec<_> = run.ticks.iter().filter_map(|t| t.truth.as_ref().map(|w| (t.t_ns, w.p_WB))).collect();
+        let mut walked = WalkedDistance::default();
+        positions.iter().for_each(|&(t_ns, p_WB)| walked.add(t_ns, p_WB));
         Self {
             walking_s: walking().count() as f64 * run.period_s(),
             commanded_velocity: commanded(0).zip(commanded(1)).map(|(x, y)| [x, y]),
             true_velocity: realised(0).zip(realised(1)).map(|(x, y)| [x, y]),
             commanded_yaw_rate: mean(walking().filter_map(|t| t.base.as_ref().map(|b| b.yaw_rate_des))),
             true_yaw_rate: mean(walking().filter_map(|t| t.truth.as_ref().map(|w| w.w_WB_W[2]))),
-            distance_m: positions.first().zip(positions.last()).map(|(first, last)| between(first, last)),
+            distance_m: walked.get(),
+            displacement_m: positions.first().zip(positions.last()).map(|((_, a), (_, b))| horizontal_distance(a, b)),
             path_m: if against == Reference::GroundTruth { Self::path_m(run) } else { None },
         }
     }
@@ -92,15 +98,15 @@ impl Locomotion {
         let mut positions = run.ticks.iter().filter_map(|t| t.truth.as_ref().map(|w| w.p_WB));
         let mut last = positions.next()?;
         Some(positions.fold(0.0, |way, p| {
-            let step = between(&last, &p);
+            let step = horizontal_distance(&last, &p);
             last = p;
             way + step
         }))
     }
 }
 
-/// Horizontal distance.
-fn between(a: &[f64; 3], b: &[f64; 3]) -> f64 {
+/// Horizontal distance of two points, m.
+fn horizontal_distance(a: &[f64; 3], b: &[f64; 3]) -> f64 {
     (b[0] - a[0]).hypot(b[1] - a[1])
 }
 

@@ -27,7 +27,7 @@ use crate::run::Run;
 /// Everything measured in a run.
 #[derive(Clone, Debug, Serialize)]
 pub struct Metrics {
-    /// Version of this structure: 1.
+    /// Version of this structure: 2. In version 1, `locomotion.distance_m` was what is now `displacement_m`.
     pub schema: u32,
     /// What ran.
     pub run: RunSummary,
@@ -109,7 +109,7 @@ impl Metrics {
     pub fn of(run: &Run) -> Self {
         let measured_against = Reference::of(run);
         Self {
-            schema: 1,
+            schema: 2,
             run: summary(run),
             measured_against,
             missing_channels: run.missing(),

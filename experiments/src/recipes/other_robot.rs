@@ -3,6 +3,7 @@
 use super::{base_motion, gait_speeds, rough_terrain};
 use crate::bench::{Bench, count};
 use crate::{Experiment, Row};
+use analysis::table::{Column, Table};
 use drivers::robot_files::RobotFiles;
 use std::collections::BTreeMap;
 
@@ -20,13 +21,12 @@ pub(super) const EXPERIMENT: Experiment = Experiment {
 fn run(bench: &Bench) -> anyhow::Result<Vec<Row>> {
     let (hyq, other) = (parameters("hyq")?, parameters(bench.robot())?);
     let differing: Vec<_> = hyq.iter().filter(|(key, value)| other.get(*key) != Some(value)).collect();
-    let width = differing.iter().map(|(key, _)| key.len()).max().unwrap_or(0);
-    let mut note = format!("{:<width$}  {:>10}  {:>10}", "parameters that differ", "hyq", bench.robot());
+    let mut table =
+        Table::new([Column::left("parameters that differ"), Column::right("hyq"), Column::right(bench.robot())]);
     for (key, value) in &differing {
-        let value_there = other.get(*key).map_or("-", String::as_str);
-        note += &format!("\n{key:<width$}  {value:>10}  {value_there:>10}");
+        table.row([key.as_str(), value.as_str(), other.get(*key).map_or("-", String::as_str)]);
     }
-    bench.note(note);
+    bench.note(table.to_string());
     let mut rows = base_motion::table3(bench, "A2: ")?;
     rows.extend(rough_terrain::rough(bench, "A3: ")?);
     rows.extend(gait_speeds::speeds(bench, "speed: ")?);
