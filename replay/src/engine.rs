@@ -163,7 +163,7 @@ impl<'a> Replay<'a> {
             return Err(Error::NoInput { path: self.path.clone() });
         }
         let mut report = tally.report(ticks.late, ticks.health(), begin.elapsed().as_secs_f64());
-        report.deviations = origin::deviations(&self.info, &builder.info, options.here.as_ref());
+        report.deviations = origin::deviations(&self.info, &builder.info, options.here.as_ref(), &ticks.consumed());
         report.what_if = found;
         Ok(report)
     }

@@ -1,8 +1,13 @@
 //! What may be other than it was when the log was written: build, parameters, robot, types. Named before any difference in bits.
 
 use controller::params::Params;
-use lcmtypes::RunInfo;
-use std::collections::BTreeMap;
+use lcm_idl::TypeSet;
+use lcmtypes::{RunInfo, channels};
+use std::collections::{BTreeMap, BTreeSet};
+use std::sync::Arc;
+
+/// Channel and fingerprint of messages that a replay decoded or compared.
+pub(super) type Consumed = (Arc<str>, Option<u64>);
 
 /// A build of this software, as RUN_INFO describes one.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
@@ -40,8 +45,11 @@ pub struct Deviation {
     pub here: String,
 }
 
-/// What differs between a log and what replays it. `used` is the run's description after all changes asked for.
-pub(super) fn deviations(log: &RunInfo, used: &RunInfo, here: Option<&Build>) -> Vec<Deviation> {
+/// What differs between a log and the build and parameters that replay it.
+///
+/// - `used`: the run's description after all requested changes.
+/// - `consumed`: the channels and fingerprints that the replay decoded or compared.
+pub(super) fn deviations(log: &RunInfo, used: &RunInfo, here: Option<&Build>, consumed: &[Consumed]) -> Vec<Deviation> {
     let mut found = Vec::new();
     let mut compare = |what: &str, log: &str, here: &str| {
         if log != here {
@@ -59,17 +67,7 @@ pub(super) fn deviations(log: &RunInfo, used: &RunInfo, here: Option<&Build>) ->
     if log.urdf != used.urdf {
         compare("urdf", &format!("{} as recorded", size(&log.urdf)), &format!("{} as given", size(&used.urdf)));
     }
-    let types = |info: &RunInfo| -> BTreeMap<String, String> {
-        info.lcm_types.iter().map(|file| (file.name.clone(), file.text.clone())).collect()
-    };
-    let today: BTreeMap<String, String> =
-        lcmtypes::SOURCES.iter().map(|(name, text)| ((*name).to_owned(), (*text).to_owned())).collect();
-    for (name, text) in types(log) {
-        match today.get(&name) {
-            Some(now) if *now == text => {}
-            now => compare("types", &name, now.map_or("no such file", |_| "another text")),
-        }
-    }
+    changed_types(log, consumed, &mut compare);
     // Defaults of parameters that came after the log count too, so the text is completed.
     let completed =
         |text: &str| Params::from_toml(text, "").map_or_else(|_| text.to_owned(), |params| params.to_toml());
@@ -82,6 +80,33 @@ pub(super) fn deviations(log: &RunInfo, used: &RunInfo, here: Option<&Build>) ->
         compare(name, &value(&before), &value(&now));
     }
     found
+}
+
+/// Types that the replay consumed and that RUN_INFO declares with another fingerprint than this build.
+///
+/// Comments and types that the replay does not need make no difference.
+fn changed_types(log: &RunInfo, consumed: &[Consumed], compare: &mut dyn FnMut(&str, &str, &str)) {
+    let texts = log.lcm_types.iter().map(|file| (&*file.name, &*file.text));
+    let of_log = match TypeSet::parse(texts) {
+        Ok(types) => types,
+        Err(error) => return compare("types", &format!("RUN_INFO.lcm_types: {error}"), ""),
+    };
+    let names: BTreeSet<&str> =
+        consumed.iter().filter_map(|(channel, fingerprint)| type_name(channel, *fingerprint)).collect();
+    for name in names {
+        if let (Some(then), Some(now)) = (of_log.by_name(name), lcmtypes::types().by_name(name)) {
+            let shown = |fingerprint: u64| format!("{name} with fingerprint {fingerprint:016x}");
+            compare("types", &shown(then.fingerprint()), &shown(now.fingerprint()));
+        }
+    }
+}
+
+/// Type of a consumed message. The type of a snapshot depends on the controller, so its fingerprint names it.
+fn type_name(channel: &str, fingerprint: Option<u64>) -> Option<&'static str> {
+    match channels::find(channel) {
+        Some(known) if known.name != channels::CONTROLLER_SNAPSHOT => Some(known.type_name),
+        _ => lcmtypes::types().by_fingerprint(fingerprint?).map(|ty| ty.name()),
+    }
 }
 
 /// Every value of a TOML text by its dotted key.
