@@ -56,7 +56,7 @@ pub enum Command {
         /// What it is for
         #[arg(long)]
         why: String,
-        /// Only the ticks around this time, s since the log's first tick, from the recorded state before them on
+        /// Only the ticks around this time, s since the run's first tick, from the recorded state before them on
         #[arg(long, value_name = "T")]
         around: Option<f64>,
         /// How much of the log lies around that time, s

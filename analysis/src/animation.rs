@@ -94,8 +94,8 @@ fn part_shown(run: &Run) -> &[Tick] {
     let first = run.ticks.iter().position(walks).unwrap_or(0);
     let last = run.ticks.iter().rposition(walks).unwrap_or(run.ticks.len() - 1);
     let middle = 0.5 * (run.ticks[first].t_s + run.ticks[last].t_s);
-    let end = run.duration_s();
-    let from = (middle - 0.5 * LENGTH_S).clamp(0.0, (end - LENGTH_S).max(0.0));
+    let (begin, end) = (run.begin_s(), run.end_s());
+    let from = (middle - 0.5 * LENGTH_S).clamp(begin, (end - LENGTH_S).max(begin));
     let begin = run.ticks.partition_point(|tick| tick.t_s < from);
     let stop = run.ticks.partition_point(|tick| tick.t_s <= from + LENGTH_S);
     &run.ticks[begin..stop]

@@ -100,12 +100,12 @@ pub fn happenings(run: &Run) -> Vec<TimelineEntry> {
         what: What::Fault,
         text: format!("{}, index {}, value {}", fault.fault, fault.index, fault.value),
     }));
-    let t0_ns = run.ticks.first().map_or(0, |tick| tick.t_ns);
-    let mut last_s = 0.0;
+    let t0_ns = run.first_tick_ns;
+    let mut last_s = run.begin_s();
     all.extend(run.events.iter().map(|event| {
         let t_s = event.t_ns.saturating_sub(t0_ns) as f64 / 1e9;
         // By another clock, as a recorder's: then it is where it stands in the log.
-        if (-OTHER_CLOCK_S..run.duration_s() + OTHER_CLOCK_S).contains(&t_s) {
+        if (-OTHER_CLOCK_S..run.end_s() + OTHER_CLOCK_S).contains(&t_s) {
             last_s = t_s;
         }
         TimelineEntry {

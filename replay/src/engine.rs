@@ -36,7 +36,7 @@ pub use report::ReplayReport;
 pub use what_if::{Change, DEFAULT_BOUND, Departure, Sample, WhatIf, When};
 
 use crate::Error;
-use crate::log::LogReader;
+use crate::log::{LogReader, RunClock};
 use builder::Builder;
 use controller::{Controller, LoadError};
 use lcmtypes::{Message, RunInfo, channels};
@@ -62,9 +62,9 @@ pub struct Options {
     pub bound: Option<f64>,
     /// This build, to be held against the one that wrote the log.
     pub here: Option<Build>,
-    /// Begin at the last snapshot at or before this time, s since the first tick of the log.
+    /// Begin at the last snapshot at or before this time, s since the run's first tick.
     pub from_s: Option<f64>,
-    /// End behind the last tick at or before this time, s since the first tick of the log.
+    /// End behind the last tick at or before this time, s since the run's first tick.
     pub to_s: Option<f64>,
     /// Threads; 0 and 1 mean the calling one. More do not change the report. With changes or `out` there is only one.
     pub jobs: usize,
@@ -86,6 +86,7 @@ pub type Load<'a> = dyn Fn(&RunInfo) -> Result<Box<dyn Controller>, LoadError> +
 pub struct Replay<'a> {
     path: PathBuf,
     info: RunInfo,
+    clock: RunClock,
     load: Box<Load<'a>>,
 }
 
@@ -107,8 +108,13 @@ impl<'a> Replay<'a> {
         load: impl Fn(&RunInfo) -> Result<Box<dyn Controller>, LoadError> + Sync + 'a,
     ) -> Result<Self, Error> {
         let path = path.as_ref();
-        let info = run_info(path)?;
-        Ok(Replay { path: path.into(), info, load: Box::new(load) })
+        let (info, clock) = (run_info(path)?, RunClock::read(path)?);
+        Ok(Replay { path: path.into(), info, clock, load: Box::new(load) })
+    }
+
+    /// Converts times of the log to times since the run's first tick.
+    pub fn clock(&self) -> &RunClock {
+        &self.clock
     }
 
     /// What the log says of its run.
@@ -139,7 +145,7 @@ impl<'a> Replay<'a> {
             }
             None => None,
         };
-        let mut stretch = Stretch::find(&self.path, options)?;
+        let mut stretch = Stretch::find(&self.path, self.clock, options)?;
         let mut ticks = Ticks::open(&self.path, if out.is_some() { Beside::InPlace } else { Beside::Nothing })?;
         let bytes = file_length(&self.path)?;
         let feed = Feed { ticks: &mut ticks, stretch: &mut stretch, bytes, changes: Vec::new() };
@@ -159,7 +165,7 @@ impl<'a> Replay<'a> {
             out.rest(ticks.rest())?;
             out.finish()?;
         }
-        if stretch.first_t_ns.is_none() {
+        if !stretch.has_input {
             return Err(Error::NoInput { path: self.path.clone() });
         }
         let mut report = tally.report(ticks.late, ticks.health(), begin.elapsed().as_secs_f64());

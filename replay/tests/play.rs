@@ -61,7 +61,7 @@ fn the_pace_is_that_of_the_log_times_the_speed() {
 #[test]
 fn a_part_of_the_log_begins_at_once() {
     let path = log("part.mcap", 100);
-    let options = PlayOptions { from_ns: 205 * MS, to_ns: Some(300 * MS), ..PlayOptions::default() };
+    let options = PlayOptions { from_ns: Some(205 * MS), to_ns: Some(300 * MS), ..PlayOptions::default() };
     let expected: Vec<_> = (21..30).map(|i| (i, i * 10 * MS - 205 * MS)).collect();
     assert_eq!(play(&mut open(&path, options), 0), expected);
 }

@@ -27,7 +27,7 @@ pub struct Args {
     /// Tick to begin with
     #[arg(long, value_name = "N", conflicts_with = "at")]
     tick: Option<i64>,
-    /// Time to begin with, s since the log's first tick
+    /// Time to begin with, s since the run's first tick
     #[arg(long, value_name = "S")]
     at: Option<f64>,
     /// Go on to the next event of this kind

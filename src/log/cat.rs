@@ -4,7 +4,7 @@ use super::{LogTypes, Part, loss};
 use crate::Outcome;
 use anyhow::Context;
 use lcm_idl::{Leaf, Value};
-use replay::log::{EventRef, Health, LogReader, Types};
+use replay::log::{EventRef, Health, LogReader, RunClock, Types, Zero};
 use replay::printable;
 use std::fmt::Write as _;
 use std::io::Write;
@@ -37,10 +37,16 @@ pub struct Args {
 }
 
 pub fn run(args: &Args) -> anyhow::Result<Outcome> {
-    let (mut filter, mut types) = (args.part.filter()?, args.types.read()?);
+    let mut types = args.types.read()?;
     let mut reader = if args.follow { follow(&args.log)? } else { LogReader::open(&args.log)? };
+    let mut filter = args.part.filter()?.for_log(&args.log)?;
+    // JSON lines contain t_ns alone, so they need no time zero.
+    let clock = (!args.json).then(|| RunClock::read(&args.log)).transpose()?;
+    if let Some(zero) = clock.map(|clock| clock.zero()).filter(|zero| *zero != Zero::FirstTick) {
+        eprintln!("{}: times are s since {}", args.log.display(), zero.text());
+    }
     let mut out = std::io::BufWriter::new(std::io::stdout().lock());
-    let (mut health, mut first, mut line) = (Health::default(), None, String::new());
+    let (mut health, mut line) = (Health::default(), String::new());
     loop {
         let Some(item) = reader.read()? else {
             if !args.follow || reader.is_complete() {
@@ -52,15 +58,13 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
         };
         let Some(event) = health.note(item) else { continue };
         types.learn(&event);
-        let since = event.t_ns.saturating_sub(*first.get_or_insert(event.t_ns));
         if !filter.accepts(&event) {
             continue;
         }
         line.clear();
-        if args.json {
-            json_line(&event, &types, &mut line);
-        } else {
-            text_line(&event, since, &types, &mut line);
+        match clock {
+            Some(clock) => text_line(&event, clock.of_event(&event), &types, &mut line),
+            None => json_line(&event, &types, &mut line),
         }
         line.push('\n');
         out.write_all(line.as_bytes()).context("standard output")?;
@@ -96,8 +100,9 @@ fn follow(log: &Path) -> anyhow::Result<LogReader> {
 const STRING: &str = "writing to a string does not fail";
 
 fn text_line(event: &EventRef<'_>, since_ns: i64, types: &Types, line: &mut String) {
-    let (s, ns) = (since_ns.div_euclid(1_000_000_000), since_ns.rem_euclid(1_000_000_000));
-    write!(line, "{s}.{ns:09} {} ", printable(event.channel)).expect(STRING);
+    let (sign, ns) = (if since_ns < 0 { "-" } else { "" }, since_ns.unsigned_abs());
+    let (s, ns) = (ns / 1_000_000_000, ns % 1_000_000_000);
+    write!(line, "{sign}{s}.{ns:09} {} ", printable(event.channel)).expect(STRING);
     match types.of_message(event.channel, event.data).map(|ty| ty.decode(event.data)) {
         Some(Ok(value)) => write!(line, "{value}").expect(STRING),
         Some(Err(error)) => {

@@ -45,7 +45,7 @@ pub struct TrimArgs {
     out: PathBuf,
     #[command(flatten)]
     part: Part,
-    /// Copy an excerpt around this time, s since the log's first tick, as for `hoof replay --from`
+    /// Copy an excerpt around this time, s since the run's first tick
     #[arg(long, value_name = "S", value_parser = seconds, conflicts_with_all = ["from", "to"])]
     around: Option<f64>,
     /// Minimum time before --around, s

@@ -74,11 +74,10 @@ fn channel_text(c: &ChannelDiff) -> String {
     }
     if let Some(first) = &c.first {
         let ulp = first.ulp.map_or(String::new(), |ulp| format!(", {ulp} ulp apart"));
-        #[expect(clippy::cast_precision_loss, reason = "a time for a person to read")]
-        let t_s = first.t_ns as f64 * 1e-9;
         let field = if first.field.is_empty() { "whole message".into() } else { printable(&first.field) };
         text += &format!(
-            "\n  first at t = {t_s:.6} s, number {}: {field}{ulp}\n    {}\n    {}",
+            "\n  first at t = {:.6} s, number {}: {field}{ulp}\n    {}\n    {}",
+            first.t_s,
             first.number,
             printable(&first.left),
             printable(&first.right)

@@ -86,10 +86,10 @@ struct Channels {
 struct Part {
     #[command(flatten)]
     channels: Channels,
-    /// Start time, s since the log's first event
+    /// Start time, s since the run's first tick, or since the first event of a log without a run
     #[arg(long, value_name = "S", value_parser = seconds)]
     from: Option<f64>,
-    /// End time, s since the log's first event
+    /// End time, inclusive, s since the run's first tick, or since the first event of a log without a run
     #[arg(long, value_name = "S", value_parser = seconds)]
     to: Option<f64>,
 }

@@ -48,10 +48,10 @@ pub struct Args {
     /// As fast as it goes; receivers may lose messages
     #[arg(long, conflicts_with = "speed")]
     flat_out: bool,
-    /// Begin here, s from the log's first event
-    #[arg(long, value_name = "S", default_value_t = 0.0)]
-    from: f64,
-    /// End here, s from the log's first event
+    /// Start, s since the run's first tick [default: the log's first event]
+    #[arg(long, value_name = "S")]
+    from: Option<f64>,
+    /// End, s since the run's first tick [default: the log's last event]
     #[arg(long, value_name = "S")]
     to: Option<f64>,
     /// Begin again at the end
@@ -176,13 +176,13 @@ fn options(args: &Args) -> anyhow::Result<PlayOptions> {
         anyhow::ensure!((1..=63).contains(&to.len()), "--rename {pair}: an LCM channel has 1 to 63 bytes");
         rename.insert(from.to_owned(), to.to_owned());
     }
-    let from_ns = nanoseconds("--from", args.from)?;
+    let from_ns = args.from.map(|from| nanoseconds("--from", from)).transpose()?;
     let to_ns = args.to.map(|to| nanoseconds("--to", to)).transpose()?;
     anyhow::ensure!(
-        to_ns.is_none_or(|to| to > from_ns),
+        from_ns.zip(to_ns).is_none_or(|(from, to)| to > from),
         "--to {}: not after --from {}",
-        args.to.unwrap_or(0.0),
-        args.from
+        args.to.unwrap_or_default(),
+        args.from.unwrap_or_default()
     );
     Ok(PlayOptions {
         base: match args.time {

@@ -57,12 +57,12 @@ fn text(c: &VerifyReport) -> String {
     }
     text += "\n";
     for channel in &c.channels {
-        text += &channel_text(channel);
+        text += &channel_text(channel, c.zero_t_ns);
     }
     text + &replay_text(&c.replay)
 }
 
-fn channel_text(c: &ChannelReport) -> String {
+fn channel_text(c: &ChannelReport, zero_t_ns: i64) -> String {
     let expected = c.lost.map_or(0, |lost| c.count + lost);
     let mut text = match (c.lost, c.counter) {
         (Some(_), Some(counter)) => format!("\n{}: {} of {expected} by {counter}", printable(&c.name), c.count),
@@ -71,7 +71,7 @@ fn channel_text(c: &ChannelReport) -> String {
     for gap in c.gaps.iter().take(MAX_GAPS) {
         let Gap { first, last, t_ns } = gap;
         #[expect(clippy::cast_precision_loss, reason = "a time for a person to read")]
-        let t_s = *t_ns as f64 * 1e-9;
+        let t_s = t_ns.saturating_sub(zero_t_ns) as f64 * 1e-9;
         text += &format!("\n  {} lost before t = {t_s:.6} s: {first} to {last}", gap.missing());
     }
     if c.gaps.len() > MAX_GAPS {

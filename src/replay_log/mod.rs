@@ -65,7 +65,7 @@ pub struct Args {
     /// Show every quantity of a tick: inputs, results of each stage, constraints that contradict each other if the solver failed
     #[arg(long = "break", value_name = "TICK", allow_negative_numbers = true, conflicts_with_all = ["sweep", "resim", "out", "plot", "changes", "from", "to"])]
     at: Option<i64>,
-    /// Begin at the last snapshot at or before this time, s since the log's first tick
+    /// Begin at the last snapshot at or before this time, s since the run's first tick
     #[arg(long, value_name = "S")]
     from: Option<f64>,
     /// End behind the last tick at or before this time

@@ -145,7 +145,7 @@ fn table(key: &str, rows: &[Row]) -> String {
     );
     for Row { value, identical, first_tick, first_stage, what_if } in rows {
         #[expect(clippy::cast_precision_loss, reason = "a time for a person to read")]
-        let leaves = what_if.departure.map_or("-".to_owned(), |d| format!("{:.3}", d.t_ns as f64 * 1e-9));
+        let leaves = what_if.departure.map_or("-".to_owned(), |d| format!("{:.3}", d.t_s));
         let first = match (first_tick, first_stage) {
             (Some(tick), Some(stage)) => format!("tick {tick}, {stage}"),
             _ if *identical => "nothing".to_owned(),

@@ -57,8 +57,7 @@ fn what_if_text(what_if: &WhatIf, joints: &[String]) -> String {
     let WhatIf { bound, ticks, tau_difference_max, tau_difference_rms, qp_failed_ticks, .. } = what_if;
     let how_far = match &what_if.departure {
         Some(departure) => {
-            #[expect(clippy::cast_precision_loss, reason = "a time for a person to read")]
-            let t_s = departure.t_ns as f64 * 1e-9;
+            let t_s = departure.t_s;
             let joint = joints.get(departure.joint).cloned().unwrap_or_else(|| format!("joint {}", departure.joint));
             format!(
                 "what if: from tick {} (t = {t_s:.3} s) on, {joint} by {:+.1} N m, the command leaves the recorded one by more than {bound} N m:\n\
@@ -81,8 +80,7 @@ fn what_if_text(what_if: &WhatIf, joints: &[String]) -> String {
 /// Where record and replay part, in words.
 pub fn divergence_text(d: &Divergence) -> String {
     let agreed = d.last_agreed_tick.map_or("none".to_owned(), |tick| tick.to_string());
-    #[expect(clippy::cast_precision_loss, reason = "a time for a person to read")]
-    let t_s = d.t_ns as f64 * 1e-9;
+    let t_s = d.t_s;
     let also: Vec<String> =
         d.also.iter().map(|f| format!("{} {}", f.channel, field(&f.field, &f.index, f.ulp))).collect();
     let also = if also.is_empty() { String::new() } else { format!("\n  so do {}", also.join("; ")) };

@@ -98,13 +98,13 @@ impl Played {
         self.take(now_ns)
     }
 
-    /// Goes to a time from the log's first event, and counts from two seconds before it.
+    /// Goes to a time, ns since the log's first event; rates are computed from the two seconds before it.
     pub fn seek(&mut self, to_ns: i64) -> anyhow::Result<()> {
         let to_ns = to_ns.clamp(0, self.length_ns);
         let from_ns = (to_ns - RUN_UP_NS).max(0);
         let (now_ns, is_paused) = (self.clock_ns(), self.player.is_paused());
         self.player.resume(now_ns);
-        self.player.seek(from_ns, now_ns)?;
+        self.player.seek(from_ns + self.player.begin_ns(), now_ns)?;
         // As if it had begun so long ago that it arrives there now.
         #[expect(clippy::cast_possible_truncation, reason = "two seconds, at most a thousand times slower")]
         let ago_ns = ((to_ns - from_ns) as f64 / self.player.speed().unwrap_or(1.0)) as i64;
@@ -136,16 +136,16 @@ impl Played {
         self.player.set_speed((self.player.speed().unwrap_or(1.0) * factor).clamp(1e-3, 1e3), now_ns);
     }
 
-    /// Time from the log's first event, ns.
+    /// Position, ns since the log's first event.
     pub fn position_ns(&self) -> i64 {
         if self.player.is_at_end() {
             self.length_ns
         } else {
-            self.player.position_ns(self.clock_ns()).clamp(0, self.length_ns)
+            (self.player.position_ns(self.clock_ns()) - self.player.begin_ns()).clamp(0, self.length_ns)
         }
     }
 
-    /// Name, place and pace.
+    /// Name, position in s since the run's first tick, and speed.
     pub fn title(&self) -> String {
         let pace = match self.player.speed() {
             _ if self.player.is_at_end() => "end".to_owned(),
@@ -153,8 +153,9 @@ impl Played {
             Some(speed) => format!("x{speed}"),
             None => String::new(),
         };
-        let [at, length] = [self.position_ns(), self.length_ns].map(|ns| ns as f64 * 1e-9);
-        format!("{}  {at:.3} of {length:.3} s  {pace}", self.name)
+        let seconds = |ns: i64| (ns + self.player.begin_ns()) as f64 * 1e-9;
+        let [at, end] = [self.position_ns(), self.length_ns].map(seconds);
+        format!("{}  {at:.3} of {end:.3} s  {pace}", self.name)
     }
 
     fn clock_ns(&self) -> i64 {

@@ -200,13 +200,15 @@ fn detail_window(run: &Run) -> Range {
         (_, _, Some((first, last))) => 0.5 * (first.t_s + last.t_s),
         _ => 0.5 * end,
     };
-    let from = (middle - 0.5 * DETAIL_S).clamp(0.0, (end - DETAIL_S).max(0.0));
+    let begin = run.begin_s();
+    let from = (middle - 0.5 * DETAIL_S).clamp(begin, (end - DETAIL_S).max(begin));
     Range { min: from, max: (from + DETAIL_S).min(end) }
 }
 
 /// The whole run, its last tick included.
 pub(super) fn whole(run: &Run) -> Range {
-    Range { min: 0.0, max: (run.duration_s() + run.period_s()).max(1e-3) }
+    let begin = run.begin_s();
+    Range { min: begin, max: (run.end_s() + run.period_s()).max(begin + 1e-3) }
 }
 
 /// Time of the first change of gait after the first swing: before it, the gait is only being chosen.

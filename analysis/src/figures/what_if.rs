@@ -23,16 +23,16 @@ const GONE: RGBAColor = pale(BLACK, 0.06);
 /// largest difference of any joint with the bound.
 pub fn what_if(replays: &[(String, &WhatIf)]) -> Figure {
     let samples = replays.iter().map(|(_, what_if)| &what_if.samples).find(|samples| !samples.is_empty());
-    let t0_ns = samples.and_then(|samples| samples.first()).map_or(0, |sample| sample.t_ns);
-    let since = |t_ns: i64| (t_ns - t0_ns) as f64 * 1e-9;
-    let first = replays.iter().filter_map(|(_, what_if)| what_if.departure).min_by_key(|departure| departure.t_ns);
-    let last = replays.iter().map(|(_, what_if)| what_if.departure.map(|d| d.t_ns)).max().flatten();
+    let departures = || replays.iter().filter_map(|(_, what_if)| what_if.departure);
+    let first = departures().min_by_key(|departure| departure.t_ns);
+    let last = departures().max_by_key(|departure| departure.t_ns);
     let all_gone = replays.iter().all(|(_, what_if)| what_if.departure.is_some());
     let joint = first.map_or_else(|| largest(replays), |departure| departure.joint);
 
-    let end = samples.and_then(|samples| samples.last()).map_or(0.0, |sample| since(sample.t_ns));
-    let middle = first.map_or(0.0, |departure| since(departure.t_ns));
-    let from = (middle - BEFORE * SHOWN_S).clamp(0.0, (end - SHOWN_S).max(0.0));
+    let begin = samples.and_then(|samples| samples.first()).map_or(0.0, |sample| sample.t_s);
+    let end = samples.and_then(|samples| samples.last()).map_or(0.0, |sample| sample.t_s);
+    let middle = first.map_or(begin, |departure| departure.t_s);
+    let from = (middle - BEFORE * SHOWN_S).clamp(begin, (end - SHOWN_S).max(begin));
     let time = Range { min: from, max: (from + SHOWN_S).min(end).max(from + 1e-3) };
 
     let torque = |of: &[f32]| of.get(joint).map_or(f64::NAN, |tau| f64::from(*tau));
@@ -40,8 +40,8 @@ pub fn what_if(replays: &[(String, &WhatIf)]) -> Figure {
         sample.replayed.iter().zip(&sample.recorded).map(|(a, b)| f64::from((a - b).abs())).fold(f64::NAN, f64::max)
     };
     let curve = |what_if: &WhatIf, value: &dyn Fn(&Sample) -> f64| -> (Vec<f64>, Vec<f64>) {
-        let shown = what_if.samples.iter().filter(|sample| (time.min..=time.max).contains(&since(sample.t_ns)));
-        shown.map(|sample| (since(sample.t_ns), value(sample))).unzip()
+        let shown = what_if.samples.iter().filter(|sample| (time.min..=time.max).contains(&sample.t_s));
+        shown.map(|sample| (sample.t_s, value(sample))).unzip()
     };
     let recorded = samples.zip(replays.first()).map(|(_, (_, what_if))| curve(what_if, &|s| torque(&s.recorded)));
     let values: [&dyn Fn(&Sample) -> f64; 2] = [&|sample| torque(&sample.replayed), &difference];
@@ -59,13 +59,13 @@ pub fn what_if(replays: &[(String, &WhatIf)]) -> Figure {
         }
         let mut layers = Vec::new();
         if let (Some(last), true) = (last, all_gone) {
-            layers.push(Layer::Shade(vec![(since(last), time.max)], GONE));
+            layers.push(Layer::Shade(vec![(last.t_s, time.max)], GONE));
         }
         if let (0, Some((xs, ys))) = (row, &recorded) {
             layers.push(line(xs, ys, RECORDED));
         }
         for (k, ((_, what_if), (xs, ys))) in replays.iter().zip(&curves).enumerate() {
-            let gone = what_if.departure.map_or(f64::INFINITY, |departure| since(departure.t_ns));
+            let gone = what_if.departure.map_or(f64::INFINITY, |departure| departure.t_s);
             let split = xs.partition_point(|x| *x <= gone);
             layers.push(line(&xs[split..], &ys[split..], GREY_LINE));
             layers.push(line(&xs[..split], &ys[..split], stroke_of(k)));

@@ -43,6 +43,8 @@ pub struct Run {
     pub path: PathBuf,
     /// SHA-256 of the log's bytes, in hexadecimal digits, as `sha256sum` prints it.
     pub sha256: String,
+    /// Time zero of all `t_s`: `t_ns` of the run's first tick, or of the first in the log where the run's is unknown.
+    pub first_tick_ns: i64,
     /// What the log says of itself; `None` when it has no RUN_INFO.
     pub info: Option<RunInfo>,
     /// The robot, from the URDF in RUN_INFO; `None` without RUN_INFO, or if the model rejects the URDF: then a note gives the reason.
@@ -83,14 +85,24 @@ impl Run {
         self.ticks.iter().map(|tick| value(tick).unwrap_or(f64::NAN)).collect()
     }
 
-    /// Times of the ticks, s since the first.
+    /// Times of the ticks, s since the run's first tick.
     pub fn times(&self) -> Vec<f64> {
         self.ticks.iter().map(|tick| tick.t_s).collect()
     }
 
-    /// Length of the run, s.
-    pub fn duration_s(&self) -> f64 {
+    /// Time of the first tick in the log, s since the run's first tick: 0 unless the log begins later.
+    pub fn begin_s(&self) -> f64 {
+        self.ticks.first().map_or(0.0, |tick| tick.t_s)
+    }
+
+    /// Time of the last tick in the log, s since the run's first tick.
+    pub fn end_s(&self) -> f64 {
         self.ticks.last().map_or(0.0, |tick| tick.t_s)
+    }
+
+    /// Time from the first to the last tick in the log, s.
+    pub fn duration_s(&self) -> f64 {
+        self.end_s() - self.begin_s()
     }
 
     /// Median time between ticks, s; 0 for a single tick.

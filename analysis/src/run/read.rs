@@ -8,7 +8,7 @@ use lcmtypes::{
     BaseTracking, ContactEstimate, ControllerInput, ControllerTick, GroundTruth, LegState, Message, RobotCommand,
     RobotState, RunInfo, Timing, WbcSolution,
 };
-use replay::log::{Health, LogReader};
+use replay::log::{Health, LogReader, RunClockFinder};
 use sha2::{Digest, Sha256};
 
 use super::joints::Table;
@@ -44,7 +44,7 @@ pub(super) fn read(path: &Path, fields: &[Field], progress: &mut dyn FnMut(Progr
     let mut reader = LogReader::open(path).map_err(log_error)?;
     let total = reader.bytes();
     let (mut health, mut number) = (Health::default(), 0_u64);
-    let mut gathered = Gathered::default();
+    let (mut gathered, mut clock) = (Gathered::default(), RunClockFinder::default());
     let mut field_reader = FieldReader::new(fields);
     let mut channels: BTreeMap<String, u64> = BTreeMap::new();
     let mut notes = Vec::new();
@@ -55,6 +55,7 @@ pub(super) fn read(path: &Path, fields: &[Field], progress: &mut dyn FnMut(Progr
         if number.is_multiple_of(4096) {
             progress(Progress { stage: Stage::Read, done: event.offset, total });
         }
+        clock.see(&event);
         match gathered.take(event.channel, event.data) {
             Ok(Taken::Yes) => {
                 field_reader.take(&event);
@@ -84,8 +85,9 @@ pub(super) fn read(path: &Path, fields: &[Field], progress: &mut dyn FnMut(Progr
     for (channel, (count, why)) in unreadable {
         notes.push(format!("{count} messages on {channel} could not be read; the first: {why}"));
     }
-    let (ticks, mut joints, info, events) = gathered.join();
-    let Some(t0_ns) = ticks.first().map(|tick| tick.t_ns) else {
+    let clock = clock.clock();
+    let (ticks, mut joints, info, events) = gathered.join(clock.first_tick_ns());
+    let Some(first_tick_ns) = clock.first_tick_ns().or(ticks.first().map(|tick| tick.t_ns)) else {
         return Err(Error::NothingToReport {
             path: path.to_owned(),
             messages: channels.values().sum(),
@@ -102,9 +104,21 @@ pub(super) fn read(path: &Path, fields: &[Field], progress: &mut dyn FnMut(Progr
         .filter(|robot| robot.nj() == count)
         .map(|robot| robot.joint_names().map(str::to_owned).collect())
         .unwrap_or_else(|| (0..count).map(|joint| format!("joint {joint}")).collect());
-    let fields = field_reader.finish(t0_ns);
+    let fields = field_reader.finish(first_tick_ns);
     let sha256 = sha256(path)?;
-    Ok(Run { path: path.to_owned(), sha256, info, robot, events, ticks, joints, fields, channels, notes })
+    Ok(Run {
+        path: path.to_owned(),
+        sha256,
+        first_tick_ns,
+        info,
+        robot,
+        events,
+        ticks,
+        joints,
+        fields,
+        channels,
+        notes,
+    })
 }
 
 impl Gathered {
@@ -200,7 +214,8 @@ impl Gathered {
     }
 
     /// Ticks at every time that a message of the controller carries, or at the times of truth when there is none.
-    fn join(mut self) -> (Vec<Tick>, Joints, Option<RunInfo>, Vec<lcmtypes::Event>) {
+    /// Their `t_s` counts from `first_tick_ns`, or from the first of them if it is `None`.
+    fn join(mut self, first_tick_ns: Option<i64>) -> (Vec<Tick>, Joints, Option<RunInfo>, Vec<lcmtypes::Event>) {
         self.truth.sort_by_key(|m| m.t_ns);
         let mut ticks = self.ticks;
         if ticks.is_empty() && self.stray.is_empty() {
@@ -218,7 +233,7 @@ impl Gathered {
                 same
             });
         }
-        let t0_ns = ticks.first().map_or(0, |tick| tick.t_ns);
+        let t0_ns = first_tick_ns.or(ticks.first().map(|tick| tick.t_ns)).unwrap_or(0);
         let tolerance_ns = period_ns(&ticks) / 2;
         let consumed = ticks.iter().any(|tick| tick.joint_rows[0].is_some());
         let (mut raw, table) = self.raw;

@@ -2,7 +2,7 @@
 
 use crate::Error;
 use crate::engine::ticks::{Beside, Ticks, integer_at};
-use crate::log::{Event, LogReader, LogWriter};
+use crate::log::{Event, LogReader, LogWriter, RunClock};
 use lcmtypes::channels::{self, Class};
 use lcmtypes::{ControllerInput, Message};
 use std::collections::BTreeSet;
@@ -24,7 +24,7 @@ pub const SAMPLE_TICKS: i64 = 20;
 /// A part of a log, for a small regression test.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Part {
-    /// Middle of what must be in it, s since the first tick of the log.
+    /// Middle of what must be in it, s since the run's first tick.
     pub around_s: f64,
     /// How much of the log must be in it at least, s; it begins behind a recorded state, so it may be more.
     pub span_s: f64,
@@ -69,11 +69,12 @@ pub(super) fn copy(log: &Path, out: &Path, mut keep: impl FnMut(&Event) -> bool)
 /// Copies the ticks around an incident: RUN_INFO, changes of parameters, the recorded state before them, and of every tick what a golden log keeps.
 pub(super) fn copy_part(log: &Path, out: &Path, part: Part, more: &[&str]) -> Result<u64, Error> {
     let (from_s, to_s) = (part.around_s - 0.5 * part.span_s, part.around_s + 0.5 * part.span_s);
-    let (mut first_t_ns, mut start, mut last) = (None, None, None);
+    let clock = RunClock::read(log)?;
+    let (mut start, mut last) = (None, None);
     let mut ticks = Ticks::open(log, Beside::Nothing)?;
     while let Some(tick) = ticks.next()? {
         let Some(input) = &tick.input else { continue };
-        let since_s = input.t_ns.saturating_sub(*first_t_ns.get_or_insert(input.t_ns)) as f64 * 1e-9;
+        let since_s = clock.since_ns(input.t_ns) as f64 * 1e-9;
         if since_s > to_s {
             break;
         }

@@ -13,6 +13,8 @@ pub struct Divergence {
     pub tick: i64,
     /// Time of the tick, ns.
     pub t_ns: i64,
+    /// The same, s since the run's first tick.
+    pub t_s: f64,
     /// The earliest stage of the tick that differs: input, estimation, gait, tasks, qp, output.
     pub stage: &'static str,
     /// Channel on which it shows.
@@ -70,7 +72,7 @@ pub(super) struct Pair<'a> {
 }
 
 /// Attributes a tick that differs. `different` holds every pair that does, in the order of the controller's messages.
-pub(super) fn attribute(tick: i64, t_ns: i64, different: &[Pair]) -> Option<Divergence> {
+pub(super) fn attribute(tick: i64, t_ns: i64, t_s: f64, different: &[Pair]) -> Option<Divergence> {
     let digests = different.iter().find(|pair| pair.channel == channels::CONTROLLER_TICK);
     let (stage, shown) = match digests.and_then(first_digest) {
         Some((stage, recorded, replayed)) => {
@@ -97,6 +99,7 @@ pub(super) fn attribute(tick: i64, t_ns: i64, different: &[Pair]) -> Option<Dive
     Some(Divergence {
         tick,
         t_ns,
+        t_s,
         stage,
         channel,
         field,

@@ -2,7 +2,6 @@
 
 use super::builder::Builder;
 use super::runner::Runner;
-use super::stretch::Stretch;
 use super::ticks::{Beside, Tick, Ticks};
 use super::{Divergence, Options, Replay};
 use crate::Error;
@@ -23,7 +22,7 @@ pub struct Moment {
     pub tick: i64,
     /// Its time, ns.
     pub t_ns: i64,
-    /// Time since the first tick of the log, s.
+    /// Time since the run's first tick, s.
     pub since_s: f64,
     /// What the controller was given.
     pub input: ControllerInput,
@@ -80,7 +79,6 @@ pub struct Cursor<'r> {
     changes: Vec<ParameterChange>,
     /// By the number of their first tick.
     pages: BTreeMap<i64, Arc<Page>>,
-    stretch: Stretch,
     /// First tick of the page and index of the tick that comes next in it.
     place: Option<(i64, usize)>,
     first_tick: i64,
@@ -103,11 +101,10 @@ impl<'r> Cursor<'r> {
         let runner = Runner::new(&builder, own_state)?;
         let bytes = super::file_length(&replay.path)?.max(1);
         let mut ticks = Ticks::open(&replay.path, Beside::Nothing)?;
-        let (mut first, mut last, mut first_t_ns, mut snapshots) = (None, 0, None, Vec::new());
+        let (mut first, mut last, mut snapshots) = (None, 0, Vec::new());
         while let Some(tick) = ticks.next()? {
-            if let Some(input) = &tick.input {
+            if tick.input.is_some() {
                 first.get_or_insert(tick.tick);
-                first_t_ns.get_or_insert(input.t_ns);
                 last = tick.tick;
             }
             if tick.snapshot().is_some() {
@@ -125,7 +122,6 @@ impl<'r> Cursor<'r> {
             behind: None,
             changes: Vec::new(),
             pages: BTreeMap::new(),
-            stretch: Stretch { first_t_ns, ..Stretch::default() },
             place: None,
             first_tick,
             last_tick: last,
@@ -151,18 +147,17 @@ impl<'r> Cursor<'r> {
         &self.snapshots
     }
 
-    /// Number of the last tick at or before a time, s since the first tick.
+    /// Number of the last tick at or before a time, s since the run's first tick.
     ///
     /// # Errors
     /// Those of reading the log.
     pub fn tick_at(&mut self, since_s: f64) -> Result<i64, Error> {
-        let first_t_ns = self.stretch.first_t_ns.unwrap_or_default();
-        let t_ns = first_t_ns.saturating_add((since_s * 1e9).round() as i64);
+        let since_ns = (since_s * 1e9).round() as i64;
         let mut ticks = Ticks::open(&self.replay.path, Beside::Nothing)?;
         let mut found = self.first_tick;
         while let Some(tick) = ticks.next()? {
             match &tick.input {
-                Some(input) if input.t_ns > t_ns => break,
+                Some(input) if self.replay.clock.since_ns(input.t_ns) > since_ns => break,
                 Some(_) => found = tick.tick,
                 None => {}
             }
@@ -256,11 +251,10 @@ impl<'r> Cursor<'r> {
         let done = self.runner.tick(tick)?;
         let (Some(outbox), Some(input), true) = (done, &tick.input, looked_at) else { return Ok(None) };
         let replayed = outbox.iter().map(|(channel, bytes)| (channel, bytes.to_vec())).collect();
-        let since_ns = input.t_ns.saturating_sub(self.stretch.first_t_ns.unwrap_or(input.t_ns));
         Ok(Some(Moment {
             tick: tick.tick,
             t_ns: input.t_ns,
-            since_s: since_ns as f64 * 1e-9,
+            since_s: self.replay.clock.since_ns(input.t_ns) as f64 * 1e-9,
             input: input.clone(),
             recorded: tick.recorded.clone(),
             replayed,

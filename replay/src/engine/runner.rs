@@ -151,6 +151,7 @@ impl<'b> Runner<'b> {
             self.state.clear();
             self.controller.snapshot(&mut self.state);
         }
+        let t_s = tick.since_ns.unwrap_or_default() as f64 * 1e-9;
         let (outbox, state, tally) = (&self.outbox, &self.state, &mut self.tally);
         let mut different = Vec::new();
         let mut compared = 0;
@@ -173,7 +174,7 @@ impl<'b> Runner<'b> {
         let place = |channel: &str| outbox.iter().position(|(c, _)| c == channel).unwrap_or(usize::MAX);
         different.sort_by_key(|pair| place(pair.channel));
         if tally.first.is_none()
-            && let Some(mut first) = attribute(tick.tick, t_ns, &different)
+            && let Some(mut first) = attribute(tick.tick, t_ns, t_s, &different)
         {
             first.last_agreed_tick = self.agreed;
             first.inputs = stage_inputs(first.stage, tick.input.as_ref(), &self.controller.dump());
@@ -184,7 +185,7 @@ impl<'b> Runner<'b> {
         }
         if let Some(what_if) = &mut self.what_if {
             let recorded = tick.recorded.iter().find(|(channel, _)| **channel == *ROBOT_COMMAND);
-            what_if.tick(tick.tick, t_ns, recorded.map(|(_, bytes)| &**bytes), outbox);
+            what_if.tick((tick.tick, t_ns, t_s), recorded.map(|(_, bytes)| &**bytes), outbox);
         }
         // From a snapshot on, a replay is that of the record again, so that every stretch of the log is judged by itself.
         match snapshot {

@@ -3,18 +3,21 @@
 use super::Options;
 use super::ticks::{Beside, Tick, Ticks};
 use crate::Error;
+use crate::log::RunClock;
 use lcmtypes::ParameterChange;
 use std::path::Path;
 
 /// The part of a log that is to be replayed.
-#[derive(Debug, Default)]
+#[derive(Debug)]
 pub(super) struct Stretch {
     /// Tick whose snapshot the replay starts from.
     pub start: Option<i64>,
-    /// Time behind which it ends, ns since the first tick.
+    /// Time behind which it ends, ns since the run's first tick.
     pub to_ns: Option<i64>,
-    /// Time of the first tick of the log, ns.
-    pub first_t_ns: Option<i64>,
+    /// Times of the run.
+    pub clock: RunClock,
+    /// At least one CONTROLLER_INPUT was read.
+    pub has_input: bool,
 }
 
 impl Stretch {
@@ -22,28 +25,29 @@ impl Stretch {
     ///
     /// # Errors
     /// [`Error::BeyondEnd`] if it ends before.
-    pub fn find(path: &Path, options: &Options) -> Result<Self, Error> {
+    pub fn find(path: &Path, clock: RunClock, options: &Options) -> Result<Self, Error> {
         let nanoseconds = |s: f64| (s * 1e9).round() as i64;
         let to_ns = options.to_s.map(nanoseconds);
-        let Some(from_s) = options.from_s else { return Ok(Stretch { to_ns, ..Stretch::default() }) };
+        let Some(from_s) = options.from_s else { return Ok(Stretch { start: None, to_ns, clock, has_input: false }) };
         let from_ns = nanoseconds(from_s);
         let mut ticks = Ticks::open(path, Beside::Nothing)?;
-        let (mut start, mut first, mut last_ns) = (None, None, 0);
+        let (mut start, mut last_ns) = (None, None);
         while let Some(tick) = ticks.next()? {
             let Some(t_ns) = tick.input.as_ref().map(|input| input.t_ns) else { continue };
-            last_ns = t_ns.saturating_sub(*first.get_or_insert(t_ns));
-            if last_ns > from_ns {
-                return Ok(Stretch { start, to_ns, first_t_ns: None });
+            let since_ns = clock.since_ns(t_ns);
+            last_ns = Some(since_ns);
+            if since_ns > from_ns {
+                break;
             }
             if tick.snapshot().is_some() {
                 start = Some(tick.tick);
             }
         }
-        match first {
-            Some(_) if last_ns < from_ns => {
+        match last_ns {
+            Some(last_ns) if last_ns < from_ns => {
                 Err(Error::BeyondEnd { path: path.into(), from_s, last_s: last_ns as f64 * 1e-9 })
             }
-            _ => Ok(Stretch { start, to_ns, first_t_ns: None }),
+            _ => Ok(Stretch { start, to_ns, clock, has_input: false }),
         }
     }
 }
@@ -77,8 +81,8 @@ impl Feed<'_> {
         while let Some(mut tick) = self.ticks.next()? {
             self.changes.extend(tick.changes.iter().cloned());
             let t_ns = tick.input.as_ref().map(|input| input.t_ns);
-            self.stretch.first_t_ns = self.stretch.first_t_ns.or(t_ns);
-            let since = t_ns.zip(self.stretch.first_t_ns).map(|(t, first)| t.saturating_sub(first));
+            self.stretch.has_input |= t_ns.is_some();
+            let since = t_ns.map(|t_ns| self.stretch.clock.since_ns(t_ns));
             tick.since_ns = since;
             if since.zip(self.stretch.to_ns).is_some_and(|(since, to)| since > to) {
                 return Ok(None);

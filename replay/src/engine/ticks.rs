@@ -26,7 +26,7 @@ pub(crate) struct Tick {
     pub recorded: Vec<(Arc<str>, Vec<u8>)>,
     /// Changes of parameters that hold from this tick on, or from one before it that is not in the log, in order.
     pub changes: Vec<ParameterChange>,
-    /// Time of the tick since the first one of the log, ns.
+    /// Time since the run's first tick, ns.
     pub since_ns: Option<i64>,
     /// Everything else that stands in the log between the last input and this one, if it was asked for.
     pub others: Vec<Event>,

@@ -75,6 +75,8 @@ pub struct Departure {
     pub tick: i64,
     /// Its time, ns.
     pub t_ns: i64,
+    /// The same, s since the run's first tick.
+    pub t_s: f64,
     /// Joint, URDF order.
     pub joint: usize,
     /// New torque minus recorded one, N m.
@@ -84,8 +86,8 @@ pub struct Departure {
 /// Torques of a tick, by joint, N m.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Sample {
-    /// Time of the tick, ns.
-    pub t_ns: i64,
+    /// Time of the tick, s since the run's first tick.
+    pub t_s: f64,
     /// As recorded; empty if the log does not say.
     pub recorded: Vec<f32>,
     /// As computed now.
@@ -129,13 +131,13 @@ impl Collector {
     }
 
     /// Takes a tick: the recorded command, if there is one, and what the controller put out now.
-    pub fn tick(&mut self, tick: i64, t_ns: i64, recorded: Option<&[u8]>, outbox: &controller::Outbox) {
+    pub fn tick(&mut self, (tick, t_ns, t_s): (i64, i64, f64), recorded: Option<&[u8]>, outbox: &controller::Outbox) {
         let command = |bytes: Option<&[u8]>| bytes.and_then(|bytes| RobotCommand::decode(bytes).ok());
         let recorded = command(recorded).map(|command| command.tau).unwrap_or_default();
         let Some(new) = command(outbox.get(channels::ROBOT_COMMAND)) else { return };
         #[expect(clippy::cast_possible_truncation, reason = "samples are for figures")]
         let samples = |tau: &[f64]| tau.iter().map(|tau| *tau as f32).collect();
-        self.samples.push(Sample { t_ns, recorded: samples(&recorded), replayed: samples(&new.tau) });
+        self.samples.push(Sample { t_s, recorded: samples(&recorded), replayed: samples(&new.tau) });
         if self.departure.is_some() {
             return;
         }
@@ -144,7 +146,7 @@ impl Collector {
         if let Some((joint, by)) = largest
             && by.abs() > self.bound
         {
-            self.departure = Some(Departure { tick, t_ns, joint, by });
+            self.departure = Some(Departure { tick, t_ns, t_s, joint, by });
             return;
         }
         self.ticks += 1;

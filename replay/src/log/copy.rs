@@ -57,7 +57,7 @@ pub struct CopyOptions {
 /// # Errors
 /// As [`LogReader::open`], [`LogWriter::create`] and [`LogWriter::write`]; [`Error::SameFile`] if `log` and `out` are the same file.
 pub fn copy(log: &Path, out: &Path, options: CopyOptions, progress: &mut dyn FnMut(f64)) -> Result<CopyReport, Error> {
-    let mut filter = options.filter;
+    let mut filter = options.filter.for_log(log)?;
     copy_if(log, out, options.types, options.keep_unchecked, &mut |event| filter.accepts(event), progress)
 }
 

@@ -4,7 +4,7 @@
 //! missing and not as a difference of all that follow; else one by one, in order.
 
 use super::sequence_gaps::{sequence_field, sequence_number};
-use super::{Event, EventFilter, EventRef, Health, LogReader, Types};
+use super::{Event, EventFilter, EventRef, Health, LogReader, RunClock, Types};
 use crate::Error;
 use crate::engine::show;
 use std::collections::{BTreeMap, VecDeque};
@@ -59,6 +59,8 @@ pub struct ChannelDiff {
 pub struct FirstDifference {
     /// Time of the message in the log, ns.
     pub t_ns: i64,
+    /// The same, s since the run's first tick.
+    pub t_s: f64,
     /// Its counter (`seq`, `tick`), else its place in the channel from 0.
     pub number: i64,
     /// Field, such as `state.q[3]`; `time` if only the times in the log differ; empty if the message is on one side only or of no
@@ -103,6 +105,7 @@ pub fn diff(
 struct Side {
     reader: LogReader,
     filter: EventFilter,
+    clock: RunClock,
     health: Health,
     first: Option<i64>,
     /// Time of the last event, ns since the first.
@@ -114,8 +117,8 @@ struct Side {
 impl Side {
     fn open(log: &Path, filter: &EventFilter) -> Result<Self, Error> {
         let reader = LogReader::open(log)?;
-        let (filter, health) = (filter.clone(), Health::default());
-        Ok(Side { reader, filter, health, first: None, since: 0, offset: 0, over: false })
+        let (filter, clock, health) = (filter.for_log(log)?, RunClock::read(log)?, Health::default());
+        Ok(Side { reader, filter, clock, health, first: None, since: 0, offset: 0, over: false })
     }
 }
 
@@ -123,6 +126,8 @@ impl Side {
 struct Waiting {
     event: Event,
     number: i64,
+    /// Time since the run's first tick, s.
+    t_s: f64,
 }
 
 #[derive(Default)]
@@ -150,12 +155,13 @@ impl Comparison {
         side.offset = event.offset;
         self.types.learn(&event);
         if side.filter.accepts(&event) {
-            self.take(&event, which);
+            let t_s = side.clock.of_event(&event) as f64 * 1e-9;
+            self.take(&event, t_s, which);
         }
         Ok(())
     }
 
-    fn take(&mut self, event: &EventRef<'_>, which: usize) {
+    fn take(&mut self, event: &EventRef<'_>, t_s: f64, which: usize) {
         let types = &self.types;
         if !self.lanes.contains_key(event.channel) {
             let has_counter = types.of_message(event.channel, event.data).and_then(sequence_field).is_some();
@@ -166,7 +172,7 @@ impl Comparison {
         let number = sequence_number(event.data).filter(|_| lane.has_counter).unwrap_or(place);
         lane.counts[which] += 1;
         lane.bytes[which] += event.data.len();
-        lane.waiting[which].push_back(Waiting { event: event.to_event(), number });
+        lane.waiting[which].push_back(Waiting { event: event.to_event(), number, t_s });
         lane.pair(types);
         if lane.waiting[which].len() > WAITING || lane.bytes[which] > WAITING_BYTES {
             lane.alone(which);
@@ -224,19 +230,19 @@ impl Lane {
 
     /// The first message that waits on a side has no match.
     fn alone(&mut self, which: usize) {
-        let Some(Waiting { event, number }) = self.pop(which) else { return };
+        let Some(Waiting { event, number, t_s }) = self.pop(which) else { return };
         let here = format!("{} bytes", event.data.len());
         let mut sides = [here, "absent".to_owned()];
         sides.rotate_right(which);
         let [left, right] = sides;
         *(if which == 0 { &mut self.diff.left_only } else { &mut self.diff.right_only }) += 1;
-        let first = FirstDifference { t_ns: event.t_ns, number, field: String::new(), left, right, ulp: None };
+        let first = FirstDifference { t_ns: event.t_ns, t_s, number, field: String::new(), left, right, ulp: None };
         self.diff.first.get_or_insert(first);
     }
 
     fn compare(&mut self, types: &Types) {
         let (Some(left), Some(right)) = (self.pop(0), self.pop(1)) else { return };
-        let (t_ns, number) = (left.event.t_ns, left.number);
+        let (t_ns, t_s, number) = (left.event.t_ns, left.t_s, left.number);
         if left.event.data == right.event.data {
             if t_ns == right.event.t_ns {
                 return;
@@ -244,6 +250,7 @@ impl Lane {
             self.diff.times_different += 1;
             self.diff.first.get_or_insert_with(|| FirstDifference {
                 t_ns,
+                t_s,
                 number,
                 field: "time".into(),
                 left: format!("{t_ns} ns"),
@@ -253,25 +260,27 @@ impl Lane {
             return;
         }
         self.diff.different += 1;
-        self.diff.first.get_or_insert_with(|| first_difference(types, &left.event, &right.event, number));
+        self.diff.first.get_or_insert_with(|| first_difference(types, &left, &right.event));
     }
 }
 
 /// The first field in which two messages differ, by reflection.
-fn first_difference(types: &Types, left: &Event, right: &Event, number: i64) -> FirstDifference {
+fn first_difference(types: &Types, left: &Waiting, right: &Event) -> FirstDifference {
+    let Waiting { event: left, number, t_s } = left;
+    let (number, t_s) = (*number, *t_s);
     let (t_ns, [a, b]) = (left.t_ns, [left, right].map(|event| &event.data));
     let fingerprints = [left, right].map(Event::fingerprint);
     if fingerprints[0] != fingerprints[1] {
         let [left, right] = fingerprints.map(|f| f.map_or("none".to_owned(), |f| format!("{f:016x}")));
-        return FirstDifference { t_ns, number, field: "fingerprint".into(), left, right, ulp: None };
+        return FirstDifference { t_ns, t_s, number, field: "fingerprint".into(), left, right, ulp: None };
     }
     let ty = types.of_message(&left.channel, a);
     if let Some(Ok(Some(found))) = ty.map(|ty| ty.first_difference(a, b)) {
         let (ulp, left, right) = (found.ulps(), show(&found.left), show(&found.right));
-        return FirstDifference { t_ns, number, field: found.path, left, right, ulp };
+        return FirstDifference { t_ns, t_s, number, field: found.path, left, right, ulp };
     }
     // Of a type that nobody knows: the first byte.
     let place = a.iter().zip(b).position(|(a, b)| a != b).unwrap_or(a.len().min(b.len()));
     let byte = |data: &[u8]| data.get(place).map_or("no more".to_owned(), |byte| format!("{byte:#04x}"));
-    FirstDifference { t_ns, number, field: format!("byte {place}"), left: byte(a), right: byte(b), ulp: None }
+    FirstDifference { t_ns, t_s, number, field: format!("byte {place}"), left: byte(a), right: byte(b), ulp: None }
 }

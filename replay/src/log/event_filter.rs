@@ -1,9 +1,10 @@
 //! Selects the events of a log by channel and time.
 
-use super::EventRef;
+use super::{EventRef, RunClock};
 use crate::Error;
 use crate::record::{Filter, Pattern};
 use lcmtypes::channels;
+use std::path::Path;
 use std::sync::Arc;
 
 /// Decisions that are cached per channel. A damaged file can appear to have an unlimited number of channels.
@@ -16,13 +17,14 @@ pub struct EventFilter {
     from_ns: Option<i64>,
     to_ns: Option<i64>,
     keep_run_info: bool,
-    first_t_ns: Option<i64>,
+    /// Times of the log that is read; `None` without a time limit.
+    clock: Option<RunClock>,
     cached: Vec<(Arc<str>, bool)>,
 }
 
 impl EventFilter {
     /// - `channels`, `exclude`: regular expressions that the whole channel name must match, or must not match, as in LCM.
-    /// - `from_s`, `to_s`: inclusive limits, s since the first event of the log.
+    /// - `from_s`, `to_s`: inclusive limits, s since the run's first tick. They have no effect before [`EventFilter::for_log`].
     ///
     /// # Errors
     /// [`Error::Pattern`] for an invalid regular expression.
@@ -48,14 +50,24 @@ impl EventFilter {
         EventFilter { keep_run_info: true, ..self }
     }
 
-    /// Whether an event is selected. Call it for every event, in log order: the first call sets the time origin.
+    /// The same filter for the events of one log: times are those of its [`RunClock`].
+    ///
+    /// # Errors
+    /// As [`RunClock::read`].
+    pub fn for_log(&self, log: &Path) -> Result<Self, Error> {
+        let has_limit = self.from_ns.is_some() || self.to_ns.is_some();
+        let clock = has_limit.then(|| RunClock::read(log)).transpose()?;
+        Ok(EventFilter { clock, ..self.clone() })
+    }
+
+    /// Whether an event is selected.
     pub fn accepts(&mut self, event: &EventRef<'_>) -> bool {
-        let since = event.t_ns.saturating_sub(*self.first_t_ns.get_or_insert(event.t_ns));
         if !self.accepts_channel(event.channel) {
             return false;
         }
-        let before_end = self.to_ns.is_none_or(|to| since <= to);
-        let in_time = self.from_ns.is_none_or(|from| since >= from) && before_end;
+        let since = self.clock.map(|clock| clock.of_event(event));
+        let before_end = since.zip(self.to_ns).is_none_or(|(since, to)| since <= to);
+        let in_time = since.zip(self.from_ns).is_none_or(|(since, from)| since >= from) && before_end;
         let needed = match &**event.channel {
             channels::RUN_INFO => true,
             channels::PARAMETER_CHANGE => before_end,

@@ -1,15 +1,15 @@
 //! Copies a short time window of a run's log into a small log that replays on its own, from the middle of the run.
 
 use super::copy::{CopyReport, PROGRESS_EVENTS, copy_if};
-use super::{EventFilter, EventRef, Health, LogReader, Types};
+use super::{EventFilter, EventRef, Health, LogReader, RunClock, Types};
 use crate::Error;
-use lcmtypes::channels::{self, CONTROLLER_INPUT, CONTROLLER_SNAPSHOT, PARAMETER_CHANGE, RUN_INFO};
+use lcmtypes::channels::{self, CONTROLLER_SNAPSHOT, PARAMETER_CHANGE, RUN_INFO};
 use std::path::Path;
 
 /// Time window of an excerpt.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ExcerptWindow {
-    /// Reference time, s since the log's first tick, as in a replay; if the log has no tick, since its first event.
+    /// Reference time, s since the run's first tick; see [`RunClock`].
     pub around_s: f64,
     /// Shortest time before `around_s`, s: the excerpt starts at the last controller snapshot that is at least this early.
     pub before_s: f64,
@@ -34,40 +34,45 @@ pub fn copy_excerpt(
 ) -> Result<CopyReport, Error> {
     let nanoseconds = |s: f64| (s * 1e9).round() as i64;
     let from = nanoseconds((window.around_s - window.before_s).max(0.0));
-    let start = Start::find(log, from, &window, &mut |part| progress(part / 2.0))?;
-    let to_ns = start.origin_ns.saturating_add(nanoseconds(window.around_s + window.after_s));
+    let clock = RunClock::read(log)?;
+    let start = Start::find(log, &clock, from, &window, &mut |part| progress(part / 2.0))?;
+    let to_ns = nanoseconds(window.around_s + window.after_s);
     let mut is_selected = |event: &EventRef<'_>| {
         match (&**event.channel, tick_of(event)) {
             (RUN_INFO, _) => true,
             // The parameters at the snapshot are those of RUN_INFO plus every change before it.
-            (PARAMETER_CHANGE, _) => event.t_ns <= to_ns,
+            (PARAMETER_CHANGE, _) => clock.of_event(event) <= to_ns,
             (CONTROLLER_SNAPSHOT, Some(tick)) if Some(tick) == start.snapshot => true,
             // Outputs up to the snapshot cannot be computed from it.
             (_, Some(tick)) if start.snapshot.is_some_and(|snapshot| tick <= snapshot) => false,
-            (_, None) if start.snapshot_ns.is_some_and(|t_ns| event.t_ns < t_ns) => false,
-            _ => event.t_ns <= to_ns && filter.accepts_channel(event.channel),
+            (_, None) if start.snapshot_ns.is_some_and(|t_ns| clock.of_event(event) < t_ns) => false,
+            _ => clock.of_event(event) <= to_ns && filter.accepts_channel(event.channel),
         }
     };
     copy_if(log, out, types, false, &mut is_selected, &mut |part| progress(0.5 + part / 2.0))
 }
 
-/// Start of an excerpt. Times are log times, ns.
+/// Start of an excerpt.
 #[derive(Default)]
 struct Start {
     /// Tick of the snapshot; `None` if the excerpt starts at tick 0, which needs no snapshot.
     snapshot: Option<i64>,
+    /// Its time, ns since the run's first tick.
     snapshot_ns: Option<i64>,
-    /// Time origin of the window: the first CONTROLLER_INPUT, or else the first event.
-    origin_ns: i64,
 }
 
 impl Start {
-    fn find(log: &Path, from: i64, window: &ExcerptWindow, progress: &mut dyn FnMut(f64)) -> Result<Self, Error> {
+    fn find(
+        log: &Path,
+        clock: &RunClock,
+        from: i64,
+        window: &ExcerptWindow,
+        progress: &mut dyn FnMut(f64),
+    ) -> Result<Self, Error> {
         let mut reader = LogReader::open(log)?;
         let (bytes, mut events) = (reader.bytes().max(1), 0_u64);
         let mut start = Start::default();
-        let (mut first_ns, mut first_input_ns, mut last_ns) = (None, None, i64::MIN);
-        let (mut run_info, mut first_tick) = (false, None);
+        let (mut run_info, mut first_tick, mut last_ns) = (false, None, i64::MIN);
         let mut health = Health::default();
         while let Some(item) = reader.read()? {
             let Some(event) = health.note(item) else { continue };
@@ -75,17 +80,12 @@ impl Start {
             if events.is_multiple_of(PROGRESS_EVENTS) {
                 progress(event.offset as f64 / bytes as f64);
             }
-            let (channel, t_ns) = (&**event.channel, event.t_ns);
+            let (channel, t_ns) = (&**event.channel, clock.of_event(&event));
             run_info |= *channel == *RUN_INFO;
-            first_ns.get_or_insert(t_ns);
             last_ns = last_ns.max(t_ns);
             let Some(tick) = tick_of(&event) else { continue };
             first_tick.get_or_insert(tick);
-            if *channel == *CONTROLLER_INPUT {
-                first_input_ns.get_or_insert(t_ns);
-            }
-            start.origin_ns = first_input_ns.or(first_ns).unwrap_or_default();
-            if *channel == *CONTROLLER_SNAPSHOT && t_ns.saturating_sub(start.origin_ns) <= from {
+            if *channel == *CONTROLLER_SNAPSHOT && t_ns <= from {
                 (start.snapshot, start.snapshot_ns) = (Some(tick), Some(t_ns));
             }
         }
@@ -94,7 +94,7 @@ impl Start {
         if !run_info {
             return Err(Error::NoRunInfo { path: path(), events });
         }
-        let last = seconds(last_ns.saturating_sub(start.origin_ns));
+        let last = seconds(last_ns);
         if last < window.around_s {
             return Err(Error::BeyondEnd { path: path(), from_s: window.around_s, last_s: last });
         }

@@ -1,7 +1,7 @@
 //! What is in a log, at a glance.
 
 use super::sequence_gaps::{SequenceTracker, sequence_field, sequence_number};
-use super::{EventRef, Format, Health, LogReader, Types};
+use super::{EventRef, Format, Health, LogReader, RunClock, RunClockFinder, Types, Zero};
 use crate::Error;
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -20,6 +20,10 @@ pub struct LogSummary {
     pub first_t_ns: Option<i64>,
     /// From the earliest to the latest event, s.
     pub duration_s: f64,
+    /// What time zero of the tools is for this log.
+    pub zero: Zero,
+    /// Time zero in the clock of the log's events, ns.
+    pub zero_t_ns: i64,
     /// Stretches that could not be read.
     pub damaged: u64,
     /// The file stops inside a record.
@@ -80,14 +84,15 @@ impl LogSummary {
         let mut reader = LogReader::open(path)?;
         let (format, bytes) = (reader.format(), reader.bytes());
         let mut tallies = BTreeMap::new();
-        let mut health = Health::default();
+        let (mut health, mut clock) = (Health::default(), RunClockFinder::default());
         while let Some(item) = reader.read()? {
             let Some(event) = health.note(item) else { continue };
+            clock.see(&event);
             types.learn(&event);
             let key = (Arc::clone(event.channel), event.fingerprint());
             tallies.entry(key).or_insert_with(|| Tally::new(&event, &types)).add(&event);
         }
-        Ok(summarise(format, bytes, &tallies, &health))
+        Ok(summarise(format, bytes, &tallies, &health, &clock.clock()))
     }
 }
 
@@ -96,6 +101,7 @@ fn summarise(
     bytes: u64,
     tallies: &BTreeMap<(Arc<str>, Option<u64>), Tally>,
     health: &Health,
+    clock: &RunClock,
 ) -> LogSummary {
     let first_t_ns = tallies.values().map(|t| t.first).min();
     let last = tallies.values().map(|t| t.last).max();
@@ -106,6 +112,8 @@ fn summarise(
         events: tallies.values().map(|t| t.count).sum(),
         bytes,
         first_t_ns,
+        zero: clock.zero(),
+        zero_t_ns: clock.origin_ns(),
         duration_s: first_t_ns.zip(last).map_or(0.0, |(first, last)| seconds(first, last)),
         damaged: health.damaged.len() as u64,
         cut: health.cut.is_some(),

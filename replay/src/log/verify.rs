@@ -2,7 +2,7 @@
 
 use super::sequence_gaps::{Gap, SequenceTracker, sequence_field, sequence_number};
 use super::summary::seconds;
-use super::{Cut, Damaged, EventRef, Format, Health, LogReader, Types};
+use super::{Cut, Damaged, EventRef, Format, Health, LogReader, RunClockFinder, Types, Zero};
 use crate::Error;
 use lcmtypes::{Message, RunInfo, channels};
 use std::collections::BTreeMap;
@@ -20,6 +20,10 @@ pub struct VerifyReport {
     pub events: u64,
     /// From the earliest to the latest event, s.
     pub duration_s: f64,
+    /// What time zero of the tools is for this log.
+    pub zero: Zero,
+    /// Time zero in the clock of the log's events, ns.
+    pub zero_t_ns: i64,
     /// Stretches that could not be read.
     pub damaged: Vec<Damaged>,
     /// Where the file stops too early, if it does.
@@ -112,6 +116,7 @@ struct Account {
     times_backwards: u64,
     channels: BTreeMap<Arc<str>, Lane>,
     run_info: Option<Result<RunInfo, String>>,
+    clock: RunClockFinder,
     runs: u64,
 }
 
@@ -129,6 +134,7 @@ struct Lane {
 impl Account {
     fn add(&mut self, event: &EventRef<'_>, types: &Types) {
         self.events += 1;
+        self.clock.see(event);
         let t = event.t_ns;
         let (first, last, before) = self.times.unwrap_or((t, t, t));
         self.times_backwards += u64::from(t < before);
@@ -154,7 +160,7 @@ impl Account {
     }
 
     fn certificate(self, format: Format, health: Health) -> VerifyReport {
-        let replay = self.replayable();
+        let (replay, clock) = (self.replayable(), self.clock.clock());
         let is_run = self.run_info.is_some() || self.channels.contains_key(channels::CONTROLLER_INPUT);
         let channels: Vec<_> = self.channels.iter().map(|(name, lane)| lane.account(name)).collect();
         let lost = channels.iter().filter_map(|c| c.lost).sum();
@@ -165,6 +171,8 @@ impl Account {
             format,
             events: self.events,
             duration_s: self.times.map_or(0.0, |(first, last, _)| seconds(first, last)),
+            zero: clock.zero(),
+            zero_t_ns: clock.origin_ns(),
             bytes_skipped: health.bytes_skipped(),
             damaged: health.damaged,
             cut: health.cut,

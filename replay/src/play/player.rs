@@ -2,7 +2,7 @@
 
 use super::times::{TimeBase, Times};
 use crate::Error;
-use crate::log::{Event, Events, Health, LogReader};
+use crate::log::{Event, Events, Health, LogReader, RunClock};
 use crate::record::Filter;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -14,9 +14,9 @@ pub struct PlayOptions {
     pub base: TimeBase,
     /// How many times faster than recorded; `None`: as fast as it goes.
     pub speed: Option<f64>,
-    /// Where to begin, ns from the log's first event.
-    pub from_ns: i64,
-    /// Where to end, ns from the log's first event; not included.
+    /// Start, ns since the run's first tick; `None`: the log's first event.
+    pub from_ns: Option<i64>,
+    /// End, ns since the run's first tick, exclusive; `None`: the log's last event.
     pub to_ns: Option<i64>,
     /// Begin again at the end.
     pub repeat: bool,
@@ -31,7 +31,7 @@ impl Default for PlayOptions {
         PlayOptions {
             base: TimeBase::Receive,
             speed: Some(1.0),
-            from_ns: 0,
+            from_ns: None,
             to_ns: None,
             repeat: false,
             filter: Filter::default(),
@@ -40,7 +40,10 @@ impl Default for PlayOptions {
     }
 }
 
-/// Goes through a log. Log time is in ns from the log's first event; the driver's time is that of any clock that it keeps to, in ns.
+/// Hands out the events of a log when they are due.
+///
+/// Log time is in ns since the run's first tick, as [`RunClock`] defines it, so it is negative before that tick. The caller's time
+/// may come from any monotonic clock, in ns.
 ///
 /// Every event between two seeks comes once, in the order of the log, whatever is paused, stepped or sped up in between.
 pub struct Player {
@@ -48,8 +51,12 @@ pub struct Player {
     options: PlayOptions,
     events: Events,
     times: Times,
-    /// Time of the log's first event by its own clock.
-    origin_ns: Option<i64>,
+    /// Log time zero in the clock that sets the pace, ns.
+    origin_ns: i64,
+    /// Log time of the first event, ns.
+    begin_ns: i64,
+    /// Log time at which playing begins, ns.
+    from_ns: i64,
     next: Option<Next>,
     /// This driver's time ...
     anchor_ns: i64,
@@ -72,21 +79,27 @@ impl Player {
     /// Those of [`LogReader::open`]; [`Error::NoTicks`] if the pace is that of the ticks and there are none.
     pub fn open(path: impl AsRef<Path>, options: PlayOptions, now_ns: i64) -> Result<Self, Error> {
         let path = path.as_ref();
-        let times = Times::new(path, options.base)?;
+        let mut times = Times::new(path, options.base)?;
+        let first_ns = times.first(path)?.unwrap_or(0);
+        let origin_ns = times.zero(&RunClock::read(path)?).unwrap_or(first_ns);
+        let begin_ns = first_ns.saturating_sub(origin_ns);
+        let from_ns = options.from_ns.unwrap_or(begin_ns);
         let events = LogReader::open(path)?.events();
         let mut player = Player {
             path: path.into(),
             events,
             times,
-            origin_ns: None,
+            origin_ns,
+            begin_ns,
+            from_ns,
             next: None,
             anchor_ns: now_ns,
-            anchor_log_ns: options.from_ns,
+            anchor_log_ns: from_ns,
             paused: false,
             played: 0,
             options,
         };
-        player.go_on_to(player.options.from_ns)?;
+        player.go_on_to(from_ns)?;
         Ok(player)
     }
 
@@ -118,8 +131,8 @@ impl Player {
             // The next round begins when this one was to end, so that lateness does not add up.
             let ended_ns = self.due_of(at_ns).filter(|_| !self.paused).unwrap_or(now_ns);
             self.go_back()?;
-            self.go_on_to(self.options.from_ns)?;
-            (self.anchor_ns, self.anchor_log_ns) = (ended_ns, self.options.from_ns);
+            self.go_on_to(self.from_ns)?;
+            (self.anchor_ns, self.anchor_log_ns) = (ended_ns, self.from_ns);
         }
         if let Some(name) = self.options.rename.get(&*event.channel) {
             event.channel = name.as_str().into();
@@ -164,19 +177,24 @@ impl Player {
     /// # Errors
     /// Those of [`LogReader`].
     pub fn seek(&mut self, to_ns: i64, now_ns: i64) -> Result<(), Error> {
-        let mut to_ns = to_ns.max(self.options.from_ns);
+        let mut to_ns = to_ns.max(self.from_ns);
         if to_ns < self.position_ns(now_ns) || self.next.is_none() {
             self.go_back()?;
         }
         self.go_on_to(to_ns)?;
         if self.next.is_none() && self.options.repeat {
             // Behind the end of a log that repeats lies its beginning.
-            to_ns = self.options.from_ns;
+            to_ns = self.from_ns;
             self.go_back()?;
             self.go_on_to(to_ns)?;
         }
         (self.anchor_ns, self.anchor_log_ns) = (now_ns, to_ns);
         Ok(())
+    }
+
+    /// Log time of the first event, ns.
+    pub fn begin_ns(&self) -> i64 {
+        self.begin_ns
     }
 
     /// Log time now, ns.
@@ -210,7 +228,7 @@ impl Player {
     fn go_back(&mut self) -> Result<(), Error> {
         self.events = LogReader::open(&self.path)?.events();
         self.times = Times::new(&self.path, self.options.base)?;
-        (self.origin_ns, self.next) = (None, None);
+        self.next = None;
         Ok(())
     }
 
@@ -232,11 +250,7 @@ impl Player {
         for event in self.events.by_ref() {
             let event = event?;
             let time_ns = self.times.of(&event);
-            if self.origin_ns.is_none() {
-                self.origin_ns = time_ns;
-            }
-            let at_ns =
-                time_ns.zip(self.origin_ns).map_or(0, |(time, origin)| time.saturating_sub(origin)).max(from_ns);
+            let at_ns = time_ns.map_or(self.begin_ns, |time| time.saturating_sub(self.origin_ns)).max(from_ns);
             if self.options.to_ns.is_some_and(|to| at_ns >= to) {
                 return Ok(());
             }

@@ -1,7 +1,7 @@
 //! The time of an event, by the clock that sets the pace.
 
 use crate::Error;
-use crate::log::{Event, LogReader};
+use crate::log::{Event, LogReader, RunClock, Zero};
 use lcm_idl::ast::{FieldType, Primitive};
 use lcmtypes::channels::{self, Class};
 use std::collections::BTreeMap;
@@ -64,6 +64,26 @@ impl Times {
         let fields = *self.fields.entry(fingerprint).or_insert_with(|| Fields::of(fingerprint));
         let word = |at: usize| event.data.get(at..at + 8)?.first_chunk().map(|bytes| i64::from_be_bytes(*bytes));
         (word(8).filter(|_| fields.t_ns), word(16).filter(|_| fields.tick))
+    }
+
+    /// Time of the first event that has one, ns.
+    pub fn first(&mut self, path: &Path) -> Result<Option<i64>, Error> {
+        for event in LogReader::open(path)?.events() {
+            if let Some(first_ns) = self.of(&event?) {
+                self.last_ns = None;
+                return Ok(Some(first_ns));
+            }
+        }
+        Ok(None)
+    }
+
+    /// The run's first tick in the clock that sets the pace, ns; `None` for a log without it.
+    pub fn zero(&self, clock: &RunClock) -> Option<i64> {
+        match self.base {
+            TimeBase::Receive => Some(clock.origin_ns()),
+            TimeBase::Publish => clock.first_tick_ns(),
+            TimeBase::Tick => (clock.zero() == Zero::FirstTick).then_some(0),
+        }
     }
 
     /// Time from one tick to the next, from the first two ticks of the log.

@@ -160,16 +160,21 @@ pub fn encoded(message: &impl Message) -> Vec<u8> {
 
 /// The events of a run of the toy: RUN_INFO, then in each tick the measurement, the input, the outputs and the timing.
 pub fn events(ticks: i64) -> Vec<super::Message> {
+    events_from(ticks, 0)
+}
+
+/// [`events`] of a controller whose clock shows `t0_ns` at tick 0.
+pub fn events_from(ticks: i64, t0_ns: i64) -> Vec<super::Message> {
     let lcm_types: Vec<_> =
         lcmtypes::SOURCES.iter().map(|(n, t)| TextFile { name: n.to_string(), text: t.to_string() }).collect();
     let num_lcm_types = lcm_types.len() as i32;
-    let info =
-        RunInfo { controller: "toy".into(), params: PARAMS.into(), num_lcm_types, lcm_types, ..Default::default() };
+    let (controller, params) = ("toy".to_owned(), PARAMS.to_owned());
+    let info = RunInfo { t_ns: t0_ns, controller, params, num_lcm_types, lcm_types, ..Default::default() };
     let mut toy = toy(&info).unwrap();
-    let mut events = vec![(channels::RUN_INFO.to_owned(), 0, encoded(&info))];
+    let mut events = vec![(channels::RUN_INFO.to_owned(), t0_ns, encoded(&info))];
     let (mut random, mut out) = (super::Random(5), Outbox::new());
     for tick in 0..ticks {
-        let t_ns = tick * PERIOD_NS;
+        let t_ns = t0_ns + tick * PERIOD_NS;
         let mut put = |channel: &str, bytes: Vec<u8>| events.push((channel.to_owned(), t_ns, bytes));
         let q = (random.next() >> 11) as f64 / (1_u64 << 53) as f64;
         let zeros = vec![0.0; 1];
