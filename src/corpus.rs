@@ -1,4 +1,4 @@
-//! `hoof corpus`: golden logs that today's controller must repeat bit for bit.
+//! `hoof corpus`: golden logs that the controller must replay bit for bit.
 
 use crate::progress::Progress;
 use crate::replay_log::{divergence_text, threads};
@@ -17,32 +17,32 @@ pub enum Command {
         after_help = "Example: hoof corpus check\n         hoof corpus check --html changed && xdg-open changed/index.html"
     )]
     Check {
-        /// Folder of the corpus
+        /// Directory of the corpus
         #[arg(long, default_value = "logs/golden")]
         dir: PathBuf,
-        /// Write a page into this directory: what changed in each log first and by how much, figures before and after side by side
+        /// Write an HTML page into this directory: the first change in each log, its size, and figures before and after
         #[arg(long, value_name = "DIR")]
         html: Option<PathBuf>,
         /// Print JSON
         #[arg(long)]
         json: bool,
     },
-    /// Record a golden log anew: its inputs, today's outputs
+    /// Record a golden log again: same inputs, outputs of this build
     #[command(after_help = "Example: hoof corpus accept flat_trot --why \"swing height 0.08 m\"")]
     Accept {
         /// Name in the corpus
         name: String,
-        /// Why its outputs may change
+        /// Reason for the changed outputs, for the manifest
         #[arg(long)]
         why: String,
-        /// Folder of the corpus
+        /// Directory of the corpus
         #[arg(long, default_value = "logs/golden")]
         dir: PathBuf,
         /// Print JSON
         #[arg(long)]
         json: bool,
     },
-    /// Make a golden log of a run, or of a part of it: trimmed to inputs, digests, snapshots, and other outputs of every twentieth tick
+    /// Make a golden log from a run or a part of it: inputs, digests and snapshots of every tick, other outputs of every twentieth tick
     #[command(
         after_help = "Example: hoof corpus add run.mcap --name flat_trot --why \"HyQ trots on flat ground\"\n         \
         hoof corpus add field.mcap --around 132.4 --name stumble_on_wet_ramp --why \"the field bug of March\""
@@ -53,19 +53,19 @@ pub enum Command {
         /// Name in the corpus
         #[arg(long)]
         name: String,
-        /// What it is for
+        /// Purpose of the log, for the manifest
         #[arg(long)]
         why: String,
-        /// Only the ticks around this time, s since the run's first tick, from the recorded state before them on
+        /// Keep only the ticks around this time, s since the run's first tick, starting at the snapshot before them
         #[arg(long, value_name = "T")]
         around: Option<f64>,
-        /// How much of the log lies around that time, s
+        /// Length of that part, s
         #[arg(long, value_name = "S", default_value_t = 2.0, requires = "around")]
         span: f64,
-        /// Keep a channel of every tick, such as LEG_STATE; may be repeated, `all` is every output of the controller
+        /// Keep this channel of every tick, such as LEG_STATE; may be repeated; `all` keeps every output of the controller
         #[arg(long, value_name = "CHANNEL")]
         keep: Vec<String>,
-        /// Folder of the corpus
+        /// Directory of the corpus
         #[arg(long, default_value = "logs/golden")]
         dir: PathBuf,
     },
@@ -78,7 +78,7 @@ pub fn run(command: &Command) -> anyhow::Result<Outcome> {
             let corpus = Corpus::open_with(dir, controller::load)?;
             let logs = corpus.check(threads());
             drop(bar);
-            anyhow::ensure!(!logs.is_empty(), "{}: no golden log, so nothing was checked", dir.display());
+            anyhow::ensure!(!logs.is_empty(), "{}: contains no golden log", dir.display());
             let page = html.as_deref().map(|out| page(&corpus, &logs, out)).transpose()?;
             if *json {
                 say_json(&serde_json::json!({ "logs": logs, "page": page }))?;
@@ -98,7 +98,7 @@ pub fn run(command: &Command) -> anyhow::Result<Outcome> {
                 say_json(&accepted)?;
             } else {
                 say(format!("before: {}", line(&accepted.before)))?;
-                say(format!("recorded anew: {} bytes, {} before", accepted.bytes, accepted.bytes_before))?;
+                say(format!("recorded again: {} bytes, {} before", accepted.bytes, accepted.bytes_before))?;
             }
             Ok(Outcome::Good)
         }
@@ -109,7 +109,7 @@ pub fn run(command: &Command) -> anyhow::Result<Outcome> {
                 Some(around) => {
                     anyhow::ensure!(
                         *around >= 0.0 && *span > 0.0,
-                        "--around {around} --span {span}: expected times in s"
+                        "--around {around} --span {span}: expected --around at least 0 s and --span above 0 s"
                     );
                     let part = Part { around_s: *around, span_s: *span };
                     corpus::add_part(dir, log, part, name, why, &keep)?
@@ -121,7 +121,7 @@ pub fn run(command: &Command) -> anyhow::Result<Outcome> {
     }
 }
 
-/// Draws what became of the golden logs; the logs that figures are made of are taken away again.
+/// Writes the HTML page. The logs that the figures are made from are temporary.
 fn page(corpus: &Corpus, logs: &[CorpusResult], out: &Path) -> anyhow::Result<PathBuf> {
     let bar = Progress::new("page");
     let sides = out.join("sides");
@@ -146,7 +146,7 @@ fn page(corpus: &Corpus, logs: &[CorpusResult], out: &Path) -> anyhow::Result<Pa
     Ok(page)
 }
 
-/// Channels to be kept besides those that a golden log keeps anyway.
+/// Channels to keep in addition to those of every golden log.
 fn kept(names: &[String]) -> anyhow::Result<Vec<&'static str>> {
     let outputs = || channels::CHANNELS.iter().filter(|channel| channel.stage.is_some()).map(|channel| channel.name);
     let mut kept = Vec::new();
@@ -155,7 +155,7 @@ fn kept(names: &[String]) -> anyhow::Result<Vec<&'static str>> {
             _ if name == "all" => kept.extend(outputs()),
             Some(channel) => kept.push(channel.name),
             None => anyhow::bail!(
-                "--keep {name}: no such channel; there are: all, {}",
+                "--keep {name}: unknown channel, expected one of: all, {}",
                 outputs().collect::<Vec<_>>().join(", ")
             ),
         }
@@ -167,12 +167,16 @@ fn line(log: &CorpusResult) -> String {
     match log {
         CorpusResult { name, error: Some(error), .. } => format!("{name}: cannot be replayed: {error}"),
         CorpusResult { name, first_divergence: Some(d), largest_ulp, altered, .. } => {
-            let ulp = largest_ulp.map_or(String::new(), |ulp| format!("\n  largest distance of two floats: {ulp} ulp"));
-            let altered =
-                if *altered { "\n  the file is not the one that was accepted: its hash is another" } else { "" };
+            let ulp =
+                largest_ulp.map_or(String::new(), |ulp| format!("\n  largest difference of two floats: {ulp} ulp"));
+            let altered = if *altered {
+                "\n  the file was changed after it was accepted: its SHA-256 differs from the manifest"
+            } else {
+                ""
+            };
             format!("{name}: {}{ulp}{altered}", divergence_text(d))
         }
         CorpusResult { name, identical: true, ticks, .. } => format!("{name}: identical: {ticks} ticks"),
-        CorpusResult { name, .. } => format!("{name}: nothing to compare"),
+        CorpusResult { name, .. } => format!("{name}: nothing to compare: the log contains no outputs"),
     }
 }

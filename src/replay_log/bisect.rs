@@ -1,4 +1,4 @@
-//! `hoof replay bisect`: the first revision that replays a log otherwise.
+//! `hoof replay bisect`: finds the first revision that replays a log differently.
 
 use crate::{Outcome, say, say_json};
 use replay::bisect::{self, Cause, Found, Options, Verdict};
@@ -7,23 +7,23 @@ use std::path::PathBuf;
 #[derive(clap::Args)]
 #[command(after_help = "Example: hoof replay bisect field.mcap --good v0.1 --bad HEAD\n         \
     hoof replay bisect field.mcap --good 1a2b3c --bad HEAD --run 'make -s && ./check.sh \"$LOG\"'\n\n\
-    Each revision is checked out in a work tree beside the builds, which are reused. Exit codes of --run: 0 good, 125 cannot be judged, else bad.")]
+    Each revision is checked out into a work tree; builds are reused. Exit codes of the --run command: 0 good, 125 skip this revision, any other bad.")]
 pub struct Args {
     /// Log to replay
     log: PathBuf,
-    /// Revision that replays it as it should
+    /// Revision that replays the log correctly
     #[arg(long, value_name = "REV")]
     good: String,
-    /// Later revision that does not
+    /// Later revision that replays it differently
     #[arg(long, value_name = "REV")]
     bad: String,
     /// Root of the source tree
     #[arg(long, value_name = "DIR", default_value = ".")]
     repo: PathBuf,
-    /// Folder for work tree and builds
+    /// Directory for the work tree and the builds
     #[arg(long, value_name = "DIR", default_value = "target/bisect")]
     work: PathBuf,
-    /// Shell command that judges a revision, instead of build and replay
+    /// Shell command that tests a revision, instead of build and replay; it runs in the work tree with LOG set
     #[arg(long, value_name = "CMD")]
     run: Option<String>,
     /// Print JSON
@@ -58,10 +58,9 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
 
 fn text(found: &Found) -> String {
     let Some((bad, skipped)) = found.first_bad.split_last() else { return "nothing found".to_owned() };
-    let mut text = format!("first that changes a bit: {} {}", short(&bad.revision), bad.subject);
+    let mut text = format!("first revision with a difference: {} {}", short(&bad.revision), bad.subject);
     for outcome in skipped {
-        text +=
-            &format!("\n  or one of these, which cannot be judged: {} {}", short(&outcome.revision), outcome.subject);
+        text += &format!("\n  or this one, which was skipped: {} {}", short(&outcome.revision), outcome.subject);
     }
     let names = found.causes.iter().map(|cause| match cause {
         Cause::Build => "build",
@@ -70,7 +69,7 @@ fn text(found: &Found) -> String {
         Cause::Code => "code",
     });
     if !found.causes.is_empty() {
-        text += &format!("\nwhat did it: {}", names.collect::<Vec<_>>().join(" and "));
+        text += &format!("\ncause: {}", names.collect::<Vec<_>>().join(" and "));
     }
     text + &format!("\n{}\n{} of {} revisions tried", bad.said, found.tried.len() - 1, found.revisions)
 }

@@ -1,4 +1,4 @@
-//! `hoof replay LOG --break TICK`: every quantity of a tick.
+//! `hoof replay LOG --break TICK`: prints every quantity of a tick.
 
 use crate::progress::Progress;
 use crate::{Outcome, say, say_json};
@@ -20,7 +20,7 @@ pub fn run(log: &Path, options: &Options, tick: i64, json: bool) -> anyhow::Resu
     Ok(Outcome::failed_if(moment.divergence.is_some()))
 }
 
-/// A moment as a tree of quantities: time, difference, input, stages, then what was recorded.
+/// A tick as a tree of quantities: time, difference, input, stages, recorded and replayed messages.
 pub fn tree(moment: &Moment) -> Quantity {
     let mut tree = Quantity::group()
         .with("tick", moment.tick)

@@ -1,4 +1,5 @@
-//! `hoof replay`: the log's inputs through the log's controller, every bit compared, and what else a replay is good for.
+//! `hoof replay`: runs the controller of a log on its recorded inputs and compares every output bit; also what-if replays, sweeps,
+//! closed-loop simulation and bisection.
 
 pub mod bisect;
 mod break_at;
@@ -35,46 +36,46 @@ pub struct Args {
     /// Log to replay
     #[arg(required = true)]
     log: Option<PathBuf>,
-    /// Change a parameter: what would the controller have done on the same inputs? May be repeated
+    /// Replay with another value of a parameter, on the recorded inputs; may be repeated
     #[arg(long, value_name = "KEY=VALUE")]
     set: Vec<String>,
-    /// Parameters that change on the way: TOML of `[[change]]` tables, each with `tick` or `t_s` and a table `set`
+    /// Change parameters during the replay: TOML file of `[[change]]` tables, each with `tick` or `t_s` and a table `set`
     #[arg(long, value_name = "FILE")]
     changes: Option<PathBuf>,
-    /// Another stack of tasks
+    /// Replay with another stack of tasks
     #[arg(long, value_enum)]
     stack: Option<Stack>,
-    /// Another solver of quadratic programs
+    /// Replay with another QP solver
     #[arg(long, value_enum)]
     solver: Option<Solver>,
-    /// Another URDF, with the joints of the log's
+    /// Replay with another URDF; it must have the joints of the log's URDF
     #[arg(long, value_name = "FILE")]
     urdf: Option<PathBuf>,
-    /// Replay with several values of a parameter, on all cores: FROM:TO:COUNT, or values separated by |
+    /// Replay once for each value of a parameter, on all cores: FROM:TO:COUNT, or values separated by |
     #[arg(long, value_name = "KEY=FROM:TO:COUNT", conflicts_with_all = ["out", "resim"])]
     sweep: Option<String>,
-    /// Draw the torques of what-if replays over the recorded ones, grey from the departure on (.svg or .png)
+    /// Plot the torques of what-if replays over the recorded ones, grey after the tick at which --bound is exceeded (.svg or .png)
     #[arg(long, value_name = "FILE")]
     plot: Option<PathBuf>,
-    /// Largest difference of a joint's torques up to which the recorded inputs stand for a changed controller, N m
+    /// Largest torque difference of a joint for which a what-if replay is valid, N m
     #[arg(long, value_name = "NM", default_value_t = DEFAULT_BOUND)]
     bound: f64,
-    /// Simulate again into this log, closed loop, with the log's scenario, seed and operator commands and the changes above
+    /// Simulate the run again in closed loop, with the log's scenario, seed and operator commands and the changes above, and write this log
     #[arg(long, value_name = "LOG2", conflicts_with = "changes")]
     resim: Option<PathBuf>,
-    /// Show every quantity of a tick: inputs, results of each stage, constraints that contradict each other if the solver failed
+    /// Print every quantity of a tick: inputs, results of each stage, and the conflicting constraints if the solver failed
     #[arg(long = "break", value_name = "TICK", allow_negative_numbers = true, conflicts_with_all = ["sweep", "resim", "out", "plot", "changes", "from", "to"])]
     at: Option<i64>,
-    /// Begin at the last snapshot at or before this time, s since the run's first tick
+    /// Start at the last snapshot at or before this time, s since the run's first tick
     #[arg(long, value_name = "S")]
     from: Option<f64>,
-    /// End behind the last tick at or before this time
+    /// Stop after the last tick at or before this time, s since the run's first tick
     #[arg(long, value_name = "S")]
     to: Option<f64>,
-    /// Threads, 1 to 256, all cores unless given; the result does not depend on it
+    /// Number of threads, 1 to 256 [default: all cores]; the result does not depend on it
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=256))]
     jobs: Option<u16>,
-    /// Write a log with the replayed outputs in the place of the recorded ones
+    /// Write a copy of the log with the replayed outputs instead of the recorded ones
     #[arg(long, value_name = "LOG2")]
     out: Option<PathBuf>,
     /// Print JSON
@@ -85,15 +86,15 @@ pub struct Args {
 #[derive(Clone, Copy, clap::ValueEnum)]
 #[value(rename_all = "snake_case")]
 enum Solver {
-    /// Goldfarb and Idnani's dual active-set method, the default of the parameters
+    /// Dual active-set method of Goldfarb and Idnani, the default
     ActiveSet,
-    /// Clarabel, an interior-point method
+    /// Interior-point method of Clarabel
     Clarabel,
 }
 
 #[derive(clap::Subcommand)]
 enum Command {
-    /// Find the first revision that changes an output bit of a log, and what in it did
+    /// Find the first revision that changes an output bit of a log, and which of its changes did
     Bisect(bisect::Args),
 }
 
@@ -101,11 +102,11 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
     if let Some(Command::Bisect(args)) = &args.command {
         return bisect::run(args);
     }
-    let Some(log) = &args.log else { anyhow::bail!("a log to replay is missing") };
+    let Some(log) = &args.log else { anyhow::bail!("no log given: expected hoof replay LOG") };
     run_log(args, log, &options(args)?).map_err(|error| name_files(args, error))
 }
 
-/// What the controller refuses may stand in a file that was given: the log alone would be the wrong one to look into.
+/// Adds the files given on the command line to an error of building the controller: the cause may be in them and not in the log.
 fn name_files(args: &Args, error: anyhow::Error) -> anyhow::Error {
     let given = [("--urdf", &args.urdf), ("--changes", &args.changes)];
     let given: Vec<String> =
@@ -133,7 +134,7 @@ fn run_log(args: &Args, log: &Path, options: &Options) -> anyhow::Result<Outcome
     }
     anyhow::ensure!(
         args.plot.is_none() || report.what_if.is_some(),
-        "--plot: nothing is changed, so there is nothing to draw"
+        "--plot: needs a what-if replay: --set, --changes, --stack, --solver, --urdf or --sweep"
     );
     if args.json {
         say_json(&report)?
@@ -177,7 +178,7 @@ fn options(args: &Args) -> anyhow::Result<Options> {
     })
 }
 
-/// Threads of this machine.
+/// Number of threads of this machine.
 pub fn threads() -> usize {
     std::thread::available_parallelism().map_or(1, usize::from)
 }
@@ -198,7 +199,7 @@ fn joints(replay: &Replay) -> Vec<String> {
     robot.iter().flat_map(Robot::joint_names).map(str::to_owned).collect()
 }
 
-/// How a replay counts: differences before losses.
+/// Exit code of a replay: a difference comes before data loss.
 pub fn outcome(report: &ReplayReport) -> Outcome {
     if !report.identical {
         Outcome::Failed

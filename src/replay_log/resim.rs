@@ -1,4 +1,4 @@
-//! `hoof replay LOG --resim LOG2`: the plant is simulated again, so that the robot answers the changed controller.
+//! `hoof replay LOG --resim LOG2`: simulates the run again in closed loop, so that the robot responds to the changed controller.
 
 use crate::progress::Progress;
 use crate::{Outcome, run_info, say, say_json, sim};
@@ -13,30 +13,30 @@ use replay::log::LogReader;
 use std::path::Path;
 
 pub fn run(log: &Path, options: &Options, out: &Path, json: bool) -> anyhow::Result<Outcome> {
-    ensure!(options.from_s.is_none(), "--from: a simulation begins at the beginning");
-    ensure!(options.out.is_none(), "--out: --resim writes the log of its own run");
+    ensure!(options.from_s.is_none(), "--from: not possible with --resim, a simulation starts at tick 0");
+    ensure!(options.out.is_none(), "--out: not possible with --resim, which writes its own log");
     let replay = Replay::open(log)?;
     let recorded = replay.info();
     ensure!(
         !recorded.scenario.is_empty(),
-        "{}: RUN_INFO holds no scenario, so there is nothing to simulate (was it a real robot?)",
+        "{}: RUN_INFO contains no scenario; --resim needs the log of a simulation",
         log.display()
     );
     ensure!(
         log.canonicalize().ok() != out.canonicalize().ok() || !out.exists(),
-        "--resim {}: this is the log itself, expected another file",
+        "--resim {}: same file as the log, expected another file",
         out.display()
     );
     let mut scenario = Scenario::parse(&recorded.scenario, &format!("scenario of {}", log.display()))?;
-    // A live run has times of a clock, and operators on several channels.
+    // A live run has monotonic clock times, and operators on several channels.
     let live = recorded.realtime.starts_with("live");
-    let Wishes { commands, parameters, duration_s } = Wishes::of(log, live)?;
+    let Requests { commands, parameters, duration_s } = Requests::of(log, live)?;
     scenario.duration_s = options.to_s.map_or(duration_s, |to| to.min(duration_s));
     scenario.seed = recorded.seed;
     scenario.operator = OperatorScript::recorded(commands);
-    // What is asked to be other stays so.
+    // A parameter that is set on the command line keeps its value.
     let held = |key: &String| options.set.iter().any(|(set, _)| set == key);
-    scenario.parameters = parameters.into_iter().filter(|wish| !held(&wish.key)).collect();
+    scenario.parameters = parameters.into_iter().filter(|request| !held(&request.key)).collect();
     let params = controller::params::apply_overrides(&recorded.params, &options.set)?;
     let urdf = options.urdf.clone().unwrap_or_else(|| recorded.urdf.clone());
     let setup = Setup {
@@ -53,8 +53,7 @@ pub fn run(log: &Path, options: &Options, out: &Path, json: bool) -> anyhow::Res
     let bar = Progress::new("simulate again");
     let summary = setup.simulate(out, &run_info::build(), &mut |part| bar.set(part))?;
     drop(bar);
-    let same =
-        if live { Some("it was live, and no plant repeats that to the bit".to_owned()) } else { same_run(log, out)? };
+    let same = if live { Some("a live run is not repeated bit for bit".to_owned()) } else { same_run(log, out)? };
     let (before, after) = (metrics(log)?, metrics(out)?);
     if json {
         say_json(&serde_json::json!({
@@ -63,23 +62,23 @@ pub fn run(log: &Path, options: &Options, out: &Path, json: bool) -> anyhow::Res
         }))?;
     } else {
         let verdict = match &same {
-            None => "the simulation repeats the log, bit for bit".to_owned(),
-            Some(place) => format!("the simulation departs from the log: {place}"),
+            None => "identical: the simulation repeats the log bit for bit".to_owned(),
+            Some(place) => format!("different: the simulation differs from the log: {place}"),
         };
         say(format!("{}\n{verdict}\n\n{}", sim::text(&summary), compared(&before, &after)))?;
     }
     Ok(Outcome::failed_if(summary.failed()))
 }
 
-/// What people asked for in a run, in times since its first tick.
-struct Wishes {
+/// The operator commands and parameter requests of a run; times in ns since its first tick.
+struct Requests {
     commands: Vec<OperatorCommand>,
     parameters: Vec<ParameterRequest>,
     duration_s: f64,
 }
 
-impl Wishes {
-    /// Those of a log: commands as the operator sent them or, of a live run, as the controller followed them.
+impl Requests {
+    /// Reads a log: commands as the operator sent them or, for a live run, as the controller consumed them.
     fn of(log: &Path, live: bool) -> anyhow::Result<Self> {
         let (mut commands, mut parameters) = (Vec::<OperatorCommand>::new(), Vec::new());
         let (mut first, mut times) = (None, (0, 0));
@@ -91,10 +90,10 @@ impl Wishes {
                     commands.push(OperatorCommand::decode(&event.data).with_context(place)?);
                 }
                 channels::PARAMETER_REQUEST => {
-                    let wish = ParameterRequest::decode(&event.data).with_context(place)?;
-                    // It may have been sent again.
-                    if !parameters.contains(&wish) {
-                        parameters.push(wish);
+                    let request = ParameterRequest::decode(&event.data).with_context(place)?;
+                    // A request may be sent several times.
+                    if !parameters.contains(&request) {
+                        parameters.push(request);
                     }
                 }
                 channels::CONTROLLER_INPUT => {
@@ -102,7 +101,7 @@ impl Wishes {
                         ControllerInput::decode(&event.data).with_context(place)?;
                     times = (times.1, t_ns);
                     first.get_or_insert(t_ns);
-                    // At its end the executor damps the joints in the operator's place, by a command of that very tick.
+                    // At the end of a run the executor damps the joints with a command of its own, with the time of the tick.
                     let of_executor = op.mode == OperatorCommand::MODE_DAMPING && t_op_ns == t_ns;
                     if live && op.seq >= 0 && !of_executor && commands.last().is_none_or(|last| last.t_ns < t_op_ns) {
                         commands.push(OperatorCommand { t_ns: t_op_ns, ..op });
@@ -113,14 +112,14 @@ impl Wishes {
         }
         let first = first.with_context(|| format!("{}: no CONTROLLER_INPUT", log.display()))?;
         commands.iter_mut().for_each(|command| command.t_ns -= first);
-        parameters.iter_mut().for_each(|wish| wish.t_ns -= first);
+        parameters.iter_mut().for_each(|request| request.t_ns -= first);
         #[expect(clippy::cast_precision_loss, reason = "simulation times are far below 2^53 ns")]
         let duration_s = (times.1 - first + (times.1 - times.0)) as f64 * 1e-9;
-        Ok(Wishes { commands, parameters, duration_s })
+        Ok(Requests { commands, parameters, duration_s })
     }
 }
 
-/// The first message in which two runs differ; descriptions and wall-clock times do not count.
+/// The first message in which two runs differ, except RUN_INFO, EVENT and TIMING.
 fn same_run(log: &Path, again: &Path) -> anyhow::Result<Option<String>> {
     let counts = |channel: &str| ![channels::TIMING, channels::RUN_INFO, channels::EVENT].contains(&channel);
     let events = |path: &Path| -> anyhow::Result<_> {
@@ -137,7 +136,7 @@ fn same_run(log: &Path, again: &Path) -> anyhow::Result<Option<String>> {
             (Some(a), Some(b)) if a.channel == b.channel && a.data == b.data => {}
             #[expect(clippy::cast_precision_loss, reason = "a time for a person to read")]
             (Some(a), _) => return Ok(Some(format!("{} at {:.3} s", a.channel, a.t_ns as f64 * 1e-9))),
-            (None, Some(b)) => return Ok(Some(format!("{}, which the log has no more", b.channel))),
+            (None, Some(b)) => return Ok(Some(format!("{} after the end of the log", b.channel))),
         }
     }
 }
@@ -146,7 +145,7 @@ fn metrics(log: &Path) -> anyhow::Result<Metrics> {
     Ok(Metrics::of(&Run::read(log, &mut |_| {})?))
 }
 
-/// The tracking of both runs side by side.
+/// Tracking errors of both runs side by side.
 fn compared(before: &Metrics, after: &Metrics) -> String {
     let mut text = format!("{:<16} {:>12} {:>12}", "rms", "recorded", "simulated");
     let number = |value: Option<f64>| value.map_or("-".to_owned(), |value| format!("{value:.5}"));

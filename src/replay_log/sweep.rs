@@ -1,4 +1,4 @@
-//! `hoof replay LOG --sweep KEY=FROM:TO:COUNT`: one log, several values of a parameter, on all cores.
+//! `hoof replay LOG --sweep KEY=FROM:TO:COUNT`: what-if replays of one log with several values of a parameter, on all cores.
 
 use crate::progress::Progress;
 use crate::{Outcome, say, say_json};
@@ -8,7 +8,7 @@ use serde::Serialize;
 use std::path::Path;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
-/// Most values of a sweep.
+/// Largest number of values in a sweep.
 const MOST: usize = 200;
 
 /// A line of the table.
@@ -59,27 +59,29 @@ pub fn run(
     Ok(Outcome::Good)
 }
 
-/// `300:700:5` is 300, 400, …, 700; `a|b` is what stands there.
+/// `300:700:5` gives 300, 400, …, 700; `a|b` gives a and b.
 fn values(spec: &str) -> anyhow::Result<Vec<String>> {
     let parts: Vec<&str> = spec.split(':').collect();
     let values: Vec<String> = match parts[..] {
         [from, to, count] => {
-            let number = |text: &str| text.trim().parse::<f64>().with_context(|| format!("\"{text}\" is no number"));
+            let number =
+                |text: &str| text.trim().parse::<f64>().with_context(|| format!("\"{text}\": expected a number"));
             let (from, to) = (number(from)?, number(to)?);
-            let count: u16 = count.trim().parse().with_context(|| format!("\"{count}\" is no number of values"))?;
+            let count: u16 =
+                count.trim().parse().with_context(|| format!("\"{count}\": expected a number of values"))?;
             ensure!(count >= 2, "expected at least 2 values, found {count}");
             let step = (to - from) / f64::from(count - 1);
-            // Of 0.1 + 0.2 nobody wants to see the seventeenth digit.
+            // Rounded, so that 0.1 + 0.2 is shown as 0.3.
             (0..count).map(|i| format!("{:?}", ((from + step * f64::from(i)) * 1e9).round() / 1e9)).collect()
         }
         _ => spec.split('|').map(|value| value.trim().to_owned()).collect(),
     };
-    ensure!(values.len() <= MOST, "{} values, at most {MOST} are replayed at once", values.len());
+    ensure!(values.len() <= MOST, "{} values, expected at most {MOST}", values.len());
     ensure!(values.iter().all(|value| !value.is_empty()), "expected FROM:TO:COUNT, or values separated by |");
     Ok(values)
 }
 
-/// One number for a parameter that is an array stands for all of its elements.
+/// Expands one number to all elements if the parameter is an array.
 fn filled(params: &str, key: &str, value: &str) -> String {
     let table: toml::Table = params.parse().unwrap_or_default();
     let (mut path, mut at) = (key.split('.'), None);
@@ -94,7 +96,7 @@ fn filled(params: &str, key: &str, value: &str) -> String {
     }
 }
 
-/// Replays every value, as many at a time as there are threads.
+/// Replays once for each value, in parallel on all threads.
 fn replay_all(log: &Path, options: &Options, key: &str, settings: &[String]) -> anyhow::Result<Vec<ReplayReport>> {
     let (next, done) = (AtomicUsize::new(0), AtomicUsize::new(0));
     let bar = Progress::new(format!("{} replays", settings.len()));
@@ -107,7 +109,7 @@ fn replay_all(log: &Path, options: &Options, key: &str, settings: &[String]) -> 
             let mut options = Options { jobs: 1, ..options.clone() };
             options.set.push((key.to_owned(), value.clone()));
             found.push((i, Replay::open(log)?.run(&options, &mut |_| {})?));
-            #[expect(clippy::cast_precision_loss, reason = "a part for a progress bar")]
+            #[expect(clippy::cast_precision_loss, reason = "fraction for a progress bar")]
             bar.set((done.fetch_add(1, Ordering::Relaxed) + 1) as f64 / settings.len() as f64);
         }
     };
@@ -128,10 +130,10 @@ fn replay_all(log: &Path, options: &Options, key: &str, settings: &[String]) -> 
 fn table(key: &str, rows: &[Row]) -> String {
     let bound = rows[0].what_if.bound;
     let mut text = format!(
-        "{key}; up to the tick at which a torque leaves the record by more than {bound} N m\n\n\
+        "{key}: statistics up to the first tick at which a torque differs from the recorded one by more than {bound} N m\n\n\
          {:>12} {:>10} {:>8} {:>10} {:>10} {:>8} {:>6} {:>9} {:>9} {:>9} {:>7}  {}",
         "value",
-        "leaves (s)",
+        "valid to (s)",
         "ticks",
         "max (N m)",
         "rms (N m)",
@@ -141,14 +143,13 @@ fn table(key: &str, rows: &[Row]) -> String {
         "trunk",
         "posture",
         "no sol.",
-        "changes first"
+        "first difference"
     );
     for Row { value, identical, first_tick, first_stage, what_if } in rows {
-        #[expect(clippy::cast_precision_loss, reason = "a time for a person to read")]
         let leaves = what_if.departure.map_or("-".to_owned(), |d| format!("{:.3}", d.t_s));
         let first = match (first_tick, first_stage) {
             (Some(tick), Some(stage)) => format!("tick {tick}, {stage}"),
-            _ if *identical => "nothing".to_owned(),
+            _ if *identical => "none".to_owned(),
             _ => "nothing to compare".to_owned(),
         };
         let [contact, trunk, posture] = what_if.residuals;
@@ -165,7 +166,7 @@ fn table(key: &str, rows: &[Row]) -> String {
     text
 }
 
-/// Draws what-if replays, each with its name.
+/// Plots named what-if replays to a file.
 pub fn plot(path: &Path, replays: &[(String, &WhatIf)]) -> anyhow::Result<()> {
     Ok(analysis::figures::what_if(replays).write_file(path)?)
 }
@@ -175,7 +176,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_range_is_spread_evenly_and_a_list_taken_as_it_is() {
+    fn ranges_are_evenly_spaced_and_lists_unchanged() {
         assert_eq!(values("300:700:5").unwrap(), ["300.0", "400.0", "500.0", "600.0", "700.0"]);
         assert_eq!(values("0.1:0.3:3").unwrap(), ["0.1", "0.2", "0.3"]);
         assert_eq!(values("true|false").unwrap(), ["true", "false"]);

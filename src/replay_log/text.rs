@@ -1,18 +1,18 @@
-//! What a replay found, in words.
+//! The text that `hoof replay` prints.
 
 use controller::dump::Quantity;
 use replay::engine::{Deviation, Divergence, Index, ReplayReport, WhatIf, lines};
 
-/// Stretches of missing ticks that are listed.
+/// Ranges of missing ticks that are listed.
 const GAPS_LISTED: usize = 8;
 
-/// The report in words: first what is not as it was when the log was written. `joints`: names, URDF order.
+/// The report as text. Differences in build, parameters and types come first. `joints`: names, URDF order.
 pub fn text(report: &ReplayReport, joints: &[String]) -> String {
     let ReplayReport { ticks, messages_compared, real_time_factor, wall_seconds, .. } = report;
     let mut text = deviations(&report.deviations);
     text += &match &report.first_divergence {
         None if report.identical => format!("identical: {ticks} ticks"),
-        None => format!("nothing to compare: {ticks} ticks, and the log holds none of their outputs"),
+        None => format!("nothing to compare: the log contains no output of the {ticks} ticks"),
         Some(divergence) => divergence_text(divergence),
     };
     text += &format!(
@@ -27,15 +27,15 @@ pub fn text(report: &ReplayReport, joints: &[String]) -> String {
     note(report.unverifiable_ticks, "ticks have no output in the log");
     note(report.missing_input_ticks, "ticks have no input in the log");
     note(report.skipped_ticks, "ticks were not computed: the state before them is unknown");
-    note(report.late_messages, "messages were too late or came twice");
-    note(report.damaged, "stretches of the log are damaged");
-    note(u64::from(report.cut), "cut: the log stops inside a record");
+    note(report.late_messages, "messages were late or duplicate");
+    note(report.damaged, "damaged parts of the log");
+    note(u64::from(report.cut), "cut: the log ends inside a record");
     if !report.missing_ticks.is_empty() {
         let one =
             |(first, last): &(i64, i64)| if first == last { first.to_string() } else { format!("{first} to {last}") };
         let listed: Vec<String> = report.missing_ticks.iter().take(GAPS_LISTED).map(one).collect();
         let more = if report.missing_ticks.len() > GAPS_LISTED { ", …" } else { "" };
-        text += &format!("\nmissing, not different: ticks {}{more}", listed.join(", "));
+        text += &format!("\nticks without input: {}{more}", listed.join(", "));
     }
     if let Some(what_if) = &report.what_if {
         text += &format!("\n{}", what_if_text(what_if, joints));
@@ -43,12 +43,12 @@ pub fn text(report: &ReplayReport, joints: &[String]) -> String {
     text + &report.first_divergence.as_ref().map(inputs).unwrap_or_default()
 }
 
-/// One line for all of the build, one for each parameter.
+/// One line for each difference between the log and this build.
 fn deviations(found: &[Deviation]) -> String {
     let mut text = String::new();
     for Deviation { what, log, here } in found {
         let shown = |value: &str| if value.is_empty() { "absent".to_owned() } else { value.to_owned() };
-        text += &format!("not as in the log: {what}: {} there, {} here\n", shown(log), shown(here));
+        text += &format!("differs from the log: {what} is {}, the log has {}\n", shown(here), shown(log));
     }
     text
 }
@@ -60,32 +60,32 @@ fn what_if_text(what_if: &WhatIf, joints: &[String]) -> String {
             let t_s = departure.t_s;
             let joint = joints.get(departure.joint).cloned().unwrap_or_else(|| format!("joint {}", departure.joint));
             format!(
-                "what if: from tick {} (t = {t_s:.3} s) on, {joint} by {:+.1} N m, the command leaves the recorded one by more than {bound} N m:\n\
-                 the robot would have moved otherwise, and what follows answers inputs that would not have come",
+                "what if: not valid from tick {} (t = {t_s:.3} s): the torque of {joint} differs from the recorded one by {:+.1} N m, limit {bound} N m\n\
+                 outputs after this tick use inputs that the changed robot would not have produced",
                 departure.tick, departure.by
             )
         }
-        None => format!("what if: the command stays within {bound} N m of the recorded one"),
+        None => format!("what if: valid, all torques stay within {bound} N m of the recorded ones"),
     };
     let late = match what_if.changes_not_reached {
         0 => String::new(),
-        n => format!("\n{n} of the changes come behind the end of what was replayed"),
+        n => format!("\n{n} of the changes were not applied: their times are after the last replayed tick"),
     };
     format!(
-        "{how_far}\n{ticks} ticks before that: torques differ by {tau_difference_max:.3} N m at most, {tau_difference_rms:.3} N m rms; \
-         {qp_failed_ticks} without a solution{late}"
+        "{how_far}\n{ticks} valid ticks: largest torque difference {tau_difference_max:.3} N m, rms {tau_difference_rms:.3} N m; \
+         {qp_failed_ticks} ticks without a QP solution{late}"
     )
 }
 
-/// Where record and replay part, in words.
+/// The first difference between record and replay, as text.
 pub fn divergence_text(d: &Divergence) -> String {
     let agreed = d.last_agreed_tick.map_or("none".to_owned(), |tick| tick.to_string());
     let t_s = d.t_s;
     let also: Vec<String> =
         d.also.iter().map(|f| format!("{} {}", f.channel, field(&f.field, &f.index, f.ulp))).collect();
-    let also = if also.is_empty() { String::new() } else { format!("\n  so do {}", also.join("; ")) };
+    let also = if also.is_empty() { String::new() } else { format!("\n  also different: {}", also.join("; ")) };
     format!(
-        "differs from tick {} (t = {t_s:.3} s) on, first in stage {}: {} {}\n  recorded {}\n  replayed {}{also}\n  last tick that agreed: {agreed}",
+        "differs from tick {} (t = {t_s:.3} s) on, first in stage {}: {} {}\n  recorded {}\n  replayed {}{also}\n  last identical tick: {agreed}",
         d.tick,
         d.stage,
         d.channel,
@@ -95,7 +95,7 @@ pub fn divergence_text(d: &Divergence) -> String {
     )
 }
 
-/// A field with its index, and how far apart its values are.
+/// A field with its index and the distance of its values.
 fn field(name: &str, index: &Option<Index>, ulp: Option<u64>) -> String {
     let index = match index {
         None => String::new(),
@@ -103,11 +103,11 @@ fn field(name: &str, index: &Option<Index>, ulp: Option<u64>) -> String {
             serde_json::to_string(index).map_or(String::new(), |i| format!("[{}]", i.trim_matches(['[', ']'])))
         }
     };
-    let ulp = ulp.map_or(String::new(), |ulp| format!(", {ulp} ulp apart"));
+    let ulp = ulp.map_or(String::new(), |ulp| format!(" ({ulp} ulp)"));
     format!("{name}{index}{ulp}")
 }
 
-/// What the stage that differs was computed from.
+/// The inputs of the first stage that differs.
 fn inputs(d: &Divergence) -> String {
     if d.inputs == Quantity::group() {
         return String::new();
