@@ -394,6 +394,7 @@ fn what_is_not_one_run_is_refused() {
     });
     let error = run(&path).unwrap_err();
     let expected = <WbcSolution as lcmtypes::Message>::FINGERPRINT;
-    assert!(matches!(error, Error::OtherTypeVersion { found, .. } if found == expected ^ 1), "{error}");
-    assert!(error.to_string().contains("log of another type version: channel WBC_SOLUTION"), "{error}");
+    let Error::OtherTypeVersion { channel, type_name, found, .. } = &error else { panic!("{error}") };
+    assert_eq!((&**channel, &**type_name), (channels::WBC_SOLUTION, "hoofprint.wbc_solution_t"));
+    assert_eq!(*found, expected ^ 1);
 }
