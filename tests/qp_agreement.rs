@@ -1,4 +1,4 @@
-//! The two back-ends on every program of the golden logs: the active set gives what Clarabel gives.
+//! The active-set solver and Clarabel give the same solution for every program of the golden logs.
 #![allow(clippy::unwrap_used, missing_docs)]
 
 use controller::params::apply_overrides;
@@ -12,14 +12,14 @@ use nalgebra::DVector;
 use replay::log::LogReader;
 use std::path::PathBuf;
 
-/// What the two may differ by, in parts of the solution's norm, whose entries are accelerations in SI units and forces in 100 N.
+/// Largest allowed difference, relative to the solution's norm; entries are accelerations in SI units and forces in 100 N.
 const ALLOWED: f64 = 1e-6;
-/// Tolerances of Clarabel, one after the other until it agrees. Where forces are decided by the regularization alone it stops up to 1e-2 away at
-/// 1e-8 and 1e-4 at 1e-11; at 1e-14 it seldom says that it has solved, and its point is mostly good, but now and then one on which it gave up early.
-/// The active set's own points are off by 1e-14 where exact ones are known (`controller/tests/qp_solutions.rs`).
+/// Tolerances of Clarabel, tried in this order until the solutions agree. If only the regularization determines the forces, Clarabel stops up to 1e-2
+/// away at tolerance 1e-8 and 1e-4 away at 1e-11. At 1e-14 it rarely reports success; its point is usually good, but sometimes it stopped early.
+/// The active set's solutions differ by 1e-14 from known exact ones (`controller/tests/qp_solutions.rs`).
 const TOLERANCES: [f64; 7] = [1e-12, 1e-13, 1e-14, 1e-11, 3e-13, 3e-14, 1e-15];
 const MAX_ITERATIONS: u32 = 200;
-/// Violation of a row or bound that rounding may leave, in their units.
+/// Allowed violation of a row or bound by rounding, in its unit.
 const VIOLATION: f64 = 1e-9;
 
 /// Description and inputs of a golden log.
@@ -37,7 +37,7 @@ fn golden(name: &str) -> (RunInfo, Vec<ControllerInput>) {
     (info.unwrap(), inputs)
 }
 
-/// Largest difference of the two back-ends on the programs that a log's inputs make under a stack, and how many had rows at their limits.
+/// Largest difference of the two solvers on the programs of a log under a stack, and the number of programs with rows at their limits.
 fn largest_difference(name: &str, formula: &str) -> (f64, usize) {
     let (info, inputs) = golden(name);
     let params = apply_overrides(&info.params, &[("stack.formula".to_owned(), formula.to_owned())]).unwrap();
@@ -67,7 +67,7 @@ fn largest_difference(name: &str, formula: &str) -> (f64, usize) {
                     break;
                 }
             }
-            // Where the programs are so flat that no tolerance brings Clarabel nearer, the cost tells whose point is the better one.
+            // If a program is so flat that no tolerance brings Clarabel closer, the cost decides which point is better.
             let better = cost(&level.x) < cheapest;
             assert!(off < ALLOWED || better, "{here}: {off:e} of the norm apart");
             flat += usize::from(off >= ALLOWED);
@@ -79,7 +79,7 @@ fn largest_difference(name: &str, formula: &str) -> (f64, usize) {
     (largest, at_limits)
 }
 
-/// For each level, a program with numbers wherever one of a run has some.
+/// For each level, a program with a non-zero entry wherever a program of the run has one.
 fn patterns(controller: &mut Quadruped, inputs: &[ControllerInput]) -> Vec<Qp> {
     let (mut patterns, mut out) = (Vec::new(), Outbox::new());
     for input in inputs {

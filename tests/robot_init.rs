@@ -1,4 +1,4 @@
-//! `hoof robot init`: a URDF alone becomes a robot that stands and trots.
+//! `hoof robot init`: from a URDF alone to a robot file with which the robot stands and trots.
 #![allow(non_snake_case, clippy::unwrap_used, missing_docs)]
 
 mod common;
@@ -9,7 +9,7 @@ use std::path::{Path, PathBuf};
 
 const PONY: &str = include_str!("data/pony.urdf");
 
-/// Writes a first file for a URDF; gives it as TOML, with its path.
+/// Writes a first file for a URDF; returns its content and path.
 fn init(urdf: &str, out: &Path) -> (toml::Table, PathBuf) {
     let report = hoof(&format!("robot init {urdf} --out {} --json", out.display())).exits(0).json();
     let path = PathBuf::from(report["toml"].as_str().unwrap());
@@ -57,7 +57,7 @@ fn a_robot_with_other_names_axes_and_order_stands_and_trots() {
 }
 
 #[test]
-fn hyq_and_anymal_are_found_as_their_files_say() {
+fn init_agrees_with_the_shipped_files_of_hyq_and_anymal() {
     for name in ["hyq", "anymal_b"] {
         let out = folder(name);
         let (guessed, path) = init(&format!("robots/{name}/{name}.urdf"), &out);
@@ -66,7 +66,7 @@ fn hyq_and_anymal_are_found_as_their_files_say() {
         for key in ["name", "urdf", "feet", "foot_radius", "imu_link"] {
             assert_eq!(guessed["robot"][key], shipped["robot"][key], "{name}: {key}");
         }
-        // Knees and thighs bend to the same side; where hips abduct is a matter of taste.
+        // Knees and thighs bend to the same side; hip abduction may differ.
         for (joint, angle) in shipped["robot"]["posture"].as_table().unwrap() {
             let bends = ["hfe", "kfe"].iter().any(|kind| joint.to_lowercase().contains(kind));
             let (ours, theirs) = (guessed["robot"]["posture"][joint].as_float().unwrap(), angle.as_float().unwrap());
@@ -77,7 +77,7 @@ fn hyq_and_anymal_are_found_as_their_files_say() {
 }
 
 #[test]
-fn what_is_missing_is_named() {
+fn errors_name_legs_and_joints() {
     let out = folder("errors");
     let error = |name: &str, urdf: &str| {
         let path = out.join(name);
@@ -91,22 +91,16 @@ fn what_is_missing_is_named() {
         )
     });
     let three = error("three.urdf", &leg_fixed);
-    assert!(
-        three.contains("a quadruped has four legs, this robot has 3 chains of movable joints: (rear_right_abduct, "),
-        "{three}"
-    );
+    assert!(three.contains("3") && three.contains("(rear_right_abduct, "), "{three}");
 
     let neck =
         PONY.replace("<joint name=\"camera_mount\" type=\"fixed\">", "<joint name=\"neck\" type=\"continuous\">");
     let neck = error("neck.urdf", &neck);
-    assert!(
-        neck.contains("these joints belong to none of the four lowest chains, the legs: neck; make them fixed"),
-        "{neck}"
-    );
+    assert!(neck.contains("legs: neck"), "{neck}");
 
     let ankle = PONY.replace("\"front_left_toe_fixed\" type=\"fixed\"", "\"front_left_ankle\" type=\"continuous\"");
     let ankle = error("ankle.urdf", &ankle);
-    assert!(ankle.contains("front_left_bend, front_left_ankle has 4 of them, expected 3"), "{ankle}");
+    assert!(["front_left_bend, front_left_ankle", "4", "3"].iter().all(|fact| ankle.contains(fact)), "{ankle}");
 
     let stub = error(
         "stub.urdf",
@@ -119,27 +113,22 @@ fn what_is_missing_is_named() {
 
     let turned = PONY.replace("xyz=\"-0.18 0.05 0\"", "xyz=\"0.19 0.05 0\"");
     let turned = error("turned.urdf", &turned);
-    assert!(
-        turned.contains(
-            "the legs of front_left_toe and rear_left_toe are both left front: x of the root link must point forward"
-        ),
-        "{turned}"
-    );
+    assert!(["front_left_toe", "rear_left_toe", "left front"].iter().all(|fact| turned.contains(fact)), "{turned}");
 
     let stiff = PONY
         .replace("lower=\"0.9\" upper=\"2.7\"", "lower=\"2.5\" upper=\"2.7\"")
         .replace("lower=\"-1\" upper=\"4\"", "lower=\"-1\" upper=\"-0.5\"");
     let stiff = error("stiff.urdf", &stiff);
-    assert!(stiff.contains("below its hip with") && stiff.contains("inside their limits"), "{stiff}");
+    assert!(stiff.contains("_toe") && stiff.contains("limits"), "{stiff}");
 }
 
 #[test]
-fn a_file_that_is_there_is_not_replaced() {
+fn an_existing_file_is_replaced_only_with_force() {
     let out = folder("twice");
     let (_, path) = init("tests/data/pony.urdf", &out);
     std::fs::write(&path, "mine").unwrap();
     let again = hoof(&format!("robot init tests/data/pony.urdf --out {}", out.display())).exits(2).stderr;
-    assert!(again.contains("pony_1.toml is there already; --force replaces it"), "{again}");
+    assert!(again.contains("pony_1.toml") && again.contains("--force"), "{again}");
     assert_eq!(std::fs::read_to_string(&path).unwrap(), "mine");
     hoof(&format!("robot init tests/data/pony.urdf --out {} --force", out.display())).exits(0);
 }

@@ -1,5 +1,5 @@
-//! The weighted stack against the hierarchical one on the states of a golden log. Raiola et al. 2020, footnote 10: weights that
-//! differ by a thousand and more make the soft stack do what the hard one does.
+//! The weighted stack compared with the hierarchical one on the states of a golden log. Raiola et al. 2020, footnote 10: with weights that
+//! differ by a factor of a thousand and more, the weighted stack behaves like the hierarchical one.
 #![allow(clippy::unwrap_used, missing_docs)]
 
 mod common;
@@ -12,10 +12,10 @@ use lcmtypes::channels::{CONTROLLER_INPUT, CONTROLLER_SNAPSHOT, ROBOT_COMMAND, R
 use lcmtypes::{ControllerInput, Message, RobotCommand, RunInfo};
 use std::path::Path;
 
-/// Ticks after the log's second snapshot that are looked at: stance of four, and swings of both pairs.
+/// Compared ticks, counted from the log's second snapshot: stance on four feet, and swings of both pairs.
 const TICKS: [usize; 8] = [0, 40, 120, 200, 310, 450, 600, 800];
 
-/// Torques of a tick, the same inputs and state but another stack.
+/// Computes the torques of a tick from the same input and state with another stack.
 struct Probe {
     info: RunInfo,
     /// State before each tick, and its input.
@@ -60,11 +60,11 @@ fn norm(x: impl Iterator<Item = f64>) -> f64 {
 }
 
 #[test]
-fn the_soft_stack_approaches_the_hard_one_as_the_weights_part() {
+fn weighted_stack_converges_to_the_hierarchical_one_with_the_ratio_of_weights() {
     let probe = Probe::new(Path::new("logs/golden/rough_trot.mcap"));
     let under = S3.split_once("<<").unwrap().1;
     let hard = probe.torques(S3);
-    // At 1e6 the weights lie 1e12 apart, and the posture is no longer told from rounding.
+    // At a ratio of 1e6 the weights differ by 1e12, and the posture's part is below rounding.
     let ratios = [1.0, 10.0, 100.0, 1e3, 1e4, 1e5_f64];
     let distances: Vec<Vec<f64>> = ratios
         .iter()

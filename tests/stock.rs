@@ -1,4 +1,4 @@
-//! The LCM tools that everybody has read our logs: Debian's lcm-gen, liblcm and lcm-logplayer, which scripts/setup.sh installs.
+//! The stock LCM tools read logs of this project: Debian's lcm-gen, liblcm and lcm-logplayer, which scripts/setup.sh installs.
 #![allow(clippy::unwrap_used, missing_docs)]
 
 mod common;
@@ -12,7 +12,7 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 use std::time::Duration;
 
-/// A run as an event log, and what is in it.
+/// A run as an event log, and its events.
 fn run(folder: &Path, seconds: f64) -> (PathBuf, Vec<LogEvent>) {
     let log = folder.join("run.lcmlog");
     let scenario = folder.join("scenario.toml");
@@ -25,14 +25,14 @@ fn run(folder: &Path, seconds: f64) -> (PathBuf, Vec<LogEvent>) {
     (log, events)
 }
 
-/// Runs a tool; what it prints.
+/// Runs a tool; returns its standard output.
 fn tool(command: &mut Command) -> String {
     let output = command.output().unwrap_or_else(|error| panic!("{command:?}: {error}; scripts/setup.sh installs it"));
     assert!(output.status.success(), "{command:?}: {}", String::from_utf8_lossy(&output.stderr));
     String::from_utf8(output.stdout).unwrap()
 }
 
-/// The reader in C over stock liblcm, with the code that stock lcm-gen makes of every `.lcm` file.
+/// Compiles the reader in C with stock liblcm and the code that stock lcm-gen generates from every `.lcm` file.
 fn stock_reader(folder: &Path) -> PathBuf {
     let types = Path::new(env!("CARGO_MANIFEST_DIR")).join("lcmtypes");
     let mut sources = vec![Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/stock/read_log.c")];
@@ -59,7 +59,7 @@ fn stock_reader(folder: &Path) -> PathBuf {
     reader
 }
 
-/// What the reader prints of an event, by our own decoders.
+/// The line that the reader must print for an event, computed with this project's decoders.
 fn line(number: usize, event: &LogEvent) -> String {
     let mut line = format!("{number} {} {} same", event.t_ns / 1000, event.channel);
     macro_rules! show {
@@ -87,7 +87,7 @@ fn line(number: usize, event: &LogEvent) -> String {
         GROUND_TRUTH => show!(GroundTruth, |m| m.n_feet, m.p_WF[3][2], m.f_F_W[1][0], m.contact[2], m.tau_push_W[2]),
         TIMING => show!(Timing, |m| m.wall_ns, m.stage_ns[5]),
         EVENT => show!(Event, |m| m.level, m.source, m.text),
-        other => panic!("the reader does not know {other}"),
+        other => panic!("unknown channel {other}"),
     }
     line
 }
@@ -121,7 +121,7 @@ impl Shown for Vec<f64> {
 }
 
 #[test]
-fn stock_lcm_gen_and_liblcm_read_every_message_as_we_do() {
+fn stock_lcm_gen_and_liblcm_decode_every_message_equally() {
     let folder = folder("reads");
     let (log, events) = run(&folder, 2.0);
     let reader = stock_reader(&folder);
@@ -142,16 +142,16 @@ fn stock_lcm_gen_and_liblcm_read_every_message_as_we_do() {
     }
     assert_eq!(found.next(), None);
     let seen: BTreeSet<&str> = events.iter().map(|event| &*event.channel).collect();
-    // What only a live run has.
+    // Channels of live runs only.
     let live = [EXECUTOR_COMMAND];
     let in_lockstep = CHANNELS.iter().map(|channel| channel.name).filter(|name| !live.contains(name));
-    assert_eq!(seen, in_lockstep.collect(), "a channel is in no event");
+    assert_eq!(seen, in_lockstep.collect(), "channels without an event");
 }
 
-/// UDP may lose a message where a machine is busy: what has to come is all of it in one of a few attempts, and in each of them
-/// nothing that is not in the log, in its order.
+/// UDP may lose a message on a busy machine: in one of a few attempts all messages must arrive; in every attempt each arriving message is in the
+/// log, in the log's order.
 #[test]
-fn stock_lcm_logplayer_plays_our_log() {
+fn stock_lcm_logplayer_plays_a_log() {
     const ATTEMPTS: usize = 5;
     let folder = folder("plays");
     let (log, events) = run(&folder, 0.25);
@@ -161,19 +161,19 @@ fn stock_lcm_logplayer_plays_our_log() {
         let mut recorded = events.iter();
         for message in &received {
             let is_it = |event: &&LogEvent| *event.channel == *message.channel && event.data == message.data;
-            assert!(recorded.any(|event| is_it(&event)), "not in the log, or not there: {}", message.channel);
+            assert!(recorded.any(|event| is_it(&event)), "not in the log, or out of order: {}", message.channel);
         }
         lost.push(events.len() - received.len());
         if lost.ends_with(&[0]) {
             return;
         }
     }
-    panic!("of {} messages were lost in {ATTEMPTS} attempts: {lost:?}", events.len());
+    panic!("lost of {} messages in {ATTEMPTS} attempts: {lost:?}", events.len());
 }
 
-/// The stock logger keeps 30 messages at most while it writes: as for the player, one of a few attempts has to have them all.
+/// The stock logger queues at most 30 messages while it writes: in one of a few attempts it must record all of them.
 #[test]
-fn stock_lcm_logger_records_what_we_play() {
+fn stock_lcm_logger_records_a_played_log() {
     const ATTEMPTS: usize = 5;
     let folder = folder("records");
     let (log, sent) = run(&folder, 0.25);
@@ -184,26 +184,26 @@ fn stock_lcm_logger_records_what_we_play() {
         let (mut played, recorded) = (sent.iter(), events(&copy));
         for event in &recorded {
             let is_it = |other: &&LogEvent| *other.channel == *event.channel && other.data == event.data;
-            assert!(played.any(|other| is_it(&other)), "not in the log, or not there: {}", event.channel);
+            assert!(played.any(|other| is_it(&other)), "not in the log, or out of order: {}", event.channel);
         }
         lost.push(sent.len() - recorded.len());
         if lost.ends_with(&[0]) {
             return;
         }
     }
-    panic!("of {} messages the stock logger lost in {ATTEMPTS} attempts: {lost:?}", sent.len());
+    panic!("lost of {} messages by the stock logger in {ATTEMPTS} attempts: {lost:?}", sent.len());
 }
 
-/// Records with the stock logger what `hoof log play` plays.
+/// Records with the stock logger while `hoof log play` sends.
 fn record(log: &Path, recorded: &Path, attempt: usize) {
     let port = 61_000 + std::process::id() as usize % 800 * 5 + attempt;
-    // liblcm tries itself on LCM_SELF_TEST, which is not of the log.
+    // liblcm sends LCM_SELF_TEST when it starts; it is not part of the log.
     let url = format!("udpm://239.255.76.67:{port}?ttl=0");
     let mut logger = Command::new("lcm-logger");
     logger.arg(format!("--lcm-url={url}")).arg("--channel=(?!LCM_).*").arg(recorded);
     let logger = logger.stdout(Stdio::null()).stderr(Stdio::null()).spawn();
     let mut logger = logger.unwrap_or_else(|error| panic!("lcm-logger: {error}; scripts/setup.sh installs it"));
-    // It listens once its socket has the port.
+    // The logger receives as soon as its socket is bound to the port.
     let bound = format!(":{port:04X} ");
     while !std::fs::read_to_string("/proc/net/udp").unwrap().contains(&bound) {
         assert!(logger.try_wait().unwrap().is_none(), "lcm-logger ended");
@@ -215,9 +215,9 @@ fn record(log: &Path, recorded: &Path, attempt: usize) {
     assert!(logger.wait().unwrap().success());
 }
 
-/// What arrives while the stock player plays a log at a quarter of its speed: 3000 messages a second.
+/// Messages received while the stock player plays a log at a quarter of its speed: 3000 messages per second.
 fn play(log: &Path, attempt: usize) -> Vec<Received> {
-    // Ports of its own for each process and attempt, so that nobody else's messages come.
+    // A separate port for each process and attempt, so that no other messages arrive.
     let port = 20_000 + std::process::id() as usize % 8_000 * 5 + attempt;
     let url = format!("udpm://239.255.76.67:{port}?ttl=0");
     let mut bus = LcmBus::open(&format!("{url}&recv_buf_size=2000000")).unwrap();

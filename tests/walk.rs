@@ -1,4 +1,4 @@
-//! The robot walks: over stones whatever the seed, and on flat ground as well as published.
+//! The robot walks over stones with every seed, and on flat ground with errors within the published ones.
 #![allow(clippy::unwrap_used, missing_docs)]
 
 mod common;
@@ -8,7 +8,7 @@ use serde_json::Value;
 
 const SEEDS: std::ops::Range<i64> = 1..11;
 
-/// Way that rough_trot asks for, m: from one second to the next, as the summary counts it.
+/// Commanded distance of rough_trot, m, summed from second to second like the summary's.
 ///
 /// 6 s of 0.3, 3 s of (0.2, 0.1), 3 s of 0.25, 3 s of (0.2, -0.1), 1 s of 0.3 m/s: 1.8 + 0.671 + 0.75 + 0.671 + 0.3.
 const COMMANDED_M: f64 = 4.192;
@@ -27,7 +27,7 @@ fn twenty_seconds_of_omnidirectional_trot_over_stones_of_2_to_4_cm_without_a_fal
         std::fs::remove_file(log).unwrap();
         ran.json()
     };
-    // Two at a time: more would not be faster, and each run is a process of its own.
+    // Two runs at a time, each in its own process: more would not be faster.
     let (odd, even): (Vec<i64>, Vec<i64>) = SEEDS.partition(|seed| seed % 2 == 1);
     let runs: Vec<Value> = std::thread::scope(|scope| {
         let other = scope.spawn(|| even.into_iter().map(run).collect::<Vec<_>>());
@@ -43,8 +43,8 @@ fn twenty_seconds_of_omnidirectional_trot_over_stones_of_2_to_4_cm_without_a_fal
         let distance = run["distance_m"].as_f64().unwrap();
         assert!((0.75..1.25).contains(&(distance / COMMANDED_M)), "seed {}: {distance} m", run["seed"]);
     }
-    let ways: std::collections::BTreeSet<String> = runs.iter().map(|run| run["distance_m"].to_string()).collect();
-    assert_eq!(ways.len(), 10, "two seeds gave the same way");
+    let distances: std::collections::BTreeSet<String> = runs.iter().map(|run| run["distance_m"].to_string()).collect();
+    assert_eq!(distances.len(), 10, "two seeds gave the same distance");
 }
 
 #[test]

@@ -1,5 +1,5 @@
-//! Runs the command as a person would, and reads or alters the logs that it leaves.
-#![allow(dead_code, reason = "no test file needs all of it")]
+//! Runs the command, and reads or alters the logs that it writes.
+#![allow(dead_code, reason = "each test file uses a part of it")]
 
 pub mod talker;
 
@@ -16,7 +16,7 @@ pub fn command() -> Command {
     command
 }
 
-/// How the command ended, and what it said.
+/// Exit code and output of the command.
 #[derive(Debug)]
 pub struct Ran {
     /// Exit code.
@@ -27,12 +27,12 @@ pub struct Ran {
     pub stderr: String,
 }
 
-/// Runs `hoof` with arguments that are split at blanks.
+/// Runs `hoof` with arguments separated by spaces.
 pub fn hoof(arguments: &str) -> Ran {
     ran(command().args(arguments.split_whitespace()).output().unwrap())
 }
 
-/// Takes a finished process; a panic or a signal fails the test that started it.
+/// Output of a finished process; a panic or a signal fails the test.
 pub fn ran(output: Output) -> Ran {
     let text = |bytes: Vec<u8>| String::from_utf8(bytes).unwrap();
     let (stdout, stderr) = (text(output.stdout), text(output.stderr));
@@ -79,7 +79,7 @@ pub fn messages<M: Message>(log: &Path, channel: &str) -> Vec<M> {
     events(log).iter().filter(|event| *event.channel == *channel).map(|event| M::decode(&event.data).unwrap()).collect()
 }
 
-/// Copies a log, each event altered by `change`.
+/// Copies a log; `change` alters each event.
 pub fn rewrite(from: &Path, to: &Path, mut change: impl FnMut(&mut Event)) {
     let mut log = LogWriter::create(to).unwrap();
     for mut event in events(from) {
@@ -89,7 +89,7 @@ pub fn rewrite(from: &Path, to: &Path, mut change: impl FnMut(&mut Event)) {
     log.finish().unwrap();
 }
 
-/// Copies a log, one message altered: the one of `channel` whose tick, the second field of most types, is `tick`.
+/// Copies a log and alters one message: the one of `channel` with this tick (the second field of most types).
 pub fn rewrite_one<M: Message>(from: &Path, to: &Path, channel: &str, tick: i64, change: impl Fn(&mut M)) {
     let mut altered = 0;
     rewrite(from, to, |event| {

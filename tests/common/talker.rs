@@ -1,20 +1,20 @@
-//! Processes of a live run, whose words are read one by one, and who do not outlive their test.
+//! Processes of a live run: their standard error is read line by line, and they end with the test.
 
 use super::{Ran, command, ran};
 use std::io::{BufRead, BufReader, Read};
 use std::path::Path;
 use std::process::{Child, ChildStderr, Command, Output, Stdio};
 
-/// A process whose words are read one by one. Whatever becomes of the test, it ends.
+/// A process whose standard error is read line by line. It is killed if the test fails.
 pub struct Talker {
     child: Child,
     stderr: BufReader<ChildStderr>,
-    /// What it has said so far.
+    /// Standard error so far.
     pub said: String,
 }
 
 impl Talker {
-    /// `hoof` with arguments that are split at blanks, as a process of this one: where the test program is killed, it ends too.
+    /// `hoof` with arguments separated by spaces. It ends if the test program is killed.
     pub fn start(arguments: &str) -> Self {
         let mut command = command();
         command.args(arguments.split_whitespace()).args(["--parent", &std::process::id().to_string()]);
@@ -29,17 +29,21 @@ impl Talker {
         Talker::start(&format!("{simulation} --lcm-url {url} --log {} {more}", log.display()))
     }
 
-    /// Number of its process.
+    /// Process id.
     pub fn id(&self) -> String {
         self.child.id().to_string()
     }
 
-    /// Reads on until a line holds all of these words; gives that line.
+    /// Reads until a line contains all of `words`; returns that line.
     #[track_caller]
     pub fn hear(&mut self, words: &[&str]) -> String {
         loop {
             let mut line = String::new();
-            assert!(self.stderr.read_line(&mut line).unwrap() > 0, "it ended without {words:?}: {}", self.said);
+            assert!(
+                self.stderr.read_line(&mut line).unwrap() > 0,
+                "the process ended without {words:?}: {}",
+                self.said
+            );
             self.said += &line;
             if words.iter().all(|word| line.contains(word)) {
                 return line;
@@ -47,13 +51,13 @@ impl Talker {
         }
     }
 
-    /// Number of a process of a run.
+    /// Process id of a process that `hoof run` has started.
     pub fn process(&mut self, name: &str) -> String {
         let line = self.hear(&[name, ": process "]);
         line.trim_end().rsplit(' ').next().unwrap().to_owned()
     }
 
-    /// Waits for its end, and the end of all that speak through it. Killed where no exit code is left, it fails the test.
+    /// Waits until the process and all that share its standard error have ended. A process killed by a signal fails the test.
     pub fn end(mut self) -> Ran {
         let status = self.wait();
         let mut stdout = Vec::new();
@@ -61,22 +65,22 @@ impl Talker {
         ran(Output { status, stdout, stderr: std::mem::take(&mut self.said).into_bytes() })
     }
 
-    /// Waits until nobody speaks through it any more.
+    /// Waits until its standard error is closed and the process has ended.
     pub fn wait(&mut self) -> std::process::ExitStatus {
         self.stderr.read_to_string(&mut self.said).unwrap();
         self.child.wait().unwrap()
     }
 
-    /// Asks it to end with Ctrl-C.
+    /// Sends the signal of Ctrl-C.
     pub fn interrupt(&self) {
         kill("-INT", &self.id());
     }
 }
 
-/// Those that a run has started end with it.
+/// Processes that a run has started end with it.
 impl Drop for Talker {
     fn drop(&mut self) {
-        // It may have ended already, and be waited for: then there is nothing to kill.
+        // The process may have ended already: then both calls fail, which is fine.
         let _ = self.child.kill();
         let _ = self.child.wait();
     }
