@@ -30,11 +30,17 @@ pub fn run(args: &Args, mut command: clap::Command) -> anyhow::Result<Outcome> {
         say(path.display())?;
     }
     let manual = made(&args.prefix.join("share/man/man1"))?;
-    clap_mangen::generate_to(command, &manual).with_context(|| manual.display().to_string())?;
+    clap_mangen::generate_to(without_help(command), &manual).with_context(|| manual.display().to_string())?;
     say(manual.display())?;
     Ok(Outcome::Good)
 }
 
+/// Without the generated `help` subcommands: each would be a page that repeats another one.
+fn without_help(command: clap::Command) -> clap::Command {
+    command.disable_help_subcommand(true).mut_subcommands(without_help)
+}
+
+/// The folder, created if missing.
 fn made(folder: &Path) -> anyhow::Result<PathBuf> {
     create_dir_all(folder).with_context(|| folder.display().to_string())?;
     Ok(folder.to_path_buf())
