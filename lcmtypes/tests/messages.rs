@@ -84,7 +84,8 @@ fn encode_refuses_a_length_that_is_not_that_of_the_array() {
     let mut out = vec![1, 2, 3];
     let wrong = RobotState { qd: vec![0.0; 3], ..state() };
     let error = wrong.encode(&mut out).unwrap_err();
-    assert_eq!(error.to_string(), "hoofprint.robot_state_t.qd has 3 elements, but its length field nj says 2");
+    let text = error.to_string();
+    assert!(["hoofprint.robot_state_t.qd", "3", "nj", "2"].iter().all(|fact| text.contains(fact)), "{text}");
     assert!(matches!(error, EncodeError::Length { expected: 2, found: 3, .. }));
     assert_eq!(out, [1, 2, 3], "nothing is left behind");
 }

@@ -1,4 +1,4 @@
-//! What a `.lcm` text says, as written: names are not yet linked to other types.
+//! Syntax tree of a `.lcm` text. Names are not yet linked to other types.
 
 use std::sync::Arc;
 
@@ -66,12 +66,12 @@ impl Primitive {
         }
     }
 
-    /// `int8_t` to `int64_t`: the types that may hold the length of an array.
+    /// `int8_t` to `int64_t`: the types that a length field may have.
     pub fn is_signed_integer(self) -> bool {
         matches!(self, Self::Int8 | Self::Int16 | Self::Int32 | Self::Int64)
     }
 
-    /// Fewest bytes that a value takes on the wire; the exact number for all but strings.
+    /// Smallest number of bytes of a value on the wire; exact for all types but strings.
     pub fn min_size(self) -> usize {
         match self {
             Self::Int8 | Self::Byte | Self::Boolean => 1,
@@ -95,7 +95,7 @@ pub struct Position {
 /// One parsed `.lcm` text.
 #[derive(Debug, Clone, PartialEq)]
 pub struct File {
-    /// Name by which errors call it.
+    /// Name in error messages.
     pub path: Arc<str>,
     /// Its structs, in the order of the text.
     pub structs: Vec<Struct>,
@@ -128,7 +128,7 @@ pub struct Struct {
     pub name: TypeName,
     /// Place of the name.
     pub position: Position,
-    /// Comment that stands directly above it, without comment signs; lines joined by `\n`.
+    /// Comment directly above the declaration, without comment signs; lines joined by `\n`.
     pub comment: Option<String>,
     /// Its constants, in the order of the text.
     pub constants: Vec<Constant>,
@@ -141,7 +141,7 @@ pub struct Struct {
 pub struct Constant {
     /// Its name.
     pub name: String,
-    /// Its value, which also says its type.
+    /// Value, with its type.
     pub value: ConstantValue,
     /// The value as written.
     pub text: String,
@@ -188,14 +188,14 @@ pub enum FieldType {
 /// One dimension of an array.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Dim {
-    /// Known from the type.
+    /// Fixed size.
     Constant {
         /// Number of elements, above 0.
         size: usize,
-        /// The number as written (of a named constant: as written there), which the fingerprint covers.
+        /// The number as written (for a named constant: as written at the constant); part of the fingerprint.
         text: String,
     },
-    /// Held by an earlier integer field of the same struct.
+    /// Variable size, in an earlier integer field of the same struct.
     Variable {
         /// Index of that field in [`Struct::fields`].
         field: usize,
@@ -211,14 +211,14 @@ pub struct Enum {
     pub name: TypeName,
     /// Place of the name.
     pub position: Position,
-    /// Comment that stands directly above it.
+    /// Comment directly above the declaration.
     pub comment: Option<String>,
     /// Names and values, in the order of the text.
     pub values: Vec<(String, i32)>,
 }
 
 impl Enum {
-    /// What it adds to the fingerprint of a struct that holds it.
+    /// Its part of the fingerprint of a struct with a field of this type.
     pub fn fingerprint(&self) -> u64 {
         crate::hash::enum_base(self)
     }

@@ -11,7 +11,7 @@ impl Type<'_> {
     ///
     /// # Errors
     /// [`EncodeError::Shape`] if the tree does not have the fields and kinds of the type, [`EncodeError::Length`] if an array does
-    /// not have the length that its length field says.
+    /// not have the length given by its length field.
     pub fn encode(&self, value: &Value) -> Result<Vec<u8>, EncodeError> {
         let mut writer = Writer { top: *self, path: Path::default(), out: self.fingerprint().to_be_bytes().to_vec() };
         writer.structure(*self, value)?;

@@ -1,6 +1,6 @@
-//! What can go wrong with a text, and with a message.
+//! Errors of texts and messages.
 
-/// A `.lcm` text cannot be used.
+/// Error in a `.lcm` text.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
 pub enum Error {
@@ -13,66 +13,66 @@ pub enum Error {
         line: usize,
         /// Column, from 1, in characters.
         column: usize,
-        /// What stands there.
+        /// Text found.
         found: String,
-        /// What the language wants there.
+        /// Text expected by the language.
         expected: String,
     },
 }
 
-/// A message cannot be written.
+/// Error in encoding a message.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
 pub enum EncodeError {
-    /// An array does not have the length that its length field says.
-    #[error("{type_name}.{field} has {found} elements, but its length field {length_field} says {expected}")]
+    /// The length of an array differs from its length field.
+    #[error("{type_name}.{field} has {found} elements, its length field {length_field} is {expected}")]
     Length {
-        /// Type that holds the array.
+        /// Type with the array.
         type_name: String,
         /// The array.
         field: String,
-        /// Field that holds the length.
+        /// Length field.
         length_field: String,
         /// Value of that field.
         expected: i64,
         /// Elements in the array.
         found: usize,
     },
-    /// A string does not fit its 32-bit length.
+    /// A string is too long for its 32-bit length.
     #[error("a string has {length} bytes, LCM allows at most {}", i32::MAX - 1)]
     StringTooLong {
         /// Its length in bytes.
         length: usize,
     },
-    /// A value tree does not have the shape of its type.
+    /// A value tree does not match its type.
     #[error("{type_name}{}{path}: found {found}, expected {expected}", if path.is_empty() { "" } else { ", field " })]
     Shape {
         /// Type of the message.
         type_name: String,
-        /// Where in the message, such as `state.q[3]`.
+        /// Path in the message, such as `state.q[3]`.
         path: String,
-        /// What the value is.
+        /// Kind of the value.
         found: String,
-        /// What the type wants.
+        /// Kind expected by the type.
         expected: String,
     },
 }
 
-/// Bytes are not a message of the type.
+/// Error in decoding a message.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[error("{type_name}{}{path}, byte {offset}: {problem}", if path.is_empty() { "" } else { ", field " })]
 pub struct DecodeError {
-    /// Type that was to be read.
+    /// Expected type.
     pub type_name: String,
-    /// Where in the message, such as `state.q[3]`; empty for the message as a whole.
+    /// Path in the message, such as `state.q[3]`; empty for the whole message.
     pub path: String,
     /// Offset in the message, fingerprint included.
     pub offset: usize,
-    /// What is wrong there.
+    /// The problem.
     pub problem: DecodeProblem,
 }
 
-/// What is wrong with a message.
+/// Kind of a decoding error.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
 #[allow(missing_docs, reason = "the messages name the fields")]
@@ -85,9 +85,9 @@ pub enum DecodeProblem {
     Truncated { needed: usize, remaining: usize },
     #[error("{length_field} is {found}, expected a length of 0 or more")]
     NegativeLength { length_field: String, found: i64 },
-    #[error("{length_field} is {found}, but these elements take no bytes and only {limit} of them are allowed")]
+    #[error("{length_field} is {found}, but its elements take no bytes, so at most {limit} are allowed")]
     TooManyEmpty { length_field: String, found: i64, limit: usize },
-    #[error("structs stand deeper than {limit} in each other")]
+    #[error("structs are nested deeper than {limit}")]
     TooDeep { limit: usize },
     #[error("string length (with its final NUL) is {found}, expected 1 or more")]
     StringLength { found: i32 },
@@ -102,19 +102,19 @@ pub enum DecodeProblem {
 }
 
 impl DecodeError {
-    /// Puts a field in front of the path; called while an error passes outwards.
+    /// Prepends a field to the path; called as an error is passed up.
     pub(crate) fn in_field(mut self, name: &str) -> Self {
         let dot = if self.path.is_empty() || self.path.starts_with('[') { "" } else { "." };
         self.path = format!("{name}{dot}{}", self.path);
         self
     }
 
-    /// Puts an array index in front of the path.
+    /// Prepends an array index to the path.
     pub(crate) fn at_index(self, index: usize) -> Self {
         self.in_field(&format!("[{index}]"))
     }
 
-    /// Says which message was read.
+    /// Sets the type of the message.
     pub(crate) fn of_type(mut self, name: &str) -> Self {
         self.type_name = name.to_owned();
         self

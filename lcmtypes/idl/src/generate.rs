@@ -7,11 +7,11 @@ use crate::ast::{ConstantValue, Dim, Enum, Field, FieldType, Primitive, TypeName
 use crate::set::Element;
 use crate::{Type, TypeSet};
 
-/// Rust source of every type of a set: one module a package (dots become `_`, no package is `unnamed`), in it one struct a type.
+/// Rust source of every type of a set: one module per package (dots become `_`, no package is `unnamed`) with one struct per type.
 ///
 /// The struct of `robot_state_t` is `RobotState`; it implements [`Message`](crate::Message), its constants are associated constants,
-/// its comment is its documentation. An enum is a struct around its `i32`, so that values without a name survive. The source is a
-/// pure function of the set and needs this crate only.
+/// its comment is its documentation. An enum is a struct around its `i32`, so values without a name are preserved. The source is a
+/// pure function of the set and depends on this crate only.
 pub fn generate(set: &TypeSet) -> String {
     let mut modules: BTreeMap<&str, String> = BTreeMap::new();
     for e in set.enums() {
@@ -51,7 +51,7 @@ fn module_name(package: &str) -> String {
     if package.is_empty() { "unnamed".to_owned() } else { identifier(&package.replace('.', "_")) }
 }
 
-/// A field's name, escaped where Rust keeps the word for itself.
+/// A field's name, escaped if it is a Rust keyword.
 fn identifier(name: &str) -> String {
     const RAW: &[&str] = &[
         "abstract", "as", "async", "await", "become", "box", "break", "const", "continue", "do", "dyn", "else", "enum",
@@ -68,7 +68,7 @@ fn identifier(name: &str) -> String {
 
 fn doc(out: &mut String, indent: &str, comment: Option<&String>) {
     for line in comment.iter().flat_map(|c| c.lines()) {
-        // Four spaces would make it a code example, which would be compiled as a test.
+        // Rustdoc would compile a line with four leading spaces as an example.
         let line = if line.starts_with("    ") { line.trim_start() } else { line };
         let _ = writeln!(out, "{}", format!("{indent}/// {line}").trim_end());
     }
@@ -192,7 +192,7 @@ fn constant(value: ConstantValue) -> (&'static str, String) {
     }
 }
 
-/// Written out, since the standard library has a `Default` for arrays of up to 32 elements only.
+/// Written out, because the standard library implements `Default` only for arrays of up to 32 elements.
 fn default(dims: &[Dim], element: Element) -> String {
     match (dims.split_first(), element) {
         (Some((Dim::Variable { .. }, _)), _) => "::std::vec::Vec::new()".to_owned(),
@@ -242,7 +242,7 @@ fn put(out: &mut String, fields: &[Field], field: &Field, dims: &[Dim], place: &
     let _ = writeln!(out, "{indent}}}");
 }
 
-/// An expression that reads a field: a function of the reader. `place` is where the value of a length field stands by then.
+/// An expression that reads a field: a function of the reader. `place` is the variable with the value of a length field.
 fn take(set: &TypeSet, fields: &[Field], dims: &[Dim], element: Element, place: &dyn Fn(&str) -> String) -> String {
     let is_struct = matches!(element, Element::Struct(_));
     let Some((outer, inner)) = dims.split_first().filter(|_| is_struct || !is_fixed(dims)) else {
@@ -280,10 +280,10 @@ fn retake(out: &mut String, set: &TypeSet, fields: &[Field], field: &Field, iden
     };
 }
 
-/// What a reader has to know of a list whose first dimension is variable: name and value of its length, fewest bytes of an item, an item.
+/// Arguments for reading a list of variable length: name and value of its length field, smallest size of an item in bytes, expression of an item.
 fn list(set: &TypeSet, fields: &[Field], dims: &[Dim], element: Element, place: &dyn Fn(&str) -> String) -> String {
     let Some((Dim::Variable { field, name }, inner)) = dims.split_first() else {
-        unreachable!("both callers have looked")
+        unreachable!("both callers check the dimension")
     };
     let smallest = match element {
         Element::Primitive(p) => p.min_size(),

@@ -1,4 +1,4 @@
-//! Fingerprints, as `lcm-gen` computes them: a struct is known by the names and types of its fields, not by its own name.
+//! Fingerprints, as `lcm-gen` computes them: from the names and types of a struct's fields, not from its own name.
 
 use crate::ast::{Dim, Enum, FieldType, Struct};
 
@@ -23,7 +23,7 @@ pub(crate) fn struct_base(s: &Struct) -> u64 {
     hash.0.cast_unsigned()
 }
 
-/// Hash of an enum: its name alone, so that values can be added.
+/// Hash of an enum, from its name only, so that values can be added later.
 pub(crate) fn enum_base(e: &Enum) -> u64 {
     let mut hash = Hash(0x8765_4321);
     hash.text(&e.name.short);
@@ -43,8 +43,8 @@ impl Hash {
         self.0 = ((self.0 << 8) ^ (self.0 >> 55)).wrapping_add(i64::from(c));
     }
 
-    /// Lengths go through a `char` in the original, so only their low byte counts.
-    #[allow(clippy::cast_possible_truncation, reason = "that is the definition")]
+    /// The original passes lengths as `char`, so only the low byte is used.
+    #[allow(clippy::cast_possible_truncation, reason = "part of the definition")]
     fn length(&mut self, length: usize) {
         self.byte((length as u8).cast_signed());
     }

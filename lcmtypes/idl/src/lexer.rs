@@ -1,14 +1,14 @@
-//! Text → tokens. Comments are no tokens: the one directly above a token is kept with it.
+//! Text → tokens. Comments are not tokens; the comment directly above a token is stored with it.
 
 use crate::Error;
 use crate::ast::Position;
 
-/// Kind of a token; its text stands beside it.
+/// Kind of a token.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Kind {
     /// Keyword, name or type, dots included.
     Word,
-    /// Anything that begins like a number; the parser judges it.
+    /// Text that starts like a number; the parser checks it.
     Number,
     /// One of `{ } [ ] ; , =`.
     Sign,
@@ -26,7 +26,7 @@ pub(crate) struct Token {
 }
 
 impl Token {
-    /// How errors call it.
+    /// Text in error messages.
     pub fn described(&self) -> String {
         match self.kind {
             Kind::End => "the end of the file".into(),

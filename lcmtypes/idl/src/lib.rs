@@ -1,15 +1,15 @@
 //! The LCM type language: parser, fingerprints, run-time reflection and a generator of Rust.
 //!
-//! LCM messages are described in `.lcm` files. There is no maintained Rust generator for them, so this crate is ours, and it is
-//! held against the stock `lcm-gen` (`tests/conformance`): same fingerprints, same bytes.
+//! LCM messages are described in `.lcm` files. There is no maintained Rust generator for them, so this crate is part of the project.
+//! Tests compare it with the stock `lcm-gen` (`tests/conformance`): same fingerprints, same bytes.
 //!
-//! | module       | what it holds                                                                          |
+//! | module       | content                                                                                |
 //! |--------------|----------------------------------------------------------------------------------------|
-//! | [`ast`]      | what a `.lcm` text says: structs, fields, dimensions, constants, enums                 |
+//! | [`ast`]      | content of a `.lcm` text: structs, fields, dimensions, constants, enums                 |
 //! | `parser`     | text → [`ast::File`], errors with file, line, column, found, expected                  |
 //! | [`TypeSet`]  | several files linked together, looked up by name or fingerprint                        |
 //! | [`Type`]     | reflection: decode to a [`Value`] tree, encode it, walk the leaves, compare messages   |
-//! | [`wire`]     | the byte format: [`Message`], [`wire::Wire`], [`wire::Reader`]; generated code calls it |
+//! | [`wire`]     | the byte format: [`Message`], [`wire::Wire`], [`wire::Reader`]; used by generated code |
 //! | [`generate`] | Rust source for a set of types                                                         |
 //!
 //! ```
@@ -23,7 +23,7 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 //!
-//! It must never read a file, panic on bad input, or allocate more than a small multiple of the bytes it was given.
+//! The crate must never read a file, panic on bad input, or allocate more than a small multiple of its input's size.
 
 pub mod ast;
 mod encode;

@@ -1,7 +1,7 @@
-//! Tokens → [`File`]: recursive descent, one function a construct.
+//! Tokens → [`File`]: recursive descent, one function per construct.
 //!
-//! The language is that of `lcm-gen` 1.5: constants may be dimensions, packages may change within a file, enums are numbered as it
-//! numbers them. Numbers are read as C reads them: `0x10` is 16 and `010` is 8.
+//! The language is that of `lcm-gen` 1.5: constants may be dimensions, packages may change within a file, enums are numbered as
+//! `lcm-gen` numbers them. Numbers are read as in C: `0x10` is 16 and `010` is 8.
 
 use std::sync::Arc;
 
@@ -9,7 +9,7 @@ use crate::Error;
 use crate::ast::{Constant, ConstantValue, Dim, Enum, Field, FieldType, File, Primitive, Struct, TypeName};
 use crate::lexer::{Kind, Token, tokens};
 
-/// Parses one `.lcm` text. `file` is the name by which errors call it.
+/// Parses one `.lcm` text. `file` is its name in error messages.
 ///
 /// # Errors
 /// [`Error::Syntax`] at the first place where the text breaks a rule of the language.
@@ -38,7 +38,7 @@ struct Parser<'a> {
 }
 
 impl Parser<'_> {
-    /// The next token; at the end, the end again and again.
+    /// The next token; after the last one always [`Kind::End`].
     fn next(&mut self) -> Token {
         let token = self.tokens[self.at].clone();
         if token.kind != Kind::End {
@@ -124,11 +124,11 @@ impl Parser<'_> {
                 _ => return Err(self.unexpected(&token, "a field, `const` or `}`")),
             }
         }
-        // `};` is a habit of C++; lcm-gen takes it for nothing else, so it is an error there and here.
+        // `};` as in C++ is an error in lcm-gen, and here too.
         Ok(out)
     }
 
-    /// A name that no other field or constant of the struct has.
+    /// A name that no other field or constant of the struct uses.
     fn new_name(&mut self, of: &Struct, what: &str) -> Result<Token, Error> {
         let token = self.name(what)?;
         if of.fields.iter().any(|f| *f.name == token.text) || of.constants.iter().any(|c| c.name == token.text) {
@@ -185,7 +185,7 @@ impl Parser<'_> {
         }
     }
 
-    /// The type a field names, with the package of the text filled in.
+    /// Type of a field, with the package of the text added.
     fn qualified(&self, token: &Token) -> Result<TypeName, Error> {
         if token.text.split('.').any(str::is_empty) {
             return Err(self.unexpected(token, "a type"));
@@ -255,7 +255,7 @@ impl Parser<'_> {
     }
 }
 
-/// Reads an integer as C's `strtoll(text, .., 0)` does, and refuses what does not fit.
+/// Reads an integer like C's `strtoll(text, .., 0)`; `None` if it does not fit.
 fn integer(text: &str) -> Option<i64> {
     let (negative, digits) = match text.strip_prefix('-') {
         Some(rest) => (true, rest),
@@ -275,7 +275,7 @@ fn integer(text: &str) -> Option<i64> {
 }
 
 /// Reads a number as C's `strtod` does: decimal or hexadecimal integer.
-#[allow(clippy::cast_precision_loss, reason = "the language converts so")]
+#[allow(clippy::cast_precision_loss, reason = "as defined by the language")]
 fn float(text: &str) -> Option<f64> {
     let hexadecimal = text.to_ascii_lowercase().contains("0x");
     if hexadecimal { integer(text).map(|n| n as f64) } else { text.parse().ok() }

@@ -17,7 +17,7 @@ pub enum Segment<'a> {
     Index(usize),
 }
 
-/// The way from a message to a leaf. Its text is such as `state.q[3]`; writing it is left to who needs it.
+/// Path from a message to a leaf, displayed as `state.q[3]`. The text is created only when it is displayed.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct Path<'a>(pub(crate) Vec<Segment<'a>>);
 
@@ -44,7 +44,7 @@ impl fmt::Display for Path<'_> {
 /// A leaf in which two messages of a type differ.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Difference {
-    /// Where, such as `state.q[3]`.
+    /// Path, such as `state.q[3]`.
     pub path: String,
     /// Value in the first message.
     pub left: Value,
@@ -97,10 +97,10 @@ impl<'a> Type<'a> {
         self.traverse(bytes, Tree)
     }
 
-    /// Calls `visit` with every leaf of a message in wire order: where it stands, and its value.
+    /// Calls `visit` with path and value of every leaf of a message, in wire order.
     ///
     /// # Errors
-    /// As [`Type::decode`]; leaves before the damage have been visited then.
+    /// As [`Type::decode`]; leaves before the damage have been visited.
     pub fn walk<'b>(&self, bytes: &'b [u8], visit: impl FnMut(&Path<'a>, Leaf<'b>)) -> Result<(), DecodeError> {
         self.traverse(bytes, Walk(visit))
     }
@@ -117,7 +117,7 @@ impl<'a> Type<'a> {
 
     /// The first leaf in which two messages differ, comparing bits of floats; `None` if none does.
     ///
-    /// A difference in length shows in the field that holds the length, which always stands before the array.
+    /// A difference in length is found in the length field, which always precedes the array.
     ///
     /// # Errors
     /// As [`Type::decode`], of either message.
@@ -137,7 +137,7 @@ impl<'a> Type<'a> {
         Ok(first)
     }
 
-    /// The value whose numbers are 0, strings and variable arrays empty.
+    /// The value with all numbers 0 and all strings and variable arrays empty.
     pub fn default_value(&self) -> Value {
         let fields = self.linked().def.fields.iter().zip(&self.linked().elements);
         Value::Struct(
@@ -176,7 +176,7 @@ impl<'a> Type<'a> {
     }
 }
 
-/// What becomes of a message as it is read; one traversal serves all uses.
+/// Receiver of the values of a message as it is read; one traversal serves all uses.
 trait Sink<'a, 'b> {
     type Out;
     fn leaf(&mut self, path: &Path<'a>, leaf: Leaf<'b>) -> Self::Out;
@@ -211,7 +211,7 @@ impl<'a, 'b, F: FnMut(&Path<'a>, Leaf<'b>)> Sink<'a, 'b> for Walk<F> {
     fn structure(&mut self, _: &'a Linked, _: Vec<()>) {}
 }
 
-/// On failure `path` stays where it was, and so names the place.
+/// On failure `path` keeps the place of the error.
 struct Traversal<'a, 'b, S> {
     set: &'a TypeSet,
     wire: Reader<'b>,
@@ -241,7 +241,7 @@ impl<'a, 'b, S: Sink<'a, 'b>> Traversal<'a, 'b, S> {
         let Some((outer, inner)) = dims.split_first() else {
             return self.element(element, &mut 0);
         };
-        // Sizes known from the type are checked too: the type may come from a log, hence from anywhere.
+        // Sizes known from the type are checked too: the type may come from a log, so it is not trusted.
         let inner_lengths: Vec<i64> = inner.iter().map(|dim| dim_length(dim, integers)).collect();
         let row_size = wire::row_size(&inner_lengths, self.min_size(element));
         let name = if let Dim::Variable { name, .. } = outer { name } else { "the array size" };

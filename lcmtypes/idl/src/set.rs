@@ -7,7 +7,7 @@ use crate::ast::{Dim, Enum, FieldType, Position, Primitive, Struct, TypeName};
 use crate::wire::MAX_DEPTH;
 use crate::{Error, hash, parse};
 
-/// Types from one or more `.lcm` texts, every name in them linked to what it means.
+/// Types from one or more `.lcm` texts, with every name linked to its type.
 #[derive(Debug, Clone)]
 pub struct TypeSet {
     pub(crate) structs: Vec<Linked>,
@@ -16,22 +16,22 @@ pub struct TypeSet {
     by_fingerprint: BTreeMap<u64, usize>,
 }
 
-/// A struct and what linking added to it.
+/// A linked struct.
 #[derive(Debug, Clone)]
 pub(crate) struct Linked {
     pub def: Struct,
     pub file: Arc<str>,
     /// Name with package.
     pub full_name: Arc<str>,
-    /// What each field's elements are.
+    /// Element type of each field.
     pub elements: Vec<Element>,
     pub base: u64,
     pub fingerprint: u64,
-    /// Fewest bytes of a value on the wire.
+    /// Smallest number of bytes of a value on the wire.
     pub min_size: usize,
 }
 
-/// What the elements of a field are.
+/// Element type of a field.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Element {
     Primitive(Primitive),
@@ -53,7 +53,7 @@ impl TypeSet {
     ///
     /// # Errors
     /// [`Error::Syntax`] at the first place where a text breaks a rule of the language, names a type that no text declares, declares
-    /// one a second time, or holds itself without end.
+    /// a type twice, or contains itself without end.
     pub fn parse<'t>(sources: impl IntoIterator<Item = (&'t str, &'t str)>) -> Result<Self, Error> {
         let mut set =
             Self { structs: Vec::new(), enums: Vec::new(), by_name: BTreeMap::new(), by_fingerprint: BTreeMap::new() };
@@ -184,7 +184,7 @@ impl TypeSet {
                         &linked.file,
                         field.position,
                         found,
-                        "an array of variable length on the way to itself",
+                        "an array of variable length between the two",
                     ));
                 }
                 Element::Struct(inner) => self.min_size(inner, parents, known)?,

@@ -140,7 +140,7 @@ fn broken_texts() {
         ),
         (
             "struct a_t { b_t b; }\nstruct b_t { a_t a[2]; }",
-            "a.lcm:2:18: found a field of type `a_t`, which always holds another one, expected an array of variable length on the way to itself",
+            "a.lcm:2:18: found a field of type `a_t`, which always holds another one, expected an array of variable length between the two",
         ),
     ];
     for (text, expected) in table {
@@ -152,24 +152,24 @@ const DIM_BRACKET: &str =
     "a.lcm:1:23: found `]`, expected a number above 0, an integer constant or an earlier integer field";
 
 #[test]
-fn every_beginning_of_a_text_is_read_or_refused() {
+fn every_prefix_of_a_text_is_parsed_or_rejected() {
     let text = include_str!("conformance/nested.lcm").to_owned() + include_str!("conformance/comments.lcm");
     for (end, _) in text.char_indices() {
-        // Whether it is refused depends on the place; that it never panics does not.
+        // Any result is fine, as long as it does not panic.
         let _ = TypeSet::parse([("a.lcm", &text[..end])]);
     }
 }
 
 #[test]
-fn the_file_that_is_wrong_is_named() {
+fn errors_name_the_file() {
     let good = "package p; struct a_t { int8_t x; }";
     let error = TypeSet::parse([("one.lcm", good), ("two.lcm", good)]).unwrap_err().to_string();
     assert_eq!(error, "two.lcm:1:19: found `p.a_t`, expected another name: one.lcm:1:19 declares this one");
 }
 
-/// Types in each other take no exponential time, and bottomless ones are refused rather than overflow the stack.
+/// Nested types take no exponential time; types nested too deeply are rejected before the stack overflows.
 #[test]
-fn hostile_texts_end() {
+fn hostile_texts_are_parsed_or_rejected_in_bounded_time() {
     use std::fmt::Write as _;
     let mut wide = String::from("struct t0 { int8_t x; }");
     let mut deep = wide.clone();
@@ -193,7 +193,7 @@ fn hostile_texts_end() {
 }
 
 #[test]
-fn what_lcm_gen_reads_otherwise_or_not_at_all() {
+fn constructs_that_lcm_gen_accepts_in_several_forms() {
     // No spaces around braces; numbers as C reads them; both separators in enums.
     let text = "struct a_t{const int32_t X=010,Y=+5,Z=-0x1F;const double D=1e+2,H=0x10;int8_t x[010];}enum e_t{A;B,C}";
     let types = TypeSet::parse([("a.lcm", text)]).unwrap();

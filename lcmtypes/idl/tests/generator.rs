@@ -1,4 +1,4 @@
-//! The generated code itself: `UPDATE_GOLDEN=1 cargo test -p lcm-idl --test generator` writes it anew, for a person to read.
+//! The generated code itself: `UPDATE_GOLDEN=1 cargo test -p lcm-idl --test generator` writes it again, for review.
 
 #![allow(clippy::unwrap_used, reason = "a test may panic")]
 
@@ -15,7 +15,7 @@ fn generated_code_is_as_committed() {
         fs::write(&path, &code).unwrap();
     }
     let committed = fs::read_to_string(&path).unwrap();
-    assert!(committed == code, "{} is not what the generator makes of the texts", path.display());
+    assert!(committed == code, "{} differs from the generator's output", path.display());
 }
 
 #[test]

@@ -1,4 +1,4 @@
-//! What holds for every type and every message: random ones, from a fixed seed.
+//! Properties of all types and messages, tested on random ones from a fixed seed.
 
 #![allow(clippy::unwrap_used, reason = "a test may panic")]
 
@@ -111,7 +111,7 @@ fn each_message(seeds: std::ops::Range<u64>, mut check: impl FnMut(&TypeSet, Typ
 }
 
 #[test]
-fn decode_undoes_encode() {
+fn decode_inverts_encode() {
     let mut messages = 0;
     each_message(0..400, |types, ty, value, bytes| {
         messages += 1;
@@ -128,7 +128,7 @@ fn decode_undoes_encode() {
 }
 
 #[test]
-fn a_message_cut_anywhere_is_refused() {
+fn a_truncated_message_is_rejected() {
     each_message(1000..1060, |_, ty, _, bytes| {
         let step = 1 + bytes.len() / 500;
         for end in (0..bytes.len()).step_by(step) {
@@ -140,7 +140,7 @@ fn a_message_cut_anywhere_is_refused() {
 }
 
 #[test]
-fn damaged_bytes_are_read_or_refused_and_what_is_read_is_what_is_written() {
+fn damaged_bytes_are_rejected_or_decoded_to_a_value_that_encodes_to_them() {
     let mut random = Random(7);
     let mut read = 0;
     each_message(2000..2200, |_, ty, _, bytes| {

@@ -1,4 +1,4 @@
-//! Reflection: values, paths, differences, and what is refused.
+//! Reflection: values, paths, differences, rejected messages.
 
 #![allow(clippy::unwrap_used, reason = "a test may panic")]
 
@@ -96,7 +96,7 @@ fn values_are_reached_by_path() {
 }
 
 #[test]
-fn encode_refuses_another_shape() {
+fn encode_rejects_a_value_of_another_type() {
     let types = types();
     let ty = types.by_name("p.outer_t").unwrap();
     let encode = |change: &dyn Fn(&mut Value)| {
@@ -105,7 +105,7 @@ fn encode_refuses_another_shape() {
         ty.encode(&value).unwrap_err().to_string()
     };
     let put = |path: &'static str, new: Value| move |value: &mut Value| *value.get_mut(path).unwrap() = new.clone();
-    assert_eq!(encode(&put("n", Value::Int32(3))), "p.outer_t.in has 2 elements, but its length field n says 3");
+    assert_eq!(encode(&put("n", Value::Int32(3))), "p.outer_t.in has 2 elements, its length field n is 3");
     assert_eq!(encode(&put("b", Value::Byte(1))), "p.outer_t, field b: found byte, expected boolean");
     assert_eq!(encode(&put("in", Value::Int8(1))), "p.outer_t, field in: found int8_t, expected array");
     assert_eq!(encode(&put("in[1]", Value::Int8(1))), "p.outer_t, field in[1]: found int8_t, expected p.inner_t");
@@ -146,7 +146,7 @@ fn differences_compare_bits_and_count_ulps() {
     let found = difference(&message(0.0, 1.0, &[]), &message(0.0, f32::from_bits(1f32.to_bits() + 3), &[])).unwrap();
     assert_eq!((found.path.as_str(), found.ulps()), ("y", Some(3)));
 
-    // A difference in length shows in the length.
+    // A difference in length is found in the length field.
     let found = difference(&message(0.0, 0.0, &[1, 2]), &message(0.0, 0.0, &[9])).unwrap();
     assert_eq!(found, Difference { path: "n".into(), left: Value::Int8(2), right: Value::Int8(1) });
     let found = difference(&message(0.0, 0.0, &[1, 2]), &message(0.0, 0.0, &[1, 3])).unwrap();
@@ -159,7 +159,7 @@ fn raw(types: &TypeSet, name: &str, fields: &[&[u8]]) -> Vec<u8> {
 }
 
 #[test]
-fn hostile_messages_are_refused_before_they_cost_anything() {
+fn hostile_messages_are_rejected_before_memory_is_allocated() {
     let types = types();
     let problem = |name: &str, fields: &[&[u8]]| {
         let error = types.by_name(name).unwrap().decode(&raw(&types, name, fields)).unwrap_err();
@@ -169,7 +169,7 @@ fn hostile_messages_are_refused_before_they_cost_anything() {
     let none = 0i32.to_be_bytes();
     let (path, found) = problem("p.outer_t", &[&many]);
     assert_eq!((path.as_str(), found), ("in", DecodeProblem::Truncated { needed: 21 * 0x7fff_ffff, remaining: 0 }));
-    // Elements without bytes: nothing but the limit stops them.
+    // Elements without bytes: only the limit bounds them.
     let (path, found) = problem("p.crowd_t", &[&many, &none]);
     let expected =
         DecodeProblem::TooManyEmpty { length_field: "n".into(), found: i64::from(i32::MAX), limit: MAX_EMPTY };
@@ -197,7 +197,7 @@ fn hostile_messages_are_refused_before_they_cost_anything() {
 }
 
 #[test]
-fn structs_in_each_other_are_limited_in_depth() {
+fn nesting_of_structs_is_limited() {
     let types = types();
     let ty = types.by_name("p.node_t").unwrap();
     let chain = |depth: usize| raw(&types, "p.node_t", &[&vec![1; depth], &[0]]);
