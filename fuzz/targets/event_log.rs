@@ -18,5 +18,5 @@ fuzz_target!(|bytes: &[u8]| {
         assert!(at <= offset && offset < end && end <= length, "an item at {offset}..{end} behind {at}");
         at = end;
     }
-    assert_eq!(at, length, "bytes that nobody told of");
+    assert_eq!(at, length, "bytes that no item covers");
 });

@@ -284,7 +284,7 @@ enum Step<'p> {
     Index(usize),
 }
 
-/// The steps of a path; `None` for a step that is none.
+/// The steps of a path; `None` for an invalid step.
 fn steps(path: &str) -> impl Iterator<Item = Option<Step<'_>>> {
     path.split(['.', '[']).filter(|s| !s.is_empty()).map(|step| match step.strip_suffix(']') {
         Some(index) => index.parse().ok().map(Step::Index),
