@@ -11,6 +11,7 @@ mod experiment;
 mod install_files;
 mod live;
 mod log;
+mod outcome;
 mod progress;
 mod replay_log;
 mod report;
@@ -20,8 +21,8 @@ mod sim;
 mod spy;
 mod teleop;
 
-use anyhow::Context;
 use clap::{CommandFactory, Parser, Subcommand};
+use outcome::{Outcome, say, say_json};
 use std::process::ExitCode;
 
 /// Log-centric whole-body control for legged robots: every run is a log, every log replays bit for bit.
@@ -73,23 +74,6 @@ enum Command {
     InstallFiles(install_files::Args),
 }
 
-/// How a command ended, when it could do its work.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Outcome {
-    /// All good.
-    Good,
-    /// The check failed: not identical, fell, out of limits.
-    Failed,
-    /// Done, but part of the input was damaged or missing.
-    DataLoss,
-}
-
-impl Outcome {
-    fn failed_if(failed: bool) -> Self {
-        if failed { Outcome::Failed } else { Outcome::Good }
-    }
-}
-
 fn main() -> ExitCode {
     // A closed pipe (`hoof log cat run.mcap | head`) ends the program quietly, as it does for every Unix tool.
     let result = match Cli::parse().command {
@@ -138,15 +122,4 @@ fn in_words(error: &anyhow::Error) -> String {
 fn is_closed_pipe(error: &anyhow::Error) -> bool {
     let closed = |error: &std::io::Error| error.kind() == std::io::ErrorKind::BrokenPipe;
     error.downcast_ref().is_some_and(closed)
-}
-
-/// Writes lines to standard output; a closed pipe comes back as an error instead of a panic.
-fn say(text: impl std::fmt::Display) -> anyhow::Result<()> {
-    use std::io::Write;
-    writeln!(std::io::stdout().lock(), "{text}").context("standard output")
-}
-
-/// Prints a value as JSON.
-fn say_json(value: &impl serde::Serialize) -> anyhow::Result<()> {
-    say(serde_json::to_string_pretty(value)?)
 }
