@@ -70,13 +70,14 @@ done
 search "Code" <<<"Twenty revisions. Number 13 writes π with one digit fewer than a double has, in the swing. The others are comments in controller and replay, and notes."
 
 branch default
-replace controller/src/params/step.rs $'    pub reach_time: f64,\n}' $'    pub reach_time: f64,\n    /// Pace.\n    pub pace: f64,\n}'
-replace controller/src/params/step.rs 'reach_time: 0.5 }' 'reach_time: 0.5, pace: 1.0 }'
+replace controller/src/quadruped/params/swing.rs $'    pub reach_time: f64,\n}' $'    pub reach_time: f64,\n    /// Pace.\n    pub pace: f64,\n}'
+replace controller/src/quadruped/params/swing.rs 'reach_time: 0.5 }' 'reach_time: 0.5, pace: 1.0 }'
+replace controller/src/quadruped/params/swing.rs 'reach_time } = self' 'reach_time, pace: _ } = self'
 replace controller/src/quadruped/reference.rs 'let s = swing_point(t, ' 'let s = swing_point(params.swing.pace * t, '
 commit "swing: a pace"
 echo "Note." >>docs/notes.md
 commit "a note"
-replace controller/src/params/step.rs 'pace: 1.0 }' 'pace: 1.01 }'
+replace controller/src/quadruped/params/swing.rs 'pace: 1.0 }' 'pace: 1.01 }'
 commit "swing: a quicker pace"
 echo "Note." >>docs/notes.md
 commit "another note"

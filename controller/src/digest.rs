@@ -1,5 +1,6 @@
 //! 64-bit digests of the bits of a stage's quantities: equal digests, equal stage.
 
+use lcmtypes::{ControllerInput, RobotCommand};
 use nalgebra::{DMatrix, DVector, Matrix3, Vector3};
 
 /// A running digest. Words are mixed in by multiply and rotate (the finalizer of SplitMix64 closes it), fast enough to
@@ -78,6 +79,39 @@ impl Digest {
         z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
         (z ^ (z >> 31)).cast_signed()
     }
+}
+
+/// Digest of a controller input.
+pub fn input_digest(input: &ControllerInput) -> i64 {
+    let ControllerInput { t_ns, tick, running, t_op_ns, state, op } = input;
+    let mut d = Digest::default();
+    for word in [t_ns, tick, running, t_op_ns, &state.t_ns, &state.seq, &op.t_ns, &op.seq] {
+        d.word(word.cast_unsigned());
+    }
+    d.word(u64::from(state.nj.cast_unsigned()));
+    for values in [&state.q, &state.qd, &state.tau] {
+        d.word(values.len() as u64);
+        d.f64s(values);
+    }
+    d.f64s(&state.q_WI_wxyz);
+    d.f64s(&state.w_WI_I);
+    d.f64s(&state.a_I);
+    d.word(u64::from(op.mode.cast_unsigned()));
+    d.word(u64::from(op.gait.cast_unsigned()));
+    d.f64s(&op.v_H);
+    d.f64s(&[op.yaw_rate, op.roll, op.pitch, op.height_offset, op.swing_frequency, op.duty, op.step_height]);
+    d.finish()
+}
+
+/// Digest of the command that leaves the controller.
+pub fn command_digest(command: &RobotCommand) -> i64 {
+    let RobotCommand { mode, tau, q_des, qd_des, kp, kd, .. } = command;
+    let mut d = Digest::default();
+    for values in [tau, q_des, qd_des, kp, kd] {
+        d.f64s(values);
+    }
+    d.word(u64::from(mode.cast_unsigned()));
+    d.finish()
 }
 
 #[cfg(test)]

@@ -1,50 +1,52 @@
-//! Parameters that change while a controller runs.
+//! Parameter changes while a controller runs.
 //!
-//! No controller sees a parameter of its own change. Another one is built with the new parameters, away from the thread that runs the first, and
-//! takes over its state between two ticks: what a replay does too when it comes to the `parameter_change_t` of the log, so a run with
-//! changes on the way repeats to the bit. Parameters are checked whole, as at the beginning of a run; what is refused changes nothing.
+//! The parameters of a controller never change. For a change a second controller is built with the new parameters, outside the real-time thread,
+//! and takes over the state of the first between two ticks. A replay does the same at each `parameter_change_t` of the log, so a
+//! run with parameter changes replays bit for bit. The complete parameters are checked as at the start of a run; a rejected change has no effect.
 
+use crate::error::{LoadError, RestoreError};
+use crate::interface::Controller;
+use crate::load::load;
 use crate::params::{ParamsError, apply_overrides};
-use crate::{Controller, LoadError, RestoreError};
 use lcmtypes::RunInfo;
 
-/// Why a parameter stays as it is.
+/// A rejected parameter change.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum ChangeError {
-    /// It describes the machine.
-    #[error("parameter {key} cannot be changed while running: [robot] is what the run was begun with")]
+    /// The key describes the robot.
+    #[error("parameter {key} cannot be changed while running: keys of [robot] are fixed at the start of a run")]
     Fixed {
         /// The key.
         key: String,
     },
-    /// No such key, no such value.
+    /// The key or the value is invalid.
     #[error(transparent)]
     Params(#[from] ParamsError),
-    /// The controller cannot be built with it.
+    /// No controller can be built with the new parameters.
     #[error(transparent)]
     Load(#[from] LoadError),
 }
 
-/// The parameters of a run as they are by now.
+/// The present parameters of a run.
 #[derive(Clone, Debug)]
 pub struct Parameters {
     info: RunInfo,
 }
 
 impl Parameters {
-    /// Those that a run begins with.
+    /// The parameters at the start of a run.
     pub fn new(info: &RunInfo) -> Self {
-        // The texts that explain messages are of no use to a controller, and large.
+        // Building a controller does not need the texts of the message types, and they are large.
         Parameters { info: RunInfo { lcm_types: Vec::new(), num_lcm_types: 0, ..info.clone() } }
     }
 
-    /// These with one of them set.
+    /// A copy with one parameter changed.
     ///
     /// - `key`, `value`: dotted key and TOML value, as in `--set`.
     ///
     /// # Errors
-    /// [`ChangeError::Fixed`] for a key of the robot; [`ChangeError::Params`].
+    /// [`ChangeError::Fixed`] for a key of `[robot]`; [`ChangeError::Params`] for an unknown key or an invalid value.
     pub fn with(&self, key: &str, value: &str) -> Result<Self, ChangeError> {
         if key == "robot" || key.starts_with("robot.") {
             return Err(ChangeError::Fixed { key: key.to_owned() });
@@ -53,21 +55,21 @@ impl Parameters {
         Ok(Parameters { info: RunInfo { params, ..self.info.clone() } })
     }
 
-    /// Builds the controller that they describe; takes milliseconds.
+    /// Builds the run's controller with these parameters. Takes milliseconds.
     ///
     /// # Errors
-    /// What [`crate::load`] says of parameters that fit no controller.
+    /// [`ChangeError::Load`] if no controller can be built.
     pub fn build(&self) -> Result<Box<dyn Controller>, ChangeError> {
-        Ok(crate::load(&self.info)?)
+        Ok(load(&self.info)?)
     }
 }
 
-/// Hands the state of one controller to another, between two ticks.
+/// Copies the state of one controller to another, between two ticks.
 ///
-/// - `state`: memory for it. Nothing is allocated here once `state` has the capacity.
+/// - `state`: buffer for the state. If its capacity is sufficient, nothing is allocated.
 ///
 /// # Errors
-/// The other one does not take the state; it is not fit for use then.
+/// `to` rejects the state; it must not be used then.
 pub fn take_over(from: &dyn Controller, to: &mut dyn Controller, state: &mut Vec<u8>) -> Result<(), RestoreError> {
     state.clear();
     from.snapshot(state);

@@ -1,41 +1,23 @@
-//! Brings every joint to the robot's posture, and holds it there: for a robot on a stand or a crane, before it is asked to walk.
+//! A controller that moves every joint to the robot's posture and holds it there, for a robot on a stand or a crane.
 //!
-//! The joints go from where they are to `robot.posture` along a polynomial of fifth order, at rest at both ends, and the driver's joint
-//! loop follows. Nothing is computed from a model, so it works with any robot and with the feet anywhere.
+//! Each joint moves from its present position to `robot.posture` along a polynomial of fifth order with zero velocity and acceleration at both ends;
+//! the joint loop of the drives follows it. Nothing is computed from the dynamics, so the controller works with any robot and any foot position.
 
-use crate::digest::Digest;
+pub mod params;
+
+use crate::digest::{command_digest, input_digest};
+use crate::error::{LoadError, RestoreError};
+use crate::interface::{Controller, Probe};
 use crate::model::{Base, JointInfo, Model, UrdfTree};
+use crate::outbox::Outbox;
 use crate::params::{Params, RobotConfig};
-use crate::quadruped::safety::{check_joints, fault, is_plausible, limit, seconds};
-use crate::quadruped::state::Fault;
-use crate::{Controller, LoadError, Outbox, Probe, RestoreError, Stage};
-use lcmtypes::{
-    ControllerInput, ControllerTick, HoldState, Message, OperatorCommand, RobotCommand, RobotState, channels,
-};
-use serde::{Deserialize, Serialize};
+use crate::safety::{Fault, check_joint_limits, check_joint_values, fault, limit_command};
+use crate::time::{SNAPSHOT_TICKS, seconds, step_seconds};
+use lcmtypes::channels::{self, Stage};
+use lcmtypes::{ControllerInput, ControllerTick, HoldState, Message, OperatorCommand, RobotCommand};
 
 /// Name by which [`crate::load`] finds the controller.
 pub const NAME: &str = "hold";
-/// Ticks between two snapshots of the state.
-const SNAPSHOT_TICKS: i64 = 1000;
-
-/// The `[hold]` table of the parameters.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields, default)]
-pub struct HoldParams {
-    /// Stiffness of every joint, N m/rad.
-    pub kp: f64,
-    /// Damping of every joint, N m s/rad.
-    pub kd: f64,
-    /// Time in which the joints go to the posture, s.
-    pub duration: f64,
-}
-
-impl Default for HoldParams {
-    fn default() -> Self {
-        HoldParams { kp: 300.0, kd: 10.0, duration: 3.0 }
-    }
-}
 
 /// The controller.
 pub struct Hold {
@@ -43,66 +25,49 @@ pub struct Hold {
     joints: Vec<JointInfo>,
     q_posture: Vec<f64>,
     state: HoldState,
-    /// Through which a state comes in, kept so that no memory is asked for then.
-    passage: HoldState,
+    /// Preallocated message for reading snapshots.
+    snapshot_buffer: HoldState,
     command: RobotCommand,
 }
 
 impl Hold {
-    /// Builds the controller from the text of a URDF and of the parameters.
+    /// Builds the controller from the URDF text and the TOML text of the parameters.
     ///
     /// # Errors
-    /// Unusable texts; a posture that leaves a joint of the robot out.
+    /// A text is invalid, or `robot.posture` lacks a joint of the robot.
     pub fn new(urdf: &str, params: &str) -> Result<Self, LoadError> {
         let params = Params::from_toml(params, "parameters")?;
         let RobotConfig { name, urdf: file, posture, .. } = &params.robot;
         let model = Model::new(&UrdfTree::parse(urdf, file)?, Base::Floating)?;
         let of_posture = |joint: &JointInfo| {
-            let what = || format!("robot.posture does not name joint {}", joint.name);
+            let what = || format!("joint {} is missing in robot.posture", joint.name);
             posture.get(&joint.name).copied().ok_or_else(|| LoadError::Robot { robot: name.clone(), what: what() })
         };
         let q_posture: Vec<f64> = model.joints.iter().map(of_posture).collect::<Result<_, _>>()?;
-        let nj = i32::try_from(q_posture.len()).expect("robots have fewer than 2^31 joints");
-        let zeros = || vec![0.0; q_posture.len()];
+        let nj = q_posture.len();
+        let command = RobotCommand::zeros(nj);
         let state = HoldState {
             tick: -1,
             mode: ControllerTick::MODE_IDLE,
             fault_index: -1,
-            nj,
-            q_from: zeros(),
+            nj: command.nj,
+            q_from: vec![0.0; nj],
             ..HoldState::default()
         };
-        let command = RobotCommand {
-            nj,
-            tau: zeros(),
-            q_des: zeros(),
-            qd_des: zeros(),
-            kp: zeros(),
-            kd: zeros(),
-            ..Default::default()
-        };
-        Ok(Hold { params, joints: model.joints, q_posture, passage: state.clone(), state, command })
+        Ok(Hold { params, joints: model.joints, q_posture, snapshot_buffer: state.clone(), state, command })
     }
 
-    /// What is wrong with an input, if anything.
+    /// Checks an input. Tilt and contacts are not checked: a robot on a stand may lean, and its feet need no ground.
     fn check(&self, input: &ControllerInput) -> Option<Fault> {
-        let RobotState { t_ns, q, qd, tau, .. } = &input.state;
-        for values in [q, qd, tau] {
-            if values.len() != self.joints.len() {
-                #[expect(clippy::cast_precision_loss, reason = "a count for a person to read")]
-                return fault(ControllerTick::FAULT_INPUT_SIZE, None, values.len() as f64);
-            }
-            if let Some(j) = values.iter().position(|x| !is_plausible(*x)) {
-                return fault(ControllerTick::FAULT_INPUT_NOT_FINITE, Some(j), values[j]);
-            }
+        if let Some(found) = check_joint_values(self.joints.len(), &input.state) {
+            return Some(found);
         }
-        let age = seconds(input.t_ns.saturating_sub(*t_ns));
+        let age = seconds(input.t_ns.saturating_sub(input.state.t_ns));
         if age.abs() > self.params.safety.max_state_age {
             return fault(ControllerTick::FAULT_STATE_STALE, None, age);
         }
-        // A robot on a stand may lean, and stand on nothing.
-        if let Some(fault) = check_joints(&self.joints, &self.params, &input.state) {
-            return Some(fault);
+        if let Some(found) = check_joint_limits(&self.joints, &self.params.safety, &input.state) {
+            return Some(found);
         }
         if input.op.mode == OperatorCommand::MODE_DAMPING {
             return fault(ControllerTick::FAULT_OPERATOR, None, 0.0);
@@ -110,29 +75,29 @@ impl Hold {
         None
     }
 
-    /// Moves the state; references are a function of it.
+    /// Updates the state. The references are a function of it.
     fn advance(&mut self, input: &ControllerInput) {
         let before_ns = self.state.t_ns;
         (self.state.t_ns, self.state.tick) = (input.t_ns, input.tick);
         if self.state.mode == ControllerTick::MODE_DAMPING {
             return;
         }
-        if let Some(Fault { code, index, value }) = self.check(input) {
-            (self.state.fault, self.state.fault_index, self.state.fault_value) = (code, index, value);
-            // Before the first good input there is nothing to save: it waits and says what for.
+        let found = self.check(input);
+        let Fault { code, index, value } = found.unwrap_or_default();
+        (self.state.fault, self.state.fault_index, self.state.fault_value) = (code, index, value);
+        if found.is_some() {
+            // Before the first valid input the robot has no torque: the controller stays in IDLE and reports the fault.
             if self.state.mode != ControllerTick::MODE_IDLE {
                 self.state.mode = ControllerTick::MODE_DAMPING;
             }
             return;
         }
-        (self.state.fault, self.state.fault_index, self.state.fault_value) = (ControllerTick::FAULT_NONE, -1, 0.0);
         if self.state.mode == ControllerTick::MODE_IDLE {
             self.state.mode = ControllerTick::MODE_STAND_UP;
             self.state.q_from.copy_from_slice(&input.state.q);
             self.state.progress = 0.0;
         } else {
-            // A late tick must not throw the references.
-            let dt = seconds(input.t_ns.saturating_sub(before_ns)).clamp(0.0, 0.01);
+            let dt = step_seconds(input.t_ns, before_ns);
             self.state.progress = (self.state.progress + dt / self.params.hold.duration).min(1.0);
             if self.state.progress >= 1.0 {
                 self.state.mode = ControllerTick::MODE_STANCE;
@@ -147,11 +112,11 @@ impl Hold {
         let moving = matches!(state.mode, ControllerTick::MODE_STAND_UP | ControllerTick::MODE_STANCE);
         let s = state.progress;
         // 10 s³ - 15 s⁴ + 6 s⁵: velocity and acceleration are zero at both ends.
-        let part = s * s * s * (10.0 + s * (6.0 * s - 15.0));
+        let fraction = s * s * s * (10.0 + s * (6.0 * s - 15.0));
         let rate = 30.0 * s * s * (1.0 - s) * (1.0 - s) / params.hold.duration;
         for (j, (&to, &from)) in q_posture.iter().zip(&state.q_from).enumerate() {
             (command.q_des[j], command.qd_des[j]) =
-                if moving { (from + part * (to - from), rate * (to - from)) } else { (0.0, 0.0) };
+                if moving { (from + fraction * (to - from), rate * (to - from)) } else { (0.0, 0.0) };
         }
         let (mode, kp, kd) = match state.mode {
             _ if moving => (RobotCommand::MODE_TORQUE, params.hold.kp, params.hold.kd),
@@ -170,19 +135,13 @@ impl Controller for Hold {
     }
 
     fn step_probed(&mut self, input: &ControllerInput, out: &mut Outbox, probe: &mut dyn Probe) {
-        let digest_input = crate::quadruped::digest_of_input(input);
+        let digest_input = input_digest(input);
         self.advance(input);
         probe.stage_done(Stage::Input);
         self.fill_command();
-        limit(&self.joints, &mut self.command, &input.state);
-        let mut digest = Digest::default();
-        let c = &self.command;
-        for values in [&c.tau, &c.q_des, &c.qd_des, &c.kp, &c.kd] {
-            digest.f64s(values);
-        }
-        digest.word(u64::from(c.mode.cast_unsigned()));
+        limit_command(&self.joints, &mut self.command, &input.state);
         let HoldState { t_ns, tick, mode, fault, fault_index, fault_value, .. } = self.state;
-        let digest_output = digest.finish();
+        let digest_output = command_digest(&self.command);
         let status = ControllerTick {
             t_ns,
             tick,
@@ -209,7 +168,7 @@ impl Controller for Hold {
     }
 
     fn restore(&mut self, bytes: &[u8]) -> Result<(), RestoreError> {
-        let state = &mut self.passage;
+        let state = &mut self.snapshot_buffer;
         state.decode_into(bytes)?;
         let (found, expected) = (state.q_from.len(), self.q_posture.len());
         if found != expected {
@@ -218,7 +177,7 @@ impl Controller for Hold {
         if state.q_from.iter().chain([&state.progress]).any(|x| !x.is_finite()) {
             return Err(RestoreError::NotFinite { field: "q_from" });
         }
-        std::mem::swap(&mut self.state, &mut self.passage);
+        std::mem::swap(&mut self.state, &mut self.snapshot_buffer);
         Ok(())
     }
 

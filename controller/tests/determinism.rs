@@ -362,8 +362,8 @@ fn moves() -> Vec<Situation> {
     let mut seen = Vec::new();
     for tick in 0..11_000 {
         step(&mut controller, tick);
-        let phase = controller.state().motion.phase;
-        let middle = controller.state().motion.progress > 0.3 || phase == MovePhase::Lie;
+        let phase = controller.state().move_phase;
+        let middle = controller.state().move_progress > 0.3 || phase == MovePhase::Lie;
         if phase == MovePhase::None || !middle || seen.contains(&phase) {
             continue;
         }

@@ -45,7 +45,7 @@ fn foot_references_are_kept_while_the_base_turns() {
     let mut state = State::new(robot.nj());
     state.q_des.clone_from(&robot.q_nominal);
     state.height = robot.nominal_height;
-    state.leg_phase = PerLeg([LegPhase::FaultHold; 4]);
+    state.leg_state = PerLeg([LegPhase::FaultHold; 4]);
     // At the end of the reach, a step height below the lift-off: put the feet where they are now.
     state.t_leg = PerLeg([10.0; 4]);
     let start = feet(&robot, &input, &robot.q_nominal);
@@ -60,9 +60,9 @@ fn foot_references_are_kept_while_the_base_turns() {
         set_base(&robot, &mut input, &R_WB, &w);
         estimate.update(&robot, &input.state);
         let q = input.state.q.clone();
-        let changes = &Transitions::default();
+        let transitions = &Transitions::default();
         references
-            .update(&Tick { robot: &robot, params: &params, estimate: &estimate, q: &q, changes, dt: DT }, &mut state);
+            .update(&Tick { robot: &robot, params: &params, estimate: &estimate, q: &q, transitions, dt: DT }, &mut state);
         R_WB = turn(&w, DT) * R_WB;
         // The references are for the end of the tick, when the base has turned on.
         set_base(&robot, &mut input, &R_WB, &w);
@@ -93,9 +93,9 @@ fn joint_references_end_at_the_foot_references() {
     state.q_des = robot.q_nominal.iter().map(|q| q + 0.1 * rng.symmetric()).collect();
     let q = input.state.q.clone();
     for _ in 0..6000 {
-        let changes = &Transitions::default();
+        let transitions = &Transitions::default();
         references
-            .update(&Tick { robot: &robot, params: &params, estimate: &estimate, q: &q, changes, dt: DT }, &mut state);
+            .update(&Tick { robot: &robot, params: &params, estimate: &estimate, q: &q, transitions, dt: DT }, &mut state);
     }
     let reached = feet(&robot, &input, &state.q_des);
     for leg in Leg::ALL {

@@ -92,7 +92,7 @@ impl Story {
     }
 
     fn phase(&self) -> MovePhase {
-        self.controller.state().motion.phase
+        self.controller.state().move_phase
     }
 
     #[track_caller]

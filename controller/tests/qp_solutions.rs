@@ -16,7 +16,8 @@ use controller::quadruped::leg::{Leg, LegPhase};
 use controller::quadruped::reference::References;
 use controller::quadruped::robot::Robot;
 use controller::quadruped::state::{Mode, State};
-use controller::quadruped::wbc::{TrunkReference, Wbc};
+use controller::quadruped::trunk::TrunkReference;
+use controller::quadruped::wbc::Wbc;
 use nalgebra::DVector;
 use serde_json::{Value, json};
 
@@ -62,7 +63,7 @@ fn programs(solver: &str, tolerance: &str) -> Vec<Solved> {
             references.qd_des[j] = size * rng.symmetric();
         }
         for leg in Leg::ALL {
-            state.leg_phase[leg] = if stances[k % 4].contains(&leg) { LegPhase::Stance } else { LegPhase::SwingDown };
+            state.leg_state[leg] = if stances[k % 4].contains(&leg) { LegPhase::Stance } else { LegPhase::SwingDown };
         }
         let trunk = TrunkReference { R_WB: R_WB * Rx(0.1 * size * rng.symmetric()), w_WB_W: rng.vec3(size) };
         estimate.update(&robot, &input.state);

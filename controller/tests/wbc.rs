@@ -8,11 +8,12 @@ use controller::math::{Rx, Rz, log, norm, sin};
 use controller::model::GRAVITY;
 use controller::params::Params;
 use controller::quadruped::Quadruped;
-use controller::quadruped::estimation::{BasePlace, Estimate};
+use controller::quadruped::estimation::{AssumedBase, Estimate};
 use controller::quadruped::leg::{Leg, PerLeg};
 use controller::quadruped::reference::References;
 use controller::quadruped::state::State;
-use controller::quadruped::wbc::{TrunkReference, Wbc};
+use controller::quadruped::trunk::TrunkReference;
+use controller::quadruped::wbc::Wbc;
 use controller::{Controller, Outbox};
 use lcmtypes::{ControllerInput, LegState, OperatorCommand, WbcSolution, channels};
 use nalgebra::{DMatrix, DVector, Matrix3, Vector3};
@@ -78,7 +79,7 @@ fn every_solution_keeps_the_dynamics_the_friction_pyramid_and_the_bounds() {
         controller.step(&puppet.input, &mut out);
         let (wbc, legs): (_, LegState) = (wbc_of(&out), common::get(&out, channels::LEG_STATE));
         assert_eq!(wbc.status, WbcSolution::STATUS_SOLVED, "tick {tick}");
-        estimate.update_at(controller.robot(), &puppet.input.state, &BasePlace::default(), ground);
+        estimate.update_at(controller.robot(), &puppet.input.state, &AssumedBase::default(), ground);
 
         let (J, F) = (stacked(&estimate), stacked_forces(&wbc));
         let vd = DVector::from_row_slice(&wbc.vd);
@@ -212,7 +213,7 @@ fn no_bit_depends_on_where_the_base_is_taken_to_be() {
         let (mut puppet, mut out, mut misled_out, mut rng) = (Puppet::new(3), Outbox::new(), Outbox::new(), Rng(4));
         let mut largest = 0.0_f64;
         for _ in 0..1200 {
-            misled.take_base_to_be(BasePlace { p_WB: rng.vec3(1e3), v_WB: rng.vec3(20.0) });
+            misled.assume_base(AssumedBase { p_WB: rng.vec3(1e3), v_WB: rng.vec3(20.0) });
             controller.step(&puppet.input, &mut out);
             misled.step(&puppet.input, &mut misled_out);
             for ((channel, bytes), (_, of_misled)) in out.iter().zip(misled_out.iter()) {
@@ -229,8 +230,8 @@ fn no_bit_depends_on_where_the_base_is_taken_to_be() {
 fn a_foot_in_swing_is_not_in_the_contact_task() {
     let mut stand = Stand::new();
     let trunk = TrunkReference { R_WB: Matrix3::identity(), w_WB_W: Vector3::zeros() };
-    stand.state.leg_phase = PerLeg::default();
-    stand.state.leg_phase[Leg::RF] = controller::quadruped::leg::LegPhase::SwingUp;
+    stand.state.leg_state = PerLeg::default();
+    stand.state.leg_state[Leg::RF] = controller::quadruped::leg::LegPhase::SwingUp;
     stand.solve(&Matrix3::identity(), &Vector3::zeros(), &trunk);
     let acceleration =
         |leg: Leg| (&stand.estimate.legs[leg].J * &stand.wbc.vd + stand.estimate.legs[leg].a_bias_W).norm();

@@ -15,7 +15,8 @@
 pub mod pad;
 pub mod script;
 
-use controller::params::{FootholdParams, Params, TrunkParams};
+use controller::params::Params;
+use controller::quadruped::params::{FootholdParams, TrunkParams};
 use lcmtypes::{ControllerTick, OperatorCommand, channels};
 use pad::PadState;
 

@@ -30,13 +30,10 @@ fn hold(sim: &MujocoSim, instead: &[(&str, f64)]) -> RobotCommand {
     let goal = |joint: &String| instead.iter().find(|(name, _)| name == joint).map_or(posture[joint], |(_, q)| *q);
     RobotCommand {
         mode: RobotCommand::MODE_TORQUE,
-        nj: nj as i32,
-        tau: vec![0.0; nj],
         q_des: sim.joints().iter().map(goal).collect(),
-        qd_des: vec![0.0; nj],
         kp: vec![1500.0; nj],
         kd: vec![30.0; nj],
-        ..RobotCommand::default()
+        ..RobotCommand::zeros(nj)
     }
 }
 

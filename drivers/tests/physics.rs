@@ -43,13 +43,10 @@ fn hold(sim: &dyn Simulator, robot: &RobotConfig) -> RobotCommand {
     let nj = sim.joints().len();
     RobotCommand {
         mode: RobotCommand::MODE_TORQUE,
-        nj: nj as i32,
-        tau: vec![0.0; nj],
         q_des: sim.joints().iter().map(|joint| robot.posture[joint]).collect(),
-        qd_des: vec![0.0; nj],
         kp: vec![800.0; nj],
         kd: vec![20.0; nj],
-        ..RobotCommand::default()
+        ..RobotCommand::zeros(nj)
     }
 }
 

@@ -3,7 +3,7 @@
 use anyhow::Context;
 use controller::params::apply_overrides;
 use controller::quadruped::Quadruped;
-use controller::quadruped::estimation::BasePlace;
+use controller::quadruped::estimation::AssumedBase;
 use controller::{Controller, Outbox};
 use lcmtypes::{ControllerInput, GroundTruth, Message, RobotCommand, RunInfo, channels};
 use replay::log::LogReader;
@@ -13,7 +13,7 @@ use std::path::Path;
 pub struct States {
     info: RunInfo,
     /// One entry per tick, in order.
-    pub ticks: Vec<(ControllerInput, BasePlace)>,
+    pub ticks: Vec<(ControllerInput, AssumedBase)>,
 }
 
 impl States {
@@ -29,7 +29,7 @@ impl States {
                 channels::RUN_INFO => info = Some(RunInfo::decode(&event.data)?),
                 channels::GROUND_TRUTH => {
                     let GroundTruth { p_WB, v_WB, .. } = GroundTruth::decode(&event.data)?;
-                    place = Some(BasePlace { p_WB: p_WB.into(), v_WB: v_WB.into() });
+                    place = Some(AssumedBase { p_WB: p_WB.into(), v_WB: v_WB.into() });
                 }
                 channels::CONTROLLER_INPUT => {
                     let place = place.with_context(|| {

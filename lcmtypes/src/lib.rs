@@ -29,6 +29,7 @@ mod generated {
 }
 
 pub mod enum_names;
+mod robot_command;
 
 use std::sync::LazyLock;
 

@@ -238,17 +238,14 @@ impl Moment {
     fn command(&self) -> RobotCommand {
         let n = self.joints;
         let q_des = self.q().iter().map(|q| q + JOINT_ERROR).collect();
-        let zeros = || vec![0.0; n];
         RobotCommand {
             t_ns: self.t_ns,
             tick: self.tick,
             mode: RobotCommand::MODE_TORQUE,
-            nj: n as i32,
             tau: vec![JOINT_TORQUE; n],
             q_des,
             qd_des: vec![JOINT_VELOCITY; n],
-            kp: zeros(),
-            kd: zeros(),
+            ..RobotCommand::zeros(n)
         }
     }
 

@@ -1,6 +1,7 @@
 //! Parameters set by key, as on a command line.
 
-use super::{Params, ParamsError};
+use super::error::ParamsError;
+use super::tables::Params;
 
 /// Sets parameters by dotted key, `("gait.trot.swing_frequency", "3.5")`, in a full or partial TOML text; gives back the full text.
 ///

@@ -1,25 +1,27 @@
-//! The robot, and the sensors it has in simulation.
+//! The robot, and the resolution of its sensors in simulation.
 
+use super::error::ParamsError;
+use super::range::{not_negative, positive, within};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 
-/// The robot: what its URDF does not say.
+/// The `[robot]` table: the properties of the robot that its URDF does not contain.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct RobotConfig {
     /// Name of the robot.
     pub name: String,
-    /// URDF file, beside the TOML file.
+    /// File name of the URDF, in the folder of the TOML file.
     pub urdf: String,
-    /// Foot links in the order LF RF LH RH; the link's origin is the centre of the foot sphere.
+    /// Foot links in the order LF RF LH RH. The origin of each link is the centre of the foot sphere.
     pub feet: [String; 4],
     /// Radius of the foot sphere, m.
     pub foot_radius: f64,
-    /// Link whose axes the IMU measures in.
+    /// Link whose axes are the measurement axes of the IMU.
     pub imu_link: String,
     /// Nominal standing posture: joint name -> rad.
     pub posture: BTreeMap<String, f64>,
-    /// Posture in which the robot lies on the ground without torque: joint name -> rad. Without it, its legs are folded under it.
+    /// Posture in which the robot lies on the ground without torque: joint name -> rad. If empty, the robot lies on its folded legs.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     pub lying: BTreeMap<String, f64>,
     /// Resolution of the simulated sensors.
@@ -27,7 +29,7 @@ pub struct RobotConfig {
     pub sensors: SensorParams,
 }
 
-/// Resolution of the simulated sensors: a value read is a whole multiple of it. 0 = as computed.
+/// Resolution of the simulated sensors: each value is rounded to a multiple of it. 0 = not rounded.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct SensorParams {
@@ -46,7 +48,8 @@ pub struct SensorParams {
 }
 
 impl Default for SensorParams {
-    /// Powers of two near what a 19-bit encoder, a load cell and a tactical IMU resolve; so many low bits are zero that a log compresses well.
+    /// Powers of two near the resolution of a 19-bit encoder, a load cell and a tactical-grade IMU. The low bits of each value are zero, so logs
+    /// compress well.
     fn default() -> Self {
         let fraction = |bits: i32| 1.0 / f64::from(1u32 << bits);
         SensorParams {
@@ -57,5 +60,29 @@ impl Default for SensorParams {
             gyro: fraction(14),
             acceleration: fraction(10),
         }
+    }
+}
+
+impl RobotConfig {
+    /// Checks the range of each number.
+    ///
+    /// # Errors
+    /// The first number out of its range.
+    pub fn check(&self) -> Result<(), ParamsError> {
+        let RobotConfig { name: _, urdf: _, feet: _, foot_radius, imu_link: _, posture, lying, sensors } = self;
+        positive("robot.foot_radius", *foot_radius)?;
+        for &q in posture.values() {
+            within("robot.posture", &[q], "a finite angle", f64::is_finite)?;
+        }
+        for &q in lying.values() {
+            within("robot.lying", &[q], "a finite angle", f64::is_finite)?;
+        }
+        let SensorParams { position, velocity, torque, orientation, gyro, acceleration } = sensors;
+        not_negative("robot.sensors.position", &[*position])?;
+        not_negative("robot.sensors.velocity", &[*velocity])?;
+        not_negative("robot.sensors.torque", &[*torque])?;
+        not_negative("robot.sensors.orientation", &[*orientation])?;
+        not_negative("robot.sensors.gyro", &[*gyro])?;
+        not_negative("robot.sensors.acceleration", &[*acceleration])
     }
 }

@@ -3,38 +3,16 @@
 use super::estimation::Estimate;
 use super::leg::Leg;
 use super::reference::References;
-use super::state::{Motion, State};
+use super::fields::Part;
+use super::state::State;
 use super::wbc::Wbc;
 use crate::digest::Digest;
-use lcmtypes::ControllerInput;
 
 /// Digests of a tick, by stage.
 #[derive(Default)]
 pub struct Digests(pub [i64; 6]);
 
-/// The input as consumed.
-pub fn input(input: &ControllerInput) -> i64 {
-    let ControllerInput { t_ns, tick, running, t_op_ns, state, op } = input;
-    let mut d = Digest::default();
-    for word in [t_ns, tick, running, t_op_ns, &state.t_ns, &state.seq, &op.t_ns, &op.seq] {
-        d.word(word.cast_unsigned());
-    }
-    d.word(u64::from(state.nj.cast_unsigned()));
-    for values in [&state.q, &state.qd, &state.tau] {
-        d.word(values.len() as u64);
-        d.f64s(values);
-    }
-    d.f64s(&state.q_WI_wxyz);
-    d.f64s(&state.w_WI_I);
-    d.f64s(&state.a_I);
-    d.word(u64::from(op.mode.cast_unsigned()));
-    d.word(u64::from(op.gait.cast_unsigned()));
-    d.f64s(&op.v_H);
-    d.f64s(&[op.yaw_rate, op.roll, op.pitch, op.height_offset, op.swing_frequency, op.duty, op.step_height]);
-    d.finish()
-}
-
-/// Base, kinematics, dynamics, contact forces, height, ground.
+/// Digest of base, kinematics, dynamics, contact forces, height and ground.
 pub fn estimation(estimate: &Estimate, state: &State) -> i64 {
     let mut d = Digest::default();
     d.mat3(&estimate.base.R_WB);
@@ -49,52 +27,31 @@ pub fn estimation(estimate: &Estimate, state: &State) -> i64 {
         d.vec3(&of_leg.p_hip_W);
         d.dmat(&of_leg.J);
         d.vec3(&of_leg.a_bias_W);
-        d.vec3(&state.f_F_W[leg]);
-        d.vec3(&state.p_ground_W[leg]);
-        d.word(u64::from(state.contact[leg]));
+        state.digest_leg(Part::Estimation, leg, &mut d);
     }
-    d.f64(state.height);
-    d.f64s(&state.v_H_est);
-    d.f64s(&state.gradient_W);
+    state.digest(Part::Estimation, &mut d);
     d.finish()
 }
 
-/// Gait clock, leg states, footholds, swing and joint references.
+/// Digest of gait clock, leg states, footholds, swing and joint references.
 pub fn gait(references: &References, state: &State) -> i64 {
     let mut d = Digest::default();
-    d.f64s(&[state.gait_clock, state.yaw_des, state.height_offset, state.zeta, state.yaw_rate_des]);
-    d.f64s(&[state.cadence.swing_frequency, state.cadence.duty]);
-    d.f64s(&state.rp_des);
-    d.f64s(&state.v_H_des);
-    d.f64s(&state.v_trim_H);
-    d.f64s(&state.sway_H);
-    d.word(state.gait as u64);
-    d.word(state.mode as u64);
+    state.digest(Part::Gait, &mut d);
     for leg in Leg::ALL {
-        d.word(state.leg_phase[leg] as u64);
-        d.word(u64::from(state.reflexes[leg].cast_unsigned()));
-        d.f64s(&[state.t_leg[leg], state.t_unloaded[leg]]);
-        d.f64s(&[state.step_length[leg], state.step_heading[leg], state.step_height[leg]]);
+        state.digest_leg(Part::Gait, leg, &mut d);
         d.vec3(&references.p_BF_H[leg]);
         d.vec3(&references.v_BF_H[leg]);
         d.vec3(&references.foothold_H[leg]);
     }
-    d.f64s(&state.q_des);
-    d.f64s(&state.qd_des);
-    d.f64s(&state.qdd_des);
+    state.digest_joints(Part::Gait, &mut d);
     d.finish()
 }
 
-/// What takes the place of the gait while the robot gets up or sits down.
-pub fn posture(state: &State) -> i64 {
-    let Motion { phase, progress, start, q, support, t_held } = &state.motion;
+/// Digest of the motion while the robot stands up or sits down; it takes the place of [`gait`].
+pub fn stand_sit(state: &State) -> i64 {
     let mut d = Digest::default();
-    d.word(state.mode as u64);
-    d.word(*phase as u64);
-    d.f64s(&[*progress, *start, *support, *t_held]);
-    for values in [q, &state.q_des, &state.qd_des, &state.tau_last] {
-        d.f64s(values);
-    }
+    state.digest(Part::StandSit, &mut d);
+    state.digest_joints(Part::StandSit, &mut d);
     d.finish()
 }
 

@@ -1,7 +1,9 @@
 //! Every quantity of the last tick by name, for who looks into a replay. Not for use in a tick: it allocates.
 
 use super::leg::Leg;
-use super::{Quadruped, Scratch};
+use super::controller::{Quadruped, Scratch};
+use super::fields::Part;
+use super::state::Mode;
 use crate::dump::{Dump, Quantity};
 use crate::qp::Qp;
 use crate::stack::Level;
@@ -13,14 +15,7 @@ const ACTIVE: f64 = 1e-6;
 impl Quadruped {
     /// What the last tick computed, as far as it came: a tick that is damped from its beginning has no stage but its output.
     pub(super) fn quantities(&self) -> Dump {
-        let output = Quantity::group()
-            .with("mode", self.state.mode.name())
-            .with("fault_code", self.state.fault.code)
-            .with("fault_index", self.state.fault.index)
-            .with("fault_value", self.state.fault.value)
-            .with("tau", &self.state.tau_last)
-            .with("q_des", &self.state.q_des)
-            .with("qd_des", &self.state.qd_des);
+        let output = self.state.dump_joints(Part::Output, self.state.dump(Part::Output, Quantity::group()));
         // A stage that ran has left its digest.
         let ran = &self.messages.tick;
         let mut stages = Quantity::group();
@@ -43,24 +38,21 @@ impl Quadruped {
         let Scratch { estimate, .. } = &self.scratch;
         let legs = by_leg(|leg| {
             let of_leg = &estimate.legs[leg];
-            Quantity::group()
+            let group = Quantity::group()
                 .with("p_BF_W", &of_leg.p_BF_W)
                 .with("p_hip_W", &of_leg.p_hip_W)
                 .with("J", &of_leg.J)
-                .with("a_bias_W", &of_leg.a_bias_W)
-                .with("f_F_W", &self.state.f_F_W[leg])
-                .with("p_ground_W", &self.state.p_ground_W[leg])
-                .with("contact", self.state.contact[leg])
+                .with("a_bias_W", &of_leg.a_bias_W);
+            self.state.dump_leg(Part::Estimation, leg, group)
         });
-        Quantity::group()
+        let group = Quantity::group()
             .with("R_WB", &estimate.base.R_WB)
             .with("rpy", estimate.base.rpy)
             .with("w_WB_W", &estimate.base.w_WB_W)
             .with("yaw_rate", estimate.base.yaw_rate)
-            .with("n_W", &estimate.n_W)
-            .with("gradient_W", self.state.gradient_W)
-            .with("height", self.state.height)
-            .with("v_H_est", self.state.v_H_est)
+            .with("n_W", &estimate.n_W);
+        self.state
+            .dump(Part::Estimation, group)
             .with("legs", legs)
             .with("M", &estimate.M)
             .with("h", &estimate.h)
@@ -68,37 +60,17 @@ impl Quadruped {
 
     fn gait(&self) -> Quantity {
         let (state, references) = (&self.state, &self.scratch.references);
+        if matches!(state.mode, Mode::StandUp | Mode::Sit) {
+            return state.dump_joints(Part::StandSit, state.dump(Part::StandSit, Quantity::group()));
+        }
         let legs = by_leg(|leg| {
-            Quantity::group()
-                .with("phase", format!("{:?}", state.leg_phase[leg]))
-                .with("t_leg", state.t_leg[leg])
-                .with("t_unloaded", state.t_unloaded[leg])
-                .with("reflexes", state.reflexes[leg])
-                .with("step_length", state.step_length[leg])
-                .with("step_heading", state.step_heading[leg])
-                .with("step_height", state.step_height[leg])
+            state
+                .dump_leg(Part::Gait, leg, Quantity::group())
                 .with("foothold_H", &references.foothold_H[leg])
                 .with("p_BF_H_des", &references.p_BF_H[leg])
                 .with("v_BF_H_des", &references.v_BF_H[leg])
         });
-        Quantity::group()
-            .with("gait", format!("{:?}", state.gait))
-            .with("gait_clock", state.gait_clock)
-            .with("gait_running", state.gait_running)
-            .with("swing_frequency", state.cadence.swing_frequency)
-            .with("duty", state.cadence.duty)
-            .with("v_H_des", state.v_H_des)
-            .with("v_trim_H", state.v_trim_H)
-            .with("yaw_rate_des", state.yaw_rate_des)
-            .with("yaw_des", state.yaw_des)
-            .with("rp_des", state.rp_des)
-            .with("height_offset", state.height_offset)
-            .with("zeta", state.zeta)
-            .with("sway_H", state.sway_H)
-            .with("legs", legs)
-            .with("q_des", &state.q_des)
-            .with("qd_des", &references.qd_des[..])
-            .with("qdd_des", &state.qdd_des)
+        state.dump_joints(Part::Gait, state.dump(Part::Gait, Quantity::group()).with("legs", legs))
     }
 
     fn tasks(&self) -> Quantity {

@@ -3,10 +3,10 @@
 //! Base position and linear velocity are set to zero in every tick. That is exact, to the bit: the model computes relative to the base, and from it
 //! only quantities relative to the base are read. Source: Raiola et al. 2020, sections 2.4.1, 3 and 4.3.
 
+use super::ground;
 use super::leg::{Leg, PerLeg};
 use super::robot::Robot;
 use super::state::State;
-use super::terrain;
 use crate::math::{Rz, quaternion, rpy_of};
 use crate::model::{BaseState, Kinematics, bias_force, frame_bias_acceleration, mass_matrix, point_jacobian_linear};
 use crate::params::Params;
@@ -32,7 +32,7 @@ pub struct BaseEstimate {
 
 /// Position and linear velocity of the base, in W: what is taken for it where nobody knows it.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct BasePlace {
+pub struct AssumedBase {
     /// Origin of the base, m.
     pub p_WB: Vector3<f64>,
     /// Its velocity, m/s.
@@ -105,19 +105,19 @@ impl Estimate {
 
     /// Base, kinematics and dynamics from one measurement, the base at the origin and without linear velocity, on level ground.
     pub fn update(&mut self, robot: &Robot, measured: &RobotState) {
-        self.update_at(robot, measured, &BasePlace::default(), [0.0; 2]);
+        self.update_at(robot, measured, &AssumedBase::default(), [0.0; 2]);
     }
 
     /// [`Estimate::update`] on ground that rises by `gradient_W` along x and y, with the base taken to be somewhere else: that makes no difference
     /// to anything but `kin`'s own base.
-    pub fn update_at(&mut self, robot: &Robot, measured: &RobotState, place: &BasePlace, gradient_W: [f64; 2]) {
+    pub fn update_at(&mut self, robot: &Robot, measured: &RobotState, place: &AssumedBase, gradient_W: [f64; 2]) {
         self.base = base_estimate(robot, measured);
-        let BasePlace { p_WB, v_WB } = *place;
+        let AssumedBase { p_WB, v_WB } = *place;
         let base = BaseState { p_WB, R_WB: self.base.R_WB, v_WB, w_WB_W: self.base.w_WB_W };
         self.kin.update(&robot.model, &base, &measured.q, &measured.qd);
         mass_matrix(&robot.model, &self.kin, &mut self.M);
         bias_force(&robot.model, &self.kin, &mut self.h);
-        self.n_W = terrain::normal(gradient_W);
+        self.n_W = ground::normal(gradient_W);
         let p_FC_W = self.n_W * -robot.foot_radius;
         for leg in Leg::ALL {
             let (of_robot, estimate) = (&robot.legs[leg], &mut self.legs[leg]);
@@ -152,11 +152,11 @@ impl Estimate {
     /// swing reference count. Those that the last solution asked for would not do: they explain every torque, that of a contact too. Where the
     /// leg is stretched (small |det J|) the last force is kept. A foot touches when the normal force has been above the threshold for a number of samples in a row, until it is below a lower one.
     ///
-    /// [`ContactParams::inertia_compensation`]: crate::params::ContactParams::inertia_compensation
+    /// [`ContactParams::inertia_compensation`]: super::params::ContactParams::inertia_compensation
     pub fn contact_forces(&self, robot: &Robot, params: &Params, tau: &[f64], state: &mut State) {
         for leg in Leg::ALL {
             let estimate = &self.legs[leg];
-            let compensated = params.contact.inertia_compensation && !state.leg_phase[leg].is_stance();
+            let compensated = params.contact.inertia_compensation && !state.leg_state[leg].is_stance();
             if estimate.J_leg.determinant().abs() >= params.contact.min_jacobian_det {
                 let mut torque = Vector3::zeros();
                 for (k, &joint) in robot.legs[leg].joints.iter().enumerate() {
@@ -190,8 +190,8 @@ impl Estimate {
     pub fn height(&self, state: &mut State) {
         let (mut sum, mut count) = (0.0, 0.0);
         for (leg, estimate) in self.legs.iter() {
-            if state.leg_phase[leg].is_stance() {
-                sum += terrain::rise(state.gradient_W, &estimate.p_BF_W) - estimate.p_BF_W.z;
+            if state.leg_state[leg].is_stance() {
+                sum += ground::rise(state.gradient_W, &estimate.p_BF_W) - estimate.p_BF_W.z;
                 count += 1.0;
             }
         }

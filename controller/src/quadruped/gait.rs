@@ -1,141 +1,73 @@
 //! Gait clock and leg state machines.
 //!
-//! The clock gives lift-offs only; touchdown comes from contact estimation (haptic). A gait is a row of a table: duty factor, swing
-//! frequency, and the phase at which each leg lifts off. Source: Raiola et al. 2020, section 4.3 and Fig. 4.
+//! The clock determines lift-offs only; contact estimation determines touchdowns. A gait is a row of a table: duty factor, swing frequency, and
+//! the phase at which each leg lifts off. Source: Raiola et al. 2020, section 4.3 and Fig. 4.
 //!
-//! | phase | leaves when | to |
+//! | phase | condition | next phase |
 //! |---|---|---|
-//! | stance | the clock passes the leg's phase | swing up |
-//! | | it has carried nothing for a while, and was to | reach |
+//! | stance | the clock passes the leg's lift-off phase | swing up |
+//! | | the foot has lost its load ([`super::recovery`]) | reach |
 //! | swing up | t ≥ T_sw/2; contact is ignored | swing down |
-//! | | it runs into something | swing up, anew |
+//! | | the foot hits an obstacle ([`super::recovery`]) | swing up, restarted |
 //! | swing down | contact | stance |
 //! | | t ≥ T_sw | reach |
 //! | reach | contact | stance |
-//! | | t ≥ (1 + `reach_time`) T_sw, then held `reach_time` T_sw more | fault hold |
+//! | | t ≥ (1 + 2 `reach_time`) T_sw: the foot moves down for `reach_time` T_sw and waits for `reach_time` T_sw | fault hold |
 //! | fault hold | contact | stance |
 //!
-//! A leg lifts only from stance, and none lifts while another is late (reach, fault hold): the clock waits for them, so the order of legs
-//! is never broken and a late foot is not left alone in the air.
+//! A leg lifts off only from stance. No leg lifts off while another is late (reach, fault hold): the clock waits for it. So the order of the legs
+//! is always the same, and a late foot is never in the air together with the feet of the next step.
 
 use super::leg::{Leg, LegPhase, PerLeg};
-use super::recovery::Surprises;
+use super::recovery::ContactEvents;
 use super::state::{Cadence, Gait, Mode, State};
-use crate::model::GRAVITY;
-use crate::params::{GaitTiming, Params};
+use super::timing::{Timing, cyclic, gait_params};
+use crate::params::Params;
 
-/// Part of the load below which a foot touches no more, over which no foot is asked to press.
-const LEAST_PART: f64 = 0.8;
-/// Time in which the base goes from rest into a gait's sway, s.
-const SWAY_LEAD_IN: f64 = 0.8;
-
-/// Timing of a gait, derived from its parameters. Seconds.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Timing {
-    /// Swing time.
-    pub T_sw: f64,
-    /// Stance time.
-    pub T_st: f64,
-    /// Stride.
-    pub T: f64,
-    /// Length of the ramps of the force bounds: a part of the time in which all four legs stand (at least two ticks).
-    pub T_ramp: f64,
-    /// Time in the stride at which each leg lifts off.
-    pub lift_off: PerLeg<f64>,
-    /// Time between the start of the clock and the first lift-off: legs unload in it, and the base begins to sway.
-    pub lead_in: f64,
-}
-
-impl Timing {
-    /// Timing in use.
-    pub fn of(state: &State, params: &Params) -> Self {
-        Self::at(state.gait, state.cadence, params)
-    }
-
-    /// Timing of `gait` at a cadence.
-    pub fn at(gait: Gait, cadence: Cadence, params: &Params) -> Self {
-        let row = row_of(gait, params);
-        let chosen = |commanded: f64, of_row: f64| if commanded > 0.0 { commanded } else { of_row };
-        let T_sw = 1.0 / chosen(cadence.swing_frequency, row.swing_frequency);
-        let T = T_sw / (1.0 - chosen(cadence.duty, row.duty));
-        let lift_off = PerLeg(row.lift_off_phase.map(|phase| phase * T));
-        let T_ramp = (row.ramp * all_stance_time(&lift_off, T, T_sw)).max(0.002);
-        let lead_in = if row.sway > 0.0 { SWAY_LEAD_IN } else { T_ramp };
-        Timing { T_sw, T_st: T - T_sw, T, T_ramp, lift_off, lead_in }
-    }
-}
-
-/// Row of the gait table.
-pub fn row_of(gait: Gait, params: &Params) -> &GaitTiming {
-    match gait {
-        Gait::Trot => &params.gait.trot,
-        Gait::Crawl => &params.gait.crawl,
-    }
-}
-
-/// Shortest time between a planned touchdown and the next lift-off of another leg, s.
-fn all_stance_time(lift_off: &PerLeg<f64>, T: f64, T_sw: f64) -> f64 {
-    let mut shortest = T;
-    for a in lift_off.0 {
-        for b in lift_off.0 {
-            let gap = cyclic(b - a, T);
-            if gap > 1e-9 {
-                shortest = shortest.min(gap - T_sw);
-            }
-        }
-    }
-    shortest
-}
-
-/// `x` in `[0, T)`.
-pub fn cyclic(x: f64, T: f64) -> f64 {
-    let r = libm::fmod(x, T);
-    if r < 0.0 { r + T } else { r }
-}
-
-/// Time until the clock reaches a leg's lift-off, s, in `(0, T]` from the first lift-off on; just after a lift-off it is a whole stride.
-pub fn time_to_lift_off(state: &State, timing: &Timing, leg: Leg) -> f64 {
-    if state.gait_clock < 0.0 {
-        return timing.lift_off[leg] - state.gait_clock;
-    }
-    timing.T - cyclic(state.gait_clock - timing.lift_off[leg], timing.T)
-}
-
-/// What changed in a tick.
+/// Changes of the legs and of the gait in a tick.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Transitions {
-    /// Legs that have just left the ground by command.
+    /// Legs that have just lifted off.
     pub lift_off: PerLeg<bool>,
-    /// Legs that begin a swing, or a search for the ground, from where they are.
-    pub anew: PerLeg<bool>,
+    /// Legs that restart a swing, or start to search for the ground, at their present position.
+    pub restart: PerLeg<bool>,
     /// Legs that have just landed.
     pub touchdown: PerLeg<bool>,
-    /// Height of the swings that begin, m; 0 = each as high as the leg's last.
+    /// Height of the swings that start, m; 0 = as high as the leg's last swing.
     pub step_height: f64,
-    /// The robot has just begun to walk, or to walk in another gait.
-    pub gait_begins: bool,
-    /// It has just come to stand.
+    /// The robot has just started to walk, or changed to another gait.
+    pub gait_starts: bool,
+    /// The robot has just stopped walking.
     pub gait_ends: bool,
 }
 
-/// What the operator wants of the gait.
+/// What the operator requests of the gait.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Wish {
-    /// To walk; otherwise to stand.
+pub struct GaitRequest {
+    /// true: walk; false: stand.
     pub walk: bool,
-    /// Which gait, from the next instant on in which all feet stand.
+    /// The gait, applied when all feet are in stance.
     pub gait: Gait,
-    /// How fast, from then on too.
+    /// The timing, applied at the same time.
     pub cadence: Cadence,
-    /// Height of the swings that begin now, m; 0 = each as high as the leg's last.
+    /// Height of the swings that start now, m; 0 = as high as the leg's last swing.
     pub step_height: f64,
 }
 
-/// One tick of clock and legs; `met`: what the legs have run into.
+/// Advances the clock and the legs by one tick.
 ///
-/// Starts the clock when walking is wished and all feet stand; stops it, and the walk, when standing is wished and they do.
-pub fn update(state: &mut State, params: &Params, wish: Wish, met: &Surprises, dt: f64) -> Transitions {
-    let mut transitions = Transitions { step_height: wish.step_height, ..Transitions::default() };
+/// When all feet are in stance, a request to walk starts the clock, and a request to stand stops it and ends the walk.
+///
+/// - `events`: contact events of this tick.
+/// - `dt`: time since the last tick, s.
+pub fn update(
+    state: &mut State,
+    params: &Params,
+    request: GaitRequest,
+    events: &ContactEvents,
+    dt: f64,
+) -> Transitions {
+    let mut transitions = Transitions { step_height: request.step_height, ..Transitions::default() };
     for leg in Leg::ALL {
         state.t_leg[leg] += dt;
         let timing = Timing::of(state, params);
@@ -144,60 +76,61 @@ pub fn update(state: &mut State, params: &Params, wish: Wish, met: &Surprises, d
             state.t_leg[leg] = 0.0;
         }
         transitions.touchdown[leg] = landed;
-        state.leg_phase[leg] = next;
-        if met.struck[leg] && next == LegPhase::SwingUp {
+        state.leg_state[leg] = next;
+        if events.collision[leg] && next == LegPhase::SwingUp {
             (state.t_leg[leg], state.reflexes[leg]) = (0.0, state.reflexes[leg].saturating_add(1));
-            transitions.anew[leg] = true;
-        } else if met.lost[leg] && next.is_stance() {
-            (state.leg_phase[leg], state.t_leg[leg], state.t_unloaded[leg]) = (LegPhase::Reach, timing.T_sw, 0.0);
+            transitions.restart[leg] = true;
+        } else if events.lost[leg] && next.is_stance() {
+            (state.leg_state[leg], state.t_leg[leg], state.t_unloaded[leg]) = (LegPhase::Reach, timing.T_sw, 0.0);
             state.step_length[leg] = 0.0;
-            transitions.anew[leg] = true;
+            transitions.restart[leg] = true;
         }
     }
 
-    let all_stand = state.leg_phase.0.iter().all(|phase| phase.is_stance());
-    if all_stand && !wish.walk && state.mode == Mode::Walk {
+    let all_stand = state.leg_state.0.iter().all(|phase| phase.is_stance());
+    if all_stand && !request.walk && state.mode == Mode::Walk {
         state.gait_running = false;
         state.mode = Mode::Stance;
         transitions.gait_ends = true;
     }
-    // One that sways begins anew with another cadence: its base is somewhere else in each.
-    let sways = row_of(state.gait, params).sway > 0.0;
-    let other = wish.gait != state.gait || (sways && wish.cadence != state.cadence);
-    if all_stand && wish.walk && (!state.gait_running || other) {
-        // A gait that follows another waits until the sway of both is at rest.
-        transitions.gait_begins = true;
+    // A gait with sway restarts when its cadence changes, because the sway depends on the cadence.
+    let sways = gait_params(state.gait, params).sway > 0.0;
+    let other_gait = request.gait != state.gait || (sways && request.cadence != state.cadence());
+    if all_stand && request.walk && (!state.gait_running || other_gait) {
+        // After another gait the first lift-off waits until the sway of both gaits is at rest.
+        transitions.gait_starts = true;
         let after = if state.gait_running { Timing::of(state, params).lead_in } else { 0.0 };
         state.mode = Mode::Walk;
-        (state.gait, state.cadence) = (wish.gait, wish.cadence);
+        state.gait = request.gait;
+        state.set_cadence(request.cadence);
         state.gait_running = true;
         // The first lift-off is at time 0.
         state.gait_clock = -Timing::of(state, params).lead_in.max(after);
-    } else if all_stand && wish.walk && wish.cadence != state.cadence {
-        // A trot goes on where it is in its stride, between the same two lift-offs.
+    } else if all_stand && request.walk && request.cadence != state.cadence() {
+        // A trot continues at the same phase of the stride, between the same two lift-offs.
         let before = Timing::of(state, params).T;
-        state.cadence = wish.cadence;
+        state.set_cadence(request.cadence);
         state.gait_clock *= Timing::of(state, params).T / before;
     }
 
     if state.gait_running {
-        let as_wished = wish.gait == state.gait && wish.cadence == state.cadence;
-        advance(state, params, wish.walk && as_wished, dt, &mut transitions);
+        let as_requested = request.gait == state.gait && request.cadence == state.cadence();
+        advance(state, params, request.walk && as_requested, dt, &mut transitions);
     }
     transitions
 }
 
-/// Advances the clock over `dt`, lifting the legs whose phase it passes; stands still while one of them is not ready or a leg is late, and
-/// before any lift-off unless one `may_lift`.
+/// Advances the clock by `dt` and lifts the legs whose phase it passes. The clock stops while a leg that should lift off or have landed is not
+/// ready, and, if `may_lift` is false, before each lift-off.
 fn advance(state: &mut State, params: &Params, may_lift: bool, dt: f64, transitions: &mut Transitions) {
     let timing = Timing::of(state, params);
     let (before, after) = (state.gait_clock, state.gait_clock + dt);
-    // Passed once and once only: `before` is outside, `after` inside, and the next tick's `before` is this `after`.
+    // `before` is excluded and `after` included, so each phase is passed exactly once.
     let passes = |at: f64| before < at && at <= after;
     let due = timing.lift_off.0.map(|at| passes(at) || passes(at + timing.T));
-    let waits = |leg: Leg| match state.leg_phase[leg] {
+    let waits = |leg: Leg| match state.leg_state[leg] {
         LegPhase::Stance => false,
-        // A swing that was begun anew may still be in the air when others are due.
+        // A restarted swing may still be in the air when other legs are due.
         LegPhase::SwingUp | LegPhase::SwingDown => {
             due[leg as usize]
                 || (due.contains(&true) && cyclic(after - timing.lift_off[leg], timing.T) > timing.T_sw + 1e-9)
@@ -209,7 +142,7 @@ fn advance(state: &mut State, params: &Params, may_lift: bool, dt: f64, transiti
     }
     for leg in Leg::ALL {
         if due[leg as usize] {
-            state.leg_phase[leg] = LegPhase::SwingUp;
+            state.leg_state[leg] = LegPhase::SwingUp;
             state.t_leg[leg] = 0.0;
             state.reflexes[leg] = 0;
             transitions.lift_off[leg] = true;
@@ -221,7 +154,7 @@ fn advance(state: &mut State, params: &Params, may_lift: bool, dt: f64, transiti
 fn leg_transition(state: &State, params: &Params, timing: &Timing, leg: Leg) -> (LegPhase, bool) {
     let (t, contact) = (state.t_leg[leg], state.contact[leg]);
     let end_of_search = timing.T_sw * (1.0 + 2.0 * params.swing.reach_time);
-    match state.leg_phase[leg] {
+    match state.leg_state[leg] {
         LegPhase::Stance => (LegPhase::Stance, false),
         LegPhase::SwingUp if t >= 0.5 * timing.T_sw => (LegPhase::SwingDown, false),
         LegPhase::SwingUp => (LegPhase::SwingUp, false),
@@ -232,44 +165,9 @@ fn leg_transition(state: &State, params: &Params, timing: &Timing, leg: Leg) -> 
     }
 }
 
-/// Bounds on the vertical force of a foot, N: stance values, zero in swing, and ramps between them so that no force jumps.
-///
-/// Source: Raiola et al. 2020, section 6, where the upper bound goes to zero continuously before lift-off. The lower bound keeps to half the
-/// upper one on the way, so that an interior point is left. While a leg unloads or swings, the lower bound of the opposite one rises to the
-/// gait's residual load: the centre of mass is kept from the edge of the support triangle, where the robot would tip. It stays below the load at
-/// which a foot touches no more: otherwise a light robot's feet would touch the air, by what is commanded of them.
-///
-/// - `mass`: of the robot, kg.
-pub fn force_bounds(state: &State, params: &Params, mass: f64, leg: Leg) -> (f64, f64) {
-    if !state.leg_phase[leg].is_stance() {
-        return (0.0, 0.0);
-    }
-    let timing = Timing::of(state, params);
-    let upper = params.wbc.f_z_max * loaded_part(state, &timing, leg);
-    let weight = mass * GRAVITY;
-    let least = params.wbc.f_z_min.min(LEAST_PART * params.contact.release_load * weight);
-    let residual = (row_of(state.gait, params).residual_load * weight - least).max(0.0);
-    let lower = least + residual * (1.0 - loaded_part(state, &timing, leg.opposite()));
-    (lower.min(0.5 * upper), upper)
-}
-
-/// How much of its full load a foot may carry, 0 to 1.
-pub fn loaded_part(state: &State, timing: &Timing, leg: Leg) -> f64 {
-    if !state.leg_phase[leg].is_stance() {
-        return 0.0;
-    }
-    let mut part = 1.0_f64;
-    if state.mode == Mode::Walk {
-        part = part.min((state.t_leg[leg] + 1e-3) / timing.T_ramp);
-        if state.gait_running {
-            part = part.min(time_to_lift_off(state, timing, leg) / timing.T_ramp);
-        }
-    }
-    part.max(0.0)
-}
-
 #[cfg(test)]
 mod tests {
+    use super::super::foot_load::force_bounds;
     use super::*;
 
     fn params() -> Params {
@@ -288,27 +186,18 @@ mod tests {
         let mut lifts = Vec::new();
         for tick in 0..ticks {
             for leg in Leg::ALL {
-                state.contact[leg] = state.leg_phase[leg].is_stance() || state.t_leg[leg] >= timing.T_sw + late;
+                state.contact[leg] = state.leg_state[leg].is_stance() || state.t_leg[leg] >= timing.T_sw + late;
             }
-            let changes = update(
+            let transitions = update(
                 &mut state,
                 params,
-                Wish { walk: true, gait, cadence: Cadence::default(), step_height: 0.1 },
-                &Surprises::default(),
+                GaitRequest { walk: true, gait, cadence: Cadence::default(), step_height: 0.1 },
+                &ContactEvents::default(),
                 1e-3,
             );
-            lifts.extend(Leg::ALL.into_iter().filter(|&leg| changes.lift_off[leg]).map(|leg| (tick, leg)));
+            lifts.extend(Leg::ALL.into_iter().filter(|&leg| transitions.lift_off[leg]).map(|leg| (tick, leg)));
         }
         (state, lifts)
-    }
-
-    #[test]
-    fn timing_is_that_of_the_source() {
-        let params = params();
-        let trot = Timing::at(Gait::Trot, Cadence::default(), &params);
-        assert!((trot.T - 1.111).abs() < 1e-3 && (trot.T_ramp - 0.0278).abs() < 1e-4, "{trot:?}");
-        let crawl = Timing::at(Gait::Crawl, Cadence { swing_frequency: 2.0, duty: 0.8 }, &params);
-        assert!((crawl.T - 2.5).abs() < 1e-9 && (crawl.T_ramp - 0.0625).abs() < 1e-9, "{crawl:?}");
     }
 
     #[test]
@@ -341,13 +230,13 @@ mod tests {
         let mut state = State::new(12);
         state.mode = Mode::Walk;
         (state.gait_running, state.gait_clock) = (true, 0.01);
-        state.leg_phase[Leg::LF] = LegPhase::SwingUp;
+        state.leg_state[Leg::LF] = LegPhase::SwingUp;
         state.t_leg = PerLeg::default();
         state.contact = PerLeg([true; 4]);
-        let wish = Wish { walk: true, gait: Gait::Trot, cadence: Cadence::default(), step_height: 0.1 };
+        let request = GaitRequest { walk: true, gait: Gait::Trot, cadence: Cadence::default(), step_height: 0.1 };
         let mut landed_at = None;
         for tick in 0..400 {
-            if update(&mut state, &params, wish, &Surprises::default(), 1e-3).touchdown[Leg::LF] {
+            if update(&mut state, &params, request, &ContactEvents::default(), 1e-3).touchdown[Leg::LF] {
                 landed_at = Some(tick);
                 break;
             }
@@ -359,7 +248,7 @@ mod tests {
     #[test]
     fn a_foot_that_finds_no_ground_is_held_and_the_gait_stops() {
         let (state, lifts) = walk(&params(), Gait::Trot, 10.0, 3000);
-        assert_eq!(state.leg_phase[Leg::LF], LegPhase::FaultHold);
+        assert_eq!(state.leg_state[Leg::LF], LegPhase::FaultHold);
         assert_eq!(lifts.len(), 2);
     }
 
@@ -367,19 +256,19 @@ mod tests {
     fn standing_is_reached_by_finishing_the_steps() {
         let params = params();
         let (mut state, _) = walk(&params, Gait::Trot, -0.01, 200);
-        assert!(!state.leg_phase[Leg::LF].is_stance());
+        assert!(!state.leg_state[Leg::LF].is_stance());
         for _ in 0..600 {
             for leg in Leg::ALL {
                 state.contact[leg] = state.t_leg[leg] >= 0.49;
             }
-            let changes = update(
+            let transitions = update(
                 &mut state,
                 &params,
-                Wish { walk: false, gait: Gait::Trot, cadence: Cadence::default(), step_height: 0.1 },
-                &Surprises::default(),
+                GaitRequest { walk: false, gait: Gait::Trot, cadence: Cadence::default(), step_height: 0.1 },
+                &ContactEvents::default(),
                 1e-3,
             );
-            assert_eq!(changes.lift_off, PerLeg::default());
+            assert_eq!(transitions.lift_off, PerLeg::default());
         }
         assert_eq!((state.mode, state.gait_running), (Mode::Stance, false));
     }
@@ -389,14 +278,14 @@ mod tests {
         let params = params();
         let mut state = State::new(12);
         state.mode = Mode::Stance;
-        let wish = Wish { walk: true, gait: Gait::Trot, cadence: Cadence::default(), step_height: 0.1 };
+        let request = GaitRequest { walk: true, gait: Gait::Trot, cadence: Cadence::default(), step_height: 0.1 };
         let mut last = 1000.0;
         let step = 1000.0 / 27.0;
         for _ in 0..1000 {
             for leg in Leg::ALL {
                 state.contact[leg] = state.t_leg[leg] >= 0.49;
             }
-            update(&mut state, &params, wish, &Surprises::default(), 1e-3);
+            update(&mut state, &params, request, &ContactEvents::default(), 1e-3);
             let (lower, upper) = force_bounds(&state, &params, 80.0, Leg::LF);
             assert!(lower <= upper && (upper - last).abs() < step, "{last} to {upper}");
             last = upper;

@@ -1,143 +1,149 @@
-//! The states of the controller as a whole, and what leads from one to another.
+//! Modes of the controller and the transitions between them.
 //!
 //! | from | event | to | action |
 //! |---|---|---|---|
-//! | `IDLE` | first good input, the legs stretched as in standing | `STANCE` | references begin where the robot is |
-//! | | operator asks to `STAND`, the robot rests and lies | `STAND_UP` | legs fold, then push ([`super::stand_sit`]) |
-//! | | operator asks to `STAND`, the robot rests on stretched legs | `STANCE` | |
-//! | | operator asks to `WALK` or `SIT`, or the robot does not rest | `IDLE` | refused |
-//! | `STAND_UP` | stands on four feet | `STANCE` | |
-//! | | operator asks to `SIT` | `SIT` | |
-//! | | operator asks for `WALK` or `IDLE` | `STAND_UP` | refused |
-//! | | a joint or foot does not get there in time | `DAMPING` | |
-//! | `STANCE` | operator asks to `WALK` | `WALK` | the gait's clock starts |
-//! | | operator asks to `SIT` | `SIT` | feet lower the base, legs fold, joints grow soft |
-//! | | operator asks for `IDLE` | `STANCE` | refused: it would fall |
-//! | `WALK` | operator asks for anything else, or is lost | `STANCE` | once the steps begun have landed; `IDLE` is refused |
-//! | `SIT` | operator asks to `STAND` | `STAND_UP` | |
-//! | | operator asks for `IDLE` | `IDLE` | once the robot lies |
-//! | | operator asks for `WALK` | `SIT` | refused |
-//! | | a joint does not get there in time | `DAMPING` | |
-//! | any but `IDLE` before its first good input | a fault of [`super::safety`], or the operator asks for `DAMPING` | `DAMPING` | joints damped in the same tick |
-//! | `DAMPING` | operator asks for `IDLE`, nothing is wrong any more, the robot rests | `IDLE` | |
+//! | `IDLE` | first valid input, legs at standing length | `STANCE` | references start at the present posture |
+//! | | request `STAND`, the robot is at rest and lies | `STAND_UP` | legs fold, then push ([`super::stand_sit`]) |
+//! | | request `STAND`, the robot is at rest with legs at standing length | `STANCE` | |
+//! | | request `WALK` or `SIT`, or the robot is not at rest | `IDLE` | request rejected |
+//! | `STAND_UP` | the robot stands on four feet | `STANCE` | |
+//! | | request `SIT` | `SIT` | |
+//! | | request `WALK` or `IDLE` | `STAND_UP` | request rejected |
+//! | | a joint or foot does not reach its reference in time | `DAMPING` | |
+//! | `STANCE` | request `WALK` | `WALK` | the gait clock starts |
+//! | | request `SIT` | `SIT` | feet lower the base, legs fold, joint stiffness decreases |
+//! | | request `IDLE` | `STANCE` | request rejected: the robot would fall |
+//! | `WALK` | any other request, or the operator's messages time out | `STANCE` | after the swinging feet have landed; `IDLE` is rejected |
+//! | `SIT` | request `STAND` | `STAND_UP` | |
+//! | | request `IDLE` | `IDLE` | when the robot lies |
+//! | | request `WALK` | `SIT` | request rejected |
+//! | | a joint does not reach its reference in time | `DAMPING` | |
+//! | any, except `IDLE` before its first valid input | a fault ([`super::checks`], [`crate::safety`]), or request `DAMPING` | `DAMPING` | joints damped in the same tick |
+//! | `DAMPING` | request `IDLE`, no fault persists, the robot is at rest | `IDLE` | |
 //! | | anything else | `DAMPING` | |
 //!
-//! What is refused stands as FAULT_OPERATOR_REFUSED in the tick's `controller_tick_t`, with the mode asked for, for as long as it is asked for.
-//! An operator who is lost (FAULT_OPERATOR_STALE), sends no numbers or an unknown mode asks for nothing: a walk ends, everything else stays.
+//! While a request is rejected, the tick's `controller_tick_t` contains FAULT_OPERATOR_REFUSED with the requested mode. A command that is too old
+//! (FAULT_OPERATOR_STALE), contains non-finite numbers or has an unknown mode requests nothing: the robot stops walking, and every other mode
+//! continues.
 
-use super::estimation::Estimate;
+use super::checks;
+use super::estimation::{Estimate, base_estimate};
 use super::leg::Leg;
 use super::robot::Robot;
-use super::safety::{self, fault, seconds};
-use super::stand_sit::{REST_SPEED, Rise};
-use super::state::{Fault, Mode, MovePhase, State};
+use super::stand_sit::{REST_SPEED, StandSit};
+use super::state::{Mode, MovePhase, State};
 use crate::params::Params;
+use crate::safety::{Fault, check_joint_limits, fault};
+use crate::time::seconds;
 use lcmtypes::{ControllerInput, ControllerTick, OperatorCommand, RobotState};
 
-/// Part of the nominal height from which on a robot stands.
+/// Length of the legs above which the robot counts as standing, as a fraction of the nominal height.
 const STANDING: f64 = 0.75;
-/// Time of rest after which torque may be taken away or a move begin, s.
+/// Time at rest after which torque may be removed or a motion may start, s.
 const REST_TIME: f64 = 0.5;
 
-/// What the operator wants of the robot as a whole.
+/// The mode that the operator requests.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Wish {
-    /// Nothing: there is no operator, or none that can be understood.
+pub enum ModeRequest {
+    /// No request: there is no operator command, or none that can be used.
     None,
-    /// To stand.
+    /// Stand.
     Stand,
-    /// To walk.
+    /// Walk.
     Walk,
-    /// To sit down.
+    /// Sit down.
     Sit,
-    /// To be without torque.
+    /// No torque.
     Idle,
-    /// To be damped at once.
+    /// Damped joints at once.
     Damping,
 }
 
-/// The wish of a tick, and what of it cannot be followed.
+/// The operator's request in a tick.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Asked {
-    /// What is followed.
-    pub wish: Wish,
-    /// Why that is not all that was asked.
-    pub refused: Option<Fault>,
+pub struct OperatorRequest {
+    /// The requested mode.
+    pub mode: ModeRequest,
+    /// The fault to report if the command, or a part of it, is rejected.
+    pub rejected: Option<Fault>,
 }
 
-/// Reads the operator's wish. A command that is too old, holds numbers that are none, or a mode without meaning asks for nothing; the wish to be
-/// damped is never too old.
-pub fn asked(params: &Params, input: &ControllerInput) -> Asked {
+/// Reads the operator's request. A command that is too old, contains non-finite numbers or has an unknown mode requests nothing; a request for
+/// damping is valid at any age.
+pub fn operator_request(params: &Params, input: &ControllerInput) -> OperatorRequest {
     let op = &input.op;
-    let nothing = |refused| Asked { wish: Wish::None, refused };
+    let none = |rejected| OperatorRequest { mode: ModeRequest::None, rejected };
     if op.mode == OperatorCommand::MODE_DAMPING {
-        return Asked { wish: Wish::Damping, refused: None };
+        return OperatorRequest { mode: ModeRequest::Damping, rejected: None };
     }
     if op.seq < 0 {
-        return nothing(None);
+        return none(None);
     }
     let age = seconds(input.t_ns.saturating_sub(input.t_op_ns));
     if age > params.safety.max_operator_age {
-        return nothing(fault(ControllerTick::FAULT_OPERATOR_STALE, None, age));
+        return none(fault(ControllerTick::FAULT_OPERATOR_STALE, None, age));
     }
-    if !safety::operator_is_finite(op) {
-        return nothing(fault(ControllerTick::FAULT_OPERATOR_NOT_FINITE, None, 0.0));
+    if !checks::operator_is_finite(op) {
+        return none(fault(ControllerTick::FAULT_OPERATOR_NOT_FINITE, None, 0.0));
     }
-    let wish = match op.mode {
-        OperatorCommand::MODE_STAND => Wish::Stand,
-        OperatorCommand::MODE_WALK => Wish::Walk,
-        OperatorCommand::MODE_SIT => Wish::Sit,
-        OperatorCommand::MODE_IDLE => Wish::Idle,
-        _ => return nothing(refusal(op)),
+    let mode = match op.mode {
+        OperatorCommand::MODE_STAND => ModeRequest::Stand,
+        OperatorCommand::MODE_WALK => ModeRequest::Walk,
+        OperatorCommand::MODE_SIT => ModeRequest::Sit,
+        OperatorCommand::MODE_IDLE => ModeRequest::Idle,
+        _ => return none(rejection(op)),
     };
-    Asked { wish, refused: None }
+    OperatorRequest { mode, rejected: None }
 }
 
-/// Follows the wish from state to state; gives the fault that leads to the safe state, if any. Walking begins and ends in [`super::gait`].
+/// Changes the mode as requested; returns the fault that leads to the safe state, if any. [`super::gait`] starts and ends walking.
 ///
-/// Whether an input is good has been found before: it is, here.
+/// The input must have passed [`checks::check_input`]. If the request is not possible in the present mode, `request.rejected` is set.
 pub fn follow(
     robot: &Robot,
     params: &Params,
-    rise: &Rise,
+    stand_sit: &StandSit,
     estimate: &mut Estimate,
     state: &mut State,
     input: &ControllerInput,
-    asked: &mut Asked,
+    request: &mut OperatorRequest,
 ) -> Option<Fault> {
     let measured = &input.state;
-    if state.mode == Mode::StandUp && state.motion.phase == MovePhase::None {
-        stand(robot, state, measured);
+    if state.mode == Mode::StandUp && state.move_phase == MovePhase::None {
+        enter_stance(robot, state, measured);
     }
-    let rests = state.t_still >= REST_TIME;
-    let mut refuse = || asked.refused = asked.refused.or(refusal(&input.op));
-    match (state.mode, asked.wish) {
-        (_, Wish::Damping) => return fault(ControllerTick::FAULT_OPERATOR, None, 0.0),
-        (Mode::Idle, Wish::Idle) => state.started = true,
-        (Mode::Idle, wish) if !state.started => {
+    let at_rest = state.t_still >= REST_TIME;
+    let mut reject = || request.rejected = request.rejected.or(rejection(&input.op));
+    match (state.mode, request.mode) {
+        (_, ModeRequest::Damping) => return fault(ControllerTick::FAULT_OPERATOR, None, 0.0),
+        (Mode::Idle, ModeRequest::Idle) => state.started = true,
+        (Mode::Idle, mode) if !state.started => {
             state.started = true;
-            if stands(robot, estimate, measured) {
-                stand(robot, state, measured);
-            } else if wish != Wish::None {
-                refuse();
+            if is_standing(robot, estimate, measured) {
+                enter_stance(robot, state, measured);
+            } else if mode != ModeRequest::None {
+                reject();
             }
         }
-        (Mode::Idle, Wish::Stand) if rests && stands(robot, estimate, measured) => stand(robot, state, measured),
-        (Mode::Idle, Wish::Stand) if rests => rise.stand_up(measured, state),
-        (Mode::Idle, Wish::Stand | Wish::Walk | Wish::Sit) => refuse(),
-        (Mode::StandUp | Mode::Stance, Wish::Sit) => rise.sit(measured, state),
-        (Mode::StandUp, Wish::Walk | Wish::Idle) | (Mode::Stance | Mode::Walk, Wish::Idle) => refuse(),
-        (Mode::Sit, Wish::Stand) => rise.stand_up(measured, state),
-        (Mode::Sit, Wish::Idle) if state.motion.phase == MovePhase::Lie => state.begin(Mode::Idle),
-        (Mode::Sit, Wish::Walk) => refuse(),
-        (Mode::Damping, Wish::Idle) => {
+        (Mode::Idle, ModeRequest::Stand) if at_rest && is_standing(robot, estimate, measured) => {
+            enter_stance(robot, state, measured);
+        }
+        (Mode::Idle, ModeRequest::Stand) if at_rest => stand_sit.stand_up(measured, state),
+        (Mode::Idle, ModeRequest::Stand | ModeRequest::Walk | ModeRequest::Sit) => reject(),
+        (Mode::StandUp | Mode::Stance, ModeRequest::Sit) => stand_sit.sit(measured, state),
+        (Mode::StandUp, ModeRequest::Walk | ModeRequest::Idle)
+        | (Mode::Stance | Mode::Walk, ModeRequest::Idle)
+        | (Mode::Sit, ModeRequest::Walk) => reject(),
+        (Mode::Sit, ModeRequest::Stand) => stand_sit.stand_up(measured, state),
+        (Mode::Sit, ModeRequest::Idle) if state.move_phase == MovePhase::Lie => state.enter(Mode::Idle),
+        (Mode::Damping, ModeRequest::Idle) => {
             estimate.update(robot, measured);
-            let persists = safety::check_joints(&robot.model.joints, params, measured)
-                .or_else(|| safety::check_tilt(params, &estimate.base.rpy))
-                .or_else(|| if rests { None } else { refusal(&input.op) });
+            let persists = check_joint_limits(&robot.model.joints, &params.safety, measured)
+                .or_else(|| checks::check_tilt(params, &estimate.base.rpy))
+                .or_else(|| if at_rest { None } else { rejection(&input.op) });
             match persists {
-                Some(cause) => state.fault = cause,
-                None => state.begin(Mode::Idle),
+                Some(cause) => state.set_fault(cause),
+                None => state.enter(Mode::Idle),
             }
         }
         _ => {}
@@ -145,31 +151,30 @@ pub fn follow(
     if matches!(state.mode, Mode::Idle | Mode::Damping) {
         return None;
     }
-    safety::check_joints(&robot.model.joints, params, measured)
+    check_joint_limits(&robot.model.joints, &params.safety, measured)
 }
 
-/// Begins to stand where the robot is.
-pub fn stand(robot: &Robot, state: &mut State, measured: &RobotState) {
-    state.begin(Mode::Stance);
+/// Enters stance with references at the measured posture.
+pub fn enter_stance(robot: &Robot, state: &mut State, measured: &RobotState) {
+    state.enter(Mode::Stance);
     state.q_des.copy_from_slice(&measured.q);
-    state.yaw_des = super::estimation::base_estimate(robot, measured).rpy[2];
+    state.yaw_des = base_estimate(robot, measured).rpy[2];
     state.height = robot.nominal_height;
 }
 
-/// Counts for how long the joints have been at rest.
-pub fn rest(state: &mut State, measured: &RobotState, dt: f64) {
-    let rests = measured.qd.iter().all(|qd| qd.abs() < REST_SPEED);
-    state.t_still = if rests { state.t_still + dt } else { 0.0 };
+/// Counts the time for which all joints have been at rest.
+pub fn update_rest_time(state: &mut State, measured: &RobotState, dt: f64) {
+    let at_rest = measured.qd.iter().all(|qd| qd.abs() < REST_SPEED);
+    state.t_still = if at_rest { state.t_still + dt } else { 0.0 };
 }
 
-/// The legs are as long as in standing, be it on the ground or in the air.
-fn stands(robot: &Robot, estimate: &mut Estimate, measured: &RobotState) -> bool {
+/// Whether the legs have their standing length, on the ground or in the air.
+fn is_standing(robot: &Robot, estimate: &mut Estimate, measured: &RobotState) -> bool {
     estimate.update(robot, measured);
     let depth = Leg::ALL.into_iter().fold(0.0, |sum, leg| sum - estimate.legs[leg].p_BF_W.z) / 4.0;
     depth > STANDING * robot.nominal_height
 }
 
-fn refusal(op: &OperatorCommand) -> Option<Fault> {
-    let mode = Fault { code: ControllerTick::FAULT_OPERATOR_REFUSED, index: op.mode.into(), value: 0.0 };
-    Some(mode)
+fn rejection(op: &OperatorCommand) -> Option<Fault> {
+    Some(Fault { code: ControllerTick::FAULT_OPERATOR_REFUSED, index: op.mode.into(), value: 0.0 })
 }

@@ -1,25 +1,26 @@
-//! Reactions to what was not planned: a push, a step that the swing runs into, ground that gives way. Each can be switched off.
+//! Reactions to disturbances: a push, an obstacle in the way of a swinging foot, ground that gives way. Each can be switched off by a parameter.
 //!
-//! Beyond Raiola et al. 2020, as its open successor has them.
+//! Not part of Raiola et al. 2020; its open-source successor contains similar reactions.
 
 use super::estimation::Estimate;
-use super::gait::{self, Timing};
+use super::foot_load::load_fraction;
 use super::leg::{Leg, LegPhase, PerLeg};
 use super::robot::Robot;
 use super::state::{Mode, State};
+use super::timing::Timing;
 use crate::math::{cos, sin};
 use crate::model::GRAVITY;
 use crate::params::Params;
 use nalgebra::Vector3;
 
-/// Part of the swing, from the lift-off, in which the force on the foot is that of the ground it leaves.
-const REFLEX_BLIND_PART: f64 = 0.15;
-/// Reflexes of a leg in one swing.
+/// Fraction of the swing time after the lift-off in which no collision is detected: the force on the foot may still be that of the stance.
+const REFLEX_BLIND_FRACTION: f64 = 0.15;
+/// Largest number of reflexes of a leg in one swing.
 const MAX_REFLEXES: i32 = 2;
-/// Part of the load of a touch below which a standing foot carries nothing.
-const UNLOADED_PART: f64 = 0.2;
+/// Fraction of the contact threshold below which a standing foot counts as unloaded.
+const UNLOADED_FRACTION: f64 = 0.2;
 
-/// How far footholds are moved towards where the base would come to rest, m in H.
+/// Shift of the footholds towards the point where the base would come to rest, m in H.
 ///
 /// ```text
 /// Δ = k √(h/g) (v - v_cmd),   |Δ| ≤ max
@@ -35,38 +36,38 @@ pub fn capture(robot: &Robot, params: &Params, state: &State) -> [f64; 2] {
     if length <= recovery.max_capture { shift } else { shift.map(|x| x * (recovery.max_capture / length)) }
 }
 
-/// What a leg has met that its swing or stance did not reckon with.
+/// Contact events that the gait did not plan.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Surprises {
-    /// Legs whose swing has run into something in its first half: they begin it anew.
-    pub struck: PerLeg<bool>,
-    /// Standing legs that have carried nothing for a while, and are not meant to: they search for the ground.
+pub struct ContactEvents {
+    /// Legs that hit an obstacle in the first half of their swing. They restart the swing.
+    pub collision: PerLeg<bool>,
+    /// Standing legs that lost their load for longer than `recovery.lost_contact_time` although they should carry it. They search for the ground.
     pub lost: PerLeg<bool>,
 }
 
-/// Looks for surprises; counts for how long a standing foot has carried nothing.
+/// Detects contact events, and counts the time for which each standing foot has been unloaded.
 ///
-/// The force against the step strikes, not that along the normal: a foot that is still being unloaded has one.
-pub fn surprises(robot: &Robot, params: &Params, estimate: &Estimate, state: &mut State, dt: f64) -> Surprises {
+/// A collision is a force against the direction of the step. The normal force is no criterion: a foot that is still unloading has one.
+pub fn contact_events(robot: &Robot, params: &Params, estimate: &Estimate, state: &mut State, dt: f64) -> ContactEvents {
     let recovery = &params.recovery;
     let timing = Timing::of(state, params);
-    let mut found = Surprises::default();
+    let mut events = ContactEvents::default();
     for leg in Leg::ALL {
-        let (phase, f_W) = (state.leg_phase[leg], state.f_F_W[leg]);
+        let (phase, f_W) = (state.leg_state[leg], state.f_F_W[leg]);
         let heading = state.step_heading[leg];
         let forward_W = estimate.base.R_WH * Vector3::new(cos(heading), sin(heading), 0.0);
-        found.struck[leg] = recovery.step_reflex
+        events.collision[leg] = recovery.step_reflex
             && phase == LegPhase::SwingUp
             && state.reflexes[leg] < MAX_REFLEXES
-            && state.t_leg[leg] > REFLEX_BLIND_PART * timing.T_sw
+            && state.t_leg[leg] > REFLEX_BLIND_FRACTION * timing.T_sw
             && f_W.dot(&forward_W) < -recovery.reflex_load * robot.weight;
 
-        let empty = estimate.n_W.dot(&f_W) < UNLOADED_PART * params.contact.touch_load * robot.weight;
-        let meant_to = gait::loaded_part(state, &timing, leg) < 1.0;
-        let counts = state.mode == Mode::Walk && phase.is_stance() && empty && !meant_to;
+        let unloaded = estimate.n_W.dot(&f_W) < UNLOADED_FRACTION * params.contact.touch_load * robot.weight;
+        let unloading = load_fraction(state, &timing, leg) < 1.0;
+        let counts = state.mode == Mode::Walk && phase.is_stance() && unloaded && !unloading;
         state.t_unloaded[leg] = if counts { state.t_unloaded[leg] + dt } else { 0.0 };
-        let patience = recovery.lost_contact_time;
-        found.lost[leg] = patience > 0.0 && state.t_unloaded[leg] > patience;
+        let limit = recovery.lost_contact_time;
+        events.lost[leg] = limit > 0.0 && state.t_unloaded[leg] > limit;
     }
-    found
+    events
 }

@@ -16,7 +16,7 @@
 
 use super::estimation::Estimate;
 use super::foothold::{self, Query};
-use super::gait::{self, Timing, Transitions};
+use super::gait::Transitions;
 use super::leg::{Leg, LegPhase, PerLeg};
 use super::recovery;
 use super::robot::Robot;
@@ -24,6 +24,7 @@ use super::state::{Mode, State};
 use super::sway;
 use super::swing::swing_point;
 use super::terrain::GroundFrame;
+use super::timing::{Timing, gait_params};
 use crate::math::Rz;
 use crate::model::{BaseState, Kinematics, point_jacobian_linear};
 use crate::params::Params;
@@ -44,7 +45,7 @@ pub struct Tick<'a> {
     /// Measured joint positions, nj, rad.
     pub q: &'a [f64],
     /// What the gait has changed.
-    pub changes: &'a Transitions,
+    pub transitions: &'a Transitions,
     /// Time since the last tick, s.
     pub dt: f64,
 }
@@ -81,26 +82,26 @@ impl References {
 
     /// Plans footholds, moves the foot references on, and carries `state.q_des` after them.
     pub fn update(&mut self, tick: &Tick, state: &mut State) {
-        let Tick { robot, params, estimate, changes, dt, .. } = *tick;
+        let Tick { robot, params, estimate, transitions, dt, .. } = *tick;
         let R_HW = estimate.base.R_WH.transpose();
-        let footing = GroundFrame::of(params, &estimate.base, state);
+        let ground_frame = GroundFrame::of(params, &estimate.base, state);
         let p_CF_H = R_HW * estimate.n_W * robot.foot_radius;
         let zeta_dot = height_integral(robot, params, state, dt);
-        sway::update(robot, params, changes, state, dt);
+        sway::update(robot, params, transitions, state, dt);
         trim(params, state, dt);
         let sway_dot = state.sway_rate_H;
-        let halted = state.leg_phase.0.contains(&LegPhase::FaultHold);
+        let halted = state.leg_state.0.contains(&LegPhase::FaultHold);
         for leg in Leg::ALL {
-            if changes.lift_off[leg] || changes.anew[leg] {
+            if transitions.lift_off[leg] || transitions.restart[leg] {
                 lift(tick, state, leg);
             }
-            if changes.anew[leg] && state.leg_phase[leg] == LegPhase::SwingUp {
+            if transitions.restart[leg] && state.leg_state[leg] == LegPhase::SwingUp {
                 let back = Rz(state.step_heading[leg]) * Vector3::x() * params.recovery.reflex_retraction;
                 state.p_lift_H[leg] -= back;
             }
-            if state.leg_phase[leg].is_stance() {
+            if state.leg_state[leg].is_stance() {
                 let p_virtual = virtual_foothold(robot, state, leg);
-                if changes.touchdown[leg] {
+                if transitions.touchdown[leg] {
                     let landed = R_HW * estimate.legs[leg].p_BF_W;
                     state.p_stance_H[leg] = stance_start(robot, params, state, &p_virtual, &landed);
                 } else if state.mode != Mode::Walk {
@@ -113,8 +114,8 @@ impl References {
                 let vxy = [0, 1].map(|k| -v[k] - sway_dot[k]);
                 let level = |[x, y]: [f64; 2], z: f64| Vector3::new(x, y, z);
                 (self.p_BF_H[leg], self.v_BF_H[leg]) =
-                    footing.carry(level(xy, p_virtual.z), level(vxy, zeta_dot), &p_CF_H);
-                self.foothold_H[leg] = footing.carry(p_virtual, Vector3::zeros(), &p_CF_H).0;
+                    ground_frame.carry(level(xy, p_virtual.z), level(vxy, zeta_dot), &p_CF_H);
+                self.foothold_H[leg] = ground_frame.carry(p_virtual, Vector3::zeros(), &p_CF_H).0;
             } else {
                 self.swing(tick, state, leg);
             }
@@ -148,7 +149,7 @@ impl References {
         }
         let length = state.step_length[leg];
         let s = swing_point(t, timing.T_sw, length, state.step_height[leg], params.swing.reach_time);
-        let held = state.leg_phase[leg] == LegPhase::FaultHold;
+        let held = state.leg_state[leg] == LegPhase::FaultHold;
         let n_H = R_HW * estimate.n_W;
         let forward = Rz(state.step_heading[leg]) * Vector3::x();
         // Up or down the slope as far as the ground rises over the step.
@@ -159,7 +160,7 @@ impl References {
     }
 
     fn clik(&mut self, tick: &Tick, state: &mut State) {
-        let Tick { robot, params, estimate, q, changes, dt } = *tick;
+        let Tick { robot, params, estimate, q, transitions, dt } = *tick;
         let base = &estimate.base;
         let at_reference =
             BaseState { p_WB: Vector3::zeros(), R_WB: base.R_WB, v_WB: Vector3::zeros(), w_WB_W: Vector3::zeros() };
@@ -180,7 +181,7 @@ impl References {
             }
             let r_des_W = base.R_WH * self.p_BF_H[leg];
             let rd_des_W = turn_W.cross(&r_des_W) + base.R_WH * self.v_BF_H[leg];
-            let stance = state.leg_phase[leg].is_stance();
+            let stance = state.leg_state[leg].is_stance();
             let gain = if stance {
                 1.0 / params.posture.blend_time_constant.max(blend_in_stance)
             } else {
@@ -200,7 +201,7 @@ impl References {
                 }
                 let qd_des = if free { qd[k] } else { 0.0 };
                 // At the lift-off the reference jumps, from one of stance to one of swing.
-                let smooth = !stance && !changes.lift_off[leg] && !changes.anew[leg] && dt > 0.0;
+                let smooth = !stance && !transitions.lift_off[leg] && !transitions.restart[leg] && dt > 0.0;
                 state.qdd_des[joint] = if smooth { (qd_des - state.qd_des[joint]) / dt } else { 0.0 };
                 state.qd_des[joint] = qd_des;
                 self.qd_des[joint] = qd_des;
@@ -212,10 +213,10 @@ impl References {
 
 /// A swing begins where the foot is.
 fn lift(tick: &Tick, state: &mut State, leg: Leg) {
-    let Tick { robot, params, estimate, q, changes, .. } = *tick;
+    let Tick { robot, params, estimate, q, transitions, .. } = *tick;
     state.p_lift_H[leg] = estimate.base.R_WH.transpose() * estimate.legs[leg].p_BF_W;
-    if changes.step_height > 0.0 {
-        state.step_height[leg] = changes.step_height;
+    if transitions.step_height > 0.0 {
+        state.step_height[leg] = transitions.step_height;
     } else if state.step_height[leg] == 0.0 {
         state.step_height[leg] = params.swing.height;
     }
@@ -254,7 +255,7 @@ fn stance_start(
     p_virtual: &Vector3<f64>,
     landed: &Vector3<f64>,
 ) -> [f64; 2] {
-    if gait::row_of(state.gait, params).sway > 0.0 {
+    if gait_params(state.gait, params).sway > 0.0 {
         return [landed.x + state.sway_H[0], landed.y + state.sway_H[1]];
     }
     let T_st = Timing::of(state, params).T_st;
@@ -274,7 +275,7 @@ fn velocity_at(p_H: [f64; 2], robot: &Robot, params: &Params, state: &State) -> 
 
 /// The part of it that is the same for all feet.
 fn sweep_velocity(robot: &Robot, params: &Params, state: &State) -> [f64; 2] {
-    let row = gait::row_of(state.gait, params);
+    let row = gait_params(state.gait, params);
     let trim = if row.sway > 0.0 { [0.0; 2] } else { state.v_trim_H };
     [0, 1].map(|k| row.velocity_gain * robot.sweep[k] * (state.v_H_des[k] + trim[k]))
 }
@@ -282,7 +283,7 @@ fn sweep_velocity(robot: &Robot, params: &Params, state: &State) -> [f64; 2] {
 /// Moves the trim of the commanded velocity on: a slow integral of what the legs see of the base's speed, so that the robot goes as fast as
 /// commanded whatever its feet and the ground take off. A base that sways by a plan is left to it: there the integral makes it fall.
 fn trim(params: &Params, state: &mut State, dt: f64) {
-    let sways = gait::row_of(state.gait, params).sway > 0.0;
+    let sways = gait_params(state.gait, params).sway > 0.0;
     if state.mode != Mode::Walk || state.gait_clock < 0.0 || sways {
         return;
     }

@@ -1,7 +1,7 @@
 //! The quadruped as the controller sees it: model, legs found in it, nominal posture, limits.
 
 use super::leg::{Leg, PerLeg};
-use crate::LoadError;
+use crate::error::LoadError;
 use crate::model::{
     Base, BaseState, FrameId, GRAVITY, JointKind, Kinematics, Model, UrdfTree, com, point_jacobian_linear,
 };

@@ -23,12 +23,12 @@
 use super::estimation::Estimate;
 use super::leg::{Leg, PerLeg};
 use super::robot::Robot;
-use super::safety::fault;
-use super::state::{Fault, Mode, MovePhase, State};
-use crate::LoadError;
+use super::state::{Mode, MovePhase, State};
+use crate::error::LoadError;
 use crate::math::ramp;
 use crate::model::{BaseState, GRAVITY, Kinematics, com, point_jacobian_linear};
 use crate::params::Params;
+use crate::safety::{Fault, fault};
 use lcmtypes::{ControllerTick, RobotState};
 use nalgebra::{DMatrix, Matrix3, Vector3};
 
@@ -56,7 +56,7 @@ const STANDSTILL: f64 = 0.1;
 const PEAK: f64 = 1.875;
 
 /// The postures of getting up.
-pub struct Rise {
+pub struct StandSit {
     /// From folded to standing, the feet on straight lines below their virtual footholds, nj each.
     path: Vec<Vec<f64>>,
     /// Height of the base above the feet where legs are folded, m.
@@ -66,7 +66,7 @@ pub struct Rise {
     q_lying: Vec<f64>,
 }
 
-impl Rise {
+impl StandSit {
     /// Finds the postures.
     ///
     /// # Errors
@@ -95,31 +95,31 @@ impl Rise {
                 }
             }
         }
-        Ok(Rise { path, folded_height, standing_height: robot.nominal_height, q_lying })
+        Ok(StandSit { path, folded_height, standing_height: robot.nominal_height, q_lying })
     }
 
     /// Gets up from where the robot is.
     pub fn stand_up(&self, measured: &RobotState, state: &mut State) {
-        let (support, was_moving) = (state.motion.support, state.mode == Mode::Sit);
-        state.begin(Mode::StandUp);
+        let (support, was_moving) = (state.support, state.mode == Mode::Sit);
+        state.enter(Mode::StandUp);
         if !was_moving {
             state.q_des.copy_from_slice(&measured.q);
         }
-        state.motion.support = if was_moving { support } else { 0.0 };
+        state.support = if was_moving { support } else { 0.0 };
         begin(state, MovePhase::Gather);
     }
 
     /// Sits down from standing, or from a height on the way up.
     pub fn sit(&self, measured: &RobotState, state: &mut State) {
-        let (support, phase) = (state.motion.support, state.motion.phase);
+        let (support, phase) = (state.support, state.move_phase);
         let from_stance = state.mode != Mode::StandUp;
-        state.begin(Mode::Sit);
+        state.enter(Mode::Sit);
         if from_stance {
             state.q_des.copy_from_slice(&measured.q);
         }
-        state.motion.support = if from_stance { 1.0 } else { support };
+        state.support = if from_stance { 1.0 } else { support };
         let range = self.standing_height - self.folded_height;
-        state.motion.start = ((state.height - self.folded_height) / range).clamp(0.0, 1.0);
+        state.move_start = ((state.height - self.folded_height) / range).clamp(0.0, 1.0);
         begin(state, if phase == MovePhase::Gather { MovePhase::Spread } else { MovePhase::Lower });
     }
 
@@ -138,33 +138,33 @@ impl Rise {
         let stand = &params.stand;
         let pace = ((stand.max_error - error.abs()) / (0.5 * stand.max_error)).clamp(0.0, 1.0);
         let time = self.time(params, state);
-        let before = state.motion.progress;
-        state.motion.progress = (before + pace * dt / time).min(1.0);
-        let done = state.motion.progress >= 1.0;
-        let waits = pace < STANDSTILL || (done && state.motion.phase == MovePhase::Rise);
-        state.motion.t_held = if waits { state.motion.t_held + dt } else { 0.0 };
+        let before = state.move_progress;
+        state.move_progress = (before + pace * dt / time).min(1.0);
+        let done = state.move_progress >= 1.0;
+        let waits = pace < STANDSTILL || (done && state.move_phase == MovePhase::Rise);
+        state.t_held = if waits { state.t_held + dt } else { 0.0 };
 
-        let wanted = match state.motion.phase {
+        let wanted = match state.move_phase {
             MovePhase::Gather | MovePhase::Rise | MovePhase::Lower => 1.0,
-            MovePhase::Spread => 1.0 - state.motion.progress,
+            MovePhase::Spread => 1.0 - state.move_progress,
             _ => 0.0,
         };
-        state.motion.support = ramp(state.motion.support, wanted, SUPPORT_RATE * dt);
+        state.support = ramp(state.support, wanted, SUPPORT_RATE * dt);
         self.references(state, dt);
         self.torques(robot, estimate, state);
 
-        if state.motion.t_held > stand.patience {
+        if state.t_held > stand.patience {
             let lacks = Leg::ALL.into_iter().find(|&leg| !state.contact[leg]);
             return match lacks {
                 Some(leg) if pace >= STANDSTILL => {
-                    fault(ControllerTick::FAULT_NO_CONTACT, Some(leg as usize), state.motion.t_held)
+                    fault(ControllerTick::FAULT_NO_CONTACT, Some(leg as usize), state.t_held)
                 }
                 _ => fault(ControllerTick::FAULT_POSTURE, Some(joint), error),
             };
         }
-        match state.motion.phase {
+        match state.move_phase {
             MovePhase::Rise if done && pace >= 1.0 && self.is_up(params, measured, state) => {
-                state.motion.phase = MovePhase::None
+                state.move_phase = MovePhase::None
             }
             MovePhase::Gather if done => begin(state, MovePhase::Rise),
             MovePhase::Lower if done => begin(state, MovePhase::Spread),
@@ -180,8 +180,8 @@ impl Rise {
         // A joint without effort limit has no scale; it is driven by its torque alone.
         let effort = if effort.is_finite() { effort } else { 0.0 };
         let (kp, kd) = (params.stand.stiffness * effort, params.stand.damping * effort);
-        match state.motion.phase {
-            MovePhase::Release => (kp * (1.0 - state.motion.progress), kd),
+        match state.move_phase {
+            MovePhase::Release => (kp * (1.0 - state.move_progress), kd),
             MovePhase::Lie => (0.0, params.safety.damping),
             _ => (kp, kd),
         }
@@ -192,19 +192,19 @@ impl Rise {
         let rests = measured.qd.iter().all(|qd| qd.abs() < REST_SPEED);
         let feet = state.contact.0.into_iter().filter(|contact| *contact).count();
         // A foot over a hole is found ground for by the stance.
-        let enough = if state.motion.t_held > 0.5 * params.stand.patience { 3 } else { 4 };
-        state.motion.support >= 1.0 && rests && feet >= enough
+        let enough = if state.t_held > 0.5 * params.stand.patience { 3 } else { 4 };
+        state.support >= 1.0 && rests && feet >= enough
     }
 
     /// How long the present phase takes, s.
     fn time(&self, params: &Params, state: &State) -> f64 {
         let range = self.standing_height - self.folded_height;
-        let by_joints = |to: &[f64]| worst(&state.motion.q, to).1.abs() * PEAK / params.stand.joint_speed;
+        let by_joints = |to: &[f64]| worst(&state.move_q, to).1.abs() * PEAK / params.stand.joint_speed;
         let by_height = |part: f64| part * range * PEAK / params.stand.rise_speed;
-        let time = match state.motion.phase {
+        let time = match state.move_phase {
             MovePhase::Gather => by_joints(&self.path[0]),
             MovePhase::Rise => by_height(1.0),
-            MovePhase::Lower => by_height(state.motion.start),
+            MovePhase::Lower => by_height(state.move_start),
             MovePhase::Spread => by_joints(&self.q_lying),
             _ => RELEASE_TIME,
         };
@@ -213,12 +213,12 @@ impl Rise {
 
     /// Joint references where the phase is now; their velocities are differences.
     fn references(&self, state: &mut State, dt: f64) {
-        let (phase, u, start) = (state.motion.phase, state.motion.progress, state.motion.start);
+        let (phase, u, start) = (state.move_phase, state.move_progress, state.move_start);
         let sigma = least_jerk(u);
         // What the first posture of a path was off fades out in its first half.
         let fading = 1.0 - least_jerk((2.0 * u).min(1.0));
         for joint in 0..state.q_des.len() {
-            let from = state.motion.q[joint];
+            let from = state.move_q[joint];
             let to = match phase {
                 MovePhase::Gather => from + (self.path[0][joint] - from) * sigma,
                 MovePhase::Rise => self.at(sigma, joint) + (from - self.path[0][joint]) * fading,
@@ -245,7 +245,7 @@ impl Rise {
 
     fn torques(&self, robot: &Robot, estimate: &Estimate, state: &mut State) {
         let f_z = shares(robot, estimate);
-        let support = state.motion.support;
+        let support = state.support;
         for joint in 0..state.tau_last.len() {
             let row = 6 + joint;
             let feet = Leg::ALL.into_iter().fold(0.0, |sum, leg| sum + estimate.legs[leg].J[(2, row)] * f_z[leg]);
@@ -255,9 +255,8 @@ impl Rise {
 }
 
 fn begin(state: &mut State, phase: MovePhase) {
-    let State { motion, q_des, .. } = state;
-    (motion.phase, motion.progress, motion.t_held) = (phase, 0.0, 0.0);
-    motion.q.copy_from_slice(q_des);
+    (state.move_phase, state.move_progress, state.t_held) = (phase, 0.0, 0.0);
+    state.move_q.copy_from_slice(&state.q_des);
 }
 
 /// Way of least jerk from 0 to 1.

@@ -1,30 +1,35 @@
-//! All that survives a tick, and its snapshot.
+//! The state that the controller keeps between two ticks.
 
+use super::fields::{self, Field, Part, enum_field, state_fields};
 use super::leg::{Leg, LegPhase, PerLeg};
-use crate::RestoreError;
-use lcmtypes::{ControllerTick, QuadrupedState, RobotState, enum_names};
+use crate::digest::Digest;
+use crate::dump::Quantity;
+use crate::error::RestoreError;
+use crate::safety::Fault;
+use lcmtypes::{QuadrupedState, RobotState, enum_names};
 use nalgebra::Vector3;
 
-/// What the controller as a whole does.
+/// Mode of the controller. The transitions are in [`super::modes`].
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Mode {
-    /// No torque: no input has been seen yet, or the operator wants none.
+    /// No torque: before the first valid input, or on request of the operator.
     #[default]
     Idle,
     /// Stands on all feet.
     Stance,
-    /// Walks, or finishes its last steps.
+    /// Walks, or finishes the last steps of a walk.
     Walk,
-    /// Safe state: the joints are damped, nothing else is asked of them.
+    /// Safe state: the joints are damped, and no other torque acts.
     Damping,
-    /// Gets up from the ground.
+    /// Stands up from the ground.
     StandUp,
-    /// Sits down, and lies when it has.
+    /// Sits down, and then lies.
     Sit,
 }
 
 impl Mode {
-    const ALL: [Mode; 6] = [Mode::Idle, Mode::Stance, Mode::Walk, Mode::Damping, Mode::StandUp, Mode::Sit];
+    /// All modes, by their number in `controller_tick_t`.
+    pub const ALL: [Mode; 6] = [Mode::Idle, Mode::Stance, Mode::Walk, Mode::Damping, Mode::StandUp, Mode::Sit];
 
     /// Name as in events: `IDLE`, `STANCE`, `WALK`, `DAMPING`, `STAND_UP`, `SIT`.
     pub fn name(self) -> &'static str {
@@ -32,7 +37,7 @@ impl Mode {
     }
 }
 
-/// Sequence of the legs.
+/// The order in which legs swing.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Gait {
     /// Diagonal pairs.
@@ -47,7 +52,7 @@ impl Gait {
     pub const ALL: [Gait; 2] = [Gait::Trot, Gait::Crawl];
 }
 
-/// Timing of the gait as the operator has set it. 0 = as in the parameters.
+/// Gait timing commanded by the operator. 0 = the value of the parameters.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Cadence {
     /// Swing frequency, Hz.
@@ -56,23 +61,23 @@ pub struct Cadence {
     pub duty: f64,
 }
 
-/// Where getting up or sitting down is. The table stands in [`super::stand_sit`].
+/// Phase of standing up or sitting down. The transitions are in [`super::stand_sit`].
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum MovePhase {
-    /// Neither is going on.
+    /// The robot neither stands up nor sits down.
     #[default]
     None,
-    /// The legs fold under the trunk, from wherever they are.
+    /// The legs fold under the trunk, from their present posture.
     Gather,
     /// The feet push the trunk up.
     Rise,
-    /// The feet let the trunk down.
+    /// The feet lower the trunk.
     Lower,
-    /// The legs go from folded to where they lie.
+    /// The legs move from the folded to the lying posture.
     Spread,
-    /// The joints grow soft.
+    /// The joint stiffness decreases to zero.
     Release,
-    /// It lies; the joints are damped.
+    /// The robot lies; the joints are damped.
     Lie,
 }
 
@@ -89,141 +94,118 @@ impl MovePhase {
     ];
 }
 
-/// Getting up or sitting down between two ticks. Meanings and units stand at `quadruped_state_t`, `move_*`, `support`, `t_held`.
-#[derive(Clone, Debug, Default, PartialEq)]
-#[expect(missing_docs, reason = "every field is documented at quadruped_state_t")]
-pub struct Motion {
-    pub phase: MovePhase,
-    pub progress: f64,
-    pub start: f64,
-    pub q: Vec<f64>,
-    pub support: f64,
-    pub t_held: f64,
+enum_field! {
+    Mode, mode => mode.name();
+    Gait, gait => format!("{gait:?}");
+    LegPhase, phase => format!("{phase:?}");
+    MovePhase, phase => format!("{phase:?}");
 }
 
-/// Why the controller is in the safe state: a code of `controller_tick_t`, what it names and what was found there.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Fault {
-    /// FAULT_* of `controller_tick_t`.
-    pub code: i32,
-    /// Joint (URDF order), leg or row; -1 = none.
-    pub index: i32,
-    /// The value found, in its own unit.
-    pub value: f64,
-}
-
-impl Default for Fault {
-    fn default() -> Self {
-        Fault { code: ControllerTick::FAULT_NONE, index: -1, value: 0.0 }
+// To add a field, add a line here and a field with the same name in quadruped_state_t.lcm. The order of the lines is the order in which digests
+// and dumps contain the fields. `accepts` names the check of a snapshot's numbers if it is not `finite`.
+state_fields! {
+    /// State of the quadruped controller between two ticks. `quadruped_state_t` documents meaning, frame and unit of each field.
+    #[derive(Clone, Debug, PartialEq)]
+    #[expect(missing_docs, reason = "every field is documented at quadruped_state_t")]
+    pub struct State, message QuadrupedState;
+    robot {
+        t_ns: i64;
+        tick: i64;
+        gait_clock: f64, digest [Gait], dump [Gait];
+        yaw_des: f64, digest [Gait], dump [Gait];
+        height_offset: f64, digest [Gait], dump [Gait];
+        zeta: f64, digest [Gait], dump [Gait];
+        yaw_rate_des: f64, digest [Gait], dump [Gait];
+        swing_frequency: f64, digest [Gait], dump [Gait];
+        duty: f64, digest [Gait], dump [Gait];
+        rp_des: [f64; 2], digest [Gait], dump [Gait];
+        v_H_des: [f64; 2], digest [Gait], dump [Gait];
+        v_trim_H: [f64; 2], digest [Gait], dump [Gait];
+        sway_H: [f64; 2], digest [Gait], dump [Gait];
+        sway_rate_H: [f64; 2];
+        sway_rest_H: [f64; 2];
+        sway_rest_rate_H: [f64; 2];
+        gait: Gait, digest [Gait], dump [Gait];
+        gait_running: bool, dump [Gait];
+        mode: Mode, digest [Gait, StandSit], dump [Output];
+        fault: i32, dump [Output as "fault_code"];
+        fault_index: i32, dump [Output];
+        fault_value: f64, accepts any, dump [Output];
+        started: bool;
+        qp_failures: i32;
+        move_phase: MovePhase, digest [StandSit], dump [StandSit];
+        move_progress: f64, digest [StandSit], dump [StandSit];
+        move_start: f64, digest [StandSit], dump [StandSit];
+        support: f64, digest [StandSit], dump [StandSit];
+        t_held: f64, digest [StandSit], dump [StandSit];
+        height: f64, digest [Estimation], dump [Estimation];
+        v_H_est: [f64; 2], digest [Estimation], dump [Estimation];
+        gradient_W: [f64; 2], digest [Estimation], dump [Estimation];
+        t_still: f64;
+        t_no_contact: f64;
     }
-}
-
-/// State of the quadruped controller between two ticks. Meanings, frames and units stand at `quadruped_state_t`.
-#[derive(Clone, Debug, PartialEq)]
-#[expect(missing_docs, reason = "every field is documented at quadruped_state_t")]
-pub struct State {
-    pub t_ns: i64,
-    pub tick: i64,
-    pub mode: Mode,
-    pub fault: Fault,
-    pub started: bool,
-    pub qp_failures: i32,
-    pub gait: Gait,
-    pub gait_clock: f64,
-    pub gait_running: bool,
-    pub leg_phase: PerLeg<LegPhase>,
-    pub t_leg: PerLeg<f64>,
-    pub contact: PerLeg<bool>,
-    pub contact_count: PerLeg<i32>,
-    pub f_F_W: PerLeg<Vector3<f64>>,
-    pub p_lift_H: PerLeg<Vector3<f64>>,
-    pub p_stance_H: PerLeg<[f64; 2]>,
-    pub step_length: PerLeg<f64>,
-    pub step_heading: PerLeg<f64>,
-    pub sway_H: [f64; 2],
-    pub sway_rate_H: [f64; 2],
-    pub sway_rest_H: [f64; 2],
-    pub sway_rest_rate_H: [f64; 2],
-    pub q_des: Vec<f64>,
-    pub tau_last: Vec<f64>,
-    pub qd_des: Vec<f64>,
-    pub qdd_des: Vec<f64>,
-    pub yaw_des: f64,
-    pub rp_des: [f64; 2],
-    pub height: f64,
-    pub height_offset: f64,
-    pub zeta: f64,
-    pub v_H_des: [f64; 2],
-    pub yaw_rate_des: f64,
-    pub cadence: Cadence,
-    pub step_height: PerLeg<f64>,
-    pub reflexes: PerLeg<i32>,
-    pub t_unloaded: PerLeg<f64>,
-    pub v_H_est: [f64; 2],
-    pub v_trim_H: [f64; 2],
-    pub p_ground_W: PerLeg<Vector3<f64>>,
-    pub gradient_W: [f64; 2],
-    pub t_still: f64,
-    pub t_no_contact: f64,
-    pub motion: Motion,
+    legs {
+        leg_state: LegPhase, digest [Gait], dump [Gait as "phase"];
+        reflexes: i32, digest [Gait], dump [Gait];
+        t_leg: f64, accepts finite_or_infinity, digest [Gait], dump [Gait];
+        t_unloaded: f64, digest [Gait], dump [Gait];
+        step_length: f64, digest [Gait], dump [Gait];
+        step_heading: f64, digest [Gait], dump [Gait];
+        step_height: f64, digest [Gait], dump [Gait];
+        f_F_W: Vector3<f64>, digest [Estimation], dump [Estimation];
+        p_ground_W: Vector3<f64>, digest [Estimation], dump [Estimation];
+        contact: bool, digest [Estimation], dump [Estimation];
+        contact_count: i32;
+        p_lift_H: Vector3<f64>;
+        p_stance_H: [f64; 2];
+    }
+    joints {
+        move_q, digest [StandSit], dump [StandSit];
+        q_des, digest [Gait, StandSit], dump [Gait, StandSit, Output];
+        qd_des, digest [Gait, StandSit], dump [Gait, StandSit, Output];
+        qdd_des, digest [Gait], dump [Gait];
+        tau_last, digest [StandSit], dump [Output as "tau"];
+    }
 }
 
 impl State {
     /// The state before the first tick.
     pub fn new(nj: usize) -> Self {
+        let none = Fault::default();
         State {
-            t_ns: 0,
             tick: -1,
-            mode: Mode::default(),
-            fault: Fault::default(),
-            started: false,
-            qp_failures: 0,
-            gait: Gait::default(),
-            gait_clock: 0.0,
-            gait_running: false,
-            leg_phase: PerLeg::default(),
-            // It has stood since ever: no ramp after a touchdown.
+            fault: none.code,
+            fault_index: none.index,
+            fault_value: none.value,
+            // Infinite stance time: no load ramp.
             t_leg: PerLeg([f64::INFINITY; 4]),
-            contact: PerLeg::default(),
-            contact_count: PerLeg::default(),
-            f_F_W: PerLeg::default(),
-            p_lift_H: PerLeg::default(),
-            p_stance_H: PerLeg::default(),
-            step_length: PerLeg::default(),
-            step_heading: PerLeg::default(),
-            sway_H: [0.0; 2],
-            sway_rate_H: [0.0; 2],
-            sway_rest_H: [0.0; 2],
-            sway_rest_rate_H: [0.0; 2],
-            q_des: vec![0.0; nj],
-            tau_last: vec![0.0; nj],
-            qd_des: vec![0.0; nj],
-            qdd_des: vec![0.0; nj],
-            yaw_des: 0.0,
-            rp_des: [0.0; 2],
-            height: 0.0,
-            height_offset: 0.0,
-            zeta: 0.0,
-            v_H_des: [0.0; 2],
-            yaw_rate_des: 0.0,
-            cadence: Cadence::default(),
-            step_height: PerLeg::default(),
-            reflexes: PerLeg::default(),
-            t_unloaded: PerLeg::default(),
-            v_H_est: [0.0; 2],
-            v_trim_H: [0.0; 2],
-            p_ground_W: PerLeg::default(),
-            gradient_W: [0.0; 2],
-            t_still: 0.0,
-            t_no_contact: 0.0,
-            motion: Motion { q: vec![0.0; nj], ..Motion::default() },
+            ..State::zeros(nj)
         }
     }
 
-    /// Begins `mode` with a past of nothing but time, contacts, height and torques, legs standing. Allocates nothing.
-    pub fn begin(&mut self, mode: Mode) {
+    /// The reason for the safe state.
+    pub fn fault(&self) -> Fault {
+        Fault { code: self.fault, index: self.fault_index, value: self.fault_value }
+    }
+
+    /// Sets the reason for the safe state.
+    pub fn set_fault(&mut self, fault: Fault) {
+        Fault { code: self.fault, index: self.fault_index, value: self.fault_value } = fault;
+    }
+
+    /// Gait timing in use.
+    pub fn cadence(&self) -> Cadence {
+        Cadence { swing_frequency: self.swing_frequency, duty: self.duty }
+    }
+
+    /// Sets the gait timing.
+    pub fn set_cadence(&mut self, cadence: Cadence) {
+        Cadence { swing_frequency: self.swing_frequency, duty: self.duty } = cadence;
+    }
+
+    /// Enters `mode`: keeps time, contacts, height and torques, and resets everything else, with all legs in stance. Allocates nothing.
+    pub fn enter(&mut self, mode: Mode) {
         let take = std::mem::take;
-        let motion = Motion { q: take(&mut self.motion.q), ..Motion::default() };
         let mut next = State {
             t_ns: self.t_ns,
             tick: self.tick,
@@ -236,9 +218,9 @@ impl State {
             tau_last: take(&mut self.tau_last),
             qd_des: take(&mut self.qd_des),
             qdd_des: take(&mut self.qdd_des),
+            move_q: take(&mut self.move_q),
             height: self.height,
             t_still: self.t_still,
-            motion,
             ..State::new(0)
         };
         next.qd_des.fill(0.0);
@@ -246,259 +228,27 @@ impl State {
         *self = next;
     }
 
-    /// Keeps mode, fault and time, and of all else nothing that was computed: numbers that are none may be anywhere. Allocates nothing.
+    /// Keeps mode, fault and time, and resets everything else: after a non-finite command any computed value may be NaN. Allocates nothing.
     ///
-    /// - `height`: of the base over its feet, m.
-    pub fn forget(&mut self, measured: &RobotState, height: f64) {
-        let fault = self.fault;
-        self.begin(self.mode);
-        (self.fault, self.f_F_W, self.height) = (fault, PerLeg::default(), height);
+    /// - `height`: height of the base above the feet, m.
+    pub fn reset(&mut self, measured: &RobotState, height: f64) {
+        let fault = self.fault();
+        self.enter(self.mode);
+        self.set_fault(fault);
+        (self.f_F_W, self.height) = (PerLeg::default(), height);
         self.q_des.copy_from_slice(&measured.q);
-        self.motion.q.copy_from_slice(&measured.q);
+        self.move_q.copy_from_slice(&measured.q);
         self.tau_last.fill(0.0);
     }
-
-    /// Takes the state apart into its message. No `..`: a new field stops compiling here until it is in the snapshot.
-    pub fn write(&self, m: &mut QuadrupedState) {
-        let State {
-            t_ns,
-            tick,
-            mode,
-            fault: Fault { code, index, value },
-            started,
-            qp_failures,
-            gait,
-            gait_clock,
-            gait_running,
-            leg_phase,
-            t_leg,
-            contact,
-            contact_count,
-            f_F_W,
-            p_lift_H,
-            p_stance_H,
-            step_length,
-            step_heading,
-            sway_H,
-            sway_rate_H,
-            sway_rest_H,
-            sway_rest_rate_H,
-            q_des,
-            tau_last,
-            qd_des,
-            qdd_des,
-            yaw_des,
-            rp_des,
-            height,
-            height_offset,
-            zeta,
-            v_H_des,
-            yaw_rate_des,
-            cadence: Cadence { swing_frequency, duty },
-            step_height,
-            reflexes,
-            t_unloaded,
-            v_H_est,
-            v_trim_H,
-            p_ground_W,
-            gradient_W,
-            t_still,
-            t_no_contact,
-            motion: Motion { phase: move_phase, progress: move_progress, start: move_start, q: move_q, support, t_held },
-        } = self;
-        m.t_ns = *t_ns;
-        m.tick = *tick;
-        m.mode = *mode as i8;
-        m.fault = *code;
-        m.fault_index = *index;
-        m.fault_value = *value;
-        m.started = *started;
-        m.qp_failures = *qp_failures;
-        m.gait = *gait as i8;
-        m.gait_clock = *gait_clock;
-        m.gait_running = *gait_running;
-        m.leg_state = leg_phase.0.map(|phase| phase as i8);
-        m.t_leg = t_leg.0;
-        m.contact = contact.0;
-        m.contact_count = contact_count.0;
-        m.f_F_W = f_F_W.0.map(Into::into);
-        m.p_lift_H = p_lift_H.0.map(Into::into);
-        m.p_stance_H = p_stance_H.0;
-        m.step_length = step_length.0;
-        m.step_heading = step_heading.0;
-        m.sway_H = *sway_H;
-        m.sway_rate_H = *sway_rate_H;
-        m.sway_rest_H = *sway_rest_H;
-        m.sway_rest_rate_H = *sway_rest_rate_H;
-        m.nj = i32::try_from(q_des.len()).expect("robots have fewer than 2^31 joints");
-        m.q_des.clone_from(q_des);
-        m.tau_last.clone_from(tau_last);
-        m.qd_des.clone_from(qd_des);
-        m.qdd_des.clone_from(qdd_des);
-        m.yaw_des = *yaw_des;
-        m.rp_des = *rp_des;
-        m.height = *height;
-        m.height_offset = *height_offset;
-        m.zeta = *zeta;
-        m.v_H_des = *v_H_des;
-        m.yaw_rate_des = *yaw_rate_des;
-        m.swing_frequency = *swing_frequency;
-        m.duty = *duty;
-        m.step_height = step_height.0;
-        m.reflexes = reflexes.0;
-        m.t_unloaded = t_unloaded.0;
-        m.v_H_est = *v_H_est;
-        m.v_trim_H = *v_trim_H;
-        m.p_ground_W = p_ground_W.0.map(Into::into);
-        m.gradient_W = *gradient_W;
-        m.t_still = *t_still;
-        m.t_no_contact = *t_no_contact;
-        m.move_phase = *move_phase as i8;
-        m.move_progress = *move_progress;
-        m.move_start = *move_start;
-        m.move_q.clone_from(move_q);
-        m.support = *support;
-        m.t_held = *t_held;
-    }
-
-    /// Takes over the state that [`State::write`] took apart. The arrays change places with those of the message, so this allocates nothing.
-    ///
-    /// # Errors
-    /// A state of a robot with another number of joints; numbers that are not finite; numbers that name no mode, gait, leg phase or move. The
-    /// state is then as it was.
-    pub fn read(&mut self, m: &mut QuadrupedState) -> Result<(), RestoreError> {
-        let nj = self.q_des.len();
-        if m.q_des.len() != nj {
-            return Err(RestoreError::Joints { found: m.q_des.len(), expected: nj });
-        }
-        let numbers: [(_, &[f64]); 36] = [
-            ("gait_clock", &[m.gait_clock]),
-            ("f_F_W", m.f_F_W.as_flattened()),
-            ("p_lift_H", m.p_lift_H.as_flattened()),
-            ("p_stance_H", m.p_stance_H.as_flattened()),
-            ("step_length", &m.step_length),
-            ("step_heading", &m.step_heading),
-            ("sway_H", &m.sway_H),
-            ("sway_rate_H", &m.sway_rate_H),
-            ("sway_rest_H", &m.sway_rest_H),
-            ("sway_rest_rate_H", &m.sway_rest_rate_H),
-            ("q_des", &m.q_des),
-            ("tau_last", &m.tau_last),
-            ("qd_des", &m.qd_des),
-            ("qdd_des", &m.qdd_des),
-            ("yaw_des", &[m.yaw_des]),
-            ("rp_des", &m.rp_des),
-            ("height", &[m.height]),
-            ("height_offset", &[m.height_offset]),
-            ("zeta", &[m.zeta]),
-            ("v_H_des", &m.v_H_des),
-            ("yaw_rate_des", &[m.yaw_rate_des]),
-            ("swing_frequency", &[m.swing_frequency]),
-            ("duty", &[m.duty]),
-            ("step_height", &m.step_height),
-            ("t_unloaded", &m.t_unloaded),
-            ("v_H_est", &m.v_H_est),
-            ("v_trim_H", &m.v_trim_H),
-            ("p_ground_W", m.p_ground_W.as_flattened()),
-            ("gradient_W", &m.gradient_W),
-            ("t_still", &[m.t_still]),
-            ("t_no_contact", &[m.t_no_contact]),
-            ("move_progress", &[m.move_progress]),
-            ("move_start", &[m.move_start]),
-            ("move_q", &m.move_q),
-            ("support", &[m.support]),
-            ("t_held", &[m.t_held]),
-        ];
-        for (field, values) in numbers {
-            if values.iter().any(|x| !x.is_finite()) {
-                return Err(RestoreError::NotFinite { field });
-            }
-        }
-        // A leg that has stood since ever has an infinite time; the value of a fault is what was found.
-        if m.t_leg.iter().any(|t| !t.is_finite() && *t != f64::INFINITY) {
-            return Err(RestoreError::NotFinite { field: "t_leg" });
-        }
-        let mut leg_phase = PerLeg::default();
-        for leg in Leg::ALL {
-            leg_phase[leg] = of_number("leg_state", &LegPhase::ALL, m.leg_state[leg as usize])?;
-        }
-        let (mode, gait) = (of_number("mode", &Mode::ALL, m.mode)?, of_number("gait", &Gait::ALL, m.gait)?);
-        let phase = of_number("move_phase", &MovePhase::ALL, m.move_phase)?;
-        let take = std::mem::take;
-        let next = State {
-            t_ns: m.t_ns,
-            tick: m.tick,
-            mode,
-            fault: Fault { code: m.fault, index: m.fault_index, value: m.fault_value },
-            started: m.started,
-            qp_failures: m.qp_failures,
-            gait,
-            gait_clock: m.gait_clock,
-            gait_running: m.gait_running,
-            leg_phase,
-            t_leg: PerLeg(m.t_leg),
-            contact: PerLeg(m.contact),
-            contact_count: PerLeg(m.contact_count),
-            f_F_W: PerLeg(m.f_F_W.map(Into::into)),
-            p_lift_H: PerLeg(m.p_lift_H.map(Into::into)),
-            p_stance_H: PerLeg(m.p_stance_H),
-            step_length: PerLeg(m.step_length),
-            step_heading: PerLeg(m.step_heading),
-            sway_H: m.sway_H,
-            sway_rate_H: m.sway_rate_H,
-            sway_rest_H: m.sway_rest_H,
-            sway_rest_rate_H: m.sway_rest_rate_H,
-            q_des: take(&mut m.q_des),
-            tau_last: take(&mut m.tau_last),
-            qd_des: take(&mut m.qd_des),
-            qdd_des: take(&mut m.qdd_des),
-            yaw_des: m.yaw_des,
-            rp_des: m.rp_des,
-            height: m.height,
-            height_offset: m.height_offset,
-            zeta: m.zeta,
-            v_H_des: m.v_H_des,
-            yaw_rate_des: m.yaw_rate_des,
-            cadence: Cadence { swing_frequency: m.swing_frequency, duty: m.duty },
-            step_height: PerLeg(m.step_height),
-            reflexes: PerLeg(m.reflexes),
-            t_unloaded: PerLeg(m.t_unloaded),
-            v_H_est: m.v_H_est,
-            v_trim_H: m.v_trim_H,
-            p_ground_W: PerLeg(m.p_ground_W.map(Into::into)),
-            gradient_W: m.gradient_W,
-            t_still: m.t_still,
-            t_no_contact: m.t_no_contact,
-            motion: Motion {
-                phase,
-                progress: m.move_progress,
-                start: m.move_start,
-                q: take(&mut m.move_q),
-                support: m.support,
-                t_held: m.t_held,
-            },
-        };
-        let before = std::mem::replace(self, next);
-        (m.q_des, m.tau_last, m.qd_des, m.qdd_des) = (before.q_des, before.tau_last, before.qd_des, before.qdd_des);
-        m.move_q = before.motion.q;
-        Ok(())
-    }
-}
-
-fn of_number<T: Copy>(field: &'static str, all: &[T], number: i8) -> Result<T, RestoreError> {
-    usize::try_from(number)
-        .ok()
-        .and_then(|i| all.get(i).copied())
-        .ok_or(RestoreError::Value { field, found: number.into() })
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use lcmtypes::OperatorCommand;
+    use lcmtypes::{ControllerTick, Message, OperatorCommand};
 
     #[test]
-    fn numbers_are_those_of_the_messages() {
+    fn numbers_of_enumerations_are_those_of_the_messages() {
         let modes = [
             ControllerTick::MODE_IDLE,
             ControllerTick::MODE_STANCE,
@@ -523,12 +273,49 @@ mod tests {
     }
 
     #[test]
-    fn a_number_without_meaning_is_refused_by_name() {
-        let mut m = QuadrupedState::default();
-        State::new(0).write(&mut m);
-        m.leg_state[2] = 9;
-        let mut refused = |nj| State::new(nj).read(&mut m).unwrap_err().to_string();
-        assert_eq!(refused(0), "snapshot field leg_state is 9, which means nothing");
-        assert_eq!(refused(12), "snapshot has 0 joints, the robot has 12");
+    fn every_field_survives_a_snapshot() {
+        let nj = 12;
+        let (written, initial) = (State::example(nj), State::new(nj.into()));
+        assert_eq!(written.equal_fields(&initial), [""; 0], "the example must differ from the initial state");
+        let mut message = QuadrupedState::default();
+        written.write(&mut message);
+        let mut bytes = Vec::new();
+        message.encode(&mut bytes).unwrap();
+        let mut restored = initial;
+        restored.read(&mut QuadrupedState::decode(&bytes).unwrap()).unwrap();
+        assert_eq!(restored.equal_fields(&written), State::NAMES);
+        assert_eq!(restored, written);
+    }
+
+    #[test]
+    fn a_snapshot_with_an_invalid_value_is_rejected_by_field_and_changes_nothing() {
+        let mut good = QuadrupedState::default();
+        State::new(12).write(&mut good);
+        let read = |change: fn(&mut QuadrupedState)| {
+            let (mut message, mut state) = (good.clone(), State::example(12));
+            change(&mut message);
+            let result = state.read(&mut message);
+            assert!(result.is_ok() || state == State::example(12), "the state has changed");
+            result
+        };
+        let value = |change| match read(change).unwrap_err() {
+            RestoreError::Value { field, found, last } => (field, found, last),
+            other => panic!("{other}"),
+        };
+        assert_eq!(value(|m| m.leg_state[2] = 9), ("leg_state", 9, 4));
+        assert_eq!(value(|m| m.mode = -1), ("mode", -1, 5));
+        assert_eq!(value(|m| m.gait = 2), ("gait", 2, 1));
+        assert_eq!(value(|m| m.move_phase = 7), ("move_phase", 7, 6));
+        let not_finite = |change| match read(change).unwrap_err() {
+            RestoreError::NotFinite { field } => field,
+            other => panic!("{other}"),
+        };
+        assert_eq!(not_finite(|m| m.sway_H[1] = f64::NAN), "sway_H");
+        assert_eq!(not_finite(|m| m.p_lift_H[3][2] = f64::INFINITY), "p_lift_H");
+        assert_eq!(not_finite(|m| m.t_leg[0] = f64::NEG_INFINITY), "t_leg");
+        assert_eq!(not_finite(|m| m.move_q[11] = f64::NAN), "move_q");
+        assert!(read(|m| (m.t_leg[0], m.fault_value) = (f64::INFINITY, f64::NAN)).is_ok());
+        let joints = read(|m| m.q_des.truncate(6)).unwrap_err();
+        assert!(matches!(joints, RestoreError::Joints { found: 6, expected: 12 }), "{joints}");
     }
 }

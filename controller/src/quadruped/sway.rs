@@ -12,10 +12,11 @@
 //! `W` is the integral of the periodic Green's function `G(τ) = k/2 cosh(k (T/2 - |τ|)) / sinh(k T/2)` over the interval. A trot needs none:
 //! its two swinging feet are opposite to each other.
 
-use super::gait::{self, Timing, Transitions};
+use super::gait::Transitions;
 use super::leg::{Leg, PerLeg};
 use super::robot::Robot;
 use super::state::State;
+use super::timing::{Timing, cyclic, gait_params};
 use crate::math::sinh;
 use crate::model::GRAVITY;
 use crate::params::Params;
@@ -24,10 +25,10 @@ use crate::params::Params;
 const REST_RATE: f64 = 5.0;
 
 /// Moves the sway and its rate on.
-pub fn update(robot: &Robot, params: &Params, changes: &Transitions, state: &mut State, dt: f64) {
-    if changes.gait_begins {
+pub fn update(robot: &Robot, params: &Params, transitions: &Transitions, state: &mut State, dt: f64) {
+    if transitions.gait_starts {
         center(robot, state);
-    } else if changes.gait_ends {
+    } else if transitions.gait_ends {
         (state.sway_rest_H, state.sway_rest_rate_H) = (state.sway_H, state.sway_rate_H);
     }
     let planned = if state.gait_running { at_clock(robot, params, state, state.gait_clock) } else { [0.0; 2] };
@@ -64,7 +65,7 @@ fn center(robot: &Robot, state: &mut State) {
 
 /// Sway at a time of the gait clock, m in H: grows over the lead-in, then repeats with the stride.
 pub fn at_clock(robot: &Robot, params: &Params, state: &State, clock: f64) -> [f64; 2] {
-    let part = gait::row_of(state.gait, params).sway;
+    let part = gait_params(state.gait, params).sway;
     if part == 0.0 {
         return [0.0; 2];
     }
@@ -74,7 +75,7 @@ pub fn at_clock(robot: &Robot, params: &Params, state: &State, clock: f64) -> [f
     let risen = risen * risen * (3.0 - 2.0 * risen);
     let mut sway = [0.0; 2];
     for leg in Leg::ALL {
-        let since = gait::cyclic(clock - timing.lift_off[leg] + timing.T_ramp, timing.T);
+        let since = cyclic(clock - timing.lift_off[leg] + timing.T_ramp, timing.T);
         let weight = 0.5 * part * risen * answer(since, until_next(&timing.lift_off, leg, timing.T), timing.T, k);
         let [from, to] = [leg, leg.opposite()].map(|leg| robot.legs[leg].p_nominal_H);
         sway[0] += weight * (to.x - from.x);
@@ -85,7 +86,7 @@ pub fn at_clock(robot: &Robot, params: &Params, state: &State, clock: f64) -> [f
 
 /// Time from a leg's lift-off to the next of another leg that does not lift together with it, s.
 fn until_next(lift_off: &PerLeg<f64>, leg: Leg, T: f64) -> f64 {
-    lift_off.0.iter().map(|at| gait::cyclic(at - lift_off[leg], T)).filter(|gap| *gap > 1e-9).fold(T, f64::min)
+    lift_off.0.iter().map(|at| cyclic(at - lift_off[leg], T)).filter(|gap| *gap > 1e-9).fold(T, f64::min)
 }
 
 /// `W` at a time `since` the beginning of an interval of `length`, both in `[0, T]`.
@@ -108,7 +109,7 @@ mod tests {
             let zmp = b - (a - 2.0 * b + c) / (d * d * k * k);
             let expected = if t < L { 1.0 } else { 0.0 };
             assert!((zmp - expected).abs() < 1e-5, "{t}: {zmp}");
-            let whole: f64 = (0..4).map(|i| answer(gait::cyclic(t - f64::from(i) * L, T), L, T, k)).sum();
+            let whole: f64 = (0..4).map(|i| answer(cyclic(t - f64::from(i) * L, T), L, T, k)).sum();
             assert!((whole - 1.0).abs() < 1e-12);
         }
         assert!((answer(T, L, T, k) - answer(0.0, L, T, k)).abs() < 1e-12);

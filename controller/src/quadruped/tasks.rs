@@ -8,15 +8,17 @@
 //! | others  | 6    | those of `[stack.tasks]`: [`crate::stack::CartesianConfig`]            |
 
 use super::estimation::Estimate;
+use super::foot_load::{carries, is_airborne};
 use super::leg::{Leg, PerLeg};
 use super::reference::References;
-use super::robot::Robot;
+use super::params::PostureParams;
+use super::robot::{LegModel, Robot};
 use super::state::State;
-use super::wbc::{TrunkReference, carries, is_airborne};
-use crate::LoadError;
+use super::trunk::TrunkReference;
+use crate::error::LoadError;
 use crate::math::log;
 use crate::model::{BaseState, Kinematics};
-use crate::params::{Params, PostureParams};
+use crate::params::Params;
 use crate::stack::{Cartesian, Formula, Rows, StackError, TaskConfig, TaskTerm, Term, is_name};
 use lcmtypes::RobotState;
 use nalgebra::{DVector, Matrix3, Vector3};
@@ -45,7 +47,7 @@ impl Tasks {
     /// Tasks in the parameters with a name that cannot be, links the robot does not have, gains out of range.
     pub fn new(robot: &Robot, params: &Params) -> Result<Self, LoadError> {
         let (model, nv, nj) = (&robot.model, robot.model.nv(), robot.nj());
-        let of_foot = |leg: &super::robot::LegModel| {
+        let of_foot = |leg: &LegModel| {
             let mut cols: Vec<usize> = (0..6).chain(leg.joints.map(|j| 6 + j)).collect();
             cols.sort_unstable();
             (3, cols)
@@ -189,7 +191,7 @@ impl Tasks {
         references: &References,
         state: &State,
     ) {
-        for (leg, stance) in PerLeg(state.leg_phase.0.map(|phase| phase.is_stance())).iter() {
+        for (leg, stance) in PerLeg(state.leg_state.0.map(|phase| phase.is_stance())).iter() {
             let joints = robot.legs[leg].joints;
             let PostureParams { swing_kp, swing_kd, swing_inertia, stance_kp, stance_kd, stance_inertia, .. } =
                 &params.posture;

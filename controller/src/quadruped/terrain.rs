@@ -9,35 +9,12 @@
 //! does not turn the filtered plane. Source: Raiola et al. 2020, section 3.4, which leaves the estimator to other work.
 
 use super::estimation::{BaseEstimate, Estimate};
+use super::ground;
 use super::leg::Leg;
 use super::state::State;
-use crate::math::{Rx, Ry, Rz, atan2, low_pass};
+use crate::math::{Rx, Ry, low_pass};
 use crate::params::Params;
 use nalgebra::{Matrix3, Vector3};
-
-/// Upward normal of a ground that rises by `gradient` along x and y.
-pub fn normal(gradient: [f64; 2]) -> Vector3<f64> {
-    Vector3::new(-gradient[0], -gradient[1], 1.0).normalize()
-}
-
-/// How much higher the ground is below `p` than below the origin, m.
-pub fn rise(gradient: [f64; 2], p: &Vector3<f64>) -> f64 {
-    gradient[0] * p.x + gradient[1] * p.y
-}
-
-/// A gradient, seen in axes turned by `yaw`.
-pub fn turned(gradient: [f64; 2], yaw: f64) -> [f64; 2] {
-    let g = Rz(-yaw) * Vector3::new(gradient[0], gradient[1], 0.0);
-    [g.x, g.y]
-}
-
-/// Orientation of the ground's axes in the horizontal ones: `R_HT = Ry(θ) Rx(φ)`, whose z axis is the normal.
-pub fn inclination(gradient_H: [f64; 2]) -> Matrix3<f64> {
-    let n = normal(gradient_H);
-    let theta = atan2(n.x, n.z);
-    let phi = -atan2(n.y, (n.x * n.x + n.z * n.z).sqrt());
-    Ry(theta) * Rx(phi)
-}
 
 /// What standing feet keep their places on.
 #[derive(Clone, Copy, Debug)]
@@ -53,7 +30,7 @@ impl GroundFrame {
     /// The estimated ground, or without an estimator the base.
     pub fn of(params: &Params, base: &BaseEstimate, state: &State) -> Self {
         if params.terrain.estimator {
-            return GroundFrame::Ground(turned(state.gradient_W, base.rpy[2]));
+            return GroundFrame::Ground(ground::turned(state.gradient_W, base.rpy[2]));
         }
         let [roll, pitch] = state.rp_des;
         let w_H = base.R_WH.transpose() * base.w_WB_W - Vector3::z() * base.yaw_rate;
@@ -64,7 +41,7 @@ impl GroundFrame {
     pub fn carry(&self, p: Vector3<f64>, v: Vector3<f64>, p_CF_H: &Vector3<f64>) -> (Vector3<f64>, Vector3<f64>) {
         match self {
             GroundFrame::Ground(gradient) => {
-                let lifted = |a: Vector3<f64>| Vector3::new(a.x, a.y, a.z + rise(*gradient, &a));
+                let lifted = |a: Vector3<f64>| Vector3::new(a.x, a.y, a.z + ground::rise(*gradient, &a));
                 (lifted(p), lifted(v))
             }
             GroundFrame::Base(R_HS, w_H) => {
@@ -79,7 +56,7 @@ impl GroundFrame {
 pub fn update(params: &Params, estimate: &Estimate, state: &mut State, dt: f64) {
     let v_WB = base_velocity(estimate, state);
     for leg in Leg::ALL {
-        if state.leg_phase[leg].is_stance() {
+        if state.leg_state[leg].is_stance() {
             state.p_ground_W[leg] = estimate.legs[leg].p_BF_W;
         } else {
             state.p_ground_W[leg] -= v_WB * dt;
@@ -104,7 +81,7 @@ pub fn update(params: &Params, estimate: &Estimate, state: &mut State, dt: f64) 
 fn base_velocity(estimate: &Estimate, state: &State) -> Vector3<f64> {
     let (mut sum, mut count) = (Vector3::zeros(), 0.0);
     for (leg, of_leg) in estimate.legs.iter() {
-        if state.leg_phase[leg].is_stance() {
+        if state.leg_state[leg].is_stance() {
             sum -= of_leg.v_BF_W;
             count += 1.0;
         }
@@ -145,7 +122,7 @@ mod tests {
         assert_eq!(fit(&[0.1, 0.2, 0.3, 0.4].map(|x| Vector3::new(x, x, 0.0))), None);
     }
 
-    /// Both kinds of footing move as they say, H turning too, and a base that feet hold on to carries their centres along.
+    /// Both kinds of ground_frame move as they say, H turning too, and a base that feet hold on to carries their centres along.
     #[test]
     fn the_velocity_of_a_carried_foot_is_what_its_place_changes_by() {
         let (p, v, w) = (Vector3::new(0.4, 0.3, -0.55), Vector3::new(-0.2, 0.1, 0.02), Vector3::new(0.3, -0.4, 0.2));
@@ -161,16 +138,5 @@ mod tests {
         let at = |t: f64| ground.carry(p + v * t, v, &p_CF_H);
         let off = (at(d).0 - at(-d).0) / (2.0 * d) - at(0.0).1;
         assert!(off.norm() < 1e-8 && (at(0.0).0.z - (-0.55 + 0.04 - 0.06)).abs() < 1e-12, "{off}");
-    }
-
-    #[test]
-    fn the_axes_of_the_ground_stand_on_it() {
-        for gradient in [[0.2, 0.0], [0.0, -0.15], [-0.1, 0.25]] {
-            let R_HT = inclination(gradient);
-            let off = R_HT * Vector3::z() - normal(gradient);
-            assert!(off.norm() < 1e-12, "{gradient:?}: {off}");
-        }
-        // Uphill ahead pitches the nose up, which is negative about y.
-        assert!((crate::math::rpy_of(&inclination([0.2, 0.0]))[1] + libm::atan(0.2)).abs() < 1e-12);
     }
 }

@@ -11,13 +11,14 @@
 //! The tasks stand in [`super::tasks`], levels and solvers in [`crate::stack`].
 
 use super::estimation::Estimate;
-use super::gait;
+use super::foot_load::{carries, force_bounds};
 use super::leg::{Leg, PerLeg};
 use super::reference::References;
 use super::robot::Robot;
 use super::state::State;
 use super::tasks::Tasks;
-use crate::LoadError;
+use super::trunk::TrunkReference;
+use crate::error::LoadError;
 use crate::math::quaternion;
 use crate::params::Params;
 use crate::qp::{Backend, NamedViolation, Qp, QpInfo, QpStatus, RowNames, explain};
@@ -31,18 +32,6 @@ const FORCE_UNIT: f64 = 100.0;
 const RELEASED: f64 = 1.0;
 /// Rows of the friction pyramid of a foot.
 const ROWS_FC: usize = 5;
-/// Time without a foot on the ground after which there is none, s: longer than estimates take from one pair of legs to the next.
-const AIRBORNE_TIME: f64 = 0.05;
-
-/// Trunk orientation reference.
-#[derive(Clone, Copy, Debug)]
-pub struct TrunkReference {
-    /// Orientation.
-    pub R_WB: Matrix3<f64>,
-    /// Angular velocity, rad/s.
-    pub w_WB_W: Vector3<f64>,
-}
-
 /// The programs of a tick and what came of them. All of it is overwritten in every tick.
 pub struct Wbc {
     /// The tasks.
@@ -252,7 +241,7 @@ impl Wbc {
         let t2 = n.cross(&t1);
         for leg in Leg::ALL {
             let (row, col) = (ROWS_FC * leg as usize, nv + 3 * leg as usize);
-            self.f_z_bounds[leg] = gait::force_bounds(state, params, estimate.M[(0, 0)], leg);
+            self.f_z_bounds[leg] = force_bounds(state, params, estimate.M[(0, 0)], leg);
             let carries = wanted && carries(state, leg);
             let rows = [-n, t1 - n * c, -t1 - n * c, t2 - n * c, -t2 - n * c];
             for (i, direction) in rows.iter().enumerate() {
@@ -291,16 +280,6 @@ impl Wbc {
             }
         }
     }
-}
-
-/// A foot carries load while it is in stance, and the robot not in the air.
-pub(super) fn carries(state: &State, leg: Leg) -> bool {
-    state.leg_phase[leg].is_stance() && !is_airborne(state)
-}
-
-/// Nothing holds the robot: forces would push legs against nothing, and the trunk could be turned by throwing them only.
-pub(super) fn is_airborne(state: &State) -> bool {
-    state.t_no_contact > AIRBORNE_TIME
 }
 
 /// Where the programs may ever have numbers.

@@ -1,13 +1,14 @@
 //! Structs to messages: the one place where the quadruped's quantities meet their LCM types.
 
 use super::estimation::Estimate;
-use super::gait::{self, Timing};
 use super::leg::Leg;
 use super::reference::References;
 use super::robot::Robot;
-use super::stand_sit::Rise;
+use super::stand_sit::StandSit;
 use super::state::{Mode, State};
-use super::wbc::{TrunkReference, Wbc};
+use super::timing::{Timing, cyclic};
+use super::trunk::TrunkReference;
+use super::wbc::Wbc;
 use crate::math::rpy_of;
 use crate::params::Params;
 use crate::qp::QpStatus;
@@ -37,13 +38,7 @@ impl Messages {
     /// Messages with arrays of the robot's sizes.
     pub fn new(robot: &Robot, wbc: &Wbc) -> Self {
         let (nj, nv, n_levels) = (robot.nj(), robot.model.nv(), wbc.stack.levels.len());
-        let mut m = Messages::default();
-        for array in
-            [&mut m.command.tau, &mut m.command.q_des, &mut m.command.qd_des, &mut m.command.kp, &mut m.command.kd]
-        {
-            array.resize(nj, 0.0);
-        }
-        m.command.nj = i32::try_from(nj).expect("robots have fewer than 2^31 joints");
+        let mut m = Messages { command: RobotCommand::zeros(nj), ..Messages::default() };
         m.wbc.vd.resize(nv, 0.0);
         m.wbc.level_status.resize(n_levels, WbcSolution::STATUS_NOT_RUN);
         m.wbc.n_levels = i32::try_from(n_levels).expect("a formula has fewer than 2^31 levels");
@@ -81,11 +76,11 @@ impl Messages {
         (m.t_ns, m.tick) = (state.t_ns, state.tick);
         m.gait = state.gait as i8;
         let T = Timing::of(state, params).T;
-        m.gait_phase = gait::cyclic(state.gait_clock, T) / T;
+        m.gait_phase = cyclic(state.gait_clock, T) / T;
         let R_HW = estimate.base.R_WH.transpose();
         for leg in Leg::ALL {
             let i = leg as usize;
-            let phase = state.leg_phase[leg];
+            let phase = state.leg_state[leg];
             m.state[i] = phase as i8;
             m.t_swing[i] = if phase.is_stance() { 0.0 } else { state.t_leg[leg] };
             (m.f_z_min[i], m.f_z_max[i]) = wbc.f_z_bounds[leg];
@@ -127,7 +122,7 @@ impl Messages {
     }
 
     /// The messages of a tick in which nothing was computed: their numbers say so.
-    pub fn nothing_computed(&mut self, state: &State) {
+    pub fn clear(&mut self, state: &State) {
         let (t_ns, tick) = (state.t_ns, state.tick);
         self.contact = ContactEstimate { t_ns, tick, ..Default::default() };
         self.base = BaseTracking { t_ns, tick, ..Default::default() };
@@ -142,7 +137,7 @@ impl Messages {
     }
 
     /// CONTACT_ESTIMATE, BASE_TRACKING and LEG_STATE of a tick of getting up or sitting down: what is estimated, and no references but a level base.
-    pub fn posture(&mut self, robot: &Robot, estimate: &Estimate, state: &State) {
+    pub fn stand_sit(&mut self, robot: &Robot, estimate: &Estimate, state: &State) {
         self.contact.f_F_W = state.f_F_W.0.map(Into::into);
         self.contact.f_normal = state.f_F_W.0.map(|f| estimate.n_W.dot(&f));
         self.contact.contact = state.contact.0;
@@ -162,7 +157,7 @@ impl Messages {
 
     /// ROBOT_COMMAND, before limits: torques in operation, with a joint loop while the robot gets up or sits down, damping alone in the safe state,
     /// nothing without a wish for torque.
-    pub fn command(&mut self, robot: &Robot, params: &Params, rise: &Rise, references: &References, state: &State) {
+    pub fn command(&mut self, robot: &Robot, params: &Params, stand_sit: &StandSit, references: &References, state: &State) {
         let m = &mut self.command;
         (m.t_ns, m.tick) = (state.t_ns, state.tick);
         m.mode = match state.mode {
@@ -179,7 +174,7 @@ impl Messages {
             Mode::StandUp | Mode::Sit => {
                 m.qd_des.copy_from_slice(&state.qd_des);
                 for (j, joint) in robot.model.joints.iter().enumerate() {
-                    (m.kp[j], m.kd[j]) = rise.gains(params, state, joint.effort);
+                    (m.kp[j], m.kd[j]) = stand_sit.gains(params, state, joint.effort);
                 }
             }
             Mode::Idle | Mode::Damping => m.qd_des.fill(0.0),

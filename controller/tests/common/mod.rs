@@ -9,7 +9,7 @@ use controller::model::GRAVITY;
 use controller::params::{Params, apply_overrides};
 use controller::quadruped::Quadruped;
 use controller::quadruped::estimation::Estimate;
-use controller::quadruped::gait::Timing;
+use controller::quadruped::timing::Timing;
 use controller::quadruped::leg::Leg;
 use controller::quadruped::robot::Robot;
 use controller::quadruped::state::{Cadence, Gait};

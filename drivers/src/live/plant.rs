@@ -107,7 +107,7 @@ impl<'a> Run<'a> {
             truth: GroundTruth::default(),
             newest: RobotCommand::default(),
             applied: RobotCommand::default(),
-            damping: damping(sim.joints().len()),
+            damping: RobotCommand::damping(sim.joints().len(), WATCHDOG_KD),
             scenario,
             sim,
             network,
@@ -210,20 +210,6 @@ impl<'a> Run<'a> {
             talk.tell(now, newest.tick, if died { Event::LEVEL_ERROR } else { Event::LEVEL_INFO }, "driver", text)?;
         }
         Ok(())
-    }
-}
-
-fn damping(nj: usize) -> RobotCommand {
-    let zeros = || vec![0.0; nj];
-    RobotCommand {
-        mode: RobotCommand::MODE_DAMPING,
-        nj: i32::try_from(nj).expect("robots have fewer than 2^31 joints"),
-        tau: zeros(),
-        q_des: zeros(),
-        qd_des: zeros(),
-        kp: zeros(),
-        kd: vec![WATCHDOG_KD; nj],
-        ..RobotCommand::default()
     }
 }
 

@@ -4,7 +4,8 @@
 //! velocities of zero.
 
 use super::{Axis, Desk, Limits};
-use controller::params::{DUTY, STEP_HEIGHT, SWING_FREQUENCY};
+use controller::params::range::Range;
+use controller::quadruped::params::{DUTY, STEP_HEIGHT, SWING_FREQUENCY};
 use lcmtypes::OperatorCommand;
 use std::time::Duration;
 
@@ -73,8 +74,8 @@ impl Desk {
         let Limits { speed, yaw_rate, orientation, height } = self.limits;
         let within = |limit: f64| number(key, value, |x| x.abs() <= limit, || format!("-{limit} to {limit}"));
         // 0 leaves it to the parameters, as in the message.
-        let fits = |(fits, expected): (fn(f64) -> bool, &'static str)| {
-            number(key, value, |x| x == 0.0 || fits(x), || format!("{expected}, or 0 for the parameters' own"))
+        let fits = |Range { contains, expected }: Range| {
+            number(key, value, |x| x == 0.0 || contains(x), || format!("{expected}, or 0 for the parameters' own"))
         };
         match key {
             "vx" => self.move_at(Axis::Forward, within(speed)?),

@@ -3,7 +3,7 @@
 use crate::bench::{Bench, RunSpec, count};
 use crate::states::{OpenLoop, States};
 use crate::{Experiment, Row};
-use controller::quadruped::estimation::BasePlace;
+use controller::quadruped::estimation::AssumedBase;
 use drivers::Rng;
 use nalgebra::Vector3;
 
@@ -29,10 +29,10 @@ fn run(bench: &Bench) -> anyhow::Result<Vec<Row>> {
     let (mut ticks, mut largest, mut off) = (0, 0.0_f64, [0.0_f64; 2]);
     for (i, (input, true_place)) in states.ticks.iter().enumerate() {
         let mut random = |size: f64| Vector3::from_fn(|_, _| rng.uniform(-size, size));
-        let places = [BasePlace::default(), *true_place, BasePlace { p_WB: random(10.0), v_WB: random(2.0) }];
+        let places = [AssumedBase::default(), *true_place, AssumedBase { p_WB: random(10.0), v_WB: random(2.0) }];
         let mut torques = Vec::with_capacity(3);
         for (open_loop, place) in controllers.iter_mut().zip(places) {
-            open_loop.controller.take_base_to_be(place);
+            open_loop.controller.assume_base(place);
             torques.push(open_loop.torques(input)?.map(<[f64]>::to_vec));
         }
         if let [Some(at_origin), Some(at_truth), Some(at_random)] = &torques[..] {

@@ -96,18 +96,7 @@ impl Controller for Toy {
         out.put(channels::CONTACT_ESTIMATE, &contact).unwrap();
         let solution = WbcSolution { t_ns, tick, nv: 2, vd: vec![0.5, vd], ..Default::default() };
         out.put(channels::WBC_SOLUTION, &solution).unwrap();
-        let zeros = vec![0.0; 1];
-        let command = RobotCommand {
-            t_ns,
-            tick,
-            nj: 1,
-            tau: vec![tau],
-            q_des: zeros.clone(),
-            qd_des: zeros.clone(),
-            kp: zeros.clone(),
-            kd: zeros,
-            ..Default::default()
-        };
+        let command = RobotCommand { t_ns, tick, tau: vec![tau], ..RobotCommand::zeros(1) };
         out.put(channels::ROBOT_COMMAND, &command).unwrap();
         let digests = ControllerTick {
             t_ns,

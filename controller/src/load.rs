@@ -1,0 +1,31 @@
+//! Builds controllers by name.
+
+use crate::error::LoadError;
+use crate::hold::{self, Hold};
+use crate::interface::Controller;
+use crate::params::Params;
+use crate::quadruped::{self, Quadruped};
+use crate::sequence::{self, Sequence};
+use lcmtypes::{RobotCommand, RunInfo};
+
+/// Builds the controller that a run describes. Reads the controller's name, the URDF text and the TOML text of the parameters from `info`,
+/// and nothing else.
+///
+/// # Errors
+/// The name is unknown, or the URDF or the parameters are invalid.
+pub fn load(info: &RunInfo) -> Result<Box<dyn Controller>, LoadError> {
+    let list = info.controller.strip_prefix(sequence::NAME).and_then(|rest| rest.strip_prefix('(')?.strip_suffix(')'));
+    let Some(list) = list else { return load_one(&info.controller, info) };
+    let controllers = list.split(',').map(|name| load_one(name.trim(), info)).collect::<Result<_, _>>()?;
+    let params = Params::from_toml(&info.params, "parameters")?;
+    let damping = RobotCommand::damping(params.robot.posture.len(), params.safety.damping);
+    Ok(Box::new(Sequence::new(controllers, damping)?))
+}
+
+fn load_one(name: &str, info: &RunInfo) -> Result<Box<dyn Controller>, LoadError> {
+    match name {
+        quadruped::NAME => Ok(Box::new(Quadruped::new(&info.urdf, &info.params)?)),
+        hold::NAME => Ok(Box::new(Hold::new(&info.urdf, &info.params)?)),
+        other => Err(LoadError::UnknownController { found: other.to_owned() }),
+    }
+}

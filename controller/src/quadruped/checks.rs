@@ -1,0 +1,63 @@
+//! Checks of the input and of the robot's state that lead to the safe state in the same tick. Checks that other controllers share are in
+//! [`crate::safety`].
+
+use super::estimation::is_unit_quaternion;
+use super::robot::Robot;
+use super::state::State;
+use crate::params::Params;
+use crate::safety::{Fault, check_joint_values, fault, is_plausible};
+use crate::time::seconds;
+use lcmtypes::{ControllerInput, ControllerTick, OperatorCommand, RobotState};
+
+/// Checks an input: array sizes, non-finite or implausible values, the norm of the orientation quaternion, the age of the measurement, and that the
+/// clock advances. The accelerometer is not checked, because nothing is computed from it.
+pub fn check_input(robot: &Robot, params: &Params, state: &State, input: &ControllerInput) -> Option<Fault> {
+    let RobotState { t_ns, q_WI_wxyz, w_WI_I, .. } = &input.state;
+    if let Some(found) = check_joint_values(robot.nj(), &input.state) {
+        return Some(found);
+    }
+    if let Some(x) = w_WI_I.iter().find(|x| !is_plausible(**x)) {
+        return fault(ControllerTick::FAULT_INPUT_NOT_FINITE, None, *x);
+    }
+    if !is_unit_quaternion(q_WI_wxyz) {
+        return fault(ControllerTick::FAULT_ORIENTATION, None, q_WI_wxyz[0]);
+    }
+    if state.started && input.t_ns <= state.t_ns {
+        return fault(ControllerTick::FAULT_CLOCK, None, seconds(input.t_ns.saturating_sub(state.t_ns)));
+    }
+    let age = seconds(input.t_ns.saturating_sub(*t_ns));
+    if age > params.safety.max_state_age {
+        return fault(ControllerTick::FAULT_STATE_STALE, None, age);
+    }
+    // A measurement with a time in the future would never become too old.
+    if age < -params.safety.max_state_age {
+        return fault(ControllerTick::FAULT_CLOCK, None, age);
+    }
+    None
+}
+
+/// Checks that roll and pitch of the base are within the limit. No command can cause a larger tilt, so the robot is falling.
+pub fn check_tilt(params: &Params, rpy: &[f64; 3]) -> Option<Fault> {
+    let worst = if rpy[0].abs() > rpy[1].abs() { rpy[0] } else { rpy[1] };
+    if worst.abs() > params.safety.max_tilt { fault(ControllerTick::FAULT_TILT, None, worst) } else { None }
+}
+
+/// Checks a standing or walking robot: the time without a foot on the ground, which it counts in `state`, and the height of the base.
+pub fn check_ground_contact(robot: &Robot, params: &Params, state: &mut State, dt: f64) -> Option<Fault> {
+    let safety = &params.safety;
+    state.t_no_contact = if state.contact.0.contains(&true) { 0.0 } else { state.t_no_contact + dt };
+    if state.t_no_contact > safety.max_flight_time {
+        return fault(ControllerTick::FAULT_NO_CONTACT, None, state.t_no_contact);
+    }
+    if state.height < safety.min_height * robot.nominal_height {
+        return fault(ControllerTick::FAULT_HEIGHT, None, state.height);
+    }
+    None
+}
+
+/// Whether every number of an operator command is finite.
+pub fn operator_is_finite(op: &OperatorCommand) -> bool {
+    let OperatorCommand { v_H, yaw_rate, roll, pitch, height_offset, swing_frequency, duty, step_height, .. } = op;
+    let numbers = [v_H[0], v_H[1], *yaw_rate, *roll, *pitch, *height_offset, *swing_frequency, *duty, *step_height];
+    numbers.iter().all(|x| x.is_finite())
+}

@@ -1,0 +1,19 @@
+//! Parameters of the quadruped controller: one struct for each table of the parameters file, with its defaults and the range of each value.
+//!
+//! Defaults are those of Raiola et al. 2020 (cited as "Raiola"), or the comment on the field says why not.
+
+mod contact;
+mod gait;
+mod recovery;
+mod stand;
+mod swing;
+mod tasks;
+mod wbc;
+
+pub use contact::{ContactParams, TerrainParams};
+pub use gait::{DUTY, GaitParams, GaitTiming, SWING_FREQUENCY};
+pub use recovery::RecoveryParams;
+pub use stand::StandParams;
+pub use swing::{FootholdParams, STEP_HEIGHT, SwingParams};
+pub use tasks::{PostureParams, TrunkParams};
+pub use wbc::WbcParams;

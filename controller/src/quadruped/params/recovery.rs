@@ -1,0 +1,68 @@
+//! Parameters of the reactions to disturbances.
+
+use crate::params::error::ParamsError;
+use crate::params::range::{not_negative, positive, weight_fraction};
+use serde::{Deserialize, Serialize};
+
+/// The `[recovery]` table: reactions to pushes, to obstacles that a swinging foot hits, and to ground that gives way. Not part of Raiola.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct RecoveryParams {
+    /// Shift footholds by the capture point, `√(h/g) (v - v_cmd)`.
+    pub capture_point: bool,
+    /// Factor on that shift.
+    pub capture_gain: f64,
+    /// Largest shift of a foothold by it, m.
+    pub max_capture: f64,
+    /// Time constant of the velocity estimate's filter, s.
+    pub velocity_time_constant: f64,
+    /// Restart the swing of a foot that hits an obstacle in the first half of its swing. Off by default: on stairs of 0.10 m it caused more falls
+    /// than it prevented.
+    pub step_reflex: bool,
+    /// Force against the direction of the step that counts as a collision, as a fraction of the weight.
+    pub reflex_load: f64,
+    /// Distance by which the foot is drawn back after a collision, m.
+    pub reflex_retraction: f64,
+    /// Time without load after which a standing foot starts to search for the ground, s; 0 = never.
+    pub lost_contact_time: f64,
+}
+
+impl Default for RecoveryParams {
+    fn default() -> Self {
+        RecoveryParams {
+            capture_point: true,
+            capture_gain: 1.0,
+            max_capture: 0.15,
+            velocity_time_constant: 0.05,
+            step_reflex: false,
+            reflex_load: 0.0587,
+            reflex_retraction: 0.03,
+            lost_contact_time: 0.05,
+        }
+    }
+}
+
+impl RecoveryParams {
+    /// Checks the range of each parameter.
+    ///
+    /// # Errors
+    /// The first parameter out of its range.
+    pub fn check(&self) -> Result<(), ParamsError> {
+        let RecoveryParams {
+            capture_point: _,
+            capture_gain,
+            max_capture,
+            velocity_time_constant,
+            step_reflex: _,
+            reflex_load,
+            reflex_retraction,
+            lost_contact_time,
+        } = self;
+        not_negative("recovery.capture_gain", &[*capture_gain])?;
+        not_negative("recovery.max_capture", &[*max_capture])?;
+        positive("recovery.velocity_time_constant", *velocity_time_constant)?;
+        weight_fraction("recovery.reflex_load", *reflex_load)?;
+        not_negative("recovery.reflex_retraction", &[*reflex_retraction])?;
+        not_negative("recovery.lost_contact_time", &[*lost_contact_time])
+    }
+}

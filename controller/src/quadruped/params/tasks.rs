@@ -1,0 +1,132 @@
+//! Parameters of the trunk and posture tasks.
+
+use crate::params::error::ParamsError;
+use crate::params::range::{not_negative, positive};
+use serde::{Deserialize, Serialize};
+
+/// The `[trunk]` table: trunk orientation task and height of the base. Source: Raiola, eqs. (8), (16)-(17), (31)-(32), section 5.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct TrunkParams {
+    /// Stiffness about the x, y, z axes of W, 1/s².
+    pub kp: [f64; 3],
+    /// Damping about the same axes, 1/s.
+    pub kd: [f64; 3],
+    /// Gain of the height integrator, 1/s. Raiola has 10; with it the base oscillates vertically where feet land at different heights.
+    pub height_gain: f64,
+    /// Limit of the height integral, m.
+    pub max_height_correction: f64,
+    /// Largest rate of change of the roll and pitch references, rad/s.
+    pub max_orientation_rate: f64,
+    /// Largest roll and pitch reference, rad.
+    pub max_orientation: f64,
+    /// Largest rate of change of the height reference, m/s.
+    pub max_height_rate: f64,
+    /// Largest offset of the height reference, m.
+    pub max_height_offset: f64,
+}
+
+impl Default for TrunkParams {
+    fn default() -> Self {
+        TrunkParams {
+            kp: [1000.0; 3],
+            kd: [100.0; 3],
+            height_gain: 2.0,
+            max_height_correction: 0.1,
+            max_orientation_rate: 0.5,
+            max_orientation: 0.35,
+            max_height_rate: 0.1,
+            max_height_offset: 0.12,
+        }
+    }
+}
+
+impl TrunkParams {
+    /// Checks the range of each parameter.
+    ///
+    /// # Errors
+    /// The first parameter out of its range.
+    pub fn check(&self) -> Result<(), ParamsError> {
+        let TrunkParams {
+            kp,
+            kd,
+            height_gain,
+            max_height_correction,
+            max_orientation_rate,
+            max_orientation,
+            max_height_rate,
+            max_height_offset,
+        } = self;
+        not_negative("trunk.kp", kp)?;
+        not_negative("trunk.kd", kd)?;
+        not_negative("trunk.height_gain", &[*height_gain])?;
+        not_negative("trunk.max_height_correction", &[*max_height_correction])?;
+        not_negative("trunk.max_orientation_rate", &[*max_orientation_rate])?;
+        not_negative("trunk.max_orientation", &[*max_orientation])?;
+        not_negative("trunk.max_height_rate", &[*max_height_rate])?;
+        not_negative("trunk.max_height_offset", &[*max_height_offset])
+    }
+}
+
+/// The `[posture]` table: posture task. Source: Raiola, eq. (9), section 5; gains of the leg joints HAA HFE KFE.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct PostureParams {
+    /// Swing stiffness: 1/s², or N m/rad with [`PostureParams::swing_inertia`].
+    pub swing_kp: [f64; 3],
+    /// Swing damping: 1/s, or N m s/rad with [`PostureParams::swing_inertia`].
+    pub swing_kd: [f64; 3],
+    /// The swing gains are torques: they are premultiplied by the inverse of the leg's inertia (Raiola, appendix).
+    pub swing_inertia: bool,
+    /// Stance stiffness: 1/s², or N m/rad with [`PostureParams::stance_inertia`].
+    pub stance_kp: [f64; 3],
+    /// Stance damping: 1/s, or N m s/rad with [`PostureParams::stance_inertia`]. The default is critical for Raiola's stiffness; with Raiola's
+    /// damping of 20 the base oscillates vertically at half the stride of a trot.
+    pub stance_kd: [f64; 3],
+    /// The stance gains are torques, as with [`PostureParams::swing_inertia`].
+    pub stance_inertia: bool,
+    /// Largest difference between the joint reference of a standing leg and the joint position, rad.
+    pub max_stance_lead: f64,
+    /// Time constant with which the reference of a landed leg moves from its touchdown value to the nominal posture, s.
+    pub blend_time_constant: f64,
+}
+
+impl Default for PostureParams {
+    fn default() -> Self {
+        PostureParams {
+            swing_kp: [300.0; 3],
+            swing_kd: [8.0, 12.0, 5.0],
+            swing_inertia: true,
+            stance_kp: [500.0; 3],
+            stance_kd: [45.0; 3],
+            stance_inertia: false,
+            max_stance_lead: 0.15,
+            blend_time_constant: 0.25,
+        }
+    }
+}
+
+impl PostureParams {
+    /// Checks the range of each parameter.
+    ///
+    /// # Errors
+    /// The first parameter out of its range.
+    pub fn check(&self) -> Result<(), ParamsError> {
+        let PostureParams {
+            swing_kp,
+            swing_kd,
+            swing_inertia: _,
+            stance_kp,
+            stance_kd,
+            stance_inertia: _,
+            max_stance_lead,
+            blend_time_constant,
+        } = self;
+        not_negative("posture.swing_kp", swing_kp)?;
+        not_negative("posture.swing_kd", swing_kd)?;
+        not_negative("posture.stance_kp", stance_kp)?;
+        not_negative("posture.stance_kd", stance_kd)?;
+        positive("posture.max_stance_lead", *max_stance_lead)?;
+        positive("posture.blend_time_constant", *blend_time_constant)
+    }
+}
