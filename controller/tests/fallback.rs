@@ -101,10 +101,10 @@ fn snapshots_of_nonsense_are_refused_or_survived() {
         controller.restore(&bytes).map(|()| controller)
     };
     let refused = |edit: &dyn Fn(&mut QuadrupedState)| restored(edit).err().unwrap();
-    assert!(matches!(refused(&|s| s.mode = 6), RestoreError::Value { field: "mode", found: 6 }));
-    assert!(matches!(refused(&|s| s.gait = -1), RestoreError::Value { field: "gait", found: -1 }));
-    assert!(matches!(refused(&|s| s.leg_state[3] = 5), RestoreError::Value { field: "leg_state", found: 5 }));
-    assert!(matches!(refused(&|s| s.move_phase = 7), RestoreError::Value { field: "move_phase", found: 7 }));
+    assert!(matches!(refused(&|s| s.mode = 6), RestoreError::Value { field: "mode", found: 6, .. }));
+    assert!(matches!(refused(&|s| s.gait = -1), RestoreError::Value { field: "gait", found: -1, .. }));
+    assert!(matches!(refused(&|s| s.leg_state[3] = 5), RestoreError::Value { field: "leg_state", found: 5, .. }));
+    assert!(matches!(refused(&|s| s.move_phase = 7), RestoreError::Value { field: "move_phase", found: 7, .. }));
     let fewer = |s: &mut QuadrupedState| {
         s.nj = 3;
         s.q_des.truncate(3);

@@ -61,8 +61,10 @@ fn foot_references_are_kept_while_the_base_turns() {
         estimate.update(&robot, &input.state);
         let q = input.state.q.clone();
         let transitions = &Transitions::default();
-        references
-            .update(&Tick { robot: &robot, params: &params, estimate: &estimate, q: &q, transitions, dt: DT }, &mut state);
+        references.update(
+            &Tick { robot: &robot, params: &params, estimate: &estimate, q: &q, transitions, dt: DT },
+            &mut state,
+        );
         R_WB = turn(&w, DT) * R_WB;
         // The references are for the end of the tick, when the base has turned on.
         set_base(&robot, &mut input, &R_WB, &w);
@@ -94,8 +96,10 @@ fn joint_references_end_at_the_foot_references() {
     let q = input.state.q.clone();
     for _ in 0..6000 {
         let transitions = &Transitions::default();
-        references
-            .update(&Tick { robot: &robot, params: &params, estimate: &estimate, q: &q, transitions, dt: DT }, &mut state);
+        references.update(
+            &Tick { robot: &robot, params: &params, estimate: &estimate, q: &q, transitions, dt: DT },
+            &mut state,
+        );
     }
     let reached = feet(&robot, &input, &state.q_des);
     for leg in Leg::ALL {

@@ -1,9 +1,9 @@
 //! Digests of a tick: one hash a stage of the bits of everything that the stage computed.
 
 use super::estimation::Estimate;
+use super::fields::Part;
 use super::leg::Leg;
 use super::reference::References;
-use super::fields::Part;
 use super::state::State;
 use super::wbc::Wbc;
 use crate::digest::Digest;

@@ -1,8 +1,8 @@
 //! Every quantity of the last tick by name, for who looks into a replay. Not for use in a tick: it allocates.
 
-use super::leg::Leg;
 use super::controller::{Quadruped, Scratch};
 use super::fields::Part;
+use super::leg::Leg;
 use super::state::Mode;
 use crate::dump::{Dump, Quantity};
 use crate::qp::Qp;
@@ -51,11 +51,7 @@ impl Quadruped {
             .with("w_WB_W", &estimate.base.w_WB_W)
             .with("yaw_rate", estimate.base.yaw_rate)
             .with("n_W", &estimate.n_W);
-        self.state
-            .dump(Part::Estimation, group)
-            .with("legs", legs)
-            .with("M", &estimate.M)
-            .with("h", &estimate.h)
+        self.state.dump(Part::Estimation, group).with("legs", legs).with("M", &estimate.M).with("h", &estimate.h)
     }
 
     fn gait(&self) -> Quantity {

@@ -50,11 +50,7 @@ pub trait Field: Copy {
 ///
 /// # Errors
 /// [`RestoreError::Value`] or [`RestoreError::NotFinite`], with the name of the field.
-pub fn read<T: Field>(
-    field: &'static str,
-    message: T::Message,
-    accepts: fn(f64) -> bool,
-) -> Result<T, RestoreError> {
+pub fn read<T: Field>(field: &'static str, message: T::Message, accepts: fn(f64) -> bool) -> Result<T, RestoreError> {
     let value = T::from_message(field, message)?;
     if value.all(accepts) { Ok(value) } else { Err(RestoreError::NotFinite { field }) }
 }

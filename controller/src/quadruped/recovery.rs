@@ -48,7 +48,13 @@ pub struct ContactEvents {
 /// Detects contact events, and counts the time for which each standing foot has been unloaded.
 ///
 /// A collision is a force against the direction of the step. The normal force is no criterion: a foot that is still unloading has one.
-pub fn contact_events(robot: &Robot, params: &Params, estimate: &Estimate, state: &mut State, dt: f64) -> ContactEvents {
+pub fn contact_events(
+    robot: &Robot,
+    params: &Params,
+    estimate: &Estimate,
+    state: &mut State,
+    dt: f64,
+) -> ContactEvents {
     let recovery = &params.recovery;
     let timing = Timing::of(state, params);
     let mut events = ContactEvents::default();

@@ -10,8 +10,8 @@
 use super::estimation::Estimate;
 use super::foot_load::{carries, is_airborne};
 use super::leg::{Leg, PerLeg};
-use super::reference::References;
 use super::params::PostureParams;
+use super::reference::References;
 use super::robot::{LegModel, Robot};
 use super::state::State;
 use super::trunk::TrunkReference;

@@ -157,7 +157,14 @@ impl Messages {
 
     /// ROBOT_COMMAND, before limits: torques in operation, with a joint loop while the robot gets up or sits down, damping alone in the safe state,
     /// nothing without a wish for torque.
-    pub fn command(&mut self, robot: &Robot, params: &Params, stand_sit: &StandSit, references: &References, state: &State) {
+    pub fn command(
+        &mut self,
+        robot: &Robot,
+        params: &Params,
+        stand_sit: &StandSit,
+        references: &References,
+        state: &State,
+    ) {
         let m = &mut self.command;
         (m.t_ns, m.tick) = (state.t_ns, state.tick);
         m.mode = match state.mode {

@@ -9,10 +9,10 @@ use controller::model::GRAVITY;
 use controller::params::{Params, apply_overrides};
 use controller::quadruped::Quadruped;
 use controller::quadruped::estimation::Estimate;
-use controller::quadruped::timing::Timing;
 use controller::quadruped::leg::Leg;
 use controller::quadruped::robot::Robot;
 use controller::quadruped::state::{Cadence, Gait};
+use controller::quadruped::timing::Timing;
 use controller::{Controller, Outbox};
 use lcmtypes::{
     BaseTracking, ControllerInput, ControllerTick, LegState, Message, OperatorCommand, RobotCommand, WbcSolution,
