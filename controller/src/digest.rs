@@ -1,14 +1,14 @@
-//! 64-bit digests of the bits of a stage's quantities: equal digests, equal stage.
+//! 64-bit digests over the bits of the quantities of a stage. If two digests are equal, the quantities are equal (up to hash collisions).
 
 use lcmtypes::{ControllerInput, RobotCommand};
 use nalgebra::{DMatrix, DVector, Matrix3, Vector3};
 
-/// A running digest. Words are mixed in by multiply and rotate (the finalizer of SplitMix64 closes it), fast enough to
-/// cover every quantity of every tick: slices in four lanes at once, since one alone would wait for its multiplications.
+/// A running digest. Each word is mixed in by a rotation and a multiplication, and the finalizer of SplitMix64 ends it. This is fast enough for
+/// every quantity of every tick. Long slices use four independent lanes, because the multiplications of a single lane depend on each other.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Digest(u64);
 
-/// Length from which on a slice is worth four lanes.
+/// Shortest slice for which four lanes are faster than one.
 const LANES_FROM: usize = 12;
 
 impl Default for Digest {
@@ -18,12 +18,12 @@ impl Default for Digest {
 }
 
 impl Digest {
-    /// Mixes in one word.
+    /// Mixes in a word.
     pub fn word(&mut self, word: u64) {
         self.0 = (self.0.rotate_left(5) ^ word).wrapping_mul(0x2545_f491_4f6c_dd1d);
     }
 
-    /// Mixes in the bits of a number; `0.0` and `-0.0`, and NaNs of different payload, differ.
+    /// Mixes in the bits of a number. `0.0` and `-0.0` give different digests, and so do NaNs with different payloads.
     pub fn f64(&mut self, x: f64) {
         self.word(x.to_bits());
     }
@@ -72,7 +72,7 @@ impl Digest {
         self.f64s(x.as_slice());
     }
 
-    /// The digest of all that was mixed in, as the signed word of the messages.
+    /// Returns the digest, as the signed integer of the messages.
     pub fn finish(self) -> i64 {
         let mut z = self.0;
         z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
@@ -119,7 +119,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn every_bit_and_the_order_count() {
+    fn every_bit_and_the_order_change_the_digest() {
         let of = |xs: &[f64]| {
             let mut d = Digest::default();
             d.f64s(xs);
@@ -134,12 +134,12 @@ mod tests {
                     ys[i] = f64::from_bits(ys[i].to_bits() ^ (1 << bit));
                     assert_ne!(of(xs), of(&ys), "bit {bit} of word {i} of {n}");
                 }
-                // Neighbours in a lane and across lanes; equal ones cannot be told apart.
+                // Swap neighbours within a lane and across lanes. A swap of equal numbers changes nothing.
                 for step in [1, 4] {
                     let mut ys = xs.to_vec();
                     ys.swap(i, (i + step) % n);
                     let same = xs.iter().zip(&ys).all(|(x, y)| x.to_bits() == y.to_bits());
-                    assert_eq!(of(xs) == of(&ys), same, "word {i} of {n} for the one {step} further");
+                    assert_eq!(of(xs) == of(&ys), same, "word {i} of {n} swapped with the one {step} after it");
                 }
             }
         }

@@ -6,18 +6,18 @@ mod common;
 use common::{PARAMS, PERIOD_NS, URDF, command_of, hyq, standing, tick_of};
 use controller::handover::take_over;
 use controller::params::apply_overrides;
-use controller::{Controller, Outbox};
+use controller::{Controller, LoadError, Outbox};
 use lcmtypes::{ControllerInput, ControllerTick, Message, RobotCommand, RobotState, RunInfo, SequenceState, channels};
 use std::sync::LazyLock;
 
 const HOLD: i64 = 1;
 const QUADRUPED: i64 = 2;
 
-fn load(controller: &str) -> Result<Box<dyn Controller>, controller::LoadError> {
+fn load(controller: &str) -> Result<Box<dyn Controller>, LoadError> {
     load_with(controller, &[])
 }
 
-fn load_with(controller: &str, set: &[(&str, &str)]) -> Result<Box<dyn Controller>, controller::LoadError> {
+fn load_with(controller: &str, set: &[(&str, &str)]) -> Result<Box<dyn Controller>, LoadError> {
     let set: Vec<_> = set.iter().map(|(key, value)| ((*key).to_owned(), (*value).to_owned())).collect();
     let info = RunInfo {
         controller: controller.to_owned(),
@@ -242,8 +242,10 @@ fn a_stopped_controller_leaves_nothing_in_the_state() {
 
 #[test]
 fn a_list_that_cannot_be_run_is_refused_by_name() {
-    let error = |list: &str| load(list).err().unwrap().to_string();
-    assert!(error("sequence(hold, walker)").contains("unknown controller \"walker\""));
-    assert!(error("sequence(hold, hold)").contains("controller \"hold\" stands there twice"));
-    assert!(error("sequence()").contains("unknown controller \"\""));
+    for (list, name) in [("sequence(hold, walker)", "walker"), ("sequence()", ""), ("walker", "walker")] {
+        let error = load(list).err().unwrap();
+        assert!(matches!(&error, LoadError::UnknownController { found } if found == name), "{list}: {error}");
+    }
+    let twice = load("sequence(hold, hold)").err().unwrap();
+    assert!(matches!(&twice, LoadError::Sequence { what } if what.contains("\"hold\"")), "{twice}");
 }

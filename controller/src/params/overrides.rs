@@ -1,18 +1,20 @@
-//! Parameters set by key, as on a command line.
+//! Parameters set by key, as with `--set` on a command line.
 
 use super::error::ParamsError;
 use super::tables::Params;
 
-/// Sets parameters by dotted key, `("gait.trot.swing_frequency", "3.5")`, in a full or partial TOML text; gives back the full text.
+/// Sets parameters in a full or partial TOML text, and returns the full text.
+///
+/// - `overrides`: dotted keys and TOML values, for example `("gait.trot.swing_frequency", "3.5")`.
 ///
 /// # Errors
-/// As [`Params::from_toml`]; a key that names no parameter; a value of another kind than the present one.
+/// The errors of [`Params::from_toml`], an unknown key, or a value whose type is not that of the present value.
 pub fn apply_overrides(text: &str, overrides: &[(String, String)]) -> Result<String, ParamsError> {
     let full = Params::from_toml(text, "parameters")?.to_toml();
     let mut table: toml::Table = full.parse().expect("to_toml writes TOML");
     for (key, value) in overrides {
         set(&mut table, key, value)?;
-        // A word that is none of those there are: said of the key, not of a text that nobody has seen.
+        // An unknown word, such as a solver name. The error names the key; the parser would refer to a line of a text that the user has not seen.
         if let Err(error) = table.clone().try_into::<Params>() {
             let expected = error.message().rsplit_once("expected ").map_or(error.message(), |(_, expected)| expected);
             let (key, found) = (key.clone(), value.clone());
@@ -47,7 +49,7 @@ fn set(table: &mut toml::Table, key: &str, value: &str) -> Result<(), ParamsErro
         expected: format!("a value like `{slot}` ({})", slot.type_str()),
     };
     let parsed: toml::Value = match format!("v = {value}").parse::<toml::Table>() {
-        // One value, and nothing behind it.
+        // Exactly one value.
         Ok(mut one) if one.len() == 1 => one.remove("v").ok_or_else(bad)?,
         Ok(_) => return Err(bad()),
         Err(_) if slot.is_str() => toml::Value::String(value.to_owned()),
@@ -58,7 +60,7 @@ fn set(table: &mut toml::Table, key: &str, value: &str) -> Result<(), ParamsErro
     Ok(())
 }
 
-/// `new` if it is of the same kind as `old`; whole numbers pass as floats.
+/// Returns `new` if it has the type of `old`. Integers are converted where `old` is a float.
 fn like(old: &toml::Value, new: toml::Value) -> Option<toml::Value> {
     use toml::Value::{Array, Float, Integer};
     match (old, new) {
@@ -74,10 +76,10 @@ fn like(old: &toml::Value, new: toml::Value) -> Option<toml::Value> {
 }
 
 fn keys_of(table: &toml::Table, path: &[&str]) -> String {
-    let place = if path.is_empty() { "at the top".to_owned() } else { format!("in [{}]", path.join(".")) };
+    let place = if path.is_empty() { "the top level".to_owned() } else { format!("[{}]", path.join(".")) };
     let names: Vec<&str> = table.keys().map(String::as_str).collect();
     match &names[..] {
-        [] => format!(", {place} there is none: a parameters file adds what is to be there"),
-        names => format!(", {place} there are: {}", names.join(", ")),
+        [] => format!(", {place} has no keys; add them in a parameters file"),
+        names => format!(", keys of {place}: {}", names.join(", ")),
     }
 }

@@ -152,27 +152,30 @@ mod tests {
     }
 
     #[test]
-    fn errors_name_the_key_and_what_was_expected() {
-        let text = |key, value| overridden(key, value).unwrap_err().to_string();
-        assert!(text("gait.trott.duty", "0.6").contains("\"gait.trott.duty\", in [gait] there are: crawl, trot"));
-        assert!(text("wbc.mu", "0.6").contains("friction"));
-        assert!(text("gait.trot", "1").contains("in [gait.trot] there are: duty"));
-        assert_eq!(
-            text("wbc.friction", "high"),
-            "parameter wbc.friction: found `high`, expected a value like `0.6` (float)"
-        );
-        assert_eq!(
-            text("qp.solver", "clarabell"),
-            "parameter qp.solver: found `clarabell`, expected `active_set` or `clarabel`"
-        );
-        assert!(
-            text("stack.tasks", "{}")
-                .ends_with(", in [stack.tasks] there is none: a parameters file adds what is to be there")
-        );
-        assert!(text("trunk.kp", "[1.0, 2.0]").contains("expected a value like `[1000.0, 1000.0, 1000.0]`"));
-        assert_eq!(text("gait.trot.duty", "1.5"), "parameter gait.trot.duty is 1.5, expected at least 0.5 and below 1");
-        // Each of these would reach a `clamp`, a count or the QP as nonsense.
+    fn errors_contain_the_key_the_value_and_what_was_expected() {
+        let unknown = |key, value| match overridden(key, value).unwrap_err() {
+            ParamsError::UnknownKey { key: found, hint } => {
+                assert_eq!(found, key);
+                hint
+            }
+            other => panic!("{key}: {other}"),
+        };
+        assert!(unknown("gait.trott.duty", "0.6").ends_with("[gait]: crawl, trot"));
+        assert!(unknown("wbc.mu", "0.6").contains("friction"));
+        assert!(unknown("gait.trot", "1").contains("[gait.trot]: duty"));
+        assert!(unknown("stack.tasks", "{}").contains("[stack.tasks]"));
+        for (key, value, expected) in [
+            ("wbc.friction", "high", "`0.6` (float)"),
+            ("qp.solver", "clarabell", "`active_set` or `clarabel`"),
+            ("trunk.kp", "[1.0, 2.0]", "`[1000.0, 1000.0, 1000.0]`"),
+        ] {
+            let error = overridden(key, value).unwrap_err();
+            let ParamsError::BadValue { key: k, found, expected: e } = &error else { panic!("{error}") };
+            assert!(k == key && found == value && e.contains(expected), "{error}");
+        }
+        // Each of these is invalid for a `clamp`, as a count, or in a QP.
         for (key, value) in [
+            ("gait.trot.duty", "1.5"),
             ("foothold.max_yaw_rate", "-1"),
             ("trunk.max_orientation", "nan"),
             ("trunk.kp", "[1, inf, 1]"),
@@ -180,15 +183,19 @@ mod tests {
             ("gait.crawl.lift_off_phase", "[0, 0.5, 1, 0.25]"),
             ("swing.reach_time", "0.6"),
             ("contact.debounce", "0"),
+            ("contact.release_load", "0.06"),
+            ("wbc.f_z_min", "1000"),
             ("wbc.max_iterations", "0"),
+            ("wbc.friction", "2e9"),
             ("safety.max_qp_failures", "-1"),
             ("robot.posture.j1", "nan"),
         ] {
-            let text = text(key, value);
-            let named = key.strip_suffix(".j1").unwrap_or(key);
-            assert!(text.starts_with(&format!("parameter {named} is ")), "{text}");
+            let error = overridden(key, value).unwrap_err();
+            let expected = key.strip_suffix(".j1").unwrap_or(key);
+            assert!(matches!(&error, ParamsError::OutOfRange { key, .. } if *key == expected), "{error}");
         }
-        let unknown = Params::from_toml(&format!("{ROBOT}\n[wbc]\nmu = 0.5"), "box.toml").unwrap_err().to_string();
-        assert!(unknown.contains("box.toml") && unknown.contains("unknown field `mu`"), "{unknown}");
+        let error = Params::from_toml(&format!("{ROBOT}\n[wbc]\nmu = 0.5"), "box.toml").unwrap_err();
+        let ParamsError::Parse { source_name, error } = error else { panic!("{error}") };
+        assert!(source_name == "box.toml" && error.contains("`mu`"), "{error}");
     }
 }

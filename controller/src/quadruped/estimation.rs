@@ -1,7 +1,7 @@
-//! What the controller knows of the robot in a tick: base orientation, kinematics, dynamics, contact forces, height.
+//! Estimation of base orientation, kinematics, dynamics, contact forces and height in a tick.
 //!
-//! Base position and linear velocity are set to zero in every tick. That is exact, to the bit: the model computes relative to the base, and from it
-//! only quantities relative to the base are read. Source: Raiola et al. 2020, sections 2.4.1, 3 and 4.3.
+//! Base position and linear velocity are set to zero in every tick. No output changes by a bit if they are set to other values: the model computes
+//! relative to the base, and the controller uses only quantities relative to the base. Source: Raiola et al. 2020, sections 2.4.1, 3 and 4.3.
 
 use super::ground;
 use super::leg::{Leg, PerLeg};
@@ -18,9 +18,9 @@ use nalgebra::{DMatrix, DVector, Matrix3, Vector3};
 pub struct BaseEstimate {
     /// Orientation of the base.
     pub R_WB: Matrix3<f64>,
-    /// Its heading alone.
+    /// Heading of the base: the rotation by its yaw.
     pub R_WH: Matrix3<f64>,
-    /// Its tilt alone: `R_WB = R_WH R_HB`.
+    /// Tilt of the base: `R_WB = R_WH R_HB`.
     pub R_HB: Matrix3<f64>,
     /// Roll, pitch, yaw, rad.
     pub rpy: [f64; 3],
@@ -30,12 +30,12 @@ pub struct BaseEstimate {
     pub yaw_rate: f64,
 }
 
-/// Position and linear velocity of the base, in W: what is taken for it where nobody knows it.
+/// Assumed position and linear velocity of the base in W. No sensor measures them.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct AssumedBase {
     /// Origin of the base, m.
     pub p_WB: Vector3<f64>,
-    /// Its velocity, m/s.
+    /// Velocity of the origin, m/s.
     pub v_WB: Vector3<f64>,
 }
 
@@ -44,21 +44,21 @@ pub struct AssumedBase {
 pub struct LegEstimate {
     /// Contact point of the foot from the base origin, in W axes, m.
     pub p_BF_W: Vector3<f64>,
-    /// Its velocity over the base origin, in W axes, m/s.
+    /// Velocity of the contact point relative to the base origin, in W axes, m/s.
     pub v_BF_W: Vector3<f64>,
     /// HAA joint from the base origin, in W axes, m.
     pub p_hip_W: Vector3<f64>,
     /// Velocity of the contact point of the foot, 3 x nv: `v_WF = J v`.
     pub J: DMatrix<f64>,
-    /// Its columns at the leg's joints, in W axes.
+    /// Columns of `J` at the leg's joints, in W axes.
     pub J_leg: Matrix3<f64>,
-    /// Acceleration of the contact point at `vd = 0` that a rolling sphere on the ground would not have: `J vd = -a_bias_W` in stance, m/s².
+    /// Acceleration of the contact point at `vd = 0`, without the part that a sphere has while it rolls on the ground, m/s². In stance `J vd = -a_bias_W`.
     pub a_bias_W: Vector3<f64>,
 }
 
-/// Everything estimated in a tick. All of it is overwritten by [`Estimate::update`].
+/// The estimates of a tick. [`Estimate::update`] overwrites all of them.
 pub struct Estimate {
-    /// Kinematics at the measured state, the base where it is taken to be: at the origin and without linear velocity.
+    /// Kinematics at the measured joint state and base orientation, and the assumed base position and velocity.
     pub kin: Kinematics,
     /// Base orientation and rates.
     pub base: BaseEstimate,
@@ -73,7 +73,7 @@ pub struct Estimate {
 }
 
 impl Estimate {
-    /// Memory for a robot.
+    /// Allocates the memory for a robot, filled with NaN.
     pub fn new(robot: &Robot) -> Self {
         let nv = robot.model.nv();
         let nan = Vector3::from_element(f64::NAN);
@@ -103,16 +103,16 @@ impl Estimate {
         }
     }
 
-    /// Base, kinematics and dynamics from one measurement, the base at the origin and without linear velocity, on level ground.
+    /// Computes base, kinematics and dynamics from a measurement, with the base at rest at the origin, on level ground.
     pub fn update(&mut self, robot: &Robot, measured: &RobotState) {
         self.update_at(robot, measured, &AssumedBase::default(), [0.0; 2]);
     }
 
-    /// [`Estimate::update`] on ground that rises by `gradient_W` along x and y, with the base taken to be somewhere else: that makes no difference
-    /// to anything but `kin`'s own base.
-    pub fn update_at(&mut self, robot: &Robot, measured: &RobotState, place: &AssumedBase, gradient_W: [f64; 2]) {
+    /// [`Estimate::update`] on ground with the gradient `gradient_W`, and with the assumed base position and velocity `assumed`. The assumption changes
+    /// only the base of `kin`.
+    pub fn update_at(&mut self, robot: &Robot, measured: &RobotState, assumed: &AssumedBase, gradient_W: [f64; 2]) {
         self.base = base_estimate(robot, measured);
-        let AssumedBase { p_WB, v_WB } = *place;
+        let AssumedBase { p_WB, v_WB } = *assumed;
         let base = BaseState { p_WB, R_WB: self.base.R_WB, v_WB, w_WB_W: self.base.w_WB_W };
         self.kin.update(&robot.model, &base, &measured.q, &measured.qd);
         mass_matrix(&robot.model, &self.kin, &mut self.M);
@@ -135,22 +135,23 @@ impl Estimate {
             estimate.p_BF_W = self.kin.p_BF_W(&robot.model, of_robot.foot) + p_FC_W;
             estimate.v_BF_W = self.base.w_WB_W.cross(&estimate.p_BF_W) + estimate.J_leg * qd;
             estimate.p_hip_W = self.kin.p_BF_W(&robot.model, of_robot.hip);
-            // A sphere that rolls without slip accelerates its contact point by w x (w x p_FC) towards its centre; the same term
-            // stands in the bias of the material point, so it cancels and the lever of the angular bias remains.
+            // The contact point of a sphere that rolls without slip is accelerated by w x (w x p_FC) towards the centre. The bias acceleration of the
+            // material point contains the same term, so it cancels; the angular bias times the lever p_FC remains.
             let bias = frame_bias_acceleration(&robot.model, &self.kin, of_robot.foot);
             let (linear, angular) = (Vector3::new(bias[0], bias[1], bias[2]), Vector3::new(bias[3], bias[4], bias[5]));
             estimate.a_bias_W = linear + angular.cross(&p_FC_W);
         }
     }
 
-    /// Contact forces and flags from the joint torques.
+    /// Estimates contact forces and contact flags from the joint torques.
     ///
     /// ```text
     /// F_i = -(R_WB J_leg,i)⁻ᵀ (tau_i - h_i - M_i qdd_des,i)        M_i: 3 x 3 block of M at the leg's joints
     /// ```
-    /// Source: Raiola et al. 2020, eq. (18), which neglects the accelerations; with [`ContactParams::inertia_compensation`] those of the
-    /// swing reference count. Those that the last solution asked for would not do: they explain every torque, that of a contact too. Where the
-    /// leg is stretched (small |det J|) the last force is kept. A foot touches when the normal force has been above the threshold for a number of samples in a row, until it is below a lower one.
+    /// Source: Raiola et al. 2020, eq. (18), which neglects the accelerations. With [`ContactParams::inertia_compensation`] the accelerations of the
+    /// swing reference are used. Those of the last QP solution cannot be used: they explain every torque, also that of a contact. Where the leg
+    /// is stretched (small |det J|), the last force is kept. A contact begins when the normal force has been above a threshold for a number of
+    /// consecutive samples, and ends when it is below a lower threshold.
     ///
     /// [`ContactParams::inertia_compensation`]: super::params::ContactParams::inertia_compensation
     pub fn contact_forces(&self, robot: &Robot, params: &Params, tau: &[f64], state: &mut State) {
@@ -176,17 +177,17 @@ impl Estimate {
         }
     }
 
-    /// Torque that the acceleration of the leg's reference takes at one of its joints, N m.
+    /// Torque at one of the leg's joints that accelerates the leg as its reference, N m.
     fn inertia_torque(&self, robot: &Robot, state: &State, leg: Leg, joint: usize) -> f64 {
         robot.legs[leg].joints.iter().fold(0.0, |sum, &j| sum + self.M[(6 + joint, 6 + j)] * state.qdd_des[j])
     }
 
-    /// Height of the base above the stance feet; without any, the last one is kept.
+    /// Computes the height of the base above the stance feet, m. Without a stance foot the last height is kept.
     ///
     /// ```text
     /// h_b = -(1/N) Σ_stance ( (R_HB p_BF).z - g·(x, y) )            g: gradient of the ground
     /// ```
-    /// Source: Raiola et al. 2020, eqs. (16)-(17), which have no slope: on one, the mean of the feet depends on which of them stand.
+    /// Source: Raiola et al. 2020, eqs. (16)-(17), without the gradient term. On a slope, the mean without this term depends on which feet are in stance.
     pub fn height(&self, state: &mut State) {
         let (mut sum, mut count) = (0.0, 0.0);
         for (leg, estimate) in self.legs.iter() {
@@ -201,7 +202,7 @@ impl Estimate {
     }
 }
 
-/// Base orientation and rates from the IMU.
+/// Computes base orientation and rates from the IMU.
 pub fn base_estimate(robot: &Robot, measured: &RobotState) -> BaseEstimate {
     let [w, x, y, z] = measured.q_WI_wxyz;
     let length = (w * w + x * x + y * y + z * z).sqrt();
@@ -210,7 +211,7 @@ pub fn base_estimate(robot: &Robot, measured: &RobotState) -> BaseEstimate {
     let rpy = rpy_of(&R_WB);
     let R_WH = Rz(rpy[2]);
     let w_WB_W = R_WI * Vector3::from(measured.w_WI_I);
-    // Heading is read off the base's x axis: its rate is that of the axis' horizontal projection.
+    // The heading is that of the base's x axis, so its rate is the rate of the axis' horizontal projection.
     let x_B = R_WB.column(0).into_owned();
     let xd_B = w_WB_W.cross(&x_B);
     let horizontal = x_B.x * x_B.x + x_B.y * x_B.y;
@@ -218,7 +219,7 @@ pub fn base_estimate(robot: &Robot, measured: &RobotState) -> BaseEstimate {
     BaseEstimate { R_WB, R_WH, R_HB: R_WH.transpose() * R_WB, rpy, w_WB_W, yaw_rate }
 }
 
-/// Whether `wxyz` is near enough to a unit quaternion to be one.
+/// Whether the norm of `wxyz` differs from 1 by less than 0.01.
 pub fn is_unit_quaternion(wxyz: &[f64; 4]) -> bool {
     let [w, x, y, z] = *wxyz;
     ((w * w + x * x + y * y + z * z).sqrt() - 1.0).abs() < 1e-2

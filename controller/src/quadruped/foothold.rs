@@ -1,19 +1,21 @@
-//! Foothold planner: where a swinging foot is to land, in the horizontal frame.
+//! Foothold planner: the landing position of a swinging foot, in the horizontal frame H.
 //!
-//! Not a task: the base velocity is not tracked, it results from where the feet land. Source: Raiola et al. 2020, eqs. (19)-(25),
-//! with two departures. The step starts at the lift-off position in (22), where the ellipse does. And (19) moves the foothold by the
-//! command times the swing time; here it is half the stance time, as far as the base goes until mid-stance, so that the foot passes
-//! its virtual foothold then and the robot walks at the speed commanded (with the swing time it is too fast or too slow, by gait).
+//! No task tracks the base velocity; it results from the footholds. Source: Raiola et al. 2020, eqs. (19)-(25), with two departures:
+//!
+//! - The step of (22) starts at the lift-off position, where the ellipse starts.
+//! - (19) moves the foothold by velocity command times swing time; here it is velocity command times half the stance time, the distance of the
+//!   base until mid-stance. The foot then passes its virtual foothold at mid-stance, and the robot walks at the commanded speed. With the
+//!   swing time it is too fast or too slow, depending on the gait.
 
 use crate::math::atan2;
 use nalgebra::Vector3;
 
-/// What the planner reads, everything in H.
+/// Input of the planner, in H.
 #[derive(Clone, Copy, Debug)]
 pub struct Query {
-    /// Velocity at which a standing foot is to go backward, m/s.
+    /// Backward velocity of a standing foot under the base, m/s.
     pub v_H: [f64; 2],
-    /// What the capture point adds, m.
+    /// Shift by the capture point, m.
     pub capture_H: [f64; 2],
     /// Yaw rate command, rad/s.
     pub yaw_rate: f64,
@@ -21,24 +23,24 @@ pub struct Query {
     pub T_st: f64,
     /// HAA joint from the base origin, m.
     pub p_hip_H: Vector3<f64>,
-    /// Virtual foothold: where the foot stands when the robot does, m.
+    /// Virtual foothold: position of the foot while the robot stands, m.
     pub p_virtual_H: Vector3<f64>,
-    /// The foot at lift-off, m.
+    /// Position of the foot at lift-off, m.
     pub p_lift_H: Vector3<f64>,
     /// Longest step, m.
     pub max_length: f64,
 }
 
-/// A step: its length and heading, seen from the lift-off.
+/// A step from the lift-off position.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Step {
-    /// `L_s`, m.
+    /// Length `L_s`, m.
     pub length: f64,
-    /// `psi_s`, rad; `None` for a step too short to have a heading.
+    /// Heading `ψ_s`, rad, or `None` for a step shorter than 1 mm.
     pub heading: Option<f64>,
 }
 
-/// The step that brings the foot to its virtual foothold, moved by what the command asks of half a stance.
+/// Plans the step to the virtual foothold, shifted by the distance of half a stance at the commanded velocity.
 ///
 /// ```text
 /// ΔL = T_st/2 ( (vx, vy) + ψ̇ e_z × x_hip )         D = ΔL + (x_f0 - x_lo)
@@ -68,12 +70,12 @@ mod tests {
     };
 
     #[test]
-    fn a_foot_in_place_with_no_command_stays() {
+    fn without_command_a_foot_at_its_virtual_foothold_stays() {
         assert_eq!(plan(&QUERY), Step { length: 0.0, heading: None });
     }
 
     #[test]
-    fn command_turn_and_return_add_up() {
+    fn velocity_yaw_rate_and_return_to_the_virtual_foothold_add_up() {
         let forward = plan(&Query { v_H: [0.2, 0.0], ..QUERY });
         assert!((forward.length - 0.1).abs() < 1e-12 && forward.heading == Some(0.0));
         // Turning left moves the left front foot back and to the left: 0.5 * 0.4 * (-0.2, 0.37).
@@ -85,7 +87,7 @@ mod tests {
     }
 
     #[test]
-    fn long_steps_are_cut() {
+    fn the_step_length_is_limited() {
         assert_eq!(plan(&Query { v_H: [3.0, 0.0], ..QUERY }).length, 0.3);
     }
 }

@@ -1,8 +1,8 @@
-//! The four legs and what a leg does.
+//! The four legs and the phases of a leg.
 
 use std::ops::{Index, IndexMut};
 
-/// A leg, in the order of every array and message.
+/// A leg, in the order of all arrays and messages.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Leg {
     /// Left front.
@@ -19,23 +19,23 @@ impl Leg {
     /// All legs, in order.
     pub const ALL: [Leg; 4] = [Leg::LF, Leg::RF, Leg::LH, Leg::RH];
 
-    /// The leg across the body: LF and RH, RF and LH.
+    /// The diagonally opposite leg: RH for LF, LH for RF, and vice versa.
     pub fn opposite(self) -> Leg {
         Leg::ALL[3 - self as usize]
     }
 
-    /// Name as in figures and errors.
+    /// Name in figures and errors.
     pub fn name(self) -> &'static str {
         ["LF", "RF", "LH", "RH"][self as usize]
     }
 }
 
-/// One value a leg.
+/// One value for each leg.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct PerLeg<T>(pub [T; 4]);
 
 impl<T> PerLeg<T> {
-    /// The values with their legs, in order.
+    /// Iterates over the legs and their values, in order.
     pub fn iter(&self) -> impl Iterator<Item = (Leg, &T)> {
         Leg::ALL.into_iter().zip(&self.0)
     }
@@ -54,19 +54,19 @@ impl<T> IndexMut<Leg> for PerLeg<T> {
     }
 }
 
-/// What a leg does. Source: Raiola et al. 2020, section 4.3; the table stands in [`super::gait`].
+/// Phase of a leg. Source: Raiola et al. 2020, section 4.3. The transitions are in [`super::gait`].
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum LegPhase {
-    /// On the ground: contact task on, force bounds of stance.
+    /// On the ground: the contact task is active, with the force bounds of stance.
     #[default]
     Stance,
-    /// First half of the swing: contact is ignored, it may be the lift-off itself.
+    /// First half of the swing. Contact is ignored, because it may be that of the lift-off.
     SwingUp,
-    /// Second half: a contact is a touchdown.
+    /// Second half of the swing. A contact is a touchdown.
     SwingDown,
-    /// Swing time is over and no contact yet: the foot goes on downward.
+    /// The swing time is over without contact: the foot continues downward.
     Reach,
-    /// The reach found no ground: the gait stops, the foot is kept where it is.
+    /// The reach found no ground: the gait stops, and the foot is held in place.
     FaultHold,
 }
 
@@ -75,7 +75,7 @@ impl LegPhase {
     pub const ALL: [LegPhase; 5] =
         [LegPhase::Stance, LegPhase::SwingUp, LegPhase::SwingDown, LegPhase::Reach, LegPhase::FaultHold];
 
-    /// The foot is meant to carry load.
+    /// Whether the foot should carry load.
     pub fn is_stance(self) -> bool {
         self == LegPhase::Stance
     }
@@ -87,7 +87,7 @@ mod tests {
     use lcmtypes::LegState;
 
     #[test]
-    fn numbers_are_those_of_the_message() {
+    fn numbers_of_the_phases_are_those_of_the_message() {
         let names = [
             LegState::STATE_STANCE,
             LegState::STATE_SWING_UP,

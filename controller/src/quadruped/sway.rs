@@ -1,16 +1,16 @@
-//! Sway: how the base leaves its straight way so that it stands over the feet that carry it.
+//! Sway: the periodic displacement of the base from its straight path that keeps it above the supporting feet.
 //!
-//! A departure from the source, which lets a residual load on the opposite leg draw the centre of mass into the support triangle. That acts
-//! only once the robot tips; a crawl with a duty factor of 0.8 shifts its weight from one triangle to the next in 0.125 s, and falls. Here the
-//! base follows the periodic motion of a linear inverted pendulum whose zero-moment point rests, during each swing, between the centre and
+//! A departure from the source, where a residual load on the opposite leg moves the centre of mass into the support triangle. That acts only
+//! once the robot tips: a crawl with a duty factor of 0.8 has to shift its weight from one triangle to the next in 0.125 s, and falls. Here the
+//! base follows the periodic motion of a linear inverted pendulum. During each swing its zero-moment point is constant, between the centre and
 //! the foot opposite to the swinging one:
 //!
 //! ```text
 //! ÿ = k² (y - z),  k² = g/h,  z constant from the middle of one four-leg stance to that of the next
-//! y(t) = Σ_i z_i W_i(t)          W_i: answer to an interval of 1, periodic with the stride, bounded
+//! y(t) = Σ_i z_i W_i(t)          W_i: bounded response, periodic with the stride, to z = 1 in interval i and 0 elsewhere
 //! ```
-//! `W` is the integral of the periodic Green's function `G(τ) = k/2 cosh(k (T/2 - |τ|)) / sinh(k T/2)` over the interval. A trot needs none:
-//! its two swinging feet are opposite to each other.
+//! `W` is the integral of the periodic Green's function `G(τ) = k/2 cosh(k (T/2 - |τ|)) / sinh(k T/2)` over the interval. A trot needs no sway,
+//! because its two swinging feet are opposite to each other.
 
 use super::gait::Transitions;
 use super::leg::{Leg, PerLeg};
@@ -21,10 +21,10 @@ use crate::math::sinh;
 use crate::model::GRAVITY;
 use crate::params::Params;
 
-/// Natural frequency of the critically damped motion in which a sway comes to rest when its gait ends or another begins, rad/s.
+/// Natural frequency of the critically damped motion with which a sway decays when its gait ends or another gait starts, rad/s.
 const REST_RATE: f64 = 5.0;
 
-/// Moves the sway and its rate on.
+/// Updates the sway and its rate.
 pub fn update(robot: &Robot, params: &Params, transitions: &Transitions, state: &mut State, dt: f64) {
     if transitions.gait_starts {
         center(robot, state);
@@ -34,7 +34,7 @@ pub fn update(robot: &Robot, params: &Params, transitions: &Transitions, state: 
     let planned = if state.gait_running { at_clock(robot, params, state, state.gait_clock) } else { [0.0; 2] };
     for (k, planned) in planned.into_iter().enumerate() {
         let (rest, rest_rate) = (state.sway_rest_H[k], state.sway_rest_rate_H[k]);
-        // Implicit in the rate, so that it is stable at any step.
+        // Implicit integration of the rate is stable for any time step.
         let stopped =
             (rest_rate - REST_RATE * REST_RATE * rest * dt) / ((1.0 + REST_RATE * dt) * (1.0 + REST_RATE * dt));
         state.sway_rest_rate_H[k] = stopped;
@@ -47,8 +47,8 @@ pub fn update(robot: &Robot, params: &Params, transitions: &Transitions, state: 
     }
 }
 
-/// A gait begins from rest and over the middle of the feet, wherever the gait before it has left them: what the base has of speed and distance
-/// from there becomes sway that comes to rest in the lead-in.
+/// At the start of a gait the references assume that the base is at rest above the centre of the feet. Its present speed and distance from there
+/// become a sway that decays in the lead-in.
 fn center(robot: &Robot, state: &mut State) {
     for k in 0..2 {
         let ahead = Leg::ALL.map(|leg| state.p_stance_H[leg][k] - robot.legs[leg].p_nominal_H[k]);
@@ -63,7 +63,7 @@ fn center(robot: &Robot, state: &mut State) {
     }
 }
 
-/// Sway at a time of the gait clock, m in H: grows over the lead-in, then repeats with the stride.
+/// Sway at a time `clock` of the gait clock, m in H. It increases in the lead-in and is then periodic with the stride.
 pub fn at_clock(robot: &Robot, params: &Params, state: &State, clock: f64) -> [f64; 2] {
     let part = gait_params(state.gait, params).sway;
     if part == 0.0 {
@@ -76,7 +76,7 @@ pub fn at_clock(robot: &Robot, params: &Params, state: &State, clock: f64) -> [f
     let mut sway = [0.0; 2];
     for leg in Leg::ALL {
         let since = cyclic(clock - timing.lift_off[leg] + timing.T_ramp, timing.T);
-        let weight = 0.5 * part * risen * answer(since, until_next(&timing.lift_off, leg, timing.T), timing.T, k);
+        let weight = 0.5 * part * risen * response(since, until_next(&timing.lift_off, leg, timing.T), timing.T, k);
         let [from, to] = [leg, leg.opposite()].map(|leg| robot.legs[leg].p_nominal_H);
         sway[0] += weight * (to.x - from.x);
         sway[1] += weight * (to.y - from.y);
@@ -84,13 +84,13 @@ pub fn at_clock(robot: &Robot, params: &Params, state: &State, clock: f64) -> [f
     sway
 }
 
-/// Time from a leg's lift-off to the next of another leg that does not lift together with it, s.
+/// Time from a leg's lift-off to the next lift-off of a leg that does not lift together with it, s.
 fn until_next(lift_off: &PerLeg<f64>, leg: Leg, T: f64) -> f64 {
     lift_off.0.iter().map(|at| cyclic(at - lift_off[leg], T)).filter(|gap| *gap > 1e-9).fold(T, f64::min)
 }
 
-/// `W` at a time `since` the beginning of an interval of `length`, both in `[0, T]`.
-fn answer(since: f64, length: f64, T: f64, k: f64) -> f64 {
+/// `W` at the time `since` after the start of an interval of duration `length`, both in `[0, T]`.
+fn response(since: f64, length: f64, T: f64, k: f64) -> f64 {
     let s = |t: f64| sinh(k * (0.5 * T - t));
     let scale = 0.5 / sinh(0.5 * k * T);
     if since < length { 1.0 - scale * (s(since) + s(length - since)) } else { scale * (s(since - length) - s(since)) }
@@ -101,17 +101,17 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_answer_obeys_the_pendulum_and_is_one_for_the_whole_stride() {
+    fn the_response_obeys_the_pendulum_equation_and_is_one_over_the_whole_stride() {
         let (T, L, k) = (2.5, 0.625, 4.0);
         let d = 1e-4;
         for t in [0.05, 0.3, 0.6, 0.7, 1.5, 2.4] {
-            let [a, b, c] = [t - d, t, t + d].map(|t| answer(t, L, T, k));
+            let [a, b, c] = [t - d, t, t + d].map(|t| response(t, L, T, k));
             let zmp = b - (a - 2.0 * b + c) / (d * d * k * k);
             let expected = if t < L { 1.0 } else { 0.0 };
             assert!((zmp - expected).abs() < 1e-5, "{t}: {zmp}");
-            let whole: f64 = (0..4).map(|i| answer(cyclic(t - f64::from(i) * L, T), L, T, k)).sum();
+            let whole: f64 = (0..4).map(|i| response(cyclic(t - f64::from(i) * L, T), L, T, k)).sum();
             assert!((whole - 1.0).abs() < 1e-12);
         }
-        assert!((answer(T, L, T, k) - answer(0.0, L, T, k)).abs() < 1e-12);
+        assert!((response(T, L, T, k) - response(0.0, L, T, k)).abs() < 1e-12);
     }
 }

@@ -1,13 +1,13 @@
-//! Swing trajectory: half an ellipse over the ground, continued downward until contact.
+//! Swing trajectory: half an ellipse above the ground, continued downward until contact.
 //!
-//! The source goes round the ellipse at a constant rate, so it asks a foot that stands to rise at 1.3 m/s from one tick to the next (4 Hz,
-//! 10 cm), and all of the foot's vertical error is there: 5 to 10 mm in the first tenth of a swing, half a millimetre later. Here the
-//! first half of the swing starts from rest and takes the same time; path, top and landing stay as they are.
+//! In the source the ellipse angle increases at a constant rate, so the vertical velocity reference jumps from 0 to 1.3 m/s at the lift-off (4 Hz,
+//! 10 cm). The vertical error of the foot is then 5 to 10 mm in the first tenth of a swing, and 0.5 mm after it. Here the first half of the swing
+//! starts from rest and takes the same time; path, apex and landing are unchanged.
 
 use crate::math::{cos, sin};
 use std::f64::consts::PI;
 
-/// Reference along the step and along the terrain normal, in the swing frame.
+/// Foot reference along the step and along the terrain normal.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SwingPoint {
     /// Along the step, m.
@@ -20,15 +20,17 @@ pub struct SwingPoint {
     pub zd: f64,
 }
 
-/// Reference at time `t` since lift-off.
+/// Foot reference at time `t` (s) after lift-off.
 ///
 /// ```text
 /// s  = ( L_s/2 (1 - cos(π φ)),  H_s sin(π φ) ),   φ = φ(t/T_sw)         t < T_sw
 /// s  = ( L_s,                   H_s sin(π t/T_sw) )                     up to T_sw (1 + reach), then held
 /// ```
-/// Source: Raiola et al. 2020, eqs. (26), (29), with `progress` for φ; the reach goes straight down, since the ellipse would pull the foot back.
+/// Source: Raiola et al. 2020, eqs. (26), (29), with `progress` for φ. The reach moves straight down, because the ellipse would move the foot backward.
 ///
-/// - `length`, `height`: `L_s`, `H_s`, m; `T_sw`: swing time, s; `reach`: in swing times, at most 0.5.
+/// - `length`, `height`: `L_s`, `H_s`, m.
+/// - `T_sw`: swing time, s.
+/// - `reach`: duration of the reach as a multiple of `T_sw`, at most 0.5.
 pub fn swing_point(t: f64, T_sw: f64, length: f64, height: f64, reach: f64) -> SwingPoint {
     let end = T_sw * (1.0 + reach);
     let (phase, rate) = progress(t.clamp(0.0, end) / T_sw);
@@ -39,7 +41,7 @@ pub fn swing_point(t: f64, T_sw: f64, length: f64, height: f64, reach: f64) -> S
     SwingPoint { x, z: height * sin(angle), xd, zd }
 }
 
-/// Part of the half ellipse done after a part of the swing time, and its derivative.
+/// Completed fraction φ of the half ellipse at a fraction `s` of the swing time, and its derivative.
 ///
 /// ```text
 /// φ(s) = ½ (3u² - 3u³ + u⁴),  u = 2s          s < ½: φ and φ' from 0 to ½ and 1, where φ'' = 0
@@ -58,7 +60,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn starts_from_rest_and_lands_with_no_speed_along_the_ground() {
+    fn starts_from_rest_and_lands_without_speed_along_the_ground() {
         let start = swing_point(0.0, 0.5, 0.2, 0.1, 0.5);
         assert_eq!(start, SwingPoint { x: 0.0, z: 0.0, xd: 0.0, zd: 0.0 });
         let top = swing_point(0.25, 0.5, 0.2, 0.1, 0.5);
@@ -68,7 +70,7 @@ mod tests {
     }
 
     #[test]
-    fn velocity_is_the_derivative_also_where_the_reach_begins_and_ends() {
+    fn velocity_is_the_derivative_of_the_position_in_swing_and_reach() {
         let d = 1e-7;
         for t in [1e-3, 0.1, 0.249, 0.251, 0.37, 0.499, 0.501, 0.6, 0.74, 0.8] {
             let (a, b) = (swing_point(t - d, 0.5, 0.2, 0.1, 0.5), swing_point(t + d, 0.5, 0.2, 0.1, 0.5));
@@ -88,7 +90,7 @@ mod tests {
     }
 
     #[test]
-    fn no_acceleration_jumps_while_the_foot_flies() {
+    fn the_acceleration_is_continuous_in_the_swing() {
         let d = 1e-6;
         let speed = |t: f64| swing_point(t, 0.5, 0.2, 0.1, 0.5);
         for at in [0.25, 0.1] {

@@ -1,12 +1,12 @@
-//! The ground as the feet have found it: the plane through their last contact points.
+//! Terrain estimation: the plane through the last contact points of the feet.
 //!
 //! ```text
 //! z = c + g_x x + g_y y        least squares over the four points, low-passed
 //! n = (-g_x, -g_y, 1)/|.|      normal: friction cones, contact threshold, swing plane, inclination of the base
 //! ```
-//! Everything is relative to the base origin in W axes, so no base position is needed: a standing foot's point is where the foot is now, that of
-//! a swinging one is carried along against the base velocity that the standing legs measure. W axes, so that a turn of the base
-//! does not turn the filtered plane. Source: Raiola et al. 2020, section 3.4, which leaves the estimator to other work.
+//! All points are relative to the base origin, in W axes, so no base position is needed. The point of a standing foot is its present position. The
+//! point of a swinging foot moves against the base velocity, which the standing legs measure. W axes are used so that a rotation of the
+//! base does not rotate the filtered plane. Source: Raiola et al. 2020, section 3.4, which refers to other work for the estimator.
 
 use super::estimation::{BaseEstimate, Estimate};
 use super::ground;
@@ -16,18 +16,18 @@ use crate::math::{Rx, Ry, low_pass};
 use crate::params::Params;
 use nalgebra::{Matrix3, Vector3};
 
-/// What standing feet keep their places on.
+/// The frame in which the references of standing feet are given.
 #[derive(Clone, Copy, Debug)]
 pub enum GroundFrame {
-    /// The ground as estimated, whose gradient in H this is: the base may tilt over it.
+    /// The estimated ground, given by its gradient in H. The base may tilt relative to it.
     Ground([f64; 2]),
-    /// The base, tilted back by the tilt commanded: its axes in H, and their angular velocity in H beyond that of H itself. Feet that hold on to
-    /// it bring the base parallel to the ground, whatever that is, and nothing has to know it.
+    /// The base without its commanded tilt: orientation of these axes in H, and their angular velocity relative to H, in H. References in this frame
+    /// bring the base parallel to the ground without an estimate of the ground.
     Base(Matrix3<f64>, Vector3<f64>),
 }
 
 impl GroundFrame {
-    /// The estimated ground, or without an estimator the base.
+    /// The estimated ground, or the base if the estimator is off.
     pub fn of(params: &Params, base: &BaseEstimate, state: &State) -> Self {
         if params.terrain.estimator {
             return GroundFrame::Ground(ground::turned(state.gradient_W, base.rpy[2]));
@@ -37,7 +37,9 @@ impl GroundFrame {
         GroundFrame::Base(base.R_HB * (Ry(pitch) * Rx(roll)).transpose(), w_H)
     }
 
-    /// Place and velocity in H of a contact point, given by place and velocity as on level ground; `p_CF_H`: centre of the foot from there.
+    /// Converts position and velocity of a contact point on level ground to position and velocity in H.
+    ///
+    /// - `p_CF_H`: centre of the foot relative to the contact point, m.
     pub fn carry(&self, p: Vector3<f64>, v: Vector3<f64>, p_CF_H: &Vector3<f64>) -> (Vector3<f64>, Vector3<f64>) {
         match self {
             GroundFrame::Ground(gradient) => {
@@ -52,7 +54,7 @@ impl GroundFrame {
     }
 }
 
-/// Moves contact points, velocity estimate and gradient on.
+/// Updates the contact points, the velocity estimate and the gradient.
 pub fn update(params: &Params, estimate: &Estimate, state: &mut State, dt: f64) {
     let v_WB = base_velocity(estimate, state);
     for leg in Leg::ALL {
@@ -77,7 +79,7 @@ pub fn update(params: &Params, estimate: &Estimate, state: &mut State, dt: f64) 
     }
 }
 
-/// Velocity of the base over the feet that stand, m/s in W: the mean of what each leg sees; zero without any.
+/// Velocity of the base relative to the standing feet, m/s in W: the mean over the standing legs, or zero without any.
 fn base_velocity(estimate: &Estimate, state: &State) -> Vector3<f64> {
     let (mut sum, mut count) = (Vector3::zeros(), 0.0);
     for (leg, of_leg) in estimate.legs.iter() {
@@ -89,7 +91,7 @@ fn base_velocity(estimate: &Estimate, state: &State) -> Vector3<f64> {
     if count > 0.0 { sum / count } else { sum }
 }
 
-/// Gradient of the least-squares plane; `None` through points that are (nearly) in line.
+/// Gradient of the least-squares plane, or `None` if the points are (nearly) on a line.
 fn fit(points: &[Vector3<f64>; 4]) -> Option<[f64; 2]> {
     let mean = points.iter().fold(Vector3::zeros(), |sum, p| sum + p) / 4.0;
     let (mut xx, mut xy, mut yy, mut xz, mut yz) = (0.0, 0.0, 0.0, 0.0, 0.0);
@@ -110,11 +112,11 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_plane_through_four_points_is_found_wherever_they_lie() {
+    fn the_gradient_of_the_plane_through_four_points_is_exact() {
         let at = |x: f64, y: f64| Vector3::new(x, y, 0.4 + 0.17 * x - 0.05 * y);
         let [gx, gy] = fit(&[at(0.4, 0.3), at(0.5, -0.2), at(-0.3, 0.35), at(-0.4, -0.3)]).unwrap();
         assert!((gx - 0.17).abs() < 1e-12 && (gy + 0.05).abs() < 1e-12, "{gx} {gy}");
-        // One foot 4 cm high, the others on a square of 0.8 by 0.6 m: by hand, 0.04/4 over half a side.
+        // One foot 4 cm above the others, on a rectangle of 0.8 by 0.6 m. By hand: 0.04/4 over half a side.
         let mut square = [(0.4, 0.3), (0.4, -0.3), (-0.4, 0.3), (-0.4, -0.3)].map(|(x, y)| Vector3::new(x, y, 0.0));
         square[0].z = 0.04;
         let [gx, gy] = fit(&square).unwrap();
@@ -122,21 +124,21 @@ mod tests {
         assert_eq!(fit(&[0.1, 0.2, 0.3, 0.4].map(|x| Vector3::new(x, x, 0.0))), None);
     }
 
-    /// Both kinds of ground_frame move as they say, H turning too, and a base that feet hold on to carries their centres along.
+    /// For both frames the velocity is the derivative of the position, also while H rotates; in the frame of the base this includes the foot centre.
     #[test]
-    fn the_velocity_of_a_carried_foot_is_what_its_place_changes_by() {
+    fn the_velocity_of_a_converted_foot_is_the_derivative_of_its_position() {
         let (p, v, w) = (Vector3::new(0.4, 0.3, -0.55), Vector3::new(-0.2, 0.1, 0.02), Vector3::new(0.3, -0.4, 0.2));
         let p_CF_H = Vector3::new(0.0, 0.0, 0.02);
         let d = 1e-6;
         let R_HB = |t: f64| nalgebra::Rotation3::new(w * t).into_inner() * Ry(0.1) * Rx(-0.2);
         let at = |t: f64| GroundFrame::Base(R_HB(t), w).carry(p + v * t, v, &p_CF_H);
         let centre = |t: f64| at(t).0 + R_HB(t) * R_HB(0.0).transpose() * p_CF_H;
-        let off = (centre(d) - centre(-d)) / (2.0 * d) - at(0.0).1;
-        assert!(off.norm() < 1e-8, "{off}");
+        let error = (centre(d) - centre(-d)) / (2.0 * d) - at(0.0).1;
+        assert!(error.norm() < 1e-8, "{error}");
 
         let ground = GroundFrame::Ground([0.1, -0.2]);
         let at = |t: f64| ground.carry(p + v * t, v, &p_CF_H);
-        let off = (at(d).0 - at(-d).0) / (2.0 * d) - at(0.0).1;
-        assert!(off.norm() < 1e-8 && (at(0.0).0.z - (-0.55 + 0.04 - 0.06)).abs() < 1e-12, "{off}");
+        let error = (at(d).0 - at(-d).0) / (2.0 * d) - at(0.0).1;
+        assert!(error.norm() < 1e-8 && (at(0.0).0.z - (-0.55 + 0.04 - 0.06)).abs() < 1e-12, "{error}");
     }
 }
