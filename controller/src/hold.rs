@@ -105,6 +105,7 @@ impl Hold {
         }
     }
 
+    /// Computes the command from the state.
     fn fill_command(&mut self) {
         self.command.tau.fill(0.0);
         let Hold { params, q_posture, state, command, .. } = self;

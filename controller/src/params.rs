@@ -1,6 +1,6 @@
 //! Reading, checking and changing the parameters of a run.
 //!
-//! The parameters are one TOML text. It is read once, checked once, and written completely into the log. A robot's file
+//! The parameters are one TOML text. It is read once, checked once, and written with all defaults into the log. A robot's file
 //! (`robots/NAME/NAME.toml`) contains what differs from the defaults; [`Params::to_toml`] writes every key, so a log does not depend on the
 //! defaults of a build.
 //!

@@ -7,7 +7,7 @@ use super::error::ParamsError;
 pub struct Range {
     /// Whether a number is in the range; false for NaN.
     pub contains: fn(f64) -> bool,
-    /// The range in words, for an error.
+    /// Text of the range, for an error.
     pub expected: &'static str,
 }
 

@@ -1,4 +1,4 @@
-//! Digests of a tick: one hash a stage of the bits of everything that the stage computed.
+//! Digests of a tick: for each stage a hash over the bits of everything that the stage computed.
 
 use super::estimation::Estimate;
 use super::fields::Part;
@@ -8,7 +8,7 @@ use super::state::State;
 use super::wbc::Wbc;
 use crate::digest::Digest;
 
-/// Digests of a tick, by stage.
+/// Digests of a tick, indexed by stage.
 #[derive(Default)]
 pub struct Digests(pub [i64; 6]);
 
@@ -55,7 +55,7 @@ pub fn stand_sit(state: &State) -> i64 {
     d.finish()
 }
 
-/// Cost, constraints and bounds of the programs.
+/// Digest of cost, constraints and bounds of the quadratic programs.
 pub fn tasks(wbc: &Wbc) -> i64 {
     let mut d = Digest::default();
     for level in wbc.stack.built() {
@@ -66,7 +66,7 @@ pub fn tasks(wbc: &Wbc) -> i64 {
             d.dvec(vector);
         }
     }
-    // Of levels whose programs are not built the rows of the tasks are all there is.
+    // Levels that are solved without building a quadratic program are covered by the rows of the tasks.
     if wbc.stack.built().len() < wbc.stack.levels.len() {
         for rows in &wbc.tasks.rows {
             d.dmat(&rows.A);
@@ -79,7 +79,7 @@ pub fn tasks(wbc: &Wbc) -> i64 {
     d.finish()
 }
 
-/// Their solution and status, and the torques.
+/// Digest of the solutions, their status, and the torques.
 pub fn qp(wbc: &Wbc) -> i64 {
     let mut d = Digest::default();
     for level in &wbc.stack.levels {

@@ -178,7 +178,7 @@ mod tests {
         .unwrap()
     }
 
-    /// Walks for `ticks`, every foot touching from `late` after its planned touchdown on; gives the lift-offs (tick, leg).
+    /// Walks for `ticks`. Each foot has contact from `late` (s) after its planned touchdown on. Returns the lift-offs (tick, leg).
     fn walk(params: &Params, gait: Gait, late: f64, ticks: i64) -> (State, Vec<(i64, Leg)>) {
         let mut state = State::new(12);
         state.mode = Mode::Stance;
@@ -246,14 +246,14 @@ mod tests {
     }
 
     #[test]
-    fn a_foot_that_finds_no_ground_is_held_and_the_gait_stops() {
+    fn a_foot_without_ground_contact_is_held_and_the_gait_stops() {
         let (state, lifts) = walk(&params(), Gait::Trot, 10.0, 3000);
         assert_eq!(state.leg_state[Leg::LF], LegPhase::FaultHold);
         assert_eq!(lifts.len(), 2);
     }
 
     #[test]
-    fn standing_is_reached_by_finishing_the_steps() {
+    fn after_a_request_to_stand_the_steps_are_completed() {
         let params = params();
         let (mut state, _) = walk(&params, Gait::Trot, -0.01, 200);
         assert!(!state.leg_state[Leg::LF].is_stance());

@@ -1,18 +1,19 @@
-//! Joint references: closed-loop inverse kinematics (CLIK) of a foot reference, one mechanism for swing and stance.
+//! Joint references: closed-loop inverse kinematics (CLIK) of the foot references, in swing and in stance.
 //!
 //! ```text
 //! r = R_WB p_BF(q_d),  J = R_WB J_leg(q_d)
 //! qd_d = J⁻¹ ( ṙ_d - ω × r + P (r_d - r) ),   q_d ← q_d + qd_d dt
 //! ```
-//! Source: Raiola et al. 2020, eqs. (27)-(32). Everything is evaluated at `q_d`, so that tracking errors do not wind it up; `ω × r`
-//! takes out the motion that the base rotation gives the foot, so that swing and trunk do not disturb each other.
+//! Source: Raiola et al. 2020, eqs. (27)-(32). Everything is evaluated at `q_d`, so that tracking errors cause no windup. `ω × r` removes the
+//! foot motion due to the rotation of the base, so that swing and trunk do not disturb each other.
 //!
-//! - Swing: `r_d` on the ellipse from the lift-off, `q_d` starts at the measured position.
-//! - Stance: `r_d` runs backward under the base at the commanded velocity, through the virtual foothold at mid-stance, lowered or raised by the
-//!   height error's integral ζ, and against the sway of the gait; `q_d` starts at touchdown, and the CLIK gain blends it over. It is an integral
-//!   from the touchdown on, so that neither a new velocity nor a new gait moves it at once. This is what moves the base: the stance feet are
-//!   fixed, so legs that sweep backward carry the base forward. The source does not say what the stance reference is; latched at touchdown, the
-//!   base would never follow, and pulled to the virtual foothold it moves in jerks and slower than commanded.
+//! - Swing: `r_d` moves on the ellipse from the lift-off position; `q_d` starts at the measured position.
+//! - Stance: `r_d` moves backward under the base at the commanded velocity, through the virtual foothold at mid-stance. The integral ζ of the height
+//!   error shifts it up or down, and the sway of the gait shifts it sideways. `q_d` starts at its touchdown value, and the CLIK gain blends
+//!   it to the new reference. `r_d` is integrated from the touchdown on, so that a new velocity or gait causes no jump. This motion moves
+//!   the base: the stance feet are fixed on the ground, so legs that sweep backward carry the base forward. The source does not define the
+//!   stance reference. If it stays at its touchdown value, the base does not follow the command; if it moves to the virtual foothold, the
+//!   base moves jerkily and slower than commanded.
 
 use super::estimation::Estimate;
 use super::foothold::{self, Query};
@@ -30,35 +31,35 @@ use crate::model::{BaseState, Kinematics, point_jacobian_linear};
 use crate::params::Params;
 use nalgebra::{DMatrix, Matrix3, Vector3};
 
-/// A slow gait blends its stance references over this part of the stance time, where that is longer than the blend's time constant.
+/// Smallest time constant of the stance blend, as a fraction of the stance time. It exceeds `posture.blend_time_constant` in slow gaits.
 const BLEND_PART: f64 = 0.25;
 
-/// What the references of a tick are made of: all but the state, which they move on.
+/// The inputs of the references in a tick, except for the state, which is updated.
 #[derive(Clone, Copy)]
 pub struct Tick<'a> {
     /// The robot.
     pub robot: &'a Robot,
-    /// Its parameters.
+    /// Parameters.
     pub params: &'a Params,
-    /// What is known of base and feet.
+    /// Estimates of base and feet.
     pub estimate: &'a Estimate,
     /// Measured joint positions, nj, rad.
     pub q: &'a [f64],
-    /// What the gait has changed.
+    /// Transitions of the gait in this tick.
     pub transitions: &'a Transitions,
     /// Time since the last tick, s.
     pub dt: f64,
 }
 
-/// References of a tick. All of it is overwritten by [`References::update`].
+/// References of a tick. [`References::update`] overwrites all of them.
 pub struct References {
-    /// Foot contact point from the base origin, in H, m.
+    /// Foot contact point relative to the base origin, in H, m.
     pub p_BF_H: PerLeg<Vector3<f64>>,
-    /// Its velocity in H, m/s.
+    /// Velocity of the contact point in H, m/s.
     pub v_BF_H: PerLeg<Vector3<f64>>,
-    /// Where the foot is to land, from the base origin, in H, m.
+    /// Planned landing position of the foot relative to the base origin, in H, m.
     pub foothold_H: PerLeg<Vector3<f64>>,
-    /// Joint velocity references, nj, rad/s; the positions are `State::q_des`.
+    /// Joint velocity references, nj, rad/s. The position references are `State::q_des`.
     pub qd_des: Vec<f64>,
     kin: Kinematics,
     J: DMatrix<f64>,
@@ -66,7 +67,7 @@ pub struct References {
 }
 
 impl References {
-    /// Memory for a robot.
+    /// Allocates the memory for a robot, filled with NaN.
     pub fn new(robot: &Robot) -> Self {
         let nan = PerLeg([Vector3::from_element(f64::NAN); 4]);
         References {
@@ -80,7 +81,7 @@ impl References {
         }
     }
 
-    /// Plans footholds, moves the foot references on, and carries `state.q_des` after them.
+    /// Plans footholds, advances the foot references, and updates the joint references in `state` by CLIK.
     pub fn update(&mut self, tick: &Tick, state: &mut State) {
         let Tick { robot, params, estimate, transitions, dt, .. } = *tick;
         let R_HW = estimate.base.R_WH.transpose();
@@ -129,7 +130,7 @@ impl References {
         let t = state.t_leg[leg];
         let R_HW = estimate.base.R_WH.transpose();
         let mut p_virtual_H = virtual_foothold(robot, state, leg);
-        // Where the base will have swayed to when the foot lands.
+        // Sway of the base at the planned touchdown.
         let sway = sway::at_clock(robot, params, state, timing.lift_off[leg] + timing.T_sw);
         p_virtual_H.x -= sway[0];
         p_virtual_H.y -= sway[1];
@@ -152,7 +153,7 @@ impl References {
         let held = state.leg_state[leg] == LegPhase::FaultHold;
         let n_H = R_HW * estimate.n_W;
         let forward = Rz(state.step_heading[leg]) * Vector3::x();
-        // Up or down the slope as far as the ground rises over the step.
+        // Along the ground: the step follows the slope.
         let along = forward - Vector3::z() * (n_H.dot(&forward) / n_H.z);
         self.p_BF_H[leg] = state.p_lift_H[leg] + along * s.x + n_H * s.z;
         self.v_BF_H[leg] = if held { Vector3::zeros() } else { along * s.xd + n_H * s.zd };
@@ -187,7 +188,7 @@ impl References {
             } else {
                 params.swing.clik_gain
             };
-            // The contact point stays below the centre of the foot while the base turns: only the centre goes round with it.
+            // The contact point stays below the centre of the foot sphere while the base rotates: only the centre moves with the base.
             let rd_W = rd_des_W - base.w_WB_W.cross(&p_WF) + (r_des_W - r_W) * gain;
             let qd = damped_inverse(&J_leg) * rd_W;
             for (k, joint) in of_robot.joints.into_iter().enumerate() {
@@ -195,12 +196,12 @@ impl References {
                 let mut moved = (state.q_des[joint] + qd[k] * dt).clamp(limits.lower, limits.upper);
                 let free = moved > limits.lower && moved < limits.upper;
                 if stance {
-                    // A base that has sunk or been thrown is to be brought back, not hurled.
+                    // Limits the restoring motion after the base was pushed or has sunk.
                     let lead = params.posture.max_stance_lead;
                     moved = q[joint] + (moved - q[joint]).clamp(-lead, lead);
                 }
                 let qd_des = if free { qd[k] } else { 0.0 };
-                // At the lift-off the reference jumps, from one of stance to one of swing.
+                // At the lift-off the reference jumps from stance to swing.
                 let smooth = !stance && !transitions.lift_off[leg] && !transitions.restart[leg] && dt > 0.0;
                 state.qdd_des[joint] = if smooth { (qd_des - state.qd_des[joint]) / dt } else { 0.0 };
                 state.qd_des[joint] = qd_des;
@@ -211,7 +212,7 @@ impl References {
     }
 }
 
-/// A swing begins where the foot is.
+/// Starts a swing at the present position of the foot.
 fn lift(tick: &Tick, state: &mut State, leg: Leg) {
     let Tick { robot, params, estimate, q, transitions, .. } = *tick;
     state.p_lift_H[leg] = estimate.base.R_WH.transpose() * estimate.legs[leg].p_BF_W;
@@ -225,10 +226,10 @@ fn lift(tick: &Tick, state: &mut State, leg: Leg) {
     }
 }
 
-/// Moves ζ on and gives its rate.
+/// Updates ζ and returns its rate, m/s.
 ///
 /// ```text
-/// ζ̇ = -P (h_d - h_b)          to raise the base, the foot goes down
+/// ζ̇ = -P (h_d - h_b)          the foot moves down to raise the base
 /// ```
 fn height_integral(robot: &Robot, params: &Params, state: &mut State, dt: f64) -> f64 {
     let error = robot.nominal_height + state.height_offset - state.height;
@@ -238,16 +239,16 @@ fn height_integral(robot: &Robot, params: &Params, state: &mut State, dt: f64) -
     if dt > 0.0 { (state.zeta - before) / dt } else { 0.0 }
 }
 
-/// Where a foot stands when the robot does: fixed in H, at the commanded height.
+/// Position of a foot while the robot stands: constant in H, at the commanded height, m.
 fn virtual_foothold(robot: &Robot, state: &State, leg: Leg) -> Vector3<f64> {
     robot.legs[leg].p_nominal_H + Vector3::new(0.0, 0.0, state.zeta - state.height_offset)
 }
 
-/// Where the reference of a leg that has just landed starts, before sway, m in H, xy.
+/// Start of the stance reference of a leg that has just landed, without sway, m in H, xy.
 ///
-/// In a trot it is the planned foothold, whatever the foot has hit: the base is drawn back over its two feet. A base that sways by a plan is
-/// not drawn by a single foot of three, so there the foot is taken where it is (planned, a crawl goes 6 % faster than commanded, since
-/// feet land 4 mm ahead of their reference).
+/// In a trot it is the planned foothold, not the landing position: this moves the base back above its two feet. In a gait with planned sway it is the
+/// landing position, because a single foot of three does not move the base. With the planned foothold a crawl is 6 % faster than commanded,
+/// since feet land 4 mm ahead of their reference.
 fn stance_start(
     robot: &Robot,
     params: &Params,
@@ -264,7 +265,7 @@ fn stance_start(
     [p_virtual.x + capture[0] + 0.5 * T_st * v[0], p_virtual.y + capture[1] + 0.5 * T_st * v[1]]
 }
 
-/// Speed, in H, at which a standing foot goes backward under the base for the robot to move as commanded, m/s; zero unless walking.
+/// Backward velocity, in H, of a standing foot under the base for the commanded motion, m/s. Zero unless walking.
 fn velocity_at(p_H: [f64; 2], robot: &Robot, params: &Params, state: &State) -> [f64; 2] {
     if state.mode != Mode::Walk {
         return [0.0; 2];
@@ -273,15 +274,15 @@ fn velocity_at(p_H: [f64; 2], robot: &Robot, params: &Params, state: &State) -> 
     [vx - robot.sweep[0] * turn * p_H[1], vy + robot.sweep[1] * turn * p_H[0]]
 }
 
-/// The part of it that is the same for all feet.
+/// The part of [`velocity_at`] that is the same for all feet.
 fn sweep_velocity(robot: &Robot, params: &Params, state: &State) -> [f64; 2] {
     let row = gait_params(state.gait, params);
     let trim = if row.sway > 0.0 { [0.0; 2] } else { state.v_trim_H };
     [0, 1].map(|k| row.velocity_gain * robot.sweep[k] * (state.v_H_des[k] + trim[k]))
 }
 
-/// Moves the trim of the commanded velocity on: a slow integral of what the legs see of the base's speed, so that the robot goes as fast as
-/// commanded whatever its feet and the ground take off. A base that sways by a plan is left to it: there the integral makes it fall.
+/// Updates the trim of the commanded velocity: a slow integral of the difference between commanded velocity and the velocity that the legs
+/// measure. It compensates losses at the feet and on the ground. It is off in gaits with planned sway, where it causes falls.
 fn trim(params: &Params, state: &mut State, dt: f64) {
     let sways = gait_params(state.gait, params).sway > 0.0;
     if state.mode != Mode::Walk || state.gait_clock < 0.0 || sways {
@@ -294,7 +295,7 @@ fn trim(params: &Params, state: &mut State, dt: f64) {
     }
 }
 
-/// `J⁻¹`, or the damped least-squares inverse `Jᵀ (J Jᵀ + 1e-4 I)⁻¹` near a singularity.
+/// `J⁻¹`, or near a singularity the damped least-squares inverse `Jᵀ (J Jᵀ + 1e-4 I)⁻¹`.
 fn damped_inverse(J: &Matrix3<f64>) -> Matrix3<f64> {
     if J.determinant().abs() > 1e-3
         && let Some(inverse) = J.try_inverse()

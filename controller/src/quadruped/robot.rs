@@ -1,4 +1,4 @@
-//! The quadruped as the controller sees it: model, legs found in it, nominal posture, limits.
+//! The robot: rigid-body model, legs, nominal posture, and the quantities derived from them once.
 
 use super::leg::{Leg, PerLeg};
 use crate::error::LoadError;
@@ -8,35 +8,35 @@ use crate::model::{
 use crate::params::RobotConfig;
 use nalgebra::{DMatrix, Matrix3, Vector3};
 
-/// A leg of three joints, from the trunk outward HAA, HFE, KFE, and its foot.
+/// A leg with three joints, from the trunk outward HAA, HFE, KFE, and its foot.
 #[derive(Clone, Copy, Debug)]
 pub struct LegModel {
     /// Frame at the centre of the foot sphere.
     pub foot: FrameId,
-    /// Frame of the link behind the first joint; its origin is the HAA joint's.
+    /// Frame of the child link of the HAA joint. Its origin is at the joint.
     pub hip: FrameId,
-    /// Places of the three joints in `q`.
+    /// Indices of the three joints in `q`.
     pub joints: [usize; 3],
-    /// Virtual foothold: foot contact point from the base origin, in H, when the robot stands with level trunk, m. That of the nominal posture,
-    /// the four shifted together until their centre lies under the centre of mass: over the crossing of the support diagonals gravity pulls to
-    /// no side, while the nominal posture of a robot with its mass off the middle would make a trot drift.
+    /// Virtual foothold: foot contact point relative to the base origin, in H, while the robot stands with level trunk, m. It is that of the nominal
+    /// posture, shifted equally for all legs so that the centre of the four feet is below the centre of mass. Gravity then causes no moment about
+    /// either support diagonal; without the shift, a robot with an off-centre mass drifts in a trot.
     pub p_nominal_H: Vector3<f64>,
 }
 
-/// Model and everything derived from it once.
+/// The rigid-body model and what is derived from it.
 pub struct Robot {
     /// Rigid-body model, floating base.
     pub model: Model,
-    /// Its weight, N.
+    /// Weight, N.
     pub weight: f64,
     /// The four legs.
     pub legs: PerLeg<LegModel>,
     /// Nominal posture, nj.
     pub q_nominal: Vec<f64>,
-    /// Height of the base above the feet in it, m.
+    /// Height of the base above the feet in the nominal posture, m.
     pub nominal_height: f64,
-    /// Speed at which a standing foot's contact point goes backward under the base, per speed of the base, along x and y: below 1, since a
-    /// round foot rolls forward under its leg.
+    /// Ratio of the backward speed of a standing foot's contact point under the base to the speed of the base, along x and y. It is below 1, because a
+    /// spherical foot rolls forward under its leg.
     pub sweep: [f64; 2],
     /// Orientation of the base in the axes of the IMU.
     pub R_IB: Matrix3<f64>,
@@ -45,11 +45,11 @@ pub struct Robot {
 }
 
 impl Robot {
-    /// Reads the URDF text and finds the legs that `config` names in it.
+    /// Parses the URDF text and finds the legs that `config` names.
     ///
     /// # Errors
-    /// An unusable URDF; links or joints that are not in it; a leg without exactly three revolute joints of its own; joints
-    /// outside the legs; a posture that leaves a joint out or its range, or stands on feet of different height.
+    /// The URDF is invalid; it lacks a link or joint of `config`; a leg does not have exactly three revolute joints of its own; a joint belongs to
+    /// no leg; `robot.posture` lacks a joint, violates a joint limit, or has feet at different heights.
     pub fn new(urdf: &str, config: &RobotConfig) -> Result<Self, LoadError> {
         let tree = UrdfTree::parse(urdf, &config.urdf)?;
         let model = Model::new(&tree, Base::Floating)?;
@@ -61,7 +61,7 @@ impl Robot {
         }
         for (joint, &q) in model.joints.iter().zip(&q_nominal) {
             if q.is_nan() {
-                return Err(wrong(format!("robot.posture does not name joint {}", joint.name)));
+                return Err(wrong(format!("joint {} is missing in robot.posture", joint.name)));
             }
             if q < joint.lower || q > joint.upper {
                 let (name, lower, upper) = (&joint.name, joint.lower, joint.upper);
@@ -93,7 +93,7 @@ impl Robot {
                 let joint = &model.joints[j];
                 if joint.kind == JointKind::Prismatic {
                     let name = &joint.name;
-                    return Err(wrong(format!("leg joint {name} is prismatic, expected a revolute one")));
+                    return Err(wrong(format!("leg joint {name} is prismatic, expected revolute")));
                 }
                 if let Some(other) = owner[j].replace(leg) {
                     let (a, b) = (other.name(), leg.name());
@@ -121,7 +121,7 @@ impl Robot {
             if nominal_height <= 0.0 || off > 0.02 {
                 let (name, below) = (leg.name(), -p_nominal_H.z);
                 return Err(wrong(format!(
-                    "in robot.posture foot {name} is {below:.3} m below the base, the four feet {nominal_height:.3} m on average"
+                    "in robot.posture foot {name} is {below:.3} m below the base, expected the mean of the feet, {nominal_height:.3} m, within 0.02 m"
                 )));
             }
         }
@@ -146,9 +146,10 @@ impl Robot {
     }
 }
 
-/// The ratio of the velocities of contact point and of base in the nominal posture, mean of the legs.
+/// Computes [`Robot::sweep`] in the nominal posture, as the mean of the legs.
 ///
-/// The base moves as the point of the sphere that touches the ground rests, `v = -J_touch qd`; the contact point stays below the centre, `u = J_center qd`.
+/// The point of the sphere that touches the ground is at rest, so the base moves with `v = -J_touch qd`. The contact point stays below the centre of the
+/// sphere, so it moves with `u = J_center qd` relative to the base.
 fn sweep(model: &Model, kin: &Kinematics, legs: &PerLeg<LegModel>, foot_radius: f64) -> [f64; 2] {
     let mut sum = [0.0; 2];
     let mut J = DMatrix::zeros(3, model.nv());
@@ -164,7 +165,7 @@ fn sweep(model: &Model, kin: &Kinematics, legs: &PerLeg<LegModel>, foot_radius: 
     sum
 }
 
-/// Movable joints from the base out to a link, and the link behind the first of them.
+/// Movable joints from the base to a link, and the child link of the first of them.
 fn chain(tree: &UrdfTree, model: &Model, link: usize) -> Result<(Vec<usize>, String), LoadError> {
     let (mut joints, mut hip, mut at) = (Vec::new(), String::new(), link);
     while let Some(parent) = tree.links[at].parent_joint {
@@ -179,7 +180,7 @@ fn chain(tree: &UrdfTree, model: &Model, link: usize) -> Result<(Vec<usize>, Str
     Ok((joints, hip))
 }
 
-/// The first link on the way to the root that a movable joint carries, or the root.
+/// The first link from `link` towards the root that is the child of a movable joint, or the root.
 fn tree_parent_body(tree: &UrdfTree, link: usize) -> usize {
     let mut at = link;
     while let Some(parent) = tree.links[at].parent_joint {

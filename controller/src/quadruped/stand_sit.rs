@@ -1,24 +1,24 @@
-//! Getting up from the ground and sitting down, with the joint loop of the drives: no quadratic program, no contact to rely on.
+//! Standing up from the ground and sitting down, with the joint loop of the drives. No quadratic program and no contact is needed.
 //!
-//! | phase | what moves | ends when | then |
+//! | phase | motion | end | next |
 //! |---|---|---|---|
-//! | gather | joints, from where they are to folded under the trunk | they are there | rise |
-//! | rise | feet, straight down from folded to standing | they are there, every foot carries (three, after a while), the joints rest | stance |
-//! | lower | feet, straight up to folded | they are there | spread |
-//! | spread | joints, to the posture in which the robot lies | they are there | release |
-//! | release | nothing; the joints grow soft | the robot rests | lie |
-//! | lie | nothing; the joints are damped | | |
+//! | gather | joints, from the present posture to folded legs | motion complete | rise |
+//! | rise | feet, straight down from folded to standing | motion complete, four feet in contact (three after half of `stand.patience`), joints at rest | stance |
+//! | lower | feet, straight up to folded | motion complete | spread |
+//! | spread | joints, to the lying posture | motion complete | release |
+//! | release | none; the joint stiffness decreases | joints at rest | lie |
+//! | lie | none; the joints are damped | | |
 //!
-//! The reference of a phase goes over its way with the least jerk, `σ(u) = 10u³ - 15u⁴ + 6u⁵`, and waits for the robot: it slows down from
-//! half of `stand.max_error` on and stands at the whole of it, so a leg that is stuck stops all four. What has stood for `stand.patience`
-//! is given up, which leads to the safe state and names the joint.
+//! The reference of a phase follows the minimum-jerk profile `σ(u) = 10u³ - 15u⁴ + 6u⁵`. It waits for the robot: it slows down when a joint error
+//! exceeds half of `stand.max_error`, and stops at `stand.max_error`, so a blocked leg stops all four. A motion that has waited for
+//! `stand.patience` is aborted; the controller enters the safe state, and the fault names the joint or foot.
 //!
 //! ```text
 //! tau = support (h_joint - J_legᵀ f) ,  command = tau + kp (q_des - q) + kd (qd_des - qd)
 //! ```
-//! `f` are the vertical forces of least squares that hold the weight at the centre of mass over the four feet. `support` goes to 1 while the
-//! robot is to get or to stand on its feet and to 0 while it is to lie: legs that lie spread lift the trunk while they are drawn under it, and
-//! a foot that finds no ground is pushed after it, by a few centimetres on a soft loop.
+//! `f` are the vertical foot forces with the least sum of squares that balance the weight at the centre of mass. `support` changes to 1 while the robot
+//! stands up or lowers itself, and to 0 before it lies. With `support` = 1, spread legs lift the trunk while they fold under it, and a foot
+//! without ground contact moves a few centimetres further towards the ground.
 
 use super::estimation::Estimate;
 use super::leg::{Leg, PerLeg};
@@ -34,49 +34,49 @@ use nalgebra::{DMatrix, Matrix3, Vector3};
 
 /// Height between two postures of the path, m.
 const WAYPOINT: f64 = 0.01;
-/// Distance that the path keeps from the joints' limits, rad.
+/// Distance of the path from the joint limits, rad.
 const LIMIT_MARGIN: f64 = 0.03;
-/// Distance of a foot from its waypoint at which it counts as there, m.
+/// Distance of a foot from its waypoint at which the waypoint counts as reached, m.
 const REACHED: f64 = 1e-6;
-/// Largest step of a joint on the way to a waypoint, rad.
+/// Largest change of a joint in an iteration towards a waypoint, rad.
 const MAX_NEWTON_STEP: f64 = 0.2;
-/// Fastest change of `support`, 1/s.
+/// Rate of change of `support`, 1/s.
 const SUPPORT_RATE: f64 = 2.0;
-/// Shortest time of a phase, s.
+/// Shortest duration of a phase, s.
 const MIN_TIME: f64 = 0.3;
-/// Time in which the joints grow soft, s.
+/// Time in which the joint stiffness decreases to zero, s.
 const RELEASE_TIME: f64 = 1.0;
-/// Speed below which a joint rests, rad/s: damped, it carries no more than a small part of its effort then.
+/// Speed below which a joint counts as at rest, rad/s. A damped joint then has a torque of a small fraction of its effort.
 pub const REST_SPEED: f64 = 0.3;
-/// Time of rest after which the robot lies, s.
+/// Time at rest after which the robot counts as lying, s.
 const REST_TIME: f64 = 0.3;
-/// Part of its pace below which a move stands.
+/// Fraction of its full pace below which a motion counts as waiting.
 const STANDSTILL: f64 = 0.1;
-/// Ratio of peak and mean speed of the least-jerk profile.
+/// Ratio of peak to mean speed of the minimum-jerk profile.
 const PEAK: f64 = 1.875;
 
-/// The postures of getting up.
+/// The postures between lying and standing.
 pub struct StandSit {
-    /// From folded to standing, the feet on straight lines below their virtual footholds, nj each.
+    /// Postures from folded to standing, nj each. The feet move on vertical lines through their virtual footholds.
     path: Vec<Vec<f64>>,
-    /// Height of the base above the feet where legs are folded, m.
+    /// Height of the base above the feet with folded legs, m.
     folded_height: f64,
     standing_height: f64,
-    /// Where the robot lies without torque, nj.
+    /// Posture in which the robot lies without torque, nj.
     q_lying: Vec<f64>,
 }
 
 impl StandSit {
-    /// Finds the postures.
+    /// Computes the postures.
     ///
     /// # Errors
-    /// A lying posture that leaves a joint out or its range; a robot that cannot fold its legs at all.
+    /// `robot.lying` lacks a joint or violates a joint limit, or the legs cannot fold at all.
     pub fn new(robot: &Robot, params: &Params) -> Result<Self, LoadError> {
         let wrong = |what: String| LoadError::Robot { robot: params.robot.name.clone(), what };
         let mut path = folding(robot, params.stand.fold * robot.nominal_height);
         if path.len() < 2 {
             return Err(wrong(
-                "the legs cannot fold: the feet reach no point above their places in robot.posture".into(),
+                "the legs cannot fold: the feet cannot move up from their positions in robot.posture".into(),
             ));
         }
         #[expect(clippy::cast_precision_loss, reason = "tens of waypoints")]
@@ -98,7 +98,7 @@ impl StandSit {
         Ok(StandSit { path, folded_height, standing_height: robot.nominal_height, q_lying })
     }
 
-    /// Gets up from where the robot is.
+    /// Starts to stand up from the present posture.
     pub fn stand_up(&self, measured: &RobotState, state: &mut State) {
         let (support, was_moving) = (state.support, state.mode == Mode::Sit);
         state.enter(Mode::StandUp);
@@ -109,7 +109,7 @@ impl StandSit {
         begin(state, MovePhase::Gather);
     }
 
-    /// Sits down from standing, or from a height on the way up.
+    /// Starts to sit down from standing, or from the present height while standing up.
     pub fn sit(&self, measured: &RobotState, state: &mut State) {
         let (support, phase) = (state.support, state.move_phase);
         let from_stance = state.mode != Mode::StandUp;
@@ -123,8 +123,8 @@ impl StandSit {
         begin(state, if phase == MovePhase::Gather { MovePhase::Spread } else { MovePhase::Lower });
     }
 
-    /// One tick: moves the joint references and writes the torques that go with them, before limits. A robot that stands on its feet has no
-    /// phase any more. Gives the fault for which a move is given up.
+    /// Computes a tick: updates the joint references and the feed-forward torques, before effort limits. When the robot stands, the phase becomes
+    /// [`MovePhase::None`]. Returns the fault if the motion is aborted.
     pub fn update(
         &self,
         robot: &Robot,
@@ -134,7 +134,7 @@ impl StandSit {
         state: &mut State,
         dt: f64,
     ) -> Option<Fault> {
-        let (joint, error) = worst(&state.q_des, &measured.q);
+        let (joint, error) = largest_difference(&state.q_des, &measured.q);
         let stand = &params.stand;
         let pace = ((stand.max_error - error.abs()) / (0.5 * stand.max_error)).clamp(0.0, 1.0);
         let time = self.time(params, state);
@@ -153,9 +153,9 @@ impl StandSit {
         self.references(state, dt);
         self.torques(robot, estimate, state);
 
-        if state.t_held > stand.patience {
-            let lacks = Leg::ALL.into_iter().find(|&leg| !state.contact[leg]);
-            return match lacks {
+        if state.t_held > stand.timeout {
+            let without_contact = Leg::ALL.into_iter().find(|&leg| !state.contact[leg]);
+            return match without_contact {
                 Some(leg) if pace >= STANDSTILL => {
                     fault(ControllerTick::FAULT_NO_CONTACT, Some(leg as usize), state.t_held)
                 }
@@ -175,9 +175,9 @@ impl StandSit {
         None
     }
 
-    /// Stiffness and damping of a joint in the present phase, N m/rad and N m s/rad.
+    /// Stiffness (N m/rad) and damping (N m s/rad) of a joint in the present phase.
     pub fn gains(&self, params: &Params, state: &State, effort: f64) -> (f64, f64) {
-        // A joint without effort limit has no scale; it is driven by its torque alone.
+        // The gains scale with the effort. A joint without effort limit has feed-forward torque only.
         let effort = if effort.is_finite() { effort } else { 0.0 };
         let (kp, kd) = (params.stand.stiffness * effort, params.stand.damping * effort);
         match state.move_phase {
@@ -187,19 +187,19 @@ impl StandSit {
         }
     }
 
-    /// The base is where standing begins: full support, the feet on the ground, joints at rest.
+    /// Whether standing can start: full support, feet in contact, joints at rest.
     fn is_up(&self, params: &Params, measured: &RobotState, state: &State) -> bool {
         let rests = measured.qd.iter().all(|qd| qd.abs() < REST_SPEED);
         let feet = state.contact.0.into_iter().filter(|contact| *contact).count();
-        // A foot over a hole is found ground for by the stance.
-        let enough = if state.t_held > 0.5 * params.stand.patience { 3 } else { 4 };
+        // The stance controller lowers a foot that is above a hole.
+        let enough = if state.t_held > 0.5 * params.stand.timeout { 3 } else { 4 };
         state.support >= 1.0 && rests && feet >= enough
     }
 
-    /// How long the present phase takes, s.
+    /// Duration of the present phase, s.
     fn time(&self, params: &Params, state: &State) -> f64 {
         let range = self.standing_height - self.folded_height;
-        let by_joints = |to: &[f64]| worst(&state.move_q, to).1.abs() * PEAK / params.stand.joint_speed;
+        let by_joints = |to: &[f64]| largest_difference(&state.move_q, to).1.abs() * PEAK / params.stand.joint_speed;
         let by_height = |part: f64| part * range * PEAK / params.stand.rise_speed;
         let time = match state.move_phase {
             MovePhase::Gather => by_joints(&self.path[0]),
@@ -211,11 +211,11 @@ impl StandSit {
         time.max(MIN_TIME)
     }
 
-    /// Joint references where the phase is now; their velocities are differences.
+    /// Computes the joint references at the present progress; velocities are differences of positions.
     fn references(&self, state: &mut State, dt: f64) {
         let (phase, u, start) = (state.move_phase, state.move_progress, state.move_start);
         let sigma = least_jerk(u);
-        // What the first posture of a path was off fades out in its first half.
+        // The distance of the start posture from the path decreases to zero in the first half.
         let fading = 1.0 - least_jerk((2.0 * u).min(1.0));
         for joint in 0..state.q_des.len() {
             let from = state.move_q[joint];
@@ -231,7 +231,7 @@ impl StandSit {
         }
     }
 
-    /// A joint's position at a height, 0 folded to 1 standing, rad.
+    /// Position of a joint on the path at a height from 0 (folded) to 1 (standing), rad.
     fn at(&self, height: f64, joint: usize) -> f64 {
         let last = self.path.len() - 1;
         #[expect(clippy::cast_precision_loss, reason = "tens of waypoints")]
@@ -259,13 +259,13 @@ fn begin(state: &mut State, phase: MovePhase) {
     state.move_q.copy_from_slice(&state.q_des);
 }
 
-/// Way of least jerk from 0 to 1.
+/// Minimum-jerk profile from 0 to 1.
 fn least_jerk(u: f64) -> f64 {
     u * u * u * (10.0 + u * (6.0 * u - 15.0))
 }
 
-/// The joint in which two postures differ most, and by how much, rad.
-fn worst(a: &[f64], b: &[f64]) -> (usize, f64) {
+/// The joint with the largest difference `a - b` of two postures, and the difference, rad.
+fn largest_difference(a: &[f64], b: &[f64]) -> (usize, f64) {
     let mut found = (0, 0.0_f64);
     for (joint, (a, b)) in a.iter().zip(b).enumerate() {
         if (a - b).abs() > found.1.abs() {
@@ -275,7 +275,7 @@ fn worst(a: &[f64], b: &[f64]) -> (usize, f64) {
     found
 }
 
-/// Vertical forces of least squares on the feet that hold the weight, none of them pulling, N.
+/// Vertical foot forces with the least sum of squares that balance the weight, limited to 0 to the weight, N.
 ///
 /// ```text
 /// f_i = a + b x_i + c y_i ,   Σ f_i = m g ,  Σ f_i (x_i, y_i) = m g (x_C, y_C)
@@ -299,8 +299,8 @@ fn shares(robot: &Robot, estimate: &Estimate) -> PerLeg<f64> {
     shares
 }
 
-/// Postures with the feet higher and higher above their virtual footholds, by [`WAYPOINT`], until the base would be at `height` or a joint is at its limit;
-/// the first is that of standing.
+/// Postures with the feet above their virtual footholds, in steps of [`WAYPOINT`], until the base height would be below `height` or a joint is at its
+/// limit. The first is the standing posture.
 fn folding(robot: &Robot, height: f64) -> Vec<Vec<f64>> {
     let mut kin = Kinematics::new(&robot.model);
     let mut J = DMatrix::zeros(3, robot.model.nv());
@@ -320,7 +320,7 @@ fn folding(robot: &Robot, height: f64) -> Vec<Vec<f64>> {
     path
 }
 
-/// Moves the joints of a leg until its contact point is at `target` under a level base; false: it cannot get there.
+/// Moves the joints of a leg in `q` until its contact point is at `target` below a level base; returns false if it cannot reach it.
 fn reach(
     robot: &Robot,
     leg: Leg,

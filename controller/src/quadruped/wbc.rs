@@ -1,14 +1,13 @@
-//! The whole-body controller: constraints of a quadruped, the stack of tasks under them, and the torques of its solution.
+//! The whole-body controller: constraints of a quadruped, the stack of tasks subject to them, and joint torques from the solution.
 //!
 //! ```text
-//! x = [vd; F],   subject to C_fb, C_fc, C_acc, C_Fc:   the tasks of `[stack] formula`, by weight or by priority
+//! x = [vd; F]:   minimize the tasks of `[stack] formula`, by weight or by priority, subject to C_fb, C_fc, C_acc, C_Fc
 //! ```
-//! Source: Raiola et al. 2020, eqs. (4), (6)-(15). The size is constant: a foot in swing keeps its columns and rows. Its force is
-//! zero; an interior-point solver has no interior between two equal bounds, so the columns of that force are zeroed
-//! everywhere but in its own bounds, released to ±`RELEASED`: the regularization then leaves exactly F = 0 to rounding, and it
-//! is read as 0.
+//! Source: Raiola et al. 2020, eqs. (4), (6)-(15). The size of the programs is constant: a foot in swing keeps its columns and rows, with zero force.
+//! Equal lower and upper bounds would leave no interior for an interior-point solver. Therefore the columns of that force are zero except in its
+//! own bounds, which are ±`RELEASED`. The regularization then gives F = 0 up to rounding, and the force is read as 0.
 //!
-//! The tasks stand in [`super::tasks`], levels and solvers in [`crate::stack`].
+//! The tasks are in [`super::tasks`], levels and solvers in [`crate::stack`].
 
 use super::estimation::Estimate;
 use super::foot_load::{carries, force_bounds};
@@ -26,21 +25,21 @@ use crate::stack::{Cascade, Constraint, Formula, Solver, StackError};
 use lcmtypes::RobotState;
 use nalgebra::{DVector, Matrix3, Vector3};
 
-/// Forces are solved for in this unit, N, so that variables are of like size: F = `FORCE_UNIT` f.
+/// Unit of the force variables, N: `F = FORCE_UNIT f`. It gives forces and accelerations similar magnitudes.
 const FORCE_UNIT: f64 = 100.0;
 /// Half width of the bounds on the force of a foot in swing, in [`FORCE_UNIT`].
 const RELEASED: f64 = 1.0;
 /// Rows of the friction pyramid of a foot.
 const ROWS_FC: usize = 5;
-/// The programs of a tick and what came of them. All of it is overwritten in every tick.
+/// The quadratic programs of a tick and their solutions. Every tick overwrites all of them.
 pub struct Wbc {
     /// The tasks.
     pub tasks: Tasks,
     /// The levels.
     pub stack: Cascade,
-    /// How the solve went.
+    /// Status of the solve.
     pub info: QpInfo,
-    /// Its solution, forces in their scaled unit.
+    /// Solution, with forces in units of `FORCE_UNIT`.
     pub x: DVector<f64>,
     /// Vertical force bounds, N.
     pub f_z_bounds: PerLeg<(f64, f64)>,
@@ -54,10 +53,10 @@ pub struct Wbc {
 }
 
 impl Wbc {
-    /// Memory and solvers for a robot.
+    /// Allocates memory and solvers for a robot.
     ///
     /// # Errors
-    /// A stack that does not fit the robot: unknown tasks, rows or links, tasks that can never act.
+    /// The stack does not fit the robot: an unknown task, row or link, or a task without effect.
     pub fn new(robot: &Robot, params: &Params) -> Result<Self, LoadError> {
         let (nv, nj) = (robot.model.nv(), robot.nj());
         let nan = |n| DVector::from_element(n, f64::NAN);
@@ -87,7 +86,7 @@ impl Wbc {
         Ok(wbc)
     }
 
-    /// Builds the programs: tasks, constraints, bounds.
+    /// Builds the quadratic programs: tasks, constraints and bounds.
     pub fn build(
         &mut self,
         robot: &Robot,
@@ -105,10 +104,10 @@ impl Wbc {
         self.stack.build(&self.tasks.rows);
     }
 
-    /// Solves them. Without a solution of finite numbers for the first level the status says so, and `x`, `vd`, `f_F_W` and `tau` are zero.
+    /// Solves the quadratic programs. If the first level has no finite solution, the status says so, and `x`, `vd`, `f_F_W` and `tau` are zero.
     ///
     /// ```text
-    /// tau = ( M vd + h - Jᵀ F ) at the joints
+    /// tau = rows of ( M vd + h - Jᵀ F ) at the joints
     /// ```
     /// Source: Raiola et al. 2020, eq. (3).
     pub fn solve(&mut self, estimate: &Estimate, state: &State) {
@@ -142,7 +141,7 @@ impl Wbc {
         }
     }
 
-    /// Whether the last [`Wbc::solve`] has found a solution, be it of the upper levels alone.
+    /// Whether the last [`Wbc::solve`] has found a solution, at least for the first level.
     pub fn solved(&self) -> bool {
         self.stack.solution().is_some()
     }
@@ -158,18 +157,19 @@ impl Wbc {
         worst
     }
 
-    /// The program of a level, from 0, that the last [`Wbc::solve`] has solved. Not for use in a tick: it allocates.
+    /// The quadratic program of a level (from 0) in the last [`Wbc::solve`]. It allocates: do not call it in a tick.
     pub fn program(&self, level: usize) -> Qp {
         self.stack.program(level, &self.tasks.rows)
     }
 
-    /// Why the last [`Wbc::solve`] has found no solution for a level, and which, from 0; `None` if all have one or it cannot be told.
+    /// Finds the first level (from 0) for which the last [`Wbc::solve`] has no solution, and the constraints that contradict each other. `None` if all
+    /// levels have a solution, or if no contradiction can be found.
     pub fn explain(&self, robot: &Robot) -> Option<(usize, Vec<NamedViolation>)> {
         let failed = self.stack.levels.iter().position(|level| level.info.is_some() && !level.solved())?;
         Some((failed, explain(&self.program(failed), &self.row_names(robot))?))
     }
 
-    /// Names of the rows and variables of the programs.
+    /// Names of the rows and variables of the quadratic programs.
     pub(super) fn row_names(&self, robot: &Robot) -> RowNames {
         let base = ["force x", "force y", "force z", "moment x", "moment y", "moment z"];
         let sides = ["normal force", "friction t1+", "friction t1-", "friction t2+", "friction t2-"];
@@ -187,7 +187,7 @@ impl Wbc {
         RowNames { equalities, inequalities: by_foot(&sides), variables }
     }
 
-    /// No term may be without effect where the robot stands in its nominal posture, on all feet.
+    /// Checks that every term has an effect while the robot stands in its nominal posture on all feet.
     fn check_at_home(&mut self, robot: &Robot, params: &Params) -> Result<(), StackError> {
         let mut estimate = Estimate::new(robot);
         let nj = robot.nj();
@@ -229,8 +229,8 @@ impl Wbc {
         }
     }
 
-    /// C_fc, the pyramid inside the friction cone, c = μ √2/2: `F·n ≥ f_min`, `|F·t1| ≤ c F·n`, `|F·t2| ≤ c F·n`. Source: eq. (10). The lower
-    /// bound of stance stands on this row, so that slopes keep a positive normal force.
+    /// C_fc, the pyramid inside the friction cone, `c = μ √2/2`: `F·n ≥ f_min`, `|F·t1| ≤ c F·n`, `|F·t2| ≤ c F·n`. Source: eq. (10). The lower force
+    /// bound of stance is the right side of the first row, so that the normal force is positive on slopes too.
     fn friction(&mut self, params: &Params, estimate: &Estimate, state: &State) {
         let nv = self.vd.len();
         let wanted = self.formula.has(Constraint::Friction);
@@ -256,7 +256,7 @@ impl Wbc {
         }
     }
 
-    /// C_acc and C_Fc: joint accelerations and forces. Source: eqs. (11)-(12), Table 2.
+    /// C_acc and C_Fc: bounds on joint accelerations and forces. Source: eqs. (11)-(12), Table 2.
     fn bounds(&mut self, params: &Params, state: &State) {
         let nv = self.vd.len();
         let qp = self.stack.constraints();
@@ -282,7 +282,7 @@ impl Wbc {
     }
 }
 
-/// Where the programs may ever have numbers.
+/// The elements of the quadratic programs that can be non-zero.
 fn pattern(nv: usize, bounded: bool) -> Qp {
     let mut qp = Qp::zeros(nv + 12, 6, ROWS_FC * 4);
     qp.H.view_mut((0, 0), (nv, nv)).fill(1.0);

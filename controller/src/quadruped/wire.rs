@@ -1,4 +1,4 @@
-//! Structs to messages: the one place where the quadruped's quantities meet their LCM types.
+//! Conversion of the quadruped's quantities to LCM messages. No other file fills these messages.
 
 use super::estimation::Estimate;
 use super::leg::Leg;
@@ -15,7 +15,7 @@ use crate::qp::QpStatus;
 use crate::stack::Level;
 use lcmtypes::{BaseTracking, ContactEstimate, ControllerTick, LegState, QuadrupedState, RobotCommand, WbcSolution};
 
-/// The messages of a tick, kept from tick to tick so that their arrays are not allocated anew.
+/// The messages of a tick. They are reused in every tick, so that their arrays are allocated only once.
 #[derive(Default)]
 pub struct Messages {
     /// CONTACT_ESTIMATE.
@@ -35,7 +35,7 @@ pub struct Messages {
 }
 
 impl Messages {
-    /// Messages with arrays of the robot's sizes.
+    /// Allocates messages with arrays of the robot's size.
     pub fn new(robot: &Robot, wbc: &Wbc) -> Self {
         let (nj, nv, n_levels) = (robot.nj(), robot.model.nv(), wbc.stack.levels.len());
         let mut m = Messages { command: RobotCommand::zeros(nj), ..Messages::default() };
@@ -47,7 +47,7 @@ impl Messages {
         m
     }
 
-    /// CONTACT_ESTIMATE and BASE_TRACKING.
+    /// Fills CONTACT_ESTIMATE and BASE_TRACKING.
     pub fn estimation(&mut self, robot: &Robot, estimate: &Estimate, trunk: &TrunkReference, wbc: &Wbc, state: &State) {
         let m = &mut self.contact;
         (m.t_ns, m.tick) = (state.t_ns, state.tick);
@@ -70,7 +70,7 @@ impl Messages {
         m.yaw_rate_des = state.yaw_rate_des;
     }
 
-    /// LEG_STATE.
+    /// Fills LEG_STATE.
     pub fn legs(&mut self, params: &Params, estimate: &Estimate, references: &References, wbc: &Wbc, state: &State) {
         let m = &mut self.legs;
         (m.t_ns, m.tick) = (state.t_ns, state.tick);
@@ -93,7 +93,7 @@ impl Messages {
         }
     }
 
-    /// WBC_SOLUTION.
+    /// Fills WBC_SOLUTION.
     pub fn wbc(&mut self, estimate: &Estimate, wbc: &Wbc, state: &State, n_clamped: i32) {
         let m = &mut self.wbc;
         (m.t_ns, m.tick) = (state.t_ns, state.tick);
@@ -121,7 +121,7 @@ impl Messages {
         m.f_F_W = wbc.f_F_W.0.map(Into::into);
     }
 
-    /// The messages of a tick in which nothing was computed: their numbers say so.
+    /// Fills all estimation and solution messages with the values of a tick that computed nothing: zeros, and STATUS_NOT_RUN.
     pub fn clear(&mut self, state: &State) {
         let (t_ns, tick) = (state.t_ns, state.tick);
         self.contact = ContactEstimate { t_ns, tick, ..Default::default() };
@@ -136,7 +136,8 @@ impl Messages {
         m.vd.fill(0.0);
     }
 
-    /// CONTACT_ESTIMATE, BASE_TRACKING and LEG_STATE of a tick of getting up or sitting down: what is estimated, and no references but a level base.
+    /// Fills CONTACT_ESTIMATE, BASE_TRACKING and LEG_STATE in a tick of standing up or sitting down: the estimates, and a level base as the only
+    /// reference.
     pub fn stand_sit(&mut self, robot: &Robot, estimate: &Estimate, state: &State) {
         self.contact.f_F_W = state.f_F_W.0.map(Into::into);
         self.contact.f_normal = state.f_F_W.0.map(|f| estimate.n_W.dot(&f));
@@ -155,8 +156,8 @@ impl Messages {
         }
     }
 
-    /// ROBOT_COMMAND, before limits: torques in operation, with a joint loop while the robot gets up or sits down, damping alone in the safe state,
-    /// nothing without a wish for torque.
+    /// Fills ROBOT_COMMAND, before the effort limits: torques while standing or walking, torques and joint loop while standing up or sitting down, damping
+    /// in the safe state, zeros in IDLE.
     pub fn command(
         &mut self,
         robot: &Robot,

@@ -21,8 +21,9 @@ pub struct StandParams {
     pub fold: f64,
     /// Joint error at which the reference stops and waits, rad. It slows down from half of this error on.
     pub max_error: f64,
-    /// Time of waiting after which a motion is aborted, s.
-    pub patience: f64,
+    /// Time of waiting after which a motion is aborted, s. The key is `stand.patience`.
+    #[serde(rename = "patience")]
+    pub timeout: f64,
 }
 
 impl Default for StandParams {
@@ -34,7 +35,7 @@ impl Default for StandParams {
             rise_speed: 0.2,
             fold: 0.45,
             max_error: 0.4,
-            patience: 2.0,
+            timeout: 2.0,
         }
     }
 }
@@ -45,13 +46,13 @@ impl StandParams {
     /// # Errors
     /// The first parameter out of its range.
     pub fn check(&self) -> Result<(), ParamsError> {
-        let StandParams { stiffness, damping, joint_speed, rise_speed, fold, max_error, patience } = self;
+        let StandParams { stiffness, damping, joint_speed, rise_speed, fold, max_error, timeout } = self;
         positive("stand.stiffness", *stiffness)?;
         not_negative("stand.damping", &[*damping])?;
         positive("stand.joint_speed", *joint_speed)?;
         positive("stand.rise_speed", *rise_speed)?;
         within("stand.fold", &[*fold], "above 0 and at most 0.9", |x| x > 0.0 && x <= 0.9)?;
         positive("stand.max_error", *max_error)?;
-        positive("stand.patience", *patience)
+        positive("stand.patience", *timeout)
     }
 }
