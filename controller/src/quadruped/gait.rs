@@ -151,6 +151,7 @@ fn advance(state: &mut State, params: &Params, may_lift: bool, dt: f64, transiti
     state.gait_clock = if after >= timing.T { after - timing.T } else { after };
 }
 
+/// The next phase of a leg, and whether it has just landed.
 fn leg_transition(state: &State, params: &Params, timing: &Timing, leg: Leg) -> (LegPhase, bool) {
     let (t, contact) = (state.t_leg[leg], state.contact[leg]);
     let end_of_search = timing.T_sw * (1.0 + 2.0 * params.swing.reach_time);
