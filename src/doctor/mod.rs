@@ -1,11 +1,13 @@
 //! `hoof doctor`: whether this machine is fit for live runs, and what mends it.
 
 mod between;
+mod check;
 mod files;
 mod machine;
 mod network;
 
 use crate::{Outcome, say, say_json};
+use check::{Check, Level};
 use files::System;
 use replay::udpm::Url;
 use serde::Serialize;
@@ -41,58 +43,6 @@ pub struct Args {
     /// Print JSON
     #[arg(long)]
     json: bool,
-}
-
-/// How bad it is.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize)]
-#[serde(rename_all = "UPPERCASE")]
-enum Level {
-    Ok,
-    Warn,
-    Fail,
-}
-
-impl Level {
-    fn word(self) -> &'static str {
-        match self {
-            Level::Ok => "OK",
-            Level::Warn => "WARN",
-            Level::Fail => "FAIL",
-        }
-    }
-}
-
-/// What was looked at, and what came of it.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
-struct Check {
-    name: &'static str,
-    level: Level,
-    found: String,
-    /// Command that mends it.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    mend: Option<String>,
-}
-
-impl Check {
-    fn ok(name: &'static str, found: impl Into<String>) -> Self {
-        Check { name, level: Level::Ok, found: found.into(), mend: None }
-    }
-
-    fn warn(name: &'static str, found: impl Into<String>, mend: impl Into<String>) -> Self {
-        Check { name, level: Level::Warn, found: found.into(), mend: Some(mend.into()) }
-    }
-
-    fn fail(name: &'static str, found: impl Into<String>, mend: impl Into<String>) -> Self {
-        Check { name, level: Level::Fail, found: found.into(), mend: Some(mend.into()) }
-    }
-
-    fn text(&self) -> String {
-        let mut text = format!("{:<5} {:<20} {}", self.level.word(), self.name, self.found);
-        if let Some(mend) = &self.mend {
-            text += &format!("\n{:27}-> {mend}", "");
-        }
-        text
-    }
 }
 
 /// The JSON of `--json`.

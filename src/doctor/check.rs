@@ -1,0 +1,55 @@
+//! One check of `hoof doctor`.
+
+use serde::Serialize;
+
+/// Result of a check, from best to worst.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize)]
+#[serde(rename_all = "UPPERCASE")]
+pub enum Level {
+    Ok,
+    Warn,
+    Fail,
+}
+
+impl Level {
+    pub fn label(self) -> &'static str {
+        match self {
+            Level::Ok => "OK",
+            Level::Warn => "WARN",
+            Level::Fail => "FAIL",
+        }
+    }
+}
+
+/// One check and its result.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+pub struct Check {
+    pub name: &'static str,
+    pub level: Level,
+    pub found: String,
+    /// Command that fixes the problem; `mend` in JSON.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub mend: Option<String>,
+}
+
+impl Check {
+    pub fn ok(name: &'static str, found: impl Into<String>) -> Self {
+        Check { name, level: Level::Ok, found: found.into(), mend: None }
+    }
+
+    pub fn warn(name: &'static str, found: impl Into<String>, mend: impl Into<String>) -> Self {
+        Check { name, level: Level::Warn, found: found.into(), mend: Some(mend.into()) }
+    }
+
+    pub fn fail(name: &'static str, found: impl Into<String>, mend: impl Into<String>) -> Self {
+        Check { name, level: Level::Fail, found: found.into(), mend: Some(mend.into()) }
+    }
+
+    pub fn text(&self) -> String {
+        let mut text = format!("{:<5} {:<20} {}", self.level.label(), self.name, self.found);
+        if let Some(mend) = &self.mend {
+            text += &format!("\n{:27}-> {mend}", "");
+        }
+        text
+    }
+}
