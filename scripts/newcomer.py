@@ -32,14 +32,14 @@ def apply(task, tree):
         path = tree / edit["file"]
         text = path.read_text() if path.is_file() else None
         before.setdefault(path, text)
-        if "after" not in edit:
-            path.write_text(edit["insert"])
+        if "from" not in edit:
+            path.write_text(edit["to"].lstrip())
             continue
-        found = (text or "").count(edit["after"])
+        found = (text or "").count(edit["from"])
         if found != 1:
             restore(before)
-            sys.exit(f"error: {task['name']}: {edit['file']} contains {edit['after']!r} {found} times, expected once")
-        path.write_text(text.replace(edit["after"], edit["after"] + edit["insert"]))
+            sys.exit(f"error: {task['name']}: {edit['file']} contains {edit['from']!r} {found} times, expected once")
+        path.write_text(text.replace(edit["from"], edit["to"]))
     return before
 
 
