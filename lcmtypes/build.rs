@@ -1,4 +1,4 @@
-//! Generates the Rust structs and the table of texts from `*.lcm`, and names the library that the bus links to.
+//! Generates the Rust structs and the table of sources from `*.lcm`, and links liblcm.
 
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
@@ -20,7 +20,7 @@ fn main() {
     }
     write(&out.join("sources.rs"), &(table + "]\n"));
 
-    // The folder, so that a file that is added counts too.
+    // The folder, so that an added file is noticed too.
     println!("cargo:rerun-if-changed=.");
     println!("cargo:rustc-link-lib=lcm");
 }

@@ -3,14 +3,10 @@
 
 mod common;
 
+use common::network::url;
 use common::{command, hoof, ran};
 use std::io::{BufRead, BufReader};
 use std::process::Stdio;
-
-/// A network of its own for each test and process.
-fn url(test: u32) -> String {
-    format!("udpm://239.255.76.67:{}?ttl=0", 6000 + std::process::id() % 1500 * 2 + test)
-}
 
 #[test]
 fn every_check_has_a_line_and_what_is_wrong_has_a_remedy() {

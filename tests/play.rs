@@ -3,6 +3,7 @@
 
 mod common;
 
+use common::network::url;
 use common::{command, events, folder, hoof, ran};
 use lcmtypes::bus::{Bus, LcmBus};
 use lcmtypes::channels;
@@ -12,10 +13,6 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
-
-fn url(test: u32) -> String {
-    format!("udpm://239.255.76.67:{}?ttl=0", 36_000 + std::process::id() % 2000 * 10 + test)
-}
 
 /// A short run of the simulator.
 fn run(folder: &Path) -> (PathBuf, Vec<Event>) {

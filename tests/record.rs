@@ -14,9 +14,9 @@ use std::path::Path;
 use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
 
-/// A network of its own for each test and process.
-fn url(test: u16) -> Url {
-    Url { port: 33_000 + (std::process::id() % 3000) as u16 * 10 + test, ..Url::default() }
+/// Network of a test.
+fn url(test: u32) -> Url {
+    Url { port: common::network::port(test), ..Url::default() }
 }
 
 struct Sender {

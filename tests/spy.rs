@@ -16,10 +16,10 @@ use std::io::{BufRead, BufReader};
 use std::net::UdpSocket;
 use std::process::{Child, Command, Stdio};
 
-/// A network of its own for each test and process.
-fn url(test: u16) -> Url {
+/// Network of a test.
+fn url(test: u32) -> Url {
     let group = "239.255.76.69".parse().unwrap();
-    Url { group, port: 31_000 + (std::process::id() % 3000) as u16 * 10 + test, ..Url::default() }
+    Url { group, port: common::network::port(test), ..Url::default() }
 }
 
 /// Starts a spy that listens until it is stopped, and waits until it does.

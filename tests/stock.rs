@@ -73,6 +73,7 @@ fn line(number: usize, event: &LogEvent) -> String {
         ROBOT_STATE => show!(RobotState, |m| m.seq, m.q, m.tau[11], m.a_I[2]),
         OPERATOR_COMMAND => show!(OperatorCommand, |m| m.seq, m.mode, m.v_H[0], m.height_offset),
         PARAMETER_REQUEST => show!(ParameterRequest, |m| m.seq, m.key, m.value),
+        REQUEST_REPLY => show!(RequestReply, |m| m.tick, m.request_id, m.code, m.reason),
         PARAMETER_CHANGE => show!(ParameterChange, |m| m.tick, m.seq, m.key, m.value),
         CONTROLLER_INPUT => show!(ControllerInput, |m| m.tick, m.state.seq, m.state.q[5], m.op.v_H[0], m.op.seq),
         CONTROLLER_TICK => show!(ControllerTick, |m| m.tick, m.mode, m.fault_value, m.digest_output),
@@ -152,7 +153,7 @@ fn stock_lcm_gen_and_liblcm_decode_every_message_equally() {
 /// log, in the log's order.
 #[test]
 fn stock_lcm_logplayer_plays_a_log() {
-    const ATTEMPTS: usize = 5;
+    const ATTEMPTS: u32 = 5;
     let folder = folder("plays");
     let (log, events) = run(&folder, 0.25);
     let mut lost = Vec::new();
@@ -174,7 +175,7 @@ fn stock_lcm_logplayer_plays_a_log() {
 /// The stock logger queues at most 30 messages while it writes: in one of a few attempts it must record all of them.
 #[test]
 fn stock_lcm_logger_records_a_played_log() {
-    const ATTEMPTS: usize = 5;
+    const ATTEMPTS: u32 = 5;
     let folder = folder("records");
     let (log, sent) = run(&folder, 0.25);
     let mut lost = Vec::new();
@@ -195,16 +196,16 @@ fn stock_lcm_logger_records_a_played_log() {
 }
 
 /// Records with the stock logger while `hoof log play` sends.
-fn record(log: &Path, recorded: &Path, attempt: usize) {
-    let port = 61_000 + std::process::id() as usize % 800 * 5 + attempt;
+fn record(log: &Path, recorded: &Path, attempt: u32) {
+    let port = common::network::port(attempt);
     // liblcm sends LCM_SELF_TEST when it starts; it is not part of the log.
     let url = format!("udpm://239.255.76.67:{port}?ttl=0");
     let mut logger = Command::new("lcm-logger");
     logger.arg(format!("--lcm-url={url}")).arg("--channel=(?!LCM_).*").arg(recorded);
     let logger = logger.stdout(Stdio::null()).stderr(Stdio::null()).spawn();
     let mut logger = logger.unwrap_or_else(|error| panic!("lcm-logger: {error}; scripts/setup.sh installs it"));
-    // The logger receives as soon as its socket is bound to the port.
-    let bound = format!(":{port:04X} ");
+    // The logger receives as soon as its socket is bound to the port on any address.
+    let bound = format!("00000000:{port:04X} ");
     while !std::fs::read_to_string("/proc/net/udp").unwrap().contains(&bound) {
         assert!(logger.try_wait().unwrap().is_none(), "lcm-logger ended");
         std::thread::yield_now();
@@ -216,9 +217,9 @@ fn record(log: &Path, recorded: &Path, attempt: usize) {
 }
 
 /// Messages received while the stock player plays a log at a quarter of its speed: 3000 messages per second.
-fn play(log: &Path, attempt: usize) -> Vec<Received> {
-    // A separate port for each process and attempt, so that no other messages arrive.
-    let port = 20_000 + std::process::id() as usize % 8_000 * 5 + attempt;
+fn play(log: &Path, attempt: u32) -> Vec<Received> {
+    // A separate port for each attempt, so that no other messages arrive.
+    let port = common::network::port(100 + attempt);
     let url = format!("udpm://239.255.76.67:{port}?ttl=0");
     let mut bus = LcmBus::open(&format!("{url}&recv_buf_size=2000000")).unwrap();
     bus.subscribe("[A-Z_]*").unwrap();

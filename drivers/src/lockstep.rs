@@ -3,19 +3,20 @@
 //! Everything that a live run sends over the bus goes into the log, stamped with the simulation time, so that two runs of one
 //! scenario and seed give equal logs but for TIMING, which holds the wall clock.
 
-use crate::parameter_requests::{self, ParameterRequestHandler, Proposal};
-use crate::watch::{ModeWatch, Said};
+use crate::parameter_requests::{self, ParameterRequestHandler, Proposal, Refusal};
+use crate::stage_clock::StageClock;
+use crate::watch::{ModeEvent, ModeWatch};
 use crate::{DriverError, FaultInjection, Scenario, Simulator};
 use controller::handover::take_over;
 use controller::math::WalkedDistance;
-use controller::{Controller, Outbox, Probe, Stage};
+use controller::{Controller, Outbox};
 use lcmtypes::{
     ControllerInput, ControllerTick, Event, GroundTruth, LegState, Message, ParameterChange, ParameterRequest,
-    RobotCommand, RobotState, RunInfo, Timing, channels,
+    RequestReply, RobotCommand, RobotState, RunInfo, channels,
 };
 use replay::record::EventSink;
 use std::collections::VecDeque;
-use std::time::{Instant, SystemTime, UNIX_EPOCH};
+use std::time::Instant;
 
 /// How a lockstep run went.
 #[derive(Clone, Debug, PartialEq)]
@@ -97,11 +98,12 @@ struct Run {
     operator: crate::operator_script::OperatorScript,
     faults: FaultInjection,
     timeline: VecDeque<(i64, String)>,
-    /// Parameters that are to be otherwise, who answers, and the controller that has taken over.
-    wishes: VecDeque<ParameterRequest>,
-    desk: ParameterRequestHandler,
+    /// Parameter requests of the scenario, in the order of time.
+    requests: VecDeque<ParameterRequest>,
+    parameters: ParameterRequestHandler,
+    /// The controller after the first parameter change.
     changed: Option<Box<dyn Controller>>,
-    /// A state on its way from controller to controller.
+    /// Snapshot buffer for a handover.
     state: Vec<u8>,
     input: ControllerInput,
     measured: RobotState,
@@ -126,8 +128,8 @@ impl Run {
             operator: scenario.operator.clone(),
             faults: FaultInjection::new(&scenario.faults, sim.joints())?,
             timeline: scenario.timeline().into(),
-            wishes: scenario.parameters.clone().into(),
-            desk: ParameterRequestHandler::new(info),
+            requests: scenario.parameters.clone().into(),
+            parameters: ParameterRequestHandler::new(info),
             changed: None,
             state: Vec::new(),
             input,
@@ -212,7 +214,7 @@ impl Run {
         Ok(())
     }
 
-    /// Answers the wishes for other parameters whose time has come: another controller takes over before this tick.
+    /// Handles the parameter requests that are due: a controller with the new parameter takes over before this tick.
     fn change_parameters(
         &mut self,
         controller: &dyn Controller,
@@ -220,21 +222,24 @@ impl Run {
         t_ns: i64,
         tick: i64,
     ) -> Result<(), DriverError> {
-        while let Some(request) = self.wishes.pop_front_if(|request| request.t_ns <= t_ns) {
+        while let Some(request) = self.requests.pop_front_if(|request| request.t_ns <= t_ns) {
             self.put(log, channels::PARAMETER_REQUEST, t_ns, &request)?;
-            let answer =
-                self.desk.answer(&request).and_then(|Proposal { controller: mut next, change, parameters }| {
+            let outcome =
+                self.parameters.propose(&request).and_then(|Proposal { controller: mut next, change, parameters }| {
                     let now = self.changed.as_deref().map_or(controller, |changed| changed as &dyn Controller);
-                    take_over(now, &mut *next, &mut self.state)
-                        .map_err(|why| parameter_requests::refusal(&change.key, &change.value, &why))?;
+                    take_over(now, &mut *next, &mut self.state).map_err(|why| {
+                        Refusal::of_parameter(&change.key, &change.value, RequestReply::CODE_WRONG_STATE, &why)
+                    })?;
                     self.changed = Some(next);
-                    self.desk.granted(parameters);
+                    self.parameters.accept(parameters);
                     Ok(ParameterChange { t_ns, tick, ..change })
                 });
-            if let Ok(change) = &answer {
+            if let Ok(change) = &outcome {
                 self.put(log, channels::PARAMETER_CHANGE, t_ns, change)?;
             }
-            self.put(log, channels::EVENT, t_ns, &parameter_requests::event(t_ns, tick, answer.as_ref()))?;
+            let outcome = outcome.as_ref();
+            self.put(log, channels::EVENT, t_ns, &parameter_requests::event(t_ns, tick, outcome))?;
+            self.put(log, channels::REQUEST_REPLY, t_ns, &parameter_requests::reply(&request, t_ns, outcome))?;
         }
         Ok(())
     }
@@ -251,7 +256,7 @@ impl Run {
     /// Says in the log when the controller changes its mode, what it refuses of the operator, and why it gave up.
     fn watch_mode(&mut self, log: &mut dyn EventSink, t_ns: i64, tick: i64) -> Result<(), DriverError> {
         let Some(bytes) = self.outbox.get(channels::CONTROLLER_TICK) else { return Ok(()) };
-        let Some(Said { level, text, is_safe_state }) = self.mode.see(&ControllerTick::decode(bytes)?) else {
+        let Some(ModeEvent { level, text, is_safe_state }) = self.mode.update(&ControllerTick::decode(bytes)?) else {
             return Ok(());
         };
         if is_safe_state {
@@ -303,57 +308,6 @@ fn put(
     message.encode(bytes)?;
     log.write(channel, t_ns, bytes)?;
     Ok(())
-}
-
-/// Reads the clock at the ends of the stages. Allocates nothing.
-struct StageClock {
-    epoch: Instant,
-    start: Instant,
-    last: Instant,
-    wall_ns: i64,
-    stage_ns: [i64; Stage::ALL.len()],
-}
-
-impl Default for StageClock {
-    fn default() -> Self {
-        let now = Instant::now();
-        StageClock { epoch: now, start: now, last: now, wall_ns: 0, stage_ns: [0; Stage::ALL.len()] }
-    }
-}
-
-impl StageClock {
-    fn start(&mut self) {
-        self.wall_ns = SystemTime::now().duration_since(UNIX_EPOCH).map_or(0, nanoseconds);
-        self.stage_ns = [0; Stage::ALL.len()];
-        self.start = Instant::now();
-        self.last = self.start;
-    }
-
-    fn timing(&self, t_ns: i64, tick: i64) -> Timing {
-        let since_epoch = |at: Instant| nanoseconds(at.duration_since(self.epoch));
-        Timing {
-            t_ns,
-            tick,
-            wall_ns: self.wall_ns,
-            wake_ns: since_epoch(self.start),
-            start_ns: since_epoch(self.start),
-            end_ns: since_epoch(self.last),
-            deadline_ns: 0,
-            stage_ns: self.stage_ns,
-        }
-    }
-}
-
-impl Probe for StageClock {
-    fn stage_done(&mut self, stage: Stage) {
-        let now = Instant::now();
-        self.stage_ns[stage as usize] = nanoseconds(now - self.last);
-        self.last = now;
-    }
-}
-
-fn nanoseconds(d: std::time::Duration) -> i64 {
-    i64::try_from(d.as_nanos()).unwrap_or(i64::MAX)
 }
 
 #[expect(clippy::cast_precision_loss, reason = "simulation times are far below 2^53 ns")]

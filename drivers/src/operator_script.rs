@@ -1,14 +1,14 @@
-//! The operator of a scenario: keyframes over time, sent like a joystick does, on every change and 50 times a second.
+//! Operator of a scenario: keyframes over time. Commands are sent on every change and 50 times a second, as a joystick does.
 
 use crate::scenario::to_ns;
 use crate::terrain::{BadKey, check_range};
 use lcmtypes::OperatorCommand;
 use serde::Deserialize;
 
-/// Time between two commands when nothing changes, ns.
+/// Period of the commands while nothing changes, ns.
 pub const HEARTBEAT_NS: i64 = 20_000_000;
 
-/// An `[[operator]]` entry: what changes at a time.
+/// An `[[operator]]` entry of a scenario: the values that change at time `t_s`.
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(crate) struct OperatorKey {
@@ -60,22 +60,22 @@ impl OperatorKey {
     }
 }
 
-/// Every command of a run, each complete.
+/// All commands of a run, each with all values.
 #[derive(Clone, Debug, PartialEq)]
 pub struct OperatorScript {
     commands: Vec<OperatorCommand>,
-    /// Commands begun so far.
-    begun: usize,
+    /// Number of commands whose time has been reached.
+    reached: usize,
     next_seq: i64,
     next_heartbeat_ns: i64,
-    /// The commands are messages that were sent as they stand.
+    /// The commands are recorded messages; they are sent unchanged and without heartbeat.
     recorded: bool,
 }
 
 impl OperatorScript {
-    /// What an operator sent in another run, message by message, in the order of time.
+    /// The messages of an operator in another run, in the order of time.
     pub fn recorded(commands: Vec<OperatorCommand>) -> Self {
-        OperatorScript { commands, begun: 0, next_seq: 0, next_heartbeat_ns: i64::MIN, recorded: true }
+        OperatorScript { commands, reached: 0, next_seq: 0, next_heartbeat_ns: i64::MIN, recorded: true }
     }
 
     pub(crate) fn new(keys: &[OperatorKey]) -> Self {
@@ -121,22 +121,22 @@ impl OperatorScript {
             set(&mut command.step_height, key.step_height);
             commands.push(command.clone());
         }
-        OperatorScript { commands, begun: 0, next_seq: 0, next_heartbeat_ns: i64::MIN, recorded: false }
+        OperatorScript { commands, reached: 0, next_seq: 0, next_heartbeat_ns: i64::MIN, recorded: false }
     }
 
-    /// The message that the operator sends at `t_ns`, if any. Call it with rising times; a script that was not called yet is at its start.
+    /// The message to send at `t_ns`, if any. Call it with increasing times.
     pub fn operator_at(&mut self, t_ns: i64) -> Option<OperatorCommand> {
-        let begun = self.commands.iter().take_while(|command| command.t_ns <= t_ns).count();
-        let changed = begun > self.begun;
+        let reached = self.commands.iter().take_while(|command| command.t_ns <= t_ns).count();
+        let changed = reached > self.reached;
         if self.recorded {
-            self.begun = begun;
-            return if changed { self.commands.get(begun - 1).cloned() } else { None };
+            self.reached = reached;
+            return if changed { self.commands.get(reached - 1).cloned() } else { None };
         }
-        if begun == 0 || !(changed || t_ns >= self.next_heartbeat_ns) {
+        if reached == 0 || !(changed || t_ns >= self.next_heartbeat_ns) {
             return None;
         }
-        let message = OperatorCommand { t_ns, seq: self.next_seq, ..self.commands[begun - 1].clone() };
-        self.begun = begun;
+        let message = OperatorCommand { t_ns, seq: self.next_seq, ..self.commands[reached - 1].clone() };
+        self.reached = reached;
         self.next_seq += 1;
         self.next_heartbeat_ns = t_ns + HEARTBEAT_NS;
         Some(message)
@@ -149,7 +149,7 @@ mod tests {
     use crate::scenario::Scenario;
 
     #[test]
-    fn what_was_sent_is_sent_again_as_it_was() {
+    fn recorded_messages_are_sent_unchanged() {
         let text = "name = \"t\"\nduration_s = 1.0\n[terrain]\nkind = \"flat\"\n[[operator]]\nt_s = 0.01\nroll = 0.1\n[[operator]]\nt_s = 0.035\nv_x = 0.2\n";
         let send = |script: &mut OperatorScript| -> Vec<OperatorCommand> {
             (0..90).filter_map(|ms| script.operator_at(ms * 1_000_000)).collect()
@@ -160,7 +160,7 @@ mod tests {
     }
 
     #[test]
-    fn keys_hold_until_changed_and_changes_go_out_at_once() {
+    fn values_are_kept_until_changed_and_changes_are_sent_at_once() {
         let text = "name = \"t\"\nduration_s = 1.0\n[terrain]\nkind = \"flat\"\n\
             [[operator]]\nt_s = 0.01\nmode = \"stand\"\nroll = 0.1\n\
             [[operator]]\nt_s = 0.035\nmode = \"walk\"\ngait = \"crawl\"\nv_x = 0.2\n\

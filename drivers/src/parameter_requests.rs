@@ -1,17 +1,21 @@
-//! Parameters that are asked to be otherwise while the controller runs: the wishes of a scenario, and what answers any wish.
+//! Requests to change controller parameters during a run: those of a scenario, and the handler for requests of any sender.
 
 use crate::scenario::to_ns;
 use crate::terrain::{BadKey, check_range};
 use controller::Controller;
-use controller::handover::Parameters;
-use lcmtypes::{Event, ParameterChange, ParameterRequest, RunInfo};
+use controller::handover::{ChangeError, Parameters};
+use controller::params::ParamsError;
+use lcmtypes::{Event, ParameterChange, ParameterRequest, RequestReply, RunInfo};
 use serde::Deserialize;
+use std::fmt::Display;
 
-/// Who answers, in events.
+/// Source of the EVENTs about parameters.
 pub const SOURCE: &str = "parameters";
 
-/// Longest key and value together, bytes: a change goes through the real-time thread.
+/// Largest length of key and value together, bytes: the real-time thread copies them.
 const MAX_LENGTH: usize = 4096;
+/// Characters of an oversized key that a refusal quotes.
+const QUOTED: usize = 80;
 
 /// A `[[parameter]]` entry.
 #[derive(Deserialize)]
@@ -26,68 +30,105 @@ impl ParameterEntry {
     pub(crate) fn resolve(self, seq: usize) -> Result<ParameterRequest, BadKey> {
         check_range("t_s", &[self.t_s], 0.0..=36_000.0)?;
         let seq = i64::try_from(seq).unwrap_or(i64::MAX);
-        Ok(ParameterRequest { t_ns: to_ns(self.t_s), seq, key: self.key, value: self.value.to_string() })
+        Ok(ParameterRequest { t_ns: to_ns(self.t_s), sender_id: 0, seq, key: self.key, value: self.value.to_string() })
     }
 }
 
-/// Answers wishes one after the other, each on top of those that were granted before. Builds controllers, so it has no place on a real-time
-/// thread.
+/// Checks requests one after the other, each on top of those that were accepted before. It builds controllers, which takes milliseconds and
+/// allocates; do not call it from a real-time thread.
 #[derive(Debug)]
 pub struct ParameterRequestHandler {
     parameters: Parameters,
 }
 
-/// What a wish comes to.
+/// A change that is ready to take effect.
 pub struct Proposal {
-    /// The controller that is to take over.
+    /// The controller with the new parameters.
     pub controller: Box<dyn Controller>,
-    /// The change, whose time and tick are those of the take-over.
+    /// The change; time and tick are set when the controller takes over.
     pub change: ParameterChange,
-    /// The parameters then, for [`ParameterRequestHandler::granted`].
+    /// All parameters after the change, for [`ParameterRequestHandler::accept`].
     pub parameters: Parameters,
 }
 
+/// Why a request was not carried out.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Refusal {
+    /// `request_reply_t` CODE_*.
+    pub code: i8,
+    /// One sentence.
+    pub reason: String,
+}
+
+impl Refusal {
+    /// A refusal with `CODE_REJECTED`.
+    pub fn rejected(reason: String) -> Self {
+        Refusal { code: RequestReply::CODE_REJECTED, reason }
+    }
+
+    /// A refusal to set `key` to `value`.
+    pub fn of_parameter(key: &str, value: &str, code: i8, why: &dyn Display) -> Self {
+        Refusal { code, reason: format!("{key} = {value} rejected: {why}") }
+    }
+}
+
 impl ParameterRequestHandler {
-    /// For a run.
+    /// A handler for a run with the parameters of `info`.
     pub fn new(info: &RunInfo) -> Self {
         ParameterRequestHandler { parameters: Parameters::new(info) }
     }
 
-    /// What is to take over, or the text of the EVENT that says why nothing does.
-    pub fn answer(&self, request: &ParameterRequest) -> Result<Proposal, String> {
+    /// Checks a request and builds the controller with the new parameter.
+    ///
+    /// # Errors
+    /// [`Refusal`]: the key is unknown or cannot be changed, or the value has the wrong type, is out of range, or is too long.
+    pub fn propose(&self, request: &ParameterRequest) -> Result<Proposal, Refusal> {
         let ParameterRequest { seq, key, value, .. } = request;
         let length = key.len() + value.len();
         if length > MAX_LENGTH || value.contains('\n') {
-            let start: String = key.chars().take(80).collect();
-            return Err(format!(
-                "{start} is refused: a value of {length} bytes, expected one line of at most {MAX_LENGTH}"
-            ));
+            let start: String = key.chars().take(QUOTED).collect();
+            let reason = format!("{start} rejected: {length} bytes, expected one line of at most {MAX_LENGTH}");
+            return Err(Refusal { code: RequestReply::CODE_OUT_OF_RANGE, reason });
         }
         let proposed = self.parameters.with(key, value).and_then(|parameters| Ok((parameters.build()?, parameters)));
-        let (controller, parameters) = proposed.map_err(|why| refusal(key, value, &why))?;
+        let (controller, parameters) =
+            proposed.map_err(|error| Refusal::of_parameter(key, value, code(&error), &error))?;
         let change =
             ParameterChange { seq: *seq, key: key.clone(), value: value.clone(), ..ParameterChange::default() };
         Ok(Proposal { controller, change, parameters })
     }
 
-    /// A proposal has taken over.
-    pub fn granted(&mut self, parameters: Parameters) {
+    /// Makes the parameters of a proposal the present ones, after its controller has taken over.
+    pub fn accept(&mut self, parameters: Parameters) {
         self.parameters = parameters;
     }
 }
 
-/// The text of an EVENT that says why a parameter stays as it is.
-pub fn refusal(key: &str, value: &str, why: &dyn std::fmt::Display) -> String {
-    format!("{key} = {value} is refused: {why}")
+/// `request_reply_t` CODE_* for an error.
+fn code(error: &ChangeError) -> i8 {
+    match error {
+        ChangeError::Params(ParamsError::UnknownKey { .. }) => RequestReply::CODE_UNKNOWN_NAME,
+        ChangeError::Params(_) | ChangeError::Load(_) => RequestReply::CODE_OUT_OF_RANGE,
+        _ => RequestReply::CODE_REJECTED,
+    }
 }
 
-/// The EVENT of an answer: from a tick on, or why not.
-pub fn event(t_ns: i64, tick: i64, answer: Result<&ParameterChange, &String>) -> Event {
-    let (level, text) = match answer {
+/// The EVENT for the outcome of a request.
+pub fn event(t_ns: i64, tick: i64, outcome: Result<&ParameterChange, &Refusal>) -> Event {
+    let (level, text) = match outcome {
         Ok(ParameterChange { key, value, .. }) => (Event::LEVEL_INFO, format!("{key} = {value} from this tick on")),
-        Err(why) => (Event::LEVEL_WARNING, why.clone()),
+        Err(refusal) => (Event::LEVEL_WARNING, refusal.reason.clone()),
     };
     Event { t_ns, tick, level, source: SOURCE.to_owned(), text }
+}
+
+/// The REQUEST_REPLY for the outcome of a request.
+pub fn reply(request: &ParameterRequest, t_ns: i64, outcome: Result<&ParameterChange, &Refusal>) -> RequestReply {
+    let (tick, code, reason) = match outcome {
+        Ok(change) => (change.tick, RequestReply::CODE_DONE, String::new()),
+        Err(refusal) => (-1, refusal.code, refusal.reason.clone()),
+    };
+    RequestReply { t_ns, tick, sender_id: request.sender_id, request_id: request.seq, code, reason }
 }
 
 #[cfg(test)]
@@ -95,12 +136,13 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_would_not_fit_a_tick_is_refused() {
-        let desk = ParameterRequestHandler::new(&RunInfo::default());
+    fn oversized_values_are_refused_with_a_short_reason() {
+        let handler = ParameterRequestHandler::new(&RunInfo::default());
         for value in ["9".repeat(5000), "[1.0,\n2.0]".to_owned()] {
-            let wish = ParameterRequest { key: "trunk.kp".to_owned(), value, ..ParameterRequest::default() };
-            let why = desk.answer(&wish).err().unwrap();
-            assert!(why.starts_with("trunk.kp is refused: a value of ") && why.len() < 200, "{why}");
+            let request = ParameterRequest { key: "trunk.kp".to_owned(), value, ..ParameterRequest::default() };
+            let Refusal { code, reason } = handler.propose(&request).err().unwrap();
+            assert_eq!(code, RequestReply::CODE_OUT_OF_RANGE);
+            assert!(reason.contains("trunk.kp") && reason.len() < 200, "{reason}");
         }
     }
 }

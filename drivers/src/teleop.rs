@@ -1,16 +1,16 @@
-//! A person's keys, pad or lines of text, made into operator commands.
+//! Teleoperation: key presses, gamepad state or lines of text, converted to operator commands.
 //!
-//! [`Desk`] is what the person's hands have set: pure, with the time given by the caller. [`Desk::command`] is what is to be sent now, and it
-//! goes out 50 times a second whether anything has changed or not: silence means that the operator is gone.
+//! [`OperatorInput`] holds what the person has set. It is pure: the caller gives the time. [`OperatorInput::command`] returns the command to send,
+//! 50 times a second whether it has changed or not: if the commands stop, the operator times out.
 //!
-//! - A terminal tells when a key goes down and, while it is held, that it goes down again; it never tells when it is let go, least of all over ssh. So
-//!   a velocity counts as long as velocity keys keep coming: [`HOLD_FIRST_NS`] from the first, since keyboards wait that long before
-//!   they repeat, and [`HOLD_REPEAT_NS`] from each further one. All axes live together, since a keyboard repeats its last key only.
-//! - A [`pad`] has sticks that spring back, and a bumper that has to be held: letting go of it stands the robot.
-//! - A [`script`] says what it means, and it stays.
-//! - Whoever begins takes over what the robot does: one that lies stays lying until it is told to stand up, and to one that is damped nothing is
-//!   said, since an emergency stop would be this operator's, and the wish for anything else the end of somebody's ([`Desk::hear`]).
-//! - Whoever leaves stands a robot that walks, and otherwise changes nothing ([`Desk::leave`]): a stop stays a stop.
+//! - A terminal reports when a key is pressed and, while it is held, repeats of it; it does not report the release, in particular over ssh. So a
+//!   velocity is kept for [`HOLD_FIRST_NS`] after the first press, since keyboards wait that long before they repeat, and for [`HOLD_REPEAT_NS`]
+//!   after each repeat. All axes share one time-out, since a keyboard repeats its last key only.
+//! - A [`pad`] has sticks that return to the centre, and a bumper that has to be held to walk: when it is released, the robot stands.
+//! - Values set by a [`script`] are kept until they are set again.
+//! - A new operator starts from the robot's state: a lying robot keeps lying until STAND is requested. While the robot is damped, nothing is sent:
+//!   an emergency stop would become this operator's, and any other mode could clear another operator's ([`OperatorInput::set_robot_mode`]).
+//! - When an operator leaves, a walking robot stands; any other mode is kept, so an emergency stop stays in force ([`OperatorInput::leave`]).
 
 pub mod pad;
 pub mod script;
@@ -20,32 +20,37 @@ use controller::quadruped::params::{FootholdParams, TrunkParams};
 use lcmtypes::{ControllerTick, OperatorCommand, channels};
 use pad::PadState;
 
-/// Where it speaks unless told otherwise. It is a source of its own beside OPERATOR_COMMAND ([`crate::operators`]), so that a person
-/// can take over from whatever else commands.
+/// Default channel of teleoperation: a source of its own beside OPERATOR_COMMAND ([`crate::command_mux`]), so that a person can take over from
+/// other operators.
 pub const CHANNEL: &str = "OPERATOR_TELEOP";
 
-/// Why no operator can speak on a channel.
+/// Invalid channel for operator commands.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
 pub enum ChannelError {
-    /// Not a name that a run file may hold.
-    #[error("a channel is 1 to 63 letters, digits, _ and -")]
+    /// Not a valid name for a run file.
+    #[error("invalid channel name, expected 1 to 63 letters, digits, _ and -")]
     Name,
-    /// Something else is said there.
-    #[error("{type_name} is sent there, no operator's command")]
+    /// The channel carries another type.
+    #[error("channel of {type_name}, expected one for operator commands")]
     Taken {
-        /// What.
+        /// The type.
         type_name: &'static str,
     },
 }
 
-/// Whether an operator can speak on a channel.
+/// Whether a text is a valid channel name of an operator: 1 to 63 letters, digits, `_` and `-`.
+pub fn is_channel_name(name: &str) -> bool {
+    let is_allowed = |c: char| c.is_ascii_alphanumeric() || "_-".contains(c);
+    (1..=63).contains(&name.len()) && name.chars().all(is_allowed)
+}
+
+/// Checks that operator commands can be sent on a channel.
 ///
 /// # Errors
 /// [`ChannelError`]
 pub fn check_channel(name: &str) -> Result<(), ChannelError> {
-    let fits = |c: char| c.is_ascii_alphanumeric() || "_-".contains(c);
-    if !(1..=63).contains(&name.len()) || !name.chars().all(fits) {
+    if !is_channel_name(name) {
         return Err(ChannelError::Name);
     }
     match channels::find(name) {
@@ -54,20 +59,20 @@ pub fn check_channel(name: &str) -> Result<(), ChannelError> {
     }
 }
 
-/// Time between two commands, changed or not, ns.
+/// Period of the commands, changed or not, ns.
 pub const HEARTBEAT_NS: i64 = 20_000_000;
 
-/// How long a velocity lives from the first press of a key on, ns. Keyboards begin to repeat after 0.25 to 0.7 s.
+/// Time for which a velocity is kept after the first press of a key, ns. Keyboards start to repeat after 0.25 to 0.7 s.
 pub const HOLD_FIRST_NS: i64 = 800_000_000;
-/// How long it lives from each further one on, ns. Keyboards repeat 25 or 30 times a second, and a network may keep some back.
+/// Time for which a velocity is kept after each repeat, ns. Keyboards repeat 25 to 30 times a second; a network may delay some repeats.
 pub const HOLD_REPEAT_NS: i64 = 300_000_000;
 
-/// Parts of the largest command that one press changes a pose by.
+/// Step of a pose per key press, as a fraction of the largest command.
 const POSE_STEP: f64 = 0.1;
-/// The same of the pace.
+/// Step of the pace per key press.
 const PACE_STEP: f64 = 0.1;
 
-/// Largest commands, in each direction. The controller keeps to the same ones by itself.
+/// Largest commands, in each direction. The controller applies the same limits.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Limits {
     /// Speed in the plane, m/s.
@@ -80,7 +85,7 @@ pub struct Limits {
     pub height: f64,
 }
 
-/// Those of a robot that says nothing of its own.
+/// Default limits, for an unknown robot.
 impl Default for Limits {
     fn default() -> Self {
         Limits::from_parts(&FootholdParams::default(), &TrunkParams::default())
@@ -88,7 +93,7 @@ impl Default for Limits {
 }
 
 impl Limits {
-    /// Those of a robot.
+    /// Limits from the parameters of a robot.
     pub fn of(params: &Params) -> Self {
         Limits::from_parts(&params.foothold, &params.trunk)
     }
@@ -103,55 +108,55 @@ impl Limits {
     }
 }
 
-/// What a key or a button asks for.
+/// Action of a key or button.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Press {
-    /// A velocity: which, and in which direction.
+    /// Set a velocity.
     Move(Axis, Sign),
-    /// A step of the pose.
+    /// Change the pose by one step.
     Pose(Pose, Sign),
-    /// Larger or smaller velocities from now on.
+    /// Increase or decrease the velocity of later presses.
     Pace(Sign),
-    /// The other gait.
+    /// Switch to the other gait.
     Gait,
-    /// Begins to walk, or stops walking.
+    /// Start or stop walking.
     Walk,
-    /// Stands up, or sits down.
+    /// Stand up, or sit down.
     Posture,
-    /// Level and at nominal height; of a robot that sits or was stopped, no torque: an emergency stop is taken back.
+    /// Level the base at nominal height. If the robot sits or is stopped: request IDLE (no torque), which clears an emergency stop.
     Reset,
-    /// Emergency stop.
+    /// Trigger the emergency stop.
     Stop,
 }
 
-/// A velocity.
+/// Axis of a velocity.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Axis {
     /// Forward.
     Forward = 0,
-    /// To the left.
+    /// Left.
     Left = 1,
-    /// Turning to the left.
+    /// Turn to the left.
     Turn = 2,
 }
 
-/// A part of the pose.
+/// Coordinate of the pose.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Pose {
-    /// About x: left side up.
+    /// Rotation about x, positive: left side up.
     Roll,
-    /// About y: nose down.
+    /// Rotation about y, positive: nose down.
     Pitch,
-    /// Up.
+    /// Height, positive up.
     Height,
 }
 
-/// A direction.
+/// Direction along an axis or coordinate.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Sign {
-    /// As the axis is named.
+    /// Positive.
     Plus,
-    /// The other way.
+    /// Negative.
     Minus,
 }
 
@@ -164,19 +169,19 @@ impl Sign {
     }
 }
 
-/// What the person has set.
+/// Values set by an operator, and the operator command made from them.
 #[derive(Clone, Debug)]
-pub struct Desk {
+pub struct OperatorInput {
     limits: Limits,
-    /// `None` until the robot's mode is known and is not `DAMPING`, or the person says what it shall be.
+    /// Requested `operator_command_t` MODE_*; `None` until the robot's mode is known and not `DAMPING`, or the operator sets one.
     mode: Option<i8>,
     gait: i8,
-    /// Forward and left, m/s, turn, rad/s, until `moves_until_ns`.
+    /// Forward and left, m/s, and turn, rad/s; zero after `moves_until_ns`.
     moves: [f64; 3],
     moves_until_ns: i64,
-    /// The velocity key that came last.
+    /// The last velocity key.
     last_move: Option<(Axis, Sign)>,
-    /// Part of the largest velocity that a key stands for.
+    /// Velocity of a key press as a fraction of the limit.
     pace: f64,
     roll: f64,
     pitch: f64,
@@ -185,15 +190,15 @@ pub struct Desk {
     duty: f64,
     step_height: f64,
     pad: PadState,
-    /// The controller's mode, as last heard.
+    /// Last known mode of the controller.
     robot: Option<i8>,
     seq: i64,
 }
 
-impl Desk {
-    /// A desk that nobody has touched.
+impl OperatorInput {
+    /// No input yet.
     pub fn new(limits: Limits) -> Self {
-        Desk {
+        OperatorInput {
             limits,
             mode: None,
             gait: OperatorCommand::GAIT_TROT,
@@ -218,26 +223,26 @@ impl Desk {
         self.limits
     }
 
-    /// Takes the limits of a robot that has become known.
+    /// Sets the limits, once the robot is known.
     pub fn set_limits(&mut self, limits: Limits) {
         self.limits = limits;
     }
 
-    /// Part of the largest velocity that a key stands for.
+    /// Velocity of a key press as a fraction of the limit.
     pub fn pace(&self) -> f64 {
         self.pace
     }
 
-    /// The mode that is asked for, `OperatorCommand::MODE_*`; `None` as long as nothing is sent.
+    /// Requested mode, `OperatorCommand::MODE_*`; `None` as long as nothing is sent.
     pub fn mode(&self) -> Option<i8> {
         self.mode
     }
 
-    /// Takes the controller's mode, `ControllerTick::MODE_*`. The first one but `DAMPING` says what to begin with; when the robot saves itself
-    /// later, it shall not walk on by itself afterwards.
-    pub fn hear(&mut self, robot: i8) {
+    /// Sets the controller's mode, `ControllerTick::MODE_*`. The first one other than `DAMPING` determines the first request. If the controller
+    /// later enters its safe state, a request to walk becomes a request to stand, so that the robot does not walk on by itself afterwards.
+    pub fn set_robot_mode(&mut self, robot: i8) {
         let before = self.robot.replace(robot);
-        let saved = robot == ControllerTick::MODE_DAMPING && before != Some(robot);
+        let is_newly_damped = robot == ControllerTick::MODE_DAMPING && before != Some(robot);
         if self.mode.is_none() {
             self.mode = match robot {
                 ControllerTick::MODE_IDLE => Some(OperatorCommand::MODE_IDLE),
@@ -245,15 +250,15 @@ impl Desk {
                 ControllerTick::MODE_SIT => Some(OperatorCommand::MODE_SIT),
                 _ => Some(OperatorCommand::MODE_STAND),
             };
-        } else if saved && self.mode == Some(OperatorCommand::MODE_WALK) {
+        } else if is_newly_damped && self.mode == Some(OperatorCommand::MODE_WALK) {
             self.set_mode(OperatorCommand::MODE_STAND);
         }
     }
 
-    /// Takes a key press at `t_ns`.
+    /// Applies a key press at `t_ns`.
     ///
     /// # Errors
-    /// Says why nothing came of it.
+    /// The reason if the press had no effect.
     pub fn press(&mut self, press: Press, t_ns: i64) -> Result<(), &'static str> {
         use OperatorCommand as Op;
         match (press, self.mode) {
@@ -262,13 +267,13 @@ impl Desk {
             (Press::Reset, Some(Op::MODE_SIT)) => self.set_mode(Op::MODE_IDLE),
             (Press::Reset, _) => (self.roll, self.pitch, self.height) = (0.0, 0.0, 0.0),
             (Press::Walk | Press::Posture | Press::Move(..), _) if self.is_stopped() => {
-                return Err("emergency stop: r takes it back");
+                return Err("emergency stop in force: r clears it");
             }
             (Press::Walk, Some(Op::MODE_WALK)) => self.set_mode(Op::MODE_STAND),
             (Press::Walk, Some(Op::MODE_STAND)) => self.set_mode(Op::MODE_WALK),
             (Press::Move(axis, sign), Some(Op::MODE_WALK)) => self.steer(axis, sign, t_ns),
-            (Press::Move(..), Some(Op::MODE_STAND)) => return Err("Space begins to walk"),
-            (Press::Walk | Press::Move(..), _) => return Err("the robot has to stand first: Enter"),
+            (Press::Move(..), Some(Op::MODE_STAND)) => return Err("not walking: press Space first"),
+            (Press::Walk | Press::Move(..), _) => return Err("not standing: press Enter first"),
             (Press::Posture, Some(Op::MODE_STAND)) => self.set_mode(Op::MODE_SIT),
             (Press::Posture, _) => self.set_mode(Op::MODE_STAND),
             (Press::Pose(pose, sign), _) => self.lean(pose, sign),
@@ -279,11 +284,11 @@ impl Desk {
         Ok(())
     }
 
-    /// Takes the pad as it is now.
+    /// Applies the present state of a gamepad.
     ///
     /// # Errors
-    /// Says why nothing came of a button.
-    pub fn hold(&mut self, now: &PadState, t_ns: i64) -> Result<(), &'static str> {
+    /// The reason if a button had no effect.
+    pub fn apply_pad(&mut self, now: &PadState, t_ns: i64) -> Result<(), &'static str> {
         let before = std::mem::replace(&mut self.pad, now.clone());
         let mut outcome = Ok(());
         for button in now.pressed_since(&before) {
@@ -293,7 +298,7 @@ impl Desk {
             if self.mode == Some(OperatorCommand::MODE_STAND) && !self.is_stopped() {
                 self.set_mode(OperatorCommand::MODE_WALK);
             } else if self.mode != Some(OperatorCommand::MODE_WALK) {
-                outcome = outcome.and(Err("the robot has to stand first: Start"));
+                outcome = outcome.and(Err("not standing: press Start first"));
             }
         }
         if before.bumper && !now.bumper && self.mode == Some(OperatorCommand::MODE_WALK) {
@@ -302,7 +307,7 @@ impl Desk {
         outcome
     }
 
-    /// The operator goes: a robot that walks stands. What else it does, it goes on doing; above all an emergency stop is not taken back.
+    /// Ends the input: a walking robot is requested to stand. Any other mode is kept, so an emergency stop is not cleared.
     pub fn leave(&mut self) {
         if self.mode == Some(OperatorCommand::MODE_WALK) {
             self.set_mode(OperatorCommand::MODE_STAND);
@@ -311,7 +316,7 @@ impl Desk {
         self.pad = PadState::default();
     }
 
-    /// What to send at `t_ns`; `None` while there is nothing to say. Counts the messages.
+    /// The command to send at `t_ns`, with the next seq; `None` while no mode is requested.
     pub fn command(&mut self, t_ns: i64) -> Option<OperatorCommand> {
         let mode = self.mode?;
         let [forward, left, turn] = self.velocities(t_ns);
@@ -360,7 +365,7 @@ impl Desk {
         }
         let limit = if axis == Axis::Turn { self.limits.yaw_rate } else { self.limits.speed };
         let moves = &mut self.moves[axis as usize];
-        // Against the way it goes it stops first, and a further press turns it round.
+        // The first press against the present direction stops the axis; the next one reverses it.
         *moves = if *moves * sign.factor() < 0.0 { 0.0 } else { sign.factor() * self.pace * limit };
         let repeats = self.last_move.replace((axis, sign)) == Some((axis, sign)) && held;
         let hold_ns = if repeats { HOLD_REPEAT_NS } else { HOLD_FIRST_NS };
@@ -383,10 +388,10 @@ impl Desk {
         self.moves_until_ns = i64::MIN;
     }
 
-    /// The joints are damped, whoever wanted it, and nobody has begun to take it back.
+    /// The joints are damped for any reason, and this operator has not requested to clear it.
     fn is_stopped(&self) -> bool {
-        let saved = self.robot == Some(ControllerTick::MODE_DAMPING);
-        self.mode == Some(OperatorCommand::MODE_DAMPING) || saved && self.mode != Some(OperatorCommand::MODE_IDLE)
+        let is_damped = self.robot == Some(ControllerTick::MODE_DAMPING);
+        self.mode == Some(OperatorCommand::MODE_DAMPING) || is_damped && self.mode != Some(OperatorCommand::MODE_IDLE)
     }
 }
 

@@ -1,4 +1,4 @@
-//! What a controller's ticks tell a person: changes of its mode, what it refuses, why it gave up.
+//! Events from the ticks of a controller: changes of mode, rejected requests, faults.
 
 use lcmtypes::{ControllerTick, Event, enum_names};
 
@@ -11,14 +11,14 @@ pub struct ModeWatch {
     fault: i32,
 }
 
-/// What a tick has to tell: level and text of an EVENT.
+/// Level and text of an EVENT.
 #[derive(Debug, PartialEq, Eq)]
-pub struct Said {
+pub struct ModeEvent {
     /// `event_t` LEVEL_*.
     pub level: i8,
     /// One sentence.
     pub text: String,
-    /// It is that the controller went to its safe state.
+    /// The controller entered its safe state in this tick.
     pub is_safe_state: bool,
 }
 
@@ -28,61 +28,72 @@ impl ModeWatch {
         ModeWatch { joints, mode: ControllerTick::MODE_IDLE, fault: ControllerTick::FAULT_NONE }
     }
 
-    /// `controller_tick_t` MODE_* of the last tick seen.
+    /// `controller_tick_t` MODE_* of the last tick.
     pub fn mode(&self) -> i8 {
         self.mode
     }
 
-    /// What is new in a tick, if anything. Ticks in the order of their numbers.
-    pub fn see(&mut self, tick: &ControllerTick) -> Option<Said> {
-        let ControllerTick { mode, fault, fault_index, fault_value, .. } = *tick;
+    /// Takes the next tick; returns an event if mode or fault is new.
+    pub fn update(&mut self, tick: &ControllerTick) -> Option<ModeEvent> {
+        let ControllerTick { mode, fault, .. } = *tick;
+        let mode_before = std::mem::replace(&mut self.mode, mode);
+        let is_new_fault = std::mem::replace(&mut self.fault, fault) != fault && fault != ControllerTick::FAULT_NONE;
+        let warning = |text: String| Some(ModeEvent { level: Event::LEVEL_WARNING, text, is_safe_state: false });
         if fault == ControllerTick::FAULT_CONTROLLER {
-            let is_new = std::mem::replace(&mut self.fault, fault) != fault;
-            self.mode = mode;
-            let text = "no controller runs: the joints are damped".to_owned();
-            return is_new.then_some(Said { level: Event::LEVEL_WARNING, text, is_safe_state: true });
+            let event = warning("no controller is running: joints damped".to_owned())?;
+            return is_new_fault.then_some(ModeEvent { is_safe_state: true, ..event });
         }
-        let fault_before = std::mem::replace(&mut self.fault, fault);
-        let is_safe_state = mode == ControllerTick::MODE_DAMPING;
-        let other_fault = fault != fault_before && fault != ControllerTick::FAULT_NONE;
-        let refused = other_fault && !is_safe_state;
-        if mode == self.mode && !other_fault {
-            return None;
+        let state = enum_names::mode(mode);
+        match (mode == ControllerTick::MODE_DAMPING, mode != mode_before) {
+            (true, is_entered) if is_entered || is_new_fault => {
+                // The operator knows the reason of its own emergency stop.
+                let is_requested = fault == ControllerTick::FAULT_OPERATOR;
+                let level = if is_requested { Event::LEVEL_WARNING } else { Event::LEVEL_ERROR };
+                let verb = if is_entered { "is" } else { "stays" };
+                let text = format!("controller {verb} in {state}: {}", self.description(tick));
+                Some(ModeEvent { level, text, is_safe_state: is_entered })
+            }
+            (false, true) if is_new_fault => warning(format!("controller is in {state}; {}", self.rejection(tick))),
+            (false, false) if is_new_fault => warning(self.rejection(tick)),
+            (false, true) => {
+                let text = format!("controller is in {state}");
+                Some(ModeEvent { level: Event::LEVEL_INFO, text, is_safe_state: false })
+            }
+            _ => None,
         }
-        let stays = is_safe_state && mode == self.mode;
-        self.mode = mode;
-        let mut text = format!("controller {} in {}", if stays { "stays" } else { "is" }, enum_names::mode(mode));
-        let mut level = Event::LEVEL_INFO;
-        if refused || is_safe_state {
-            // Who presses the emergency stop knows why.
-            let is_wanted = refused || fault == ControllerTick::FAULT_OPERATOR;
-            level = if is_wanted { Event::LEVEL_WARNING } else { Event::LEVEL_ERROR };
-            text += if refused { " and refuses: " } else { ": " };
-            text += enum_names::fault(fault);
-            text += &self.found(fault, fault_index, fault_value);
-        }
-        Some(Said { level, text, is_safe_state: is_safe_state && !stays })
     }
 
-    /// What was found, and where.
-    fn found(&self, fault: i32, index: i32, value: f64) -> String {
-        let place = usize::try_from(index).ok();
-        let whole = value.fract() == 0.0 || !value.is_finite();
-        let value = if whole { value.to_string() } else { format!("{value:.3}") };
-        match (fault, place) {
-            (ControllerTick::FAULT_OPERATOR, _) => String::new(),
+    /// A request that the controller did not follow, and the reason.
+    fn rejection(&self, tick: &ControllerTick) -> String {
+        let state = enum_names::mode(tick.mode);
+        if tick.fault == ControllerTick::FAULT_OPERATOR_REFUSED {
+            let requested = i8::try_from(tick.fault_index).map_or("?", enum_names::operator_mode);
+            return format!("{requested} rejected: not possible in {state}");
+        }
+        format!("operator command rejected: {}", self.description(tick))
+    }
+
+    /// The fault with joint or key and value.
+    fn description(&self, tick: &ControllerTick) -> String {
+        let ControllerTick { fault, fault_index, fault_value: value, .. } = *tick;
+        let name = enum_names::fault(fault);
+        let index = usize::try_from(fault_index).ok();
+        let is_whole = value.fract() == 0.0 || !value.is_finite();
+        let value = if is_whole { value.to_string() } else { format!("{value:.3}") };
+        match (fault, index) {
+            (ControllerTick::FAULT_OPERATOR, _) => name.to_owned(),
             (ControllerTick::FAULT_OPERATOR_REFUSED, _) => {
-                format!(": {}", i8::try_from(index).map_or("?", enum_names::operator_mode))
+                format!("{name}: {}", i8::try_from(fault_index).map_or("?", enum_names::operator_mode))
             }
-            (ControllerTick::FAULT_OPERATOR_RANGE, place) => {
-                let of = place.and_then(|i| ["swing_frequency", "duty", "step_height"].get(i));
-                format!(": {} {value}", of.unwrap_or(&"?"))
+            (ControllerTick::FAULT_OPERATOR_RANGE, index) => {
+                let key = index.and_then(|i| ["swing_frequency", "duty", "step_height"].get(i));
+                format!("{name}: {} {value}", key.unwrap_or(&"?"))
             }
-            (_, Some(place)) => match self.joints.get(place) {
-                Some(joint) => format!(": {joint} {value}"),
-                None => format!(": joint {place} {value}"),
+            (_, Some(index)) => match self.joints.get(index) {
+                Some(joint) => format!("{name}: {joint} {value}"),
+                None => format!("{name}: joint {index} {value}"),
             },
-            (_, None) => format!(": {value}"),
+            (_, None) => format!("{name}: {value}"),
         }
     }
 }
@@ -95,45 +106,53 @@ mod tests {
         ControllerTick { mode, fault, fault_index: 2, fault_value: 0.5, ..ControllerTick::default() }
     }
 
-    #[test]
-    fn a_mode_is_told_once_and_the_safe_state_with_its_reason() {
-        let mut watch = ModeWatch::new(["a", "b", "lf_kfe_joint"].map(str::to_owned).to_vec());
-        assert_eq!(watch.see(&tick(ControllerTick::MODE_IDLE, 0)), None);
-        let stance = watch.see(&tick(ControllerTick::MODE_STANCE, 0)).unwrap();
-        assert_eq!((stance.level, &*stance.text), (Event::LEVEL_INFO, "controller is in STANCE"));
-        assert_eq!(watch.see(&tick(ControllerTick::MODE_STANCE, 0)), None);
-        let safe = watch.see(&tick(ControllerTick::MODE_DAMPING, ControllerTick::FAULT_JOINT_VELOCITY)).unwrap();
-        assert_eq!(&*safe.text, "controller is in DAMPING: joint velocity too high (rad/s): lf_kfe_joint 0.500");
-        assert!(safe.is_safe_state && safe.level == Event::LEVEL_ERROR);
+    fn watch() -> ModeWatch {
+        ModeWatch::new(["a", "b", "lf_kfe_joint"].map(str::to_owned).to_vec())
+    }
+
+    /// Asserts that an event names all of these.
+    #[track_caller]
+    fn assert_names(event: &ModeEvent, names: &[&str]) {
+        assert!(names.iter().all(|name| event.text.contains(name)), "{names:?}: {}", event.text);
     }
 
     #[test]
-    fn what_holds_it_in_the_safe_state_is_told_when_it_changes() {
-        let mut watch = ModeWatch::new(["a", "b", "lf_kfe_joint"].map(str::to_owned).to_vec());
-        let asked = watch.see(&tick(ControllerTick::MODE_DAMPING, ControllerTick::FAULT_OPERATOR)).unwrap();
-        let text = "controller is in DAMPING: operator asked for it";
-        assert_eq!((asked.level, &*asked.text), (Event::LEVEL_WARNING, text));
+    fn a_new_mode_is_reported_once_and_a_fault_with_joint_and_value() {
+        let mut watch = watch();
+        assert_eq!(watch.update(&tick(ControllerTick::MODE_IDLE, 0)), None);
+        let stance = watch.update(&tick(ControllerTick::MODE_STANCE, 0)).unwrap();
+        assert_eq!((stance.level, stance.is_safe_state), (Event::LEVEL_INFO, false));
+        assert_names(&stance, &["STANCE"]);
+        assert_eq!(watch.update(&tick(ControllerTick::MODE_STANCE, 0)), None);
+        let safe = watch.update(&tick(ControllerTick::MODE_DAMPING, ControllerTick::FAULT_JOINT_VELOCITY)).unwrap();
+        assert_eq!((safe.level, safe.is_safe_state), (Event::LEVEL_ERROR, true));
+        let fault = enum_names::fault(ControllerTick::FAULT_JOINT_VELOCITY);
+        assert_names(&safe, &["DAMPING", fault, "lf_kfe_joint", "0.500"]);
+    }
+
+    #[test]
+    fn a_new_fault_in_the_safe_state_is_reported() {
+        let mut watch = watch();
+        let requested = watch.update(&tick(ControllerTick::MODE_DAMPING, ControllerTick::FAULT_OPERATOR)).unwrap();
+        assert_eq!((requested.level, requested.is_safe_state), (Event::LEVEL_WARNING, true));
         let tilt = ControllerTick { fault_index: -1, ..tick(ControllerTick::MODE_DAMPING, ControllerTick::FAULT_TILT) };
-        let tilted = watch.see(&tilt).unwrap();
-        assert!(!tilted.is_safe_state, "it has been there before");
-        assert_eq!(&*tilted.text, "controller stays in DAMPING: tilt (rad): 0.500");
-        assert_eq!(watch.see(&tick(ControllerTick::MODE_DAMPING, ControllerTick::FAULT_TILT)), None);
-        let idle = watch.see(&tick(ControllerTick::MODE_IDLE, ControllerTick::FAULT_NONE)).unwrap();
-        assert_eq!(&*idle.text, "controller is in IDLE");
-        let walk = tick(ControllerTick::MODE_IDLE, ControllerTick::FAULT_OPERATOR_REFUSED);
-        let refused = watch.see(&ControllerTick { fault_index: 1, ..walk }).unwrap();
-        let text = "controller is in IDLE and refuses: operator's wish cannot be followed from here: WALK";
-        assert_eq!((refused.level, &*refused.text), (Event::LEVEL_WARNING, text));
+        let tilted = watch.update(&tilt).unwrap();
+        assert_eq!((tilted.level, tilted.is_safe_state), (Event::LEVEL_ERROR, false), "it was in DAMPING before");
+        assert_names(&tilted, &["DAMPING", enum_names::fault(ControllerTick::FAULT_TILT), "0.500"]);
+        assert_eq!(watch.update(&tick(ControllerTick::MODE_DAMPING, ControllerTick::FAULT_TILT)), None);
+        assert_names(&watch.update(&tick(ControllerTick::MODE_IDLE, ControllerTick::FAULT_NONE)).unwrap(), &["IDLE"]);
     }
 
     #[test]
-    fn what_is_refused_is_told_when_it_changes() {
-        let mut watch = ModeWatch::new(["a", "b", "lf_kfe_joint"].map(str::to_owned).to_vec());
-        let refused = watch.see(&tick(ControllerTick::MODE_IDLE, ControllerTick::FAULT_OPERATOR_RANGE)).unwrap();
-        assert_eq!(
-            &*refused.text,
-            "controller is in IDLE and refuses: operator command out of range: step_height 0.500"
-        );
-        assert_eq!(watch.see(&tick(ControllerTick::MODE_IDLE, ControllerTick::FAULT_OPERATOR_RANGE)), None);
+    fn a_rejected_request_is_reported_once() {
+        let mut watch = watch();
+        let refused = tick(ControllerTick::MODE_IDLE, ControllerTick::FAULT_OPERATOR_REFUSED);
+        let event = watch.update(&ControllerTick { fault_index: 1, ..refused }).unwrap();
+        assert_eq!((event.level, &*event.text), (Event::LEVEL_WARNING, "WALK rejected: not possible in IDLE"));
+        let range = tick(ControllerTick::MODE_IDLE, ControllerTick::FAULT_OPERATOR_RANGE);
+        let event = watch.update(&range).unwrap();
+        assert_eq!(event.level, Event::LEVEL_WARNING);
+        assert_names(&event, &["step_height", "0.500"]);
+        assert_eq!(watch.update(&range), None);
     }
 }

@@ -19,7 +19,7 @@ fn walk(robot: &str, what: &str, set: &[(&str, &str)]) -> Seen {
 
 /// The joint of that number, by name.
 fn joint(robot: &str, index: usize) -> String {
-    let leg = ["LF", "RF", "LH", "RH"][index / 3];
+    let leg = lcmtypes::enum_names::LEGS[index / 3];
     let joint = ["HAA", "HFE", "KFE"][index % 3];
     if robot == "hyq" { format!("{leg}_{joint}_joint").to_lowercase() } else { format!("{leg}_{joint}") }
 }

@@ -1,20 +1,25 @@
-//! The real-time thread allocates nothing from its first tick on: with the quadruped that walks, over a real network, while another controller
-//! is started and stopped and parameters change.
+//! The real-time thread allocates nothing from its first tick on: with a walking quadruped, over a real network, while another controller is
+//! started and stopped and parameters change.
 //!
-//! The measurements are those of a golden log, sent again with the time of the clock; the operator's commands come with them.
+//! Measurements and operator commands are those of a golden log, sent again with the present time.
 #![allow(clippy::unwrap_used, missing_docs)]
+
+#[path = "../../tests/common/network.rs"]
+mod network;
 
 use controller::RestoreError;
 use controller::params::apply_overrides;
 use drivers::live::clock::{TickSchedule, now_ns, sleep_until};
-use drivers::live::{Call, Caller, Ending, Handover, LcmRobot, RealtimeLoop, Speaker, calls};
+use drivers::live::{
+    Call, CallResult, CallSender, Ending, Handover, LcmRobot, LcmSender, RealtimeLoop, RequestId, Switch, call_ring,
+    message_ring,
+};
 use drivers::parameter_requests::{ParameterRequestHandler, Proposal};
 use lcmtypes::channels::{
     CONTROLLER_INPUT, CONTROLLER_SNAPSHOT, CONTROLLER_TICK, PARAMETER_CHANGE, ROBOT_STATE, RUN_INFO,
 };
 use lcmtypes::{ControllerInput, ControllerTick, Message, ParameterRequest, RunInfo};
 use replay::log::LogReader;
-use replay::record::byte_ring;
 use replay::udpm::Url;
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -23,9 +28,9 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
 const TICKS: i64 = 2500;
-/// Changes of parameters on the way.
+/// Parameter changes during the run.
 const CHANGES: usize = 10;
-const BEAT: TickSchedule = TickSchedule { period_ns: 1_000_000, phase_ns: 0 };
+const SCHEDULE: TickSchedule = TickSchedule { period_ns: 1_000_000, phase_ns: 0 };
 
 fn golden() -> (RunInfo, Vec<ControllerInput>) {
     let log = Path::new(env!("CARGO_MANIFEST_DIR")).join("../logs/golden/flat_trot.mcap");
@@ -40,47 +45,61 @@ fn golden() -> (RunInfo, Vec<ControllerInput>) {
     (info.unwrap(), inputs)
 }
 
-/// The driver's and the operator's side, until `over`. How many handovers came back, and what was refused of them.
+/// Sends measurements, operator commands and calls until `over`. Returns the refusals of the handovers, and how many switches took effect.
 fn send(
     inputs: Vec<ControllerInput>,
     url: &Url,
-    (mut caller, mut changes): (Caller, Vec<Proposal>),
+    (mut calls, mut changes): (CallSender, Vec<Proposal>),
     over: &AtomicBool,
-) -> Vec<Option<RestoreError>> {
-    let mut speaker = Speaker::open(url).unwrap();
-    let (mut bytes, mut seq, mut returned) = (Vec::new(), -1, Vec::new());
+) -> (Vec<Option<RestoreError>>, usize) {
+    let mut sender = LcmSender::open(url).unwrap();
+    let (mut bytes, mut seq, mut handovers, mut switched) = (Vec::new(), -1, Vec::new(), 0);
     for (k, mut input) in inputs.into_iter().enumerate() {
         if over.load(Ordering::Relaxed) {
             break;
         }
-        sleep_until(BEAT.after(now_ns()));
+        sleep_until(SCHEDULE.after(now_ns()));
         input.state.t_ns = now_ns();
         bytes.clear();
         input.state.encode(&mut bytes).unwrap();
-        assert!(speaker.say(ROBOT_STATE, &bytes));
+        assert!(sender.send(ROBOT_STATE, &bytes));
         if input.op.seq > seq {
             seq = input.op.seq;
-            caller.call(Call::Operator { t_ns: now_ns(), command: input.op });
+            calls.send(Call::Operator { t_ns: now_ns(), command: input.op });
         }
         match k % 100 {
-            30 => drop(caller.call(Call::Start(0))),
-            60 => drop(caller.call(Call::Stop(0))),
+            30 | 60 => {
+                let switch = Switch { id: RequestId::default(), controller: 0, start: k % 100 == 30 };
+                calls.send(Call::Switch(switch));
+            }
             90 => {
                 if let Some(Proposal { controller, change, parameters }) = changes.pop() {
-                    caller.call(Call::Change(Box::new(Handover { controller, change, parameters, refused: None })));
+                    let id = RequestId::default();
+                    calls.send(Call::Handover(Box::new(Handover {
+                        id,
+                        controller,
+                        change,
+                        parameters,
+                        refused: None,
+                    })));
                 }
             }
             _ => {}
         }
-        returned.extend(std::iter::from_fn(|| caller.returned()).map(|handover| handover.refused));
+        while let Some(result) = calls.result() {
+            match result {
+                CallResult::Handover(handover) => handovers.push(handover.refused),
+                CallResult::Switched { changed, .. } => switched += usize::from(changed),
+            }
+        }
     }
-    returned
+    (handovers, switched)
 }
 
 #[test]
 fn the_real_time_thread_allocates_nothing() {
     let (mut info, inputs) = golden();
-    // A machine that stalls must not end the walk, nor must a robot that does not do as it is told.
+    // Neither a machine that stalls nor measurements that do not follow the commands must end the walk.
     let lenient = ["safety.max_state_age=1000.0", "safety.max_tilt=3.0"];
     let lenient: Vec<(String, String)> = lenient
         .iter()
@@ -89,57 +108,57 @@ fn the_real_time_thread_allocates_nothing() {
         .collect();
     info.params = apply_overrides(&info.params, &lenient).unwrap();
     info.controller = "sequence(hold, quadruped)".to_owned();
-    let desk = ParameterRequestHandler::new(&info);
-    let wish = |k: usize| ParameterRequest {
+    let handler = ParameterRequestHandler::new(&info);
+    let request = |k: usize| ParameterRequest {
         key: "trunk.kp".to_owned(),
         value: format!("[{0}.0, {0}.0, {0}.0]", 900 + k),
         ..ParameterRequest::default()
     };
-    let changes: Vec<Proposal> = (0..CHANGES).map(|k| desk.answer(&wish(k)).unwrap()).collect();
-    let port = u16::try_from(20_000 + std::process::id() % 40_000).unwrap();
-    let url = Url { port, ..Url::default() };
+    let changes: Vec<Proposal> = (0..CHANGES).map(|k| handler.propose(&request(k)).ok().unwrap()).collect();
+    let url = Url { port: network::port(0), ..Url::default() };
     let hardware = Box::new(LcmRobot::open(&url).unwrap());
-    let (ring_in, mut ring_out) = byte_ring(1 << 24);
-    let (caller, called) = calls();
-    let mut runner = RealtimeLoop::new(controller::load(&info).unwrap(), 2, hardware, called, ring_in, BEAT);
+    let (messages_in, mut messages_out) = message_ring(1 << 24);
+    let (calls_in, calls_out) = call_ring();
+    let controller = controller::load(&info).unwrap();
+    let mut realtime = RealtimeLoop::new(controller, 2, hardware, calls_out, messages_in, SCHEDULE);
 
     let over = Arc::new(AtomicBool::new(false));
     let sender = std::thread::spawn({
         let over = over.clone();
-        move || send(inputs, &url, (caller, changes), &over)
+        move || send(inputs, &url, (calls_in, changes), &over)
     });
-    let carrier = std::thread::spawn(move || {
-        let (mut modes, mut seen, mut parcel) = (Vec::new(), BTreeMap::<String, usize>::new(), Vec::new());
-        while !ring_out.is_abandoned() {
-            while ring_out.pop(&mut parcel) {
-                let (channel, data) = parcel[1..].split_at(usize::from(parcel[0]));
-                *seen.entry(String::from_utf8(channel.to_vec()).unwrap()).or_default() += 1;
-                if channel == CONTROLLER_TICK.as_bytes() {
-                    modes.push(ControllerTick::decode(data).unwrap().mode);
+    let publisher = std::thread::spawn(move || {
+        let (mut modes, mut seen) = (Vec::new(), BTreeMap::<String, usize>::new());
+        while !messages_out.is_abandoned() {
+            while let Some(message) = messages_out.pop() {
+                *seen.entry(message.channel.to_owned()).or_default() += 1;
+                if message.channel == CONTROLLER_TICK {
+                    modes.push(ControllerTick::decode(message.data).unwrap().mode);
                 }
             }
             std::thread::park_timeout(Duration::from_millis(1));
         }
         (modes, seen)
     });
-    let mut ticked = None;
-    let counted = allocation_counter::measure(|| ticked = Some(runner.run(TICKS, &Ending::default())));
-    drop(runner);
+    let mut report = None;
+    let counted = allocation_counter::measure(|| report = Some(realtime.run(TICKS, &Ending::default())));
+    drop(realtime);
     over.store(true, Ordering::Relaxed);
-    let returned = sender.join().unwrap();
-    let (modes, seen) = carrier.join().unwrap();
+    let (handovers, switched) = sender.join().unwrap();
+    let (modes, seen) = publisher.join().unwrap();
     let of = |mode: i8| modes.iter().filter(|found| **found == mode).count();
-    assert_eq!(ticked.unwrap().ticks, TICKS);
+    assert_eq!(report.unwrap().ticks, TICKS);
     assert!(
         of(ControllerTick::MODE_STANCE) > 30 && of(ControllerTick::MODE_WALK) > 300,
-        "{ticked:?}, {} in stance, {} walking",
+        "{report:?}, {} in stance, {} walking",
         of(ControllerTick::MODE_STANCE),
         of(ControllerTick::MODE_WALK)
     );
-    // What else was to happen, did: a second controller beside the first, its starts, snapshots, changes.
+    // The second controller ran, snapshots were taken, and parameters changed.
     let count = |channel: &str| seen.get(channel).copied().unwrap_or_default();
     assert!(count("hold/ROBOT_COMMAND") > 300 && count(CONTROLLER_SNAPSHOT) == 3, "{seen:?}");
-    assert!(count(PARAMETER_CHANGE) > CHANGES / 2 && returned.len() > CHANGES / 2, "{seen:?}");
-    assert!(returned.iter().all(Option::is_none), "{returned:?}");
+    assert!(count(PARAMETER_CHANGE) > CHANGES / 2 && handovers.len() > CHANGES / 2, "{seen:?}");
+    assert!(switched > 10, "{switched} starts and stops");
+    assert!(handovers.iter().all(Option::is_none), "{handovers:?}");
     assert_eq!(counted.count_total, 0, "allocations in {TICKS} ticks");
 }

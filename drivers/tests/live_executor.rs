@@ -1,4 +1,4 @@
-//! The executor without a network: what a controller may do to it, and what others may ask of it.
+//! The executor on a bus in memory: controllers that panic or overrun, requests and their replies, injected faults.
 #![allow(clippy::unwrap_used, missing_docs)]
 
 use controller::sequence::Sequence;
@@ -6,26 +6,28 @@ use controller::{Controller, Outbox, Probe, RestoreError};
 use drivers::Scenario;
 use drivers::command_mux::{CommandMux, default_sources};
 use drivers::live::clock::{TickSchedule, now_ns};
-use drivers::live::{Dummy, Executor, Faulty, Hardware, Plan, RealtimeParams, Summary};
+use drivers::live::{Dummy, Executor, Faulty, Hardware, Plan, RealtimeParams, Summary, operator_sender_id};
 use lcmtypes::bus::{Bus, MemoryBus, Received};
 use lcmtypes::channels::{
-    CONTROLLER_INPUT, CONTROLLER_SNAPSHOT, CONTROLLER_TICK, EVENT, EXECUTOR_COMMAND, ROBOT_COMMAND, RUN_INFO,
+    CONTROLLER_INPUT, CONTROLLER_SNAPSHOT, CONTROLLER_TICK, EVENT, EXECUTOR_COMMAND, OPERATOR_COMMAND,
+    PARAMETER_REQUEST, REQUEST_REPLY, ROBOT_COMMAND, RUN_INFO,
 };
 use lcmtypes::{
-    ControllerInput, ControllerTick, Event, ExecutorCommand, Message, RobotCommand, RunInfo, SequenceState,
+    ControllerInput, ControllerTick, Event, ExecutorCommand, Message, OperatorCommand, ParameterRequest, RequestReply,
+    RobotCommand, RunInfo, SequenceState,
 };
 use std::time::Duration;
 
-const BEAT: TickSchedule = TickSchedule { period_ns: 1_000_000, phase_ns: 0 };
+const SCHEDULE: TickSchedule = TickSchedule { period_ns: 1_000_000, phase_ns: 0 };
 
-/// What a controller of these tests does in a tick.
-type Deed = fn(&ControllerInput);
+/// Work of a test controller in a tick.
+type Work = fn(&ControllerInput);
 
-/// Counts its ticks since it was started; that is its state, and its command.
+/// Counts its ticks since it was started; the count is its state and its command.
 struct Counter {
     name: &'static str,
     ticks: i64,
-    deed: Deed,
+    work: Work,
 }
 
 impl Controller for Counter {
@@ -35,7 +37,7 @@ impl Controller for Counter {
 
     fn step_probed(&mut self, input: &ControllerInput, out: &mut Outbox, _: &mut dyn Probe) {
         self.ticks += 1;
-        (self.deed)(input);
+        (self.work)(input);
         let ControllerInput { t_ns, tick, .. } = *input;
         let command = RobotCommand { t_ns, tick, mode: RobotCommand::MODE_TORQUE, nj: 1, ..RobotCommand::default() };
         let torque = f64::from(i32::try_from(self.ticks).unwrap());
@@ -57,20 +59,20 @@ impl Controller for Counter {
     fn poison_workspace(&mut self) {}
 }
 
-fn sequence(controllers: &[(&'static str, Deed)]) -> Sequence {
-    let of = |&(name, deed): &(&'static str, Deed)| Box::new(Counter { name, ticks: 0, deed }) as Box<dyn Controller>;
+fn sequence(controllers: &[(&'static str, Work)]) -> Sequence {
+    let of = |&(name, work): &(&'static str, Work)| Box::new(Counter { name, ticks: 0, work }) as Box<dyn Controller>;
     let [tau, q_des, qd_des, kp, kd] = [(); 5].map(|()| vec![0.0]);
     let damping =
         RobotCommand { mode: RobotCommand::MODE_DAMPING, nj: 1, tau, q_des, qd_des, kp, kd, ..RobotCommand::default() };
     Sequence::new(controllers.iter().map(of).collect(), damping).unwrap()
 }
 
-/// An executor whose first controller starts at once; everything it says is on the bus.
-fn start(controllers: &[(&'static str, Deed)], ticks: i64) -> (Executor, MemoryBus) {
+/// An executor whose first controller runs from the first tick on, and a bus that receives all its messages.
+fn start(controllers: &[(&'static str, Work)], ticks: i64) -> (Executor, MemoryBus) {
     start_with(controllers, ticks, Box::new(Dummy::new(vec![0.0])))
 }
 
-fn start_with(controllers: &[(&'static str, Deed)], ticks: i64, hardware: Box<dyn Hardware>) -> (Executor, MemoryBus) {
+fn start_with(controllers: &[(&'static str, Work)], ticks: i64, hardware: Box<dyn Hardware>) -> (Executor, MemoryBus) {
     let mut bus = MemoryBus::new();
     bus.subscribe(".*").unwrap();
     let plan = Plan {
@@ -80,15 +82,15 @@ fn start_with(controllers: &[(&'static str, Deed)], ticks: i64, hardware: Box<dy
         bus: Box::new(bus.connect()),
         operators: CommandMux::new(default_sources()).unwrap(),
         info: RunInfo { robot: "dummy".to_owned(), ..RunInfo::default() },
-        beat: BEAT,
+        schedule: SCHEDULE,
         ticks: Some(ticks),
         realtime: RealtimeParams::none(),
     };
     (Executor::start(plan).unwrap(), bus)
 }
 
-/// A run to its end.
-fn run(controllers: &[(&'static str, Deed)], ticks: i64) -> (Summary, Vec<Received>) {
+/// A complete run.
+fn run(controllers: &[(&'static str, Work)], ticks: i64) -> (Summary, Vec<Received>) {
     let (executor, mut bus) = start(controllers, ticks);
     while !executor.is_finished() {
         std::thread::yield_now();
@@ -101,26 +103,26 @@ fn of<M: Message>(messages: &[Received], channel: &str) -> Vec<M> {
     messages.iter().filter(|m| m.channel == channel).map(|m| M::decode(&m.data).unwrap()).collect()
 }
 
-/// Steps a fresh controller with the inputs of a run; it must put out what the run did.
+/// Steps a new controller with the inputs of a run; its outputs must be those of the run.
 #[track_caller]
-fn replays(controllers: &[(&'static str, Deed)], messages: &[Received]) {
+fn replays(controllers: &[(&'static str, Work)], messages: &[Received]) {
     let (mut fresh, mut out) = (sequence(controllers), Outbox::new());
     for input in of::<ControllerInput>(messages, CONTROLLER_INPUT) {
         fresh.step(&input, &mut out);
         for (channel, bytes) in out.iter() {
             let found = messages.iter().any(|m| m.channel == channel && m.data == bytes);
-            assert!(found, "tick {}: {channel} is another one in the run", input.tick);
+            assert!(found, "tick {}: {channel} differs from the run", input.tick);
         }
     }
 }
 
 #[test]
-fn a_panic_ends_in_damped_joints_and_a_log_that_replays() {
-    let controllers: &[(&'static str, Deed)] =
-        &[("rash", |input| assert!(input.tick != 30 || input.running == 0, "a hole in the road"))];
-    // Until the next snapshot, and what it holds of the tick that was given up.
+fn after_a_panic_the_joints_are_damped_and_the_log_replays() {
+    let controllers: &[(&'static str, Work)] =
+        &[("failing", |input| assert!(input.tick != 30 || input.running == 0, "test panic"))];
+    // Until after the second snapshot, so that its state is replayed too.
     let (summary, messages) = run(controllers, 1010);
-    assert_eq!((summary.ticked.ticks, summary.ticked.panics), (1010, 1));
+    assert_eq!((summary.realtime.ticks, summary.realtime.panics), (1010, 1));
     let commands: Vec<RobotCommand> = of(&messages, ROBOT_COMMAND);
     let modes: Vec<i8> = commands.iter().map(|command| command.mode).collect();
     assert_eq!(modes[..30], [RobotCommand::MODE_TORQUE; 30]);
@@ -129,94 +131,173 @@ fn a_panic_ends_in_damped_joints_and_a_log_that_replays() {
     let ticks: Vec<ControllerTick> = of(&messages, CONTROLLER_TICK);
     assert_eq!((ticks[29].fault, ticks[30].fault), (ControllerTick::FAULT_NONE, ControllerTick::FAULT_CONTROLLER));
     let events: Vec<Event> = of(&messages, EVENT);
-    let told = events.iter().find(|event| event.text.contains("panicked")).unwrap();
-    assert_eq!((told.tick, told.level), (30, Event::LEVEL_ERROR));
-    assert_eq!(
-        told.text,
-        "a controller panicked and all are stopped: a hole in the road; it happens again in a replay of this tick with running = 1"
-    );
+    let error = events.iter().find(|event| event.level == Event::LEVEL_ERROR).unwrap();
+    assert_eq!((error.tick, &*error.source), (30, "executor"));
+    assert!(error.text.contains("test panic") && error.text.contains("running = 1"), "{}", error.text);
     replays(controllers, &messages);
 }
 
 #[test]
-fn controllers_that_take_longer_than_a_period_are_stopped_at_the_fourth_time() {
-    let slow: Deed = |input| {
+fn controllers_are_stopped_after_four_consecutive_overruns() {
+    let slow: Work = |input| {
         let until = now_ns() + if input.tick < 10 { 0 } else { 1_100_000 };
         while now_ns() < until {
             std::hint::spin_loop();
         }
     };
     let (summary, messages) = run(&[("slow", slow)], 40);
-    // A machine that stalls may stop it sooner, never later.
+    // Sooner on a machine that stalls, never later.
     let stopped =
         of::<ControllerInput>(&messages, CONTROLLER_INPUT).iter().position(|input| input.running == 0).unwrap();
     assert!(stopped <= 14, "stopped in tick {stopped}");
-    assert!(summary.ticked.late >= 4 && summary.ticked.skipped >= 4);
-    let texts: Vec<String> = of::<Event>(&messages, EVENT).into_iter().map(|event| event.text).collect();
-    let told = "all controllers are stopped: 4 ticks in a row took longer than a period";
-    assert!(texts.iter().any(|text| text == told), "{texts:?}");
-    assert!(texts.iter().any(|text| text.contains("late") && text.contains("left out")), "{texts:?}");
+    assert!(summary.realtime.late >= 4 && summary.realtime.skipped >= 4);
+    let levels: Vec<i8> = of::<Event>(&messages, EVENT)
+        .into_iter()
+        .filter(|event| event.source == "executor")
+        .map(|event| event.level)
+        .collect();
+    assert!(levels.contains(&Event::LEVEL_ERROR), "the stop");
+    assert!(levels.contains(&Event::LEVEL_WARNING), "late and skipped ticks");
     replays(&[("slow", |_| ())], &messages);
 }
 
-/// Asks for something, and waits for the executor's answer.
-fn ask(bus: &mut MemoryBus, heard: &mut Vec<Received>, action: i8, controller: &str) -> Event {
-    let wish = ExecutorCommand { t_ns: now_ns(), action, controller: controller.to_owned() };
+/// Longest wait for a reply; a passing test gets it within milliseconds.
+const TIMEOUT: Duration = Duration::from_secs(60);
+
+/// Publishes a message.
+fn put(bus: &mut MemoryBus, channel: &str, message: &impl Message) {
     let mut bytes = Vec::new();
-    wish.encode(&mut bytes).unwrap();
-    bus.publish(EXECUTOR_COMMAND, &bytes).unwrap();
+    message.encode(&mut bytes).unwrap();
+    bus.publish(channel, &bytes).unwrap();
+}
+
+/// Receives until a request is answered.
+fn reply_to(bus: &mut MemoryBus, received: &mut Vec<Received>, sender_id: i64, request_id: i64) -> RequestReply {
     loop {
-        let new = bus.handle(Duration::from_secs(60)).unwrap();
-        assert!(!new.is_empty(), "nobody answers");
-        let answer = of::<Event>(&new, EVENT)
-            .into_iter()
-            .find(|event| event.source == "executor" && event.text.contains(controller));
-        heard.extend(new);
-        if let Some(answer) = answer {
-            return answer;
+        let new = bus.handle(TIMEOUT).unwrap();
+        assert!(!new.is_empty(), "no reply to request {request_id} of sender {sender_id}");
+        let replies = of::<RequestReply>(&new, REQUEST_REPLY);
+        received.extend(new);
+        if let Some(reply) = replies.into_iter().find(|r| (r.sender_id, r.request_id) == (sender_id, request_id)) {
+            return reply;
         }
     }
 }
 
+fn switch(request_id: i64, action: i8, controller: &str) -> ExecutorCommand {
+    ExecutorCommand { t_ns: now_ns(), sender_id: 1, request_id, action, controller: controller.to_owned() }
+}
+
 #[test]
 fn controllers_start_and_stop_on_request() {
-    let controllers: &[(&'static str, Deed)] = &[("first", |_| ()), ("second", |_| ())];
+    let controllers: &[(&'static str, Work)] = &[("first", |_| ()), ("second", |_| ())];
     let (executor, mut bus) = start(controllers, i64::MAX);
     let (start, stop) = (ExecutorCommand::ACTION_START, ExecutorCommand::ACTION_STOP);
-    let mut heard = Vec::new();
-    let mut say = |action, name: &str| ask(&mut bus, &mut heard, action, name);
-    // The first has started with the run; that event may come before the answer.
-    assert!(["controller first starts", "controller first is running already"].contains(&&*say(start, "first").text));
-    let on = say(start, "second");
-    assert_eq!(on.text, "controller second starts");
-    let off = say(stop, "second");
-    assert_eq!(off.text, "controller second stops");
-    assert_eq!(say(stop, "third").text, "no controller \"third\" to start or stop: there are first, second");
-    let again = say(start, "second");
-    assert_eq!(again.text, "controller second starts");
+    let mut received = Vec::new();
+    let mut request_id = 0;
+    let mut request = |action, name: &str| {
+        request_id += 1;
+        put(&mut bus, EXECUTOR_COMMAND, &switch(request_id, action, name));
+        reply_to(&mut bus, &mut received, 1, request_id)
+    };
+    let running = request(start, "first");
+    assert_eq!((running.code, running.tick), (RequestReply::CODE_WRONG_STATE, -1));
+    let on = request(start, "second");
+    let off = request(stop, "second");
+    let unknown = request(stop, "third");
+    assert_eq!((unknown.code, unknown.tick), (RequestReply::CODE_UNKNOWN_NAME, -1));
+    assert!(unknown.reason.contains("third") && unknown.reason.contains("second"), "{}", unknown.reason);
+    assert_eq!(request(7, "second").code, RequestReply::CODE_OUT_OF_RANGE);
+    let again = request(start, "second");
+    assert_eq!([on.code, off.code, again.code], [RequestReply::CODE_DONE; 3]);
     executor.finish();
-    heard.extend(bus.handle(Duration::ZERO).unwrap());
+    received.extend(bus.handle(Duration::ZERO).unwrap());
 
-    let inputs: Vec<ControllerInput> = of(&heard, CONTROLLER_INPUT);
+    let inputs: Vec<ControllerInput> = of(&received, CONTROLLER_INPUT);
     let mut ticks = inputs.iter().map(|input| input.tick);
     assert!(ticks.by_ref().eq(0..i64::try_from(inputs.len()).unwrap()), "a tick is missing");
     for input in &inputs {
         let second = (on.tick..off.tick).contains(&input.tick) || input.tick >= again.tick;
         assert_eq!(input.running, if second { 3 } else { 1 }, "tick {}", input.tick);
     }
-    // The last that runs has the robot, and begins anew with each start.
+    // The last running controller commands the robot, and a start resets it.
     let torque =
-        |tick: i64| of::<RobotCommand>(&heard, ROBOT_COMMAND).into_iter().find(|c| c.tick == tick).unwrap().tau[0];
+        |tick: i64| of::<RobotCommand>(&received, ROBOT_COMMAND).into_iter().find(|c| c.tick == tick).unwrap().tau[0];
     assert_eq!(
         [on.tick - 1, on.tick, off.tick, again.tick].map(torque),
         [on.tick, 1, off.tick + 1, 1].map(|n| n as f64)
     );
-    replays(controllers, &heard);
+    replays(controllers, &received);
 }
 
-/// What passes between controller and robot fails as the lines of a scenario say, at their times, and the run goes on.
 #[test]
-fn hardware_fails_as_a_scenario_says() {
+fn a_repeated_request_is_carried_out_once_and_gets_the_same_reply() {
+    let controllers: &[(&'static str, Work)] = &[("first", |_| ()), ("second", |_| ())];
+    let (executor, mut bus) = start(controllers, i64::MAX);
+    let mut received = Vec::new();
+    let start = switch(7, ExecutorCommand::ACTION_START, "second");
+    put(&mut bus, EXECUTOR_COMMAND, &start);
+    let reply = reply_to(&mut bus, &mut received, 1, 7);
+    put(&mut bus, EXECUTOR_COMMAND, &switch(8, ExecutorCommand::ACTION_STOP, "second"));
+    reply_to(&mut bus, &mut received, 1, 8);
+    // Carried out again, it would start the controller again.
+    put(&mut bus, EXECUTOR_COMMAND, &start);
+    assert_eq!(reply_to(&mut bus, &mut received, 1, 7), reply);
+    // Another sender with the same request_id is another request.
+    put(&mut bus, EXECUTOR_COMMAND, &ExecutorCommand { sender_id: 2, ..start });
+    let other = reply_to(&mut bus, &mut received, 2, 7);
+    assert!(other.code == RequestReply::CODE_DONE && other.tick > reply.tick, "{other:?}");
+    executor.finish();
+    received.extend(bus.handle(Duration::ZERO).unwrap());
+    let running: Vec<i64> = of::<ControllerInput>(&received, CONTROLLER_INPUT).iter().map(|i| i.running).collect();
+    let mut changes = running.clone();
+    changes.dedup();
+    assert_eq!(changes, [1, 3, 1, 3]);
+}
+
+#[test]
+fn parameter_requests_that_cannot_be_carried_out_are_answered_by_code() {
+    let (executor, mut bus) = start(&[("only", |_| ())], i64::MAX);
+    let mut received = Vec::new();
+    // The run has no parameters that could be read, so every value is refused; [robot] and oversized values before that.
+    for (seq, key, value, code) in [
+        (1, "robot.name", "1".to_owned(), RequestReply::CODE_REJECTED),
+        (2, "trunk.kp", "9".repeat(5000), RequestReply::CODE_OUT_OF_RANGE),
+    ] {
+        let request = ParameterRequest { sender_id: 5, seq, key: key.to_owned(), value, ..ParameterRequest::default() };
+        put(&mut bus, PARAMETER_REQUEST, &request);
+        let reply = reply_to(&mut bus, &mut received, 5, seq);
+        assert_eq!((reply.code, reply.tick), (code, -1), "{}", reply.reason);
+        assert!(reply.reason.contains(key), "{}", reply.reason);
+    }
+    executor.finish();
+}
+
+#[test]
+fn an_operators_mode_request_is_answered() {
+    let (executor, mut bus) = start(&[("only", |_| ())], i64::MAX);
+    let mut received = Vec::new();
+    let [teleop, planner] = ["OPERATOR_TELEOP", OPERATOR_COMMAND].map(operator_sender_id);
+    let stand = OperatorCommand { t_ns: now_ns(), seq: 3, ..OperatorCommand::default() };
+    put(&mut bus, "OPERATOR_TELEOP", &stand);
+    let followed = reply_to(&mut bus, &mut received, teleop, 3);
+    assert_eq!(followed.code, RequestReply::CODE_DONE);
+    put(&mut bus, "OPERATOR_TELEOP", &OperatorCommand { seq: 4, ..stand.clone() });
+    put(&mut bus, OPERATOR_COMMAND, &OperatorCommand { mode: OperatorCommand::MODE_WALK, ..stand });
+    let other = reply_to(&mut bus, &mut received, planner, 3);
+    executor.finish();
+    received.extend(bus.handle(Duration::ZERO).unwrap());
+    // If the machine stalled for longer than the time-out of OPERATOR_TELEOP, the other operator was active by then.
+    let inputs: Vec<ControllerInput> = of(&received, CONTROLLER_INPUT);
+    let consumed = inputs.iter().any(|input| input.op.mode == OperatorCommand::MODE_WALK && input.op.seq == 3);
+    assert_eq!(other.code, if consumed { RequestReply::CODE_DONE } else { RequestReply::CODE_REJECTED });
+    let input = inputs.iter().find(|input| input.tick == followed.tick).unwrap();
+    assert_eq!((input.op.seq, input.t_ns), (3, followed.t_ns));
+}
+
+/// Faults are injected in the windows of the scenario, and the run continues.
+#[test]
+fn faults_of_a_scenario_are_injected_into_the_hardware() {
     let text = "name = \"t\"\nduration_s = 1.0\n[terrain]\nkind = \"flat\"\n[[operator]]\nt_s = 0.0\n\
         [[fault]]\nt_s = 0.1\nduration_s = 0.2\nkind = \"drop_state\"\n\
         [[fault]]\nt_s = 0.4\nduration_s = 0.2\nkind = \"nan_sensor\"\njoint = \"knee\"\n\
@@ -224,37 +305,37 @@ fn hardware_fails_as_a_scenario_says() {
         [[fault]]\nt_s = 1.0\nduration_s = 0.2\nkind = \"late_process\"\n";
     let faults = Scenario::parse(text, "t.toml").unwrap().faults;
     let hardware = Faulty::new(Box::new(Dummy::new(vec![0.5])), &faults, &["knee".to_owned()]).unwrap();
-    let controllers: &[(&'static str, Deed)] = &[("only", |_| ())];
+    let controllers: &[(&'static str, Work)] = &[("only", |_| ())];
     let (executor, mut bus) = start_with(controllers, i64::MAX, Box::new(hardware));
-    let (mut heard, mut inputs) = (Vec::new(), Vec::<ControllerInput>::new());
+    let (mut received, mut inputs) = (Vec::new(), Vec::<ControllerInput>::new());
     while inputs.last().is_none_or(|last| last.t_ns - inputs[0].t_ns < 1_300_000_000) {
         let new = bus.handle(Duration::from_millis(20)).unwrap();
         inputs.extend(of::<ControllerInput>(&new, CONTROLLER_INPUT));
-        heard.extend(new);
+        received.extend(new);
     }
     executor.finish();
-    // The rest, or the last tick might be there in part.
-    heard.extend(bus.handle(Duration::ZERO).unwrap());
-    // A tick's wake-up is before its measurement, by much where the machine stalls: only what is well inside a window is certain.
+    // The rest: the last tick may be incomplete.
+    received.extend(bus.handle(Duration::ZERO).unwrap());
+    // A tick wakes before it measures, long before if the machine stalls: only ticks well inside a window are checked.
     for pair in inputs.windows(2) {
         let (before, now) = (&pair[0], &pair[1]);
         let (t_ms, knee) = ((now.t_ns - inputs[0].t_ns) / 1_000_000, now.state.q[0]);
         let new = now.state.seq - before.state.seq;
         let ahead_s = (now.state.t_ns - now.t_ns) / 1_000_000_000;
         match t_ms {
-            110..200 => assert_eq!(new, 0, "a measurement in spite of drop_state at {t_ms} ms"),
-            410..500 => assert!(knee.is_nan(), "a number from a broken sensor at {t_ms} ms"),
-            710..800 => assert_eq!(ahead_s, 5, "the clock has not jumped at {t_ms} ms"),
-            1010..1200 => panic!("a tick of a process that stands still at {t_ms} ms"),
+            110..200 => assert_eq!(new, 0, "measurement during drop_state at {t_ms} ms"),
+            410..500 => assert!(knee.is_nan(), "finite value during nan_sensor at {t_ms} ms"),
+            710..800 => assert_eq!(ahead_s, 5, "no clock jump at {t_ms} ms"),
+            1010..1200 => panic!("tick during late_process at {t_ms} ms"),
             10..50 | 310..350 | 610..650 | 910..950 => assert_eq!((new, knee, ahead_s), (1, 0.5, 0), "{t_ms} ms"),
             _ => {}
         }
     }
-    replays(controllers, &heard);
+    replays(controllers, &received);
 }
 
 #[test]
-fn run_info_comes_first_and_carries_the_time_of_the_first_tick() {
+fn run_info_is_the_first_message_and_has_the_time_of_the_first_tick() {
     let (_, messages) = run(&[("only", |_| ())], 30);
     assert_eq!(messages[0].channel, RUN_INFO);
     let info = RunInfo::decode(&messages[0].data).unwrap();

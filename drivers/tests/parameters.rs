@@ -1,16 +1,16 @@
-//! Parameters changed while the robot walks: in the log with their tick, and in every replay of it.
+//! Parameter changes during a walk: replies, their ticks in the log, and replays.
 #![allow(clippy::unwrap_used, missing_docs)]
 
 mod common;
 
 use common::{Seen, run, scenario};
-use lcmtypes::{Event, Message, ParameterChange, ParameterRequest, channels};
+use lcmtypes::{Event, Message, ParameterChange, ParameterRequest, RequestReply, channels};
 use replay::engine::{Cursor, Options, Replay};
 use replay::log::{EventFilter, ExcerptWindow, LogReader, LogWriter, Types, copy_excerpt};
 use std::path::{Path, PathBuf};
 use std::sync::LazyLock;
 
-/// Two changes in the trot, one of them a new stack of tasks, and three that are refused.
+/// Two changes during a trot, one of them a new stack of tasks, and three rejected requests.
 static CHANGES: &str = r#"
 [[parameter]]
 t_s = 1.2005
@@ -53,12 +53,12 @@ fn path(name: &str) -> PathBuf {
     folder.join(name)
 }
 
-/// Writes those events of the run that are wanted.
-fn log(name: &str, mut wanted: impl FnMut(&str, &[u8]) -> bool) -> PathBuf {
+/// Writes a log of the events of the run for which `keep` returns true.
+fn log(name: &str, mut keep: impl FnMut(&str, &[u8]) -> bool) -> PathBuf {
     let path = path(name);
     let mut log = LogWriter::create(&path).unwrap();
     for (channel, t_ns, data) in &RUN.events {
-        if wanted(channel, data) {
+        if keep(channel, data) {
             log.write(channel, *t_ns, data).unwrap();
         }
     }
@@ -71,36 +71,44 @@ fn changes() -> Vec<ParameterChange> {
     messages.map(|(.., data)| ParameterChange::decode(data).unwrap()).collect()
 }
 
-#[test]
-fn the_log_says_what_changed_when_and_why_what_did_not() {
-    let found: Vec<_> = changes().into_iter().map(|change| (change.tick, change.seq, change.key)).collect();
-    assert_eq!(found, [(1201, 0, "trunk.kp".to_owned()), (2300, 4, "stack.formula".to_owned())]);
-    let requests = RUN.events.iter().filter(|(channel, ..)| channel == channels::PARAMETER_REQUEST);
-    let asked: Vec<i64> = requests.map(|(.., data)| ParameterRequest::decode(data).unwrap().seq).collect();
-    assert_eq!(asked, [0, 1, 2, 3, 4]);
-    let said: Vec<_> = RUN.said.iter().filter(|event| event.source == "parameters").collect();
-    let texts: Vec<&str> = said.iter().map(|event| &*event.text).collect();
-    assert_eq!(texts[0], "trunk.kp = [700.0, 700.0, 700.0] from this tick on");
-    assert_eq!(
-        texts[1],
-        "robot.posture.lf_haa_joint = 0.0 is refused: parameter robot.posture.lf_haa_joint cannot be changed while running: [robot] is what \
-         the run was begun with"
-    );
-    assert!(
-        texts[2].starts_with(
-            "trunk.kpp = 3 is refused: unknown parameter \"trunk.kpp\", in [trunk] there are: height_gain, kd, kp"
-        ),
-        "{}",
-        texts[2]
-    );
-    assert_eq!(texts[3], "wbc.friction = -1 is refused: parameter wbc.friction is -1, expected a positive number");
-    let levels: Vec<i8> = said.iter().map(|event| event.level).collect();
-    let warning = Event::LEVEL_WARNING;
-    assert_eq!(levels, [Event::LEVEL_INFO, warning, warning, warning, Event::LEVEL_INFO]);
+fn messages<M: Message>(channel: &str) -> Vec<M> {
+    let messages = RUN.events.iter().filter(|(name, ..)| name == channel);
+    messages.map(|(.., data)| M::decode(data).unwrap()).collect()
 }
 
 #[test]
-fn every_way_to_replay_follows_the_changes_to_the_bit() {
+fn every_request_has_a_reply_and_an_event_and_changes_have_their_tick() {
+    let found: Vec<_> = changes().into_iter().map(|change| (change.tick, change.seq, change.key)).collect();
+    assert_eq!(found, [(1201, 0, "trunk.kp".to_owned()), (2300, 4, "stack.formula".to_owned())]);
+    let requests: Vec<ParameterRequest> = messages(channels::PARAMETER_REQUEST);
+    assert_eq!(requests.iter().map(|request| request.seq).collect::<Vec<_>>(), [0, 1, 2, 3, 4]);
+    let replies: Vec<RequestReply> = messages(channels::REQUEST_REPLY);
+    let outcomes: Vec<_> = replies.iter().map(|reply| (reply.request_id, reply.tick, reply.code)).collect();
+    let done = RequestReply::CODE_DONE;
+    assert_eq!(
+        outcomes,
+        [
+            (0, 1201, done),
+            (1, -1, RequestReply::CODE_REJECTED),
+            (2, -1, RequestReply::CODE_UNKNOWN_NAME),
+            (3, -1, RequestReply::CODE_OUT_OF_RANGE),
+            (4, 2300, done),
+        ]
+    );
+    let events: Vec<_> = RUN.said.iter().filter(|event| event.source == "parameters").collect();
+    assert_eq!(events.len(), 5);
+    for ((reply, event), request) in replies.iter().zip(events).zip(&requests) {
+        let is_done = reply.code == done;
+        assert_eq!(event.level, if is_done { Event::LEVEL_INFO } else { Event::LEVEL_WARNING });
+        assert!(event.text.contains(&request.key), "{}", event.text);
+        assert!(is_done || reply.reason == event.text, "{}", reply.reason);
+    }
+    // The reason names the keys of the section.
+    assert!(replies[2].reason.contains("height_gain"), "{}", replies[2].reason);
+}
+
+#[test]
+fn all_forms_of_replay_follow_the_changes_bit_for_bit() {
     for ending in ["lcmlog", "mcap"] {
         let path = log(&format!("run.{ending}"), |_, _| true);
         let replay = Replay::open(&path).unwrap();
@@ -117,11 +125,11 @@ fn every_way_to_replay_follows_the_changes_to_the_bit() {
 }
 
 #[test]
-fn a_cursor_stands_among_the_parameters_of_its_tick() {
+fn a_cursor_has_the_parameters_of_its_tick() {
     let path = log("cursor.mcap", |_, _| true);
     let replay = Replay::open(&path).unwrap();
     let mut cursor = Cursor::open(&replay, &Options::default(), &mut |_| {}).unwrap();
-    // There and back, over both changes, within a page and from page to page.
+    // In both directions over both changes, within a page and between pages.
     for tick in [3100, 1200, 1201, 2299, 2300, 900, 2500, 1500] {
         let moment = cursor.go_to(tick).unwrap();
         assert_eq!(moment.divergence, None, "tick {tick}");
@@ -129,7 +137,7 @@ fn a_cursor_stands_among_the_parameters_of_its_tick() {
 }
 
 #[test]
-fn mutant_a_log_without_a_change_differs_from_its_tick_on() {
+fn mutant_without_a_change_the_replay_diverges_at_its_tick() {
     for (name, tick) in [("trunk.kp", 1201), ("stack.formula", 2300)] {
         let path = log(&format!("without_{name}.mcap"), |channel, data| {
             channel != channels::PARAMETER_CHANGE || ParameterChange::decode(data).unwrap().key != name
@@ -144,7 +152,7 @@ fn mutant_a_log_without_a_change_differs_from_its_tick_on() {
 }
 
 #[test]
-fn a_change_one_tick_late_is_seen() {
+fn mutant_a_change_one_tick_late_is_detected() {
     let path = path("late.mcap");
     let mut late = LogWriter::create(&path).unwrap();
     for (channel, t_ns, data) in &RUN.events {
@@ -162,17 +170,17 @@ fn a_change_one_tick_late_is_seen() {
     assert_eq!(report.first_divergence.unwrap().tick, 1201);
 }
 
-/// A live run says again what has changed: for those who come late, and to no effect for the others.
+/// A live run publishes changes again for logs that begin later; in other logs the copies have no effect.
 #[test]
-fn what_is_said_again_is_followed_once_also_by_a_log_that_was_begun_late() {
+fn repeated_changes_are_followed_once() {
     let again = |name: &str, from: i64| {
         let path = path(name);
         let mut log = LogWriter::create(&path).unwrap();
         let is_change = |channel: &str| channel == channels::PARAMETER_CHANGE;
         for (channel, t_ns, data) in &RUN.events {
-            let begun =
+            let is_recorded =
                 *t_ns > from * 1_000_000 || channel == channels::CONTROLLER_SNAPSHOT && *t_ns == from * 1_000_000;
-            if begun || from == 0 || channel == channels::RUN_INFO {
+            if is_recorded || from == 0 || channel == channels::RUN_INFO {
                 log.write(channel, *t_ns, data).unwrap();
             }
         }
@@ -192,9 +200,9 @@ fn what_is_said_again_is_followed_once_also_by_a_log_that_was_begun_late() {
     }
 }
 
-/// A live run says each change several times within 140 ms: one that is lost is made up for.
+/// A live run publishes each change several times within 140 ms, so a lost copy has no effect.
 #[test]
-fn a_change_whose_first_message_is_lost_is_followed_from_its_tick_on() {
+fn a_change_whose_first_message_is_lost_is_followed_at_its_tick() {
     let path = path("first_lost.mcap");
     let mut log = LogWriter::create(&path).unwrap();
     let mut held = Vec::new();
@@ -214,20 +222,20 @@ fn a_change_whose_first_message_is_lost_is_followed_from_its_tick_on() {
 }
 
 #[test]
-fn what_is_asked_to_be_other_stays_so_whatever_the_log_changes() {
+fn overrides_of_a_replay_stay_in_force_over_the_changes_of_the_log() {
     let path = log("held.mcap", |_, _| true);
     let replay = Replay::open(&path).unwrap();
-    // The stack of the run's end from its beginning on: other torques before the change, and the run's own after it, but for the state.
+    // With the initial value held, the replay diverges where the log changes it; with the later value, from the beginning.
     let set = vec![("trunk.kp".to_owned(), "[1000, 1000, 1000]".to_owned())];
     let report = replay.run(&Options { set, bound: Some(1e9), ..Options::default() }, &mut |_| {}).unwrap();
-    assert_eq!(report.first_divergence.unwrap().tick, 1201, "the log changes it there, the replay does not");
+    assert_eq!(report.first_divergence.unwrap().tick, 1201, "the log changes it there");
     let set = vec![("trunk.kp".to_owned(), "[700, 700, 700]".to_owned())];
     let report = replay.run(&Options { set, bound: Some(1e9), ..Options::default() }, &mut |_| {}).unwrap();
-    assert_eq!(report.first_divergence.unwrap().tick, 0, "it is so from the beginning on");
+    assert_eq!(report.first_divergence.unwrap().tick, 0, "changed from the beginning");
 }
 
 #[test]
-fn a_part_of_a_log_brings_along_what_changed_before_it() {
+fn a_part_of_a_log_includes_the_changes_before_it() {
     let whole = log("whole.mcap", |_, _| true);
     let folder = path("corpus");
     let _ = std::fs::remove_dir_all(&folder);
@@ -242,7 +250,7 @@ fn a_part_of_a_log_brings_along_what_changed_before_it() {
 }
 
 #[test]
-fn a_bundle_brings_along_what_changed_before_it() {
+fn an_excerpt_includes_the_changes_before_it() {
     let whole = log("to_trim.mcap", |_, _| true);
     // From the state of tick 1000, with a change on either side of the state of tick 2000; and from that one on.
     for (around_s, ticks, keys) in [(1.8, 1100, &["trunk.kp"][..]), (2.5, 800, &["trunk.kp", "stack.formula"])] {

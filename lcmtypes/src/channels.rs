@@ -1,47 +1,49 @@
-//! The one table of channels: name, type, and what each is for.
+//! Table of all channels: name, type, tick stage and class.
 
 use crate::{
     BaseTracking, ContactEstimate, ControllerInput, ControllerTick, Event, ExecutorCommand, GroundTruth, LegState,
-    Message, OperatorCommand, ParameterChange, ParameterRequest, QuadrupedState, RobotCommand, RobotState, RunInfo,
-    Timing, WbcSolution,
+    Message, OperatorCommand, ParameterChange, ParameterRequest, QuadrupedState, RequestReply, RobotCommand,
+    RobotState, RunInfo, Timing, WbcSolution,
 };
 
-/// All that a log needs to explain itself; first message of a run.
+/// Description of the run, which makes a log self-contained; first message of a run.
 pub const RUN_INFO: &str = "RUN_INFO";
-/// What the robot's driver measured.
+/// Measurements of the robot's driver.
 pub const ROBOT_STATE: &str = "ROBOT_STATE";
-/// What the operator wants.
+/// Command of an operator.
 pub const OPERATOR_COMMAND: &str = "OPERATOR_COMMAND";
-/// What is asked of a live run's executor.
+/// Request to start or stop a controller of a live run.
 pub const EXECUTOR_COMMAND: &str = "EXECUTOR_COMMAND";
-/// A parameter of the controller that somebody wants otherwise.
+/// Request to change a parameter of the controller.
 pub const PARAMETER_REQUEST: &str = "PARAMETER_REQUEST";
-/// A parameter of the controller that is otherwise from a tick on.
+/// Outcome of a request.
+pub const REQUEST_REPLY: &str = "REQUEST_REPLY";
+/// Change of a controller parameter, and the first tick that uses it.
 pub const PARAMETER_CHANGE: &str = "PARAMETER_CHANGE";
 /// Everything that the controller consumed in one tick.
 pub const CONTROLLER_INPUT: &str = "CONTROLLER_INPUT";
-/// What the controller was and how its tick went, with one digest a stage.
+/// Mode and fault of the controller after a tick, with one digest per stage.
 pub const CONTROLLER_TICK: &str = "CONTROLLER_TICK";
-/// Contact forces and flags.
+/// Estimated contact forces and contact flags.
 pub const CONTACT_ESTIMATE: &str = "CONTACT_ESTIMATE";
 /// Base orientation and height: references, estimates, errors.
 pub const BASE_TRACKING: &str = "BASE_TRACKING";
-/// Gait and swing of the legs.
+/// Gait and swing state of the legs.
 pub const LEG_STATE: &str = "LEG_STATE";
-/// The quadratic program and its solution.
+/// Quadratic program of the tick and its solution.
 pub const WBC_SOLUTION: &str = "WBC_SOLUTION";
-/// What the controller asks of the joints.
+/// Joint command of the controller.
 pub const ROBOT_COMMAND: &str = "ROBOT_COMMAND";
-/// The controller's whole state, once a second.
+/// Complete state of the controller, once a second.
 pub const CONTROLLER_SNAPSHOT: &str = "CONTROLLER_SNAPSHOT";
-/// What a simulator knows and no controller may read.
+/// True state of a simulation; no controller reads it.
 pub const GROUND_TRUTH: &str = "GROUND_TRUTH";
-/// When a tick ran, by the wall clock.
+/// Start, end and stage durations of a tick, by the wall clock.
 pub const TIMING: &str = "TIMING";
-/// Something that happened, for a person to read.
+/// Event of a run, as a sentence for people.
 pub const EVENT: &str = "EVENT";
 
-/// Part of a controller's tick, in the order in which they run.
+/// Stage of a controller's tick, in the order of execution.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum Stage {
     /// The input as consumed.
@@ -52,14 +54,14 @@ pub enum Stage {
     Gait,
     /// Cost, constraints and bounds of the quadratic program.
     Tasks,
-    /// Its solution.
+    /// Solution of the quadratic program.
     Qp,
     /// The command.
     Output,
 }
 
 impl Stage {
-    /// Every stage, in the order in which they run.
+    /// All stages, in the order of execution.
     pub const ALL: [Self; 6] = [Self::Input, Self::Estimation, Self::Gait, Self::Tasks, Self::Qp, Self::Output];
 
     /// Name in reports: `input`, `estimation`, `gait`, `tasks`, `qp`, `output`.
@@ -75,36 +77,36 @@ impl Stage {
     }
 }
 
-/// What a channel is for; under pressure a recorder drops from the end of this list, and never a replay input.
+/// Purpose of a channel. An overloaded recorder drops channels from the end of this list first; it never drops a replay input.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum Class {
-    /// Describes the run: without it no log can be read.
+    /// Describes the run; a log cannot be read without it.
     Meta,
     /// Fed to the controller by a replay.
     ReplayInput,
-    /// Computed by the controller for the robot or for itself, and compared by a replay.
+    /// Computed by the controller for the robot or for its own next tick; compared by a replay.
     Output,
-    /// For people: what the controller found on its way, which has a stage and is compared by a replay, and what others sent, which
-    /// has none and reaches the controller inside its input.
+    /// For people. Intermediate results of the controller have a stage and are compared by a replay; messages of other senders have none: they
+    /// reach the controller inside its input.
     Debug,
-    /// Known to a simulator only.
+    /// Known only to a simulator.
     Truth,
-    /// Depends on a wall clock: never compared.
+    /// Depends on the wall clock; never compared.
     Timing,
 }
 
-/// One line of the table.
+/// One row of the table.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Channel {
     /// Name on the bus and in logs.
     pub name: &'static str,
     /// Type with package, such as `hoofprint.robot_state_t`.
     pub type_name: &'static str,
-    /// Fingerprint that its messages begin with.
+    /// Fingerprint: the first 8 bytes of each message.
     pub fingerprint: u64,
-    /// Stage of the tick whose result it carries; `None` for what does not come from a tick.
+    /// Stage that computes its messages; `None` if no stage of a tick does.
     pub stage: Option<Stage>,
-    /// What it is for.
+    /// Purpose.
     pub class: Class,
 }
 
@@ -112,13 +114,14 @@ const fn channel<M: Message>(name: &'static str, stage: Option<Stage>, class: Cl
     Channel { name, type_name: M::TYPE, fingerprint: M::FINGERPRINT, stage, class }
 }
 
-/// Every channel of the stack.
+/// All channels of the stack.
 pub const CHANNELS: &[Channel] = &[
     channel::<RunInfo>(RUN_INFO, None, Class::Meta),
     channel::<RobotState>(ROBOT_STATE, None, Class::Debug),
     channel::<OperatorCommand>(OPERATOR_COMMAND, None, Class::Debug),
     channel::<ExecutorCommand>(EXECUTOR_COMMAND, None, Class::Debug),
     channel::<ParameterRequest>(PARAMETER_REQUEST, None, Class::Debug),
+    channel::<RequestReply>(REQUEST_REPLY, None, Class::Debug),
     channel::<ParameterChange>(PARAMETER_CHANGE, None, Class::ReplayInput),
     channel::<ControllerInput>(CONTROLLER_INPUT, Some(Stage::Input), Class::ReplayInput),
     channel::<ControllerTick>(CONTROLLER_TICK, Some(Stage::Output), Class::Output),
@@ -133,7 +136,7 @@ pub const CHANNELS: &[Channel] = &[
     channel::<Event>(EVENT, None, Class::Meta),
 ];
 
-/// The line of a channel.
+/// Row of a channel by its name.
 pub fn find(name: &str) -> Option<&'static Channel> {
     CHANNELS.iter().find(|c| c.name == name)
 }

@@ -1,8 +1,11 @@
-//! Constants of the messages as words, for whoever tells a person: one table for events, screens and reports.
+//! Names of the messages' constants, for events, screens and reports. Every program takes them from here.
 
-use crate::{ControllerTick, OperatorCommand};
+use crate::{ControllerTick, OperatorCommand, RequestReply};
 
-/// Name of a `controller_tick_t` MODE_*: `IDLE`, `WALK`, …; `?` of a number without meaning.
+/// Names of the legs, in the order of every array of four in a message: left front, right front, left hind, right hind.
+pub const LEGS: [&str; 4] = ["LF", "RF", "LH", "RH"];
+
+/// Name of a `controller_tick_t` MODE_*: `IDLE`, `WALK`, …; `?` for an unknown number.
 pub fn mode(mode: i8) -> &'static str {
     match mode {
         ControllerTick::MODE_IDLE => "IDLE",
@@ -15,7 +18,7 @@ pub fn mode(mode: i8) -> &'static str {
     }
 }
 
-/// Name of an `operator_command_t` MODE_*: `STAND`, `WALK`, …; `?` of a number without meaning.
+/// Name of an `operator_command_t` MODE_*: `STAND`, `WALK`, …; `?` for an unknown number.
 pub fn operator_mode(mode: i8) -> &'static str {
     match mode {
         OperatorCommand::MODE_STAND => "STAND",
@@ -27,18 +30,39 @@ pub fn operator_mode(mode: i8) -> &'static str {
     }
 }
 
-/// What a `controller_tick_t` FAULT_* says, with the unit of its value.
+/// Name of an `operator_command_t` GAIT_*: `trot`, `crawl`; `?` for an unknown number.
+pub fn gait(gait: i8) -> &'static str {
+    match gait {
+        OperatorCommand::GAIT_TROT => "trot",
+        OperatorCommand::GAIT_CRAWL => "crawl",
+        _ => "?",
+    }
+}
+
+/// Name of a `request_reply_t` CODE_*, as in JSON output: `done`, `unknown_name`, …; `?` for an unknown number.
+pub fn reply_code(code: i8) -> &'static str {
+    match code {
+        RequestReply::CODE_DONE => "done",
+        RequestReply::CODE_REJECTED => "rejected",
+        RequestReply::CODE_UNKNOWN_NAME => "unknown_name",
+        RequestReply::CODE_OUT_OF_RANGE => "out_of_range",
+        RequestReply::CODE_WRONG_STATE => "wrong_state",
+        _ => "?",
+    }
+}
+
+/// Meaning of a `controller_tick_t` FAULT_*, with the unit of its value.
 pub fn fault(fault: i32) -> &'static str {
     match fault {
         ControllerTick::FAULT_NONE => "no fault",
         ControllerTick::FAULT_INPUT_SIZE => "input of wrong size",
         ControllerTick::FAULT_INPUT_NOT_FINITE => "input not finite",
-        ControllerTick::FAULT_ORIENTATION => "orientation is no unit quaternion",
+        ControllerTick::FAULT_ORIENTATION => "orientation is not a unit quaternion",
         ControllerTick::FAULT_STATE_STALE => "joint state too old (s)",
         ControllerTick::FAULT_CLOCK => "clock does not advance (s)",
         ControllerTick::FAULT_TILT => "tilt (rad)",
         ControllerTick::FAULT_QP => "QP failed too often (ticks)",
-        ControllerTick::FAULT_OPERATOR => "operator asked for it",
+        ControllerTick::FAULT_OPERATOR => "requested by the operator",
         ControllerTick::FAULT_OPERATOR_NOT_FINITE => "operator command not finite",
         ControllerTick::FAULT_OPERATOR_RANGE => "operator command out of range",
         ControllerTick::FAULT_OPERATOR_STALE => "operator command too old (s)",
@@ -50,7 +74,7 @@ pub fn fault(fault: i32) -> &'static str {
         ControllerTick::FAULT_HEIGHT => "base too low (m)",
         ControllerTick::FAULT_POSTURE => "joint does not follow (rad from its reference)",
         ControllerTick::FAULT_COMMAND => "command not finite",
-        ControllerTick::FAULT_OPERATOR_REFUSED => "operator's wish cannot be followed from here",
+        ControllerTick::FAULT_OPERATOR_REFUSED => "requested mode not possible",
         _ => "?",
     }
 }

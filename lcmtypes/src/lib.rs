@@ -1,7 +1,7 @@
-//! Messages of the stack: Rust structs, the table of channels, and the bus that carries them.
+//! Messages of the stack: Rust structs, the table of channels, and the bus.
 //!
-//! `*.lcm` in this crate's folder is the truth. `build.rs` generates one struct a type, with the fields' names as in the `.lcm`, its
-//! constants as associated constants, and its comment (meaning, frame and unit of each field) as documentation.
+//! The types are defined by the `*.lcm` files in this crate's folder. `build.rs` generates one struct per type: fields have the names of the `.lcm`
+//! file, constants are associated constants, and the comment (meaning, frame and unit of each field) is the documentation.
 //!
 //! ```
 //! use lcmtypes::{Message, RobotState};
@@ -13,14 +13,15 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 //!
-//! - [`channels`]: which channel carries which type, and which part of a tick it belongs to.
-//! - [`bus`]: carries encoded messages, over LCM or within a process.
-//! - [`types`]: reflection on every type, for tools that know a channel by name only.
+//! - [`channels`]: the type of each channel, and the stage of a tick that it belongs to.
+//! - [`bus`]: transport of encoded messages, over LCM or within a process.
+//! - [`enum_names`]: names of the constants.
+//! - [`types`]: reflection on every type, for tools that know only the name of a channel.
 //!
-//! A new type is a new `NAME_t.lcm`, with the table of its fields above the struct, and a line in [`channels::CHANNELS`] if it has a
-//! channel. A changed meaning is a new name: fingerprints cover names and types of fields, and nothing of what they mean.
+//! To add a type, add `NAME_t.lcm` with the table of its fields above the struct, and a row in [`channels::CHANNELS`] if it has a channel. If the
+//! meaning of a field changes, give the field a new name: a fingerprint covers names and types of fields, not their meaning.
 //!
-//! It must never decide anything about a robot: it is the vocabulary, and the wire.
+//! This crate makes no decisions about a robot: it defines messages and transports them.
 
 pub mod bus;
 pub mod channels;
@@ -36,7 +37,7 @@ use std::sync::LazyLock;
 pub use generated::hoofprint::*;
 pub use lcm_idl::{DecodeError, EncodeError, Message};
 
-/// Name and text of every `.lcm` file, by name: what a log stores to explain itself.
+/// Name and text of every `.lcm` file, sorted by name. A log stores them, so that its messages can be decoded.
 pub const SOURCES: &[(&str, &str)] = include!(concat!(env!("OUT_DIR"), "/sources.rs"));
 
 /// Reflection on every type of [`SOURCES`].

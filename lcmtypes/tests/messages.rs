@@ -1,4 +1,4 @@
-//! The generated structs: bytes, lengths, texts, and the table of channels.
+//! The generated structs: encoding, lengths, strings, and the table of channels.
 
 #![allow(clippy::unwrap_used, reason = "a test may panic")]
 
@@ -40,7 +40,7 @@ fn a_message_is_fingerprint_and_fields_big_endian() {
 }
 
 #[test]
-fn nested_messages_and_texts_survive() {
+fn nested_messages_and_strings_survive_encoding() {
     let op = OperatorCommand { seq: -1, mode: OperatorCommand::MODE_WALK, v_H: [0.5, -0.25], ..Default::default() };
     let input = ControllerInput { t_ns: 7, tick: 3, running: 1, t_op_ns: 6, state: state(), op };
     assert_eq!(ControllerInput::decode(&bytes(&input)).unwrap(), input);
@@ -80,14 +80,14 @@ fn encode_appends_and_does_not_allocate() {
 }
 
 #[test]
-fn encode_refuses_a_length_that_is_not_that_of_the_array() {
+fn encode_refuses_a_length_field_that_differs_from_the_array() {
     let mut out = vec![1, 2, 3];
     let wrong = RobotState { qd: vec![0.0; 3], ..state() };
     let error = wrong.encode(&mut out).unwrap_err();
     let text = error.to_string();
     assert!(["hoofprint.robot_state_t.qd", "3", "nj", "2"].iter().all(|fact| text.contains(fact)), "{text}");
     assert!(matches!(error, EncodeError::Length { expected: 2, found: 3, .. }));
-    assert_eq!(out, [1, 2, 3], "nothing is left behind");
+    assert_eq!(out, [1, 2, 3], "the buffer is unchanged");
 }
 
 #[test]
@@ -95,7 +95,7 @@ fn decode_names_the_field() {
     let input = ControllerInput { state: state(), ..Default::default() };
     let bytes = bytes(&input);
     let error = |bytes: &[u8]| ControllerInput::decode(bytes).unwrap_err().to_string();
-    // The second joint velocity stands at 8 + 32 + 20 + 16 + 8 = 84.
+    // The second joint velocity is at byte 8 + 32 + 20 + 16 + 8 = 84.
     assert_eq!(
         error(&bytes[..56]),
         "hoofprint.controller_input_t, field state.nj, byte 56: 0 bytes remain, expected at least 4"
@@ -124,7 +124,7 @@ fn hostile_lengths_do_not_allocate() {
 }
 
 #[test]
-fn every_text_of_the_folder_is_a_source() {
+fn every_lcm_file_of_the_folder_is_a_source() {
     let mut files: Vec<String> = std::fs::read_dir(env!("CARGO_MANIFEST_DIR"))
         .unwrap()
         .map(|entry| entry.unwrap().file_name().into_string().unwrap())
@@ -136,19 +136,19 @@ fn every_text_of_the_folder_is_a_source() {
 }
 
 #[test]
-fn the_channel_table_agrees_with_the_texts() {
+fn the_channel_table_agrees_with_the_lcm_files() {
     for channel in CHANNELS {
         let ty = lcmtypes::types().by_name(channel.type_name).unwrap();
         assert_eq!(ty.fingerprint(), channel.fingerprint, "{}", channel.name);
         let comment = ty.def().comment.as_ref().unwrap();
         assert!(comment.contains(&format!("Channel {}", channel.name)), "{comment}");
         assert_eq!(lcmtypes::channels::find(channel.name), Some(channel));
-        assert_eq!(&*ty.def().fields[0].name, "t_ns", "every message starts with its time");
+        assert_eq!(&*ty.def().fields[0].name, "t_ns", "the first field is the time");
     }
     let fingerprints: std::collections::BTreeSet<u64> = CHANNELS.iter().map(|c| c.fingerprint).collect();
-    assert_eq!(fingerprints.len(), CHANNELS.len(), "a fingerprint names one type");
+    assert_eq!(fingerprints.len(), CHANNELS.len(), "fingerprints are unique");
     let inputs: Vec<&str> = CHANNELS.iter().filter(|c| c.class == Class::ReplayInput).map(|c| c.name).collect();
-    assert_eq!(inputs, ["PARAMETER_CHANGE", "CONTROLLER_INPUT"], "a replay follows these and nothing else");
+    assert_eq!(inputs, ["PARAMETER_CHANGE", "CONTROLLER_INPUT"], "the inputs of a replay");
     assert!(CHANNELS.iter().all(|c| c.stage.is_none() || c.class != Class::Timing));
     assert_eq!(Stage::ALL.map(Stage::name), ["input", "estimation", "gait", "tasks", "qp", "output"]);
 }

@@ -2,6 +2,8 @@
 #![allow(clippy::unwrap_used, missing_docs)]
 
 mod common;
+#[path = "../../tests/common/network.rs"]
+mod network;
 
 use common::path;
 use lcmtypes::bus::{Bus, LcmBus};
@@ -18,10 +20,9 @@ use std::time::{Duration, Instant};
 /// Long enough on a stalled machine; a test that passes never waits for it.
 const PATIENCE: Duration = Duration::from_secs(20);
 
-/// A network of its own for each test and process.
-fn url(test: u16) -> Url {
-    let port = 30_000 + (std::process::id() % 3000) as u16 * 10 + test;
-    Url { port, ..Url::default() }
+/// Network of a test.
+fn url(test: u32) -> Url {
+    Url { port: network::port(test), ..Url::default() }
 }
 
 fn options(url: &Url, out: &Path) -> RecordOptions {

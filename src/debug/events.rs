@@ -1,10 +1,11 @@
 //! What is worth stopping at: touchdowns, failures of the solver, missed deadlines, divergences, and what the log itself calls an event.
 
 use controller::dump::Quantity;
-use lcmtypes::{ControllerTick, LegState, Message, Timing, WbcSolution, channels, enum_names};
+use lcmtypes::{
+    ControllerTick, LegState, Message, Timing, WbcSolution, channels,
+    enum_names::{self, LEGS},
+};
 use replay::engine::{Cursor, Moment};
-
-const LEGS: [&str; 4] = ["LF", "RF", "LH", "RH"];
 
 /// Kind of an event.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]

@@ -10,7 +10,6 @@ use ratatui::text::{Line, Span};
 use ratatui::widgets::{Block, Borders, Paragraph};
 use replay::engine::Moment;
 
-const LEGS: [&str; 4] = ["LF", "RF", "LH", "RH"];
 /// As long as a screen of 100 columns is wide.
 const HELP: &str =
     "←→ tick ↑↓ 10 PgUp/Dn 100 b/s state n/N event t touchdown f QP m late d differs e EVENT g go q quit";
@@ -86,7 +85,7 @@ impl Screen<'_> {
             "", "phase", "t (s)", "contact", "est fz", "QP fz", "bounds fz (N)", "foot reference, H (m)"
         );
         let mut lines = vec![dim(&head)];
-        for leg in LEGS {
+        for leg in lcmtypes::enum_names::LEGS {
             let phase = self.text(&format!("gait.legs.{leg}.phase"));
             let contact = matches!(self.get(&format!("estimation.legs.{leg}.contact")), Some(Quantity::Flag(true)));
             let z = |path: &str| self.numbers(path).get(2).copied();

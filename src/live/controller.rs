@@ -18,14 +18,14 @@ use replay::udpm::Url;
 use std::path::Path;
 use std::time::{Duration, Instant};
 
-/// How often the main thread asks whether to stop.
-const REST: Duration = Duration::from_millis(20);
+/// Time between two checks of the main thread for the end of the run.
+const POLL: Duration = Duration::from_millis(20);
 
 /// Run the controller in real time against a driver on LCM
 ///
-/// A real-time thread wakes by the absolute clock, takes the newest ROBOT_STATE, steps the controller and sends ROBOT_COMMAND; a second thread
-/// publishes everything else. What the system refuses (scheduler, locked memory, ...) is said and done without. Ctrl-C or the end of --seconds lets a
-/// robot that stands sit down; Ctrl-C once more, or the end of --ticks, damps the joints at once.
+/// A real-time thread wakes by the absolute clock, takes the newest ROBOT_STATE, steps the controller and sends ROBOT_COMMAND. A second thread
+/// publishes all other messages. Real-time settings that the system refuses (scheduler, locked memory, ...) are reported, and the run continues
+/// without them. On Ctrl-C or at the end of --seconds a standing robot sits down; a second Ctrl-C, or the end of --ticks, damps the joints at once.
 #[derive(clap::Args)]
 #[command(after_help = "Example: hoof controller runs/hyq_sim.toml --seconds 60")]
 pub struct ControllerArgs {
@@ -39,7 +39,7 @@ pub fn run(args: &ControllerArgs) -> anyhow::Result<Outcome> {
     let (file, url) = args.shared.load()?;
     let stop = Stop::new(&args.shared)?;
     let (info, hardware) = prepare(&file, &url)?;
-    let beat = file.executor.beat();
+    let schedule = file.executor.schedule();
     let executor = Executor::start(Plan {
         controller: controller::load(&info).with_context(|| file.robot.clone())?,
         controllers: file.controllers.iter().map(|controller| (controller.name.clone(), controller.start)).collect(),
@@ -47,7 +47,7 @@ pub fn run(args: &ControllerArgs) -> anyhow::Result<Outcome> {
         bus: Box::new(LcmBus::open(&url.to_string())?),
         operators: CommandMux::new(file.operator.clone())?,
         info,
-        beat,
+        schedule,
         ticks: args.length.ticks,
         realtime: file.realtime.clone(),
     })?;
@@ -58,18 +58,18 @@ pub fn run(args: &ControllerArgs) -> anyhow::Result<Outcome> {
     let begin = Instant::now();
     let is_over = || args.length.seconds.is_some_and(|length| begin.elapsed() >= length);
     while !stop.is_due() && !executor.is_finished() && !is_over() {
-        std::thread::sleep(REST);
+        std::thread::sleep(POLL);
     }
-    // A robot that stands sits down; who asks twice does not want to wait for that.
-    stop.forget();
+    // A standing robot sits down; a second request ends the run at once.
+    stop.reset();
     executor.sit_down();
-    while !stop.is_asked() && !executor.is_finished() {
-        std::thread::sleep(REST);
+    while !stop.is_requested() && !executor.is_finished() {
+        std::thread::sleep(POLL);
     }
     report(&executor.finish(), args.shared.json)
 }
 
-/// The run's description, and the robot.
+/// Description and hardware of a run.
 pub(super) fn prepare(file: &RunFile, url: &Url) -> anyhow::Result<(RunInfo, Box<dyn live::Hardware>)> {
     let (files, params_text) = RobotFiles::find_with_params(&file.robot)?;
     let params_text = with_overrides(&params_text, &file.set)?;
@@ -111,38 +111,38 @@ pub(super) fn prepare(file: &RunFile, url: &Url) -> anyhow::Result<(RunInfo, Box
     Ok((info, hardware))
 }
 
-/// The hardware, made to fail.
+/// The hardware with the faults of a scenario.
 fn faulty(
     hardware: Box<dyn live::Hardware>,
     path: &Path,
     joints: &[String],
 ) -> anyhow::Result<Box<dyn live::Hardware>> {
     let faults = Scenario::load(path)?.faults;
-    if let Some(fault) = faults.iter().find(|fault| !Faulty::can(&fault.kind)) {
-        bail!("{} happens in the simulator: put it into its scenario", fault.kind);
+    if let Some(fault) = faults.iter().find(|fault| !Faulty::supports(&fault.kind)) {
+        bail!("fault {} is injected by the simulator: move it to the scenario of [simulation]", fault.kind);
     }
     Ok(Box::new(Faulty::new(hardware, &faults, joints)?))
 }
 
 fn report(summary: &Summary, json: bool) -> anyhow::Result<Outcome> {
-    let Summary { ticked, carried } = summary;
+    let Summary { realtime, publisher } = summary;
     if json {
         say_json(&serde_json::json!({
-            "ticks": ticked.ticks, "late_ticks": ticked.late, "skipped_ticks": ticked.skipped,
-            "not_carried": ticked.not_carried, "commands_unsent": ticked.unsent, "panics": ticked.panics,
-            "messages_unpublished": carried.unpublished, "messages_unreadable": carried.unreadable,
-            "wishes_not_taken": carried.not_called,
+            "ticks": realtime.ticks, "late_ticks": realtime.late, "skipped_ticks": realtime.skipped,
+            "not_carried": realtime.not_carried, "commands_unsent": realtime.unsent, "panics": realtime.panics,
+            "messages_unpublished": publisher.unpublished, "messages_unreadable": publisher.unreadable,
+            "wishes_not_taken": publisher.not_called,
         }))?;
     } else {
-        say(format!("{} ticks, {} late, {} left out", ticked.ticks, ticked.late, ticked.skipped))?;
+        say(format!("{} ticks, {} late, {} skipped", realtime.ticks, realtime.late, realtime.skipped))?;
         if summary.is_lossy() {
             say(format!(
-                "{} messages did not fit into the ring, {} were not published, {} commands not sent",
-                ticked.not_carried, carried.unpublished, ticked.unsent
+                "lost: {} messages (ring full), {} messages (not accepted by LCM), {} commands (not sent)",
+                realtime.not_carried, publisher.unpublished, realtime.unsent
             ))?;
         }
     }
-    Ok(match ticked.panics {
+    Ok(match realtime.panics {
         0 if summary.is_lossy() => Outcome::DataLoss,
         panics => Outcome::failed_if(panics > 0),
     })

@@ -6,20 +6,20 @@ use crate::{Outcome, say, say_json};
 use anyhow::{Context, bail};
 use controller::params::Params;
 use drivers::live::plant::{self, Plant, Summary};
-use drivers::live::{Ear, RealtimeParams, Speaker};
+use drivers::live::{LcmReceiver, LcmSender, RealtimeParams};
 use drivers::{MujocoSim, Scenario, SimParams, Terrain};
 use lcmtypes::channels;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
-/// How often it is asked whether to stop.
-const REST: Duration = Duration::from_millis(20);
+/// Time between two checks of the main thread for the end of the run.
+const POLL: Duration = Duration::from_millis(20);
 
 /// Simulate a robot in real time, as its driver process on LCM
 ///
-/// Sends ROBOT_STATE and GROUND_TRUTH every millisecond and obeys ROBOT_COMMAND. The scenario begins with the first command. When commands stay
-/// away for 15 ms, the joints are damped. Runs until Ctrl-C or SIGTERM.
+/// Sends ROBOT_STATE and GROUND_TRUTH every millisecond and applies ROBOT_COMMAND. The scenario starts with the first command. If no command arrives
+/// for 15 ms, the joints are damped. Runs until Ctrl-C or SIGTERM.
 #[derive(clap::Args)]
 #[command(after_help = "Example: hoof driver runs/hyq_sim.toml --scenario scenarios/rough_trot.toml")]
 pub struct DriverArgs {
@@ -31,7 +31,7 @@ pub fn run(args: &DriverArgs) -> anyhow::Result<Outcome> {
     let (file, url) = args.shared.load()?;
     let Some(simulation) = &file.simulation else {
         let file = args.shared.run_file.display();
-        bail!("{file}: there is no [simulation]: the robot's own driver is expected on the network");
+        bail!("{file}: no [simulation]; the robot's own driver is expected on the network");
     };
     let stop = Stop::new(&args.shared)?;
     let (files, params_text) = RobotFiles::find_with_params(&file.robot)?;
@@ -40,11 +40,11 @@ pub fn run(args: &DriverArgs) -> anyhow::Result<Outcome> {
     let terrain = Terrain::new(&scenario.terrain, scenario.seed);
     let mut sim = MujocoSim::new(&files.tree()?, &params.robot, terrain, SimParams::of(&scenario))?;
     refuse_a_second("driver", channels::ROBOT_STATE, &url)?;
-    let (speaker, network) = (Speaker::open(&url)?, Ear::open(&url)?);
-    // One below the controller: on one core, the command must not wait for the physics.
+    let (sender, receiver) = (LcmSender::open(&url)?, LcmReceiver::open(&url)?);
+    // One below the controller, so that the physics does not delay the command on a single core.
     let realtime = RealtimeParams { priority: file.realtime.priority.saturating_sub(1), ..file.realtime.clone() };
-    let over = Arc::new(AtomicBool::new(false));
-    let asked = over.clone();
+    let stopping = Arc::new(AtomicBool::new(false));
+    let stopping_thread = stopping.clone();
     let name = scenario.name.clone();
     let send_operator = simulation.operator;
     let thread = std::thread::Builder::new().name("real-time".to_owned()).spawn(move || {
@@ -53,12 +53,12 @@ pub fn run(args: &DriverArgs) -> anyhow::Result<Outcome> {
             eprintln!("warning: {refused}");
         }
         eprintln!("driving {} in {name} on {url}: {}", file.robot, granted.text());
-        plant::run(Plant { scenario: &scenario, send_operator, sim: &mut sim, speaker, network }, &asked)
+        plant::run(Plant { scenario: &scenario, send_operator, sim: &mut sim, sender, receiver }, &stopping_thread)
     })?;
     while !stop.is_due() && !thread.is_finished() {
-        std::thread::sleep(REST);
+        std::thread::sleep(POLL);
     }
-    over.store(true, Ordering::Relaxed);
+    stopping.store(true, Ordering::Relaxed);
     let summary = thread.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic));
     report(&summary.with_context(|| simulation.scenario.display().to_string())?, args.shared.json)
 }
@@ -71,9 +71,9 @@ fn report(summary: &Summary, json: bool) -> anyhow::Result<Outcome> {
             "fell_at_s": fell_at_s, "commands_refused": refused, "messages_unsent": unsent,
         }))?;
     } else {
-        let fell = fell_at_s.map_or("did not fall".to_owned(), |t| format!("fell after {t:.3} s"));
+        let fell = fell_at_s.map_or("no fall".to_owned(), |t| format!("robot fell at {t:.3} s"));
         say(format!(
-            "{sim_seconds:.2} s simulated, the robot {fell}; {skipped} steps left out, watchdog {watchdog} times"
+            "{sim_seconds:.2} s simulated, {fell}; {skipped} steps skipped, watchdog triggered {watchdog} times"
         ))?;
     }
     Ok(Outcome::failed_if(fell_at_s.is_some()))

@@ -12,7 +12,7 @@ mod set;
 
 use anyhow::Context;
 use drivers::Scenario;
-use drivers::live::somebody_speaks;
+use drivers::live::has_traffic;
 use nix::unistd::{Pid, getppid};
 use replay::udpm::Url;
 use run_file::RunFile;
@@ -28,37 +28,37 @@ pub use driver::{DriverArgs, run as driver};
 pub use run::{RunArgs, run};
 pub use set::{SetArgs, set};
 
-/// How long a process listens for another one of its kind: some periods.
-const HEARING: Duration = Duration::from_millis(30);
+/// Time for which a process waits for messages of another process with the same role: several periods.
+const LISTEN: Duration = Duration::from_millis(30);
 
-/// What all commands of a live run take.
+/// Arguments of all commands of a live run.
 #[derive(clap::Args)]
 pub struct Shared {
     /// Run file (TOML): robot, log, network, controller
     #[arg(value_parser = drivers::shipped::argument)]
     run_file: PathBuf,
-    /// Scenario of the simulator, instead of the run file's
+    /// Scenario of the simulator [default: that of the run file]
     #[arg(long, value_name = "FILE", value_parser = drivers::shipped::argument)]
     scenario: Option<PathBuf>,
-    /// Network, instead of the run file's
+    /// LCM network [default: that of the run file]
     #[arg(long, value_name = "URL")]
     lcm_url: Option<String>,
-    /// Print JSON at the end
+    /// Print the result as JSON
     #[arg(long)]
     json: bool,
-    /// Ends with this process, which has started it
+    /// End when this process, the parent, has ended
     #[arg(long, hide = true)]
     parent: Option<i32>,
 }
 
 impl Shared {
-    /// The run file, with what is asked for in its place.
+    /// Run file and network, after the command-line arguments.
     fn load(&self) -> anyhow::Result<(RunFile, Url)> {
         let mut file = RunFile::load(&self.run_file)?;
         if let Some(scenario) = &self.scenario {
             let simulation = file.simulation.as_mut().with_context(|| {
                 let (file, scenario) = (self.run_file.display(), scenario.display());
-                format!("--scenario {scenario}: there is no [simulation] in {file}, so there is nothing to happen")
+                format!("--scenario {scenario}: {file} has no [simulation]")
             })?;
             simulation.scenario.clone_from(scenario);
         }
@@ -68,22 +68,22 @@ impl Shared {
     }
 }
 
-/// Refuses where another process does the same job: two who command one robot, or two robots in one place, are a danger.
-fn refuse_a_second(job: &str, channel: &str, url: &Url) -> anyhow::Result<()> {
+/// Fails if another process has the same role: two controllers must not command one robot, nor two drivers send its state.
+fn refuse_a_second(role: &str, channel: &str, url: &Url) -> anyhow::Result<()> {
     anyhow::ensure!(
-        !somebody_speaks(url, channel, HEARING)?,
-        "another {job} sends {channel} on {url}: end it first, or give this run a port of its own (--lcm-url)"
+        !has_traffic(url, channel, LISTEN)?,
+        "another {role} sends {channel} on {url}: end it, or use another port (--lcm-url)"
     );
     Ok(())
 }
 
-/// How long a run is, if it ends by itself.
+/// Length of a run.
 #[derive(clap::Args, Default)]
 pub struct Length {
-    /// End with this tick of the controller, the joints damped
+    /// Damp the joints and end after N ticks of the controller
     #[arg(long, value_name = "N", conflicts_with = "seconds", value_parser = clap::value_parser!(i64).range(1..))]
     ticks: Option<i64>,
-    /// Let a robot that stands sit down after so many seconds, and end
+    /// After S seconds let a standing robot sit down, then end
     #[arg(long, value_name = "S", value_parser = seconds)]
     seconds: Option<Duration>,
 }
@@ -94,7 +94,7 @@ fn seconds(text: &str) -> anyhow::Result<Duration> {
 }
 
 impl Length {
-    /// The same on a command line; without one, the length of `scenario`.
+    /// The same as command-line arguments; the length of `scenario` if none is given.
     fn arguments(&self, scenario: Option<&Scenario>) -> Vec<OsString> {
         let seconds = self.seconds.map(|seconds| seconds.as_secs_f64()).or_else(|| Some(scenario?.duration_s));
         match (self.ticks, seconds) {
@@ -105,32 +105,32 @@ impl Length {
     }
 }
 
-/// Whether a process is to end: Ctrl-C, SIGTERM, or whoever started it is gone.
+/// Request to end a process: Ctrl-C, SIGTERM, or the end of its parent.
 struct Stop {
-    asked: Arc<AtomicBool>,
+    requested: Arc<AtomicBool>,
     parent: Option<Pid>,
 }
 
 impl Stop {
     fn new(shared: &Shared) -> anyhow::Result<Self> {
-        let asked = Arc::new(AtomicBool::new(false));
+        let requested = Arc::new(AtomicBool::new(false));
         for signal in [signal_hook::consts::SIGINT, signal_hook::consts::SIGTERM] {
-            signal_hook::flag::register(signal, asked.clone()).context("signal handler")?;
+            signal_hook::flag::register(signal, requested.clone()).context("signal handler")?;
         }
-        Ok(Stop { asked, parent: shared.parent.map(Pid::from_raw) })
+        Ok(Stop { requested, parent: shared.parent.map(Pid::from_raw) })
     }
 
     fn is_due(&self) -> bool {
-        self.is_asked() || self.parent.is_some_and(|parent| getppid() != parent)
+        self.is_requested() || self.parent.is_some_and(|parent| getppid() != parent)
     }
 
-    /// By a signal.
-    fn is_asked(&self) -> bool {
-        self.asked.load(Ordering::Relaxed)
+    /// Whether a signal has requested the end.
+    fn is_requested(&self) -> bool {
+        self.requested.load(Ordering::Relaxed)
     }
 
-    /// Forgets that somebody asked, so that asking again can be told from it.
-    fn forget(&self) {
-        self.asked.store(false, Ordering::Relaxed);
+    /// Clears the request, so that a second signal can be detected.
+    fn reset(&self) {
+        self.requested.store(false, Ordering::Relaxed);
     }
 }

@@ -1,4 +1,4 @@
-//! A process of a run: started, watched, ended, and never left behind.
+//! A process of a run: start, supervision and end. It does not outlive its parent.
 
 use anyhow::Context;
 use nix::sys::signal::{Signal, kill};
@@ -11,17 +11,17 @@ use std::process::{Child, Command, ExitStatus, Stdio};
 use std::sync::mpsc::Sender;
 use std::thread::JoinHandle;
 
-/// A line that a process wrote on its standard error.
+/// A line of the standard error of a process.
 pub struct Line {
-    /// Which process.
+    /// Name of the process.
     pub process: &'static str,
-    /// What.
+    /// The line.
     pub text: String,
 }
 
 /// A process of a run.
 pub struct Process {
-    /// Its part in the run.
+    /// Role in the run.
     pub name: &'static str,
     child: Child,
     status: Option<ExitStatus>,
@@ -30,17 +30,17 @@ pub struct Process {
 }
 
 impl Process {
-    /// Starts this program with other arguments; lines of its standard error go to `lines`.
+    /// Starts this program with `arguments`; the lines of its standard error are sent to `lines`.
     pub fn start(name: &'static str, arguments: &[&OsStr], lines: Sender<Line>) -> anyhow::Result<Self> {
         let program = std::env::current_exe().context("the path of this program")?;
         let mut command = Command::new(program);
         command.args(arguments).stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::piped());
-        // In a group of its own, so that Ctrl-C reaches this process alone, which ends the others in their order.
-        let mut child = command.process_group(0).spawn().with_context(|| format!("{name} cannot be started"))?;
+        // In its own process group, so that Ctrl-C reaches only the parent, which ends the processes in order.
+        let mut child = command.process_group(0).spawn().with_context(|| format!("cannot start the {name} process"))?;
         let (stdout, stderr) = (child.stdout.take(), child.stderr.take());
         let result = std::thread::spawn(move || {
             let mut text = String::new();
-            // What cannot be read is no JSON, and is shown as missing.
+            // An unreadable result is reported as missing.
             let _ = stdout.map(|mut stdout| stdout.read_to_string(&mut text));
             text
         });
@@ -55,17 +55,17 @@ impl Process {
         Ok(Process { name, child, status: None, result: Some(result), json: Value::Null })
     }
 
-    /// Number of the process.
+    /// Process id.
     pub fn id(&self) -> u32 {
         self.child.id()
     }
 
-    /// Whether [`Process::status`] has told that it ended.
+    /// Whether [`Process::status`] has returned its end.
     pub fn has_ended(&self) -> bool {
         self.status.is_some()
     }
 
-    /// How it ended, if it has.
+    /// Exit status; `None` while the process runs.
     pub fn status(&mut self) -> anyhow::Result<Option<ExitStatus>> {
         if self.status.is_none()
             && let Some(status) = self.child.try_wait().with_context(|| self.name)?
@@ -77,8 +77,8 @@ impl Process {
         Ok(self.status)
     }
 
-    /// Asks it to end, unless it has.
-    pub fn ask_to_end(&mut self) -> anyhow::Result<()> {
+    /// Sends SIGINT, unless the process has ended.
+    pub fn request_end(&mut self) -> anyhow::Result<()> {
         if self.status()?.is_none() {
             let pid = Pid::from_raw(self.child.id().cast_signed());
             kill(pid, Signal::SIGINT).with_context(|| self.name)?;
@@ -86,12 +86,12 @@ impl Process {
         Ok(())
     }
 
-    /// Kills it.
+    /// Kills the process.
     pub fn kill(&mut self) -> anyhow::Result<()> {
         self.child.kill().with_context(|| self.name)
     }
 
-    /// How it ended, as JSON: exit code or signal, and what it said itself.
+    /// Result as JSON: exit code or signal, and the JSON that the process printed.
     pub fn json(&self) -> Value {
         let mut value = json!({
             "pid": self.id(),
@@ -104,22 +104,22 @@ impl Process {
         value
     }
 
-    /// It ended by itself and with a good exit code.
+    /// Whether it ended with exit code 0.
     pub fn is_good(&self) -> bool {
         self.status.is_some_and(|status| status.success())
     }
 
-    /// It ended with data loss.
+    /// Whether it ended with exit code 3, data loss.
     pub fn lost_data(&self) -> bool {
         self.status.is_some_and(|status| status.code() == Some(3))
     }
 }
 
-/// Whatever happens to this process, the others end with it.
+/// The process ends with its parent.
 impl Drop for Process {
     fn drop(&mut self) {
         if self.status.is_none() {
-            // It may have ended just now; then there is nothing to kill.
+            // Fails if the process has just ended.
             let _ = self.child.kill();
             let _ = self.child.wait();
         }

@@ -1,4 +1,4 @@
-//! `hoof run`: recorder, driver and controller as processes, started and ended in their order, and one log.
+//! `hoof run`: starts and ends recorder, driver and controller as processes, in order, and writes one log.
 
 use super::controller::prepare;
 use super::process::{Line, Process};
@@ -15,21 +15,22 @@ use std::path::PathBuf;
 use std::sync::mpsc::{Receiver, Sender, channel};
 use std::time::{Duration, Instant};
 
-/// How long one look at the processes waits for an event.
-const LOOK: Duration = Duration::from_millis(50);
-/// How long a process may take to end before it is killed: a robot that sits down takes its time.
-const PATIENCE: Duration = Duration::from_secs(25);
-/// How long the driver and the recorder go on when the controller has died, so that the log shows what came of it.
+/// Longest wait for an event between two checks of the processes.
+const POLL: Duration = Duration::from_millis(50);
+/// Longest time for a process to end before it is killed; it includes the time to sit down.
+const END_TIMEOUT: Duration = Duration::from_secs(25);
+/// Time for which driver and recorder continue after the controller has died, so that the log shows the reaction of the robot.
 const AFTERMATH: Duration = Duration::from_secs(1);
 
 /// Start recorder, driver and controller as processes over LCM, and leave one log
 ///
-/// Shows their state and what happens. Ctrl-C ends them in order: the controller, which lets a robot that stands sit down, then driver and recorder;
-/// Ctrl-C a second time damps the joints at once.
-/// In simulation a run lasts as long as its scenario, if nothing else is said; then, too, a robot that stands sits down. The robot walks on without its recorder; without its driver the
-/// controller damps and waits for one (`hoof driver RUN_FILE`).
+/// Shows the state of the processes and the events of the run. Ctrl-C ends the processes in order: the controller, after a standing robot has sat
+/// down, then driver and recorder. A second Ctrl-C damps the joints at once. A simulated run without --ticks or --seconds lasts as long as its
+/// scenario; then a standing robot sits down.
 ///
-/// The log of an earlier run is kept: it is moved aside, run.mcap to run.1.mcap or the next number that is free.
+/// If the recorder dies, the robot continues. If the driver dies, the controller damps and waits for another one (`hoof driver RUN_FILE`).
+///
+/// The log of an earlier run is kept under another name: run.mcap becomes run.1.mcap, or the next free number.
 #[derive(clap::Args)]
 #[command(
     after_help = "Example: hoof run runs/hyq_sim.toml --seconds 10\n         hoof replay logs/runs/hyq_sim.mcap\n\n\
@@ -41,7 +42,7 @@ pub struct RunArgs {
     shared: Shared,
     #[command(flatten)]
     length: Length,
-    /// Log, instead of the run file's
+    /// Log file [default: that of the run file]
     #[arg(long, value_name = "FILE")]
     log: Option<PathBuf>,
 }
@@ -50,7 +51,7 @@ pub fn run(args: &RunArgs) -> anyhow::Result<Outcome> {
     let (file, url) = args.shared.load()?;
     let stop = Stop::new(&args.shared)?;
     let log = args.log.as_ref().unwrap_or(&file.log);
-    // Before the recorder is there: what cannot be run leaves no log and moves none.
+    // Checked before the recorder starts: a run that cannot start neither writes nor renames a log.
     if file.simulation.is_some() {
         refuse_a_second("driver", channels::ROBOT_STATE, &url)?;
     }
@@ -63,7 +64,7 @@ pub fn run(args: &RunArgs) -> anyhow::Result<Outcome> {
     let screen = Screen::new(log.clone());
     let mut network = LcmBus::open(&url.to_string())?;
     network.subscribe(channels::EVENT)?;
-    if screen.is_seen() {
+    if screen.is_visible() {
         network.subscribe(&format!("{}|{}", channels::CONTROLLER_TICK, channels::ROBOT_STATE))?;
     }
 
@@ -90,7 +91,7 @@ pub fn run(args: &RunArgs) -> anyhow::Result<Outcome> {
     if died {
         let end = Instant::now() + AFTERMATH;
         while Instant::now() < end && !stop.is_due() {
-            run.look(&mut network)?;
+            run.update(&mut network)?;
         }
     }
     run.end(&mut network, &stop)?;
@@ -116,37 +117,38 @@ fn report(args: &RunArgs, log: &std::path::Path, processes: &[Process]) -> anyho
     })
 }
 
-/// The processes of a run, in the order in which they are started.
+/// The processes of a run, in the order of their start.
 struct Running {
     processes: Vec<Process>,
     lines_in: Sender<Line>,
     lines: Receiver<Line>,
     screen: Screen,
-    /// They are being ended: that one does is no news.
+    /// The processes are being ended: their ends are expected.
     ending: bool,
 }
 
 impl Running {
-    /// Starts a process, and waits until it says that it is at work: a line that begins with `ready`.
+    /// Starts a process and waits until it is ready: a line on standard error that starts with `ready`.
     fn start(&mut self, name: &'static str, ready: &str, arguments: &[OsString], stop: &Stop) -> anyhow::Result<()> {
         let mut arguments: Vec<&OsStr> = arguments.iter().map(AsRef::as_ref).collect();
         arguments.push("--json".as_ref());
         let mut process = Process::start(name, &arguments, self.lines_in.clone())?;
         self.screen.add(&process);
-        let mut said = Vec::new();
+        let mut lines = Vec::new();
         loop {
-            if let Ok(line) = self.lines.recv_timeout(LOOK) {
+            if let Ok(line) = self.lines.recv_timeout(POLL) {
                 let is_ready = line.process == name && line.text.starts_with(ready);
                 self.screen.line(&line);
                 if is_ready {
                     break;
                 }
-                said.push(line.text);
+                lines.push(line.text);
             } else if process.status()?.is_some() {
-                bail!("{name}: {}", said.last().map_or("it ended at once", |text| text.trim_start_matches("error: ")));
+                let error = lines.last().map_or("ended at once", |text| text.trim_start_matches("error: "));
+                bail!("{name}: {error}");
             }
             if stop.is_due() {
-                bail!("stopped before the {name} was at work");
+                bail!("stopped before the {name} was ready");
             }
         }
         self.processes.push(process);
@@ -154,13 +156,13 @@ impl Running {
     }
 
     fn of(&self, name: &str) -> &Process {
-        self.processes.iter().find(|process| process.name == name).expect("all three have been started")
+        self.processes.iter().find(|process| process.name == name).expect("all processes have been started")
     }
 
-    /// Until the controller has ended, or a stop is asked for.
+    /// Waits until the controller has ended or a stop is requested.
     fn watch(&mut self, network: &mut dyn Bus, stop: &Stop) -> anyhow::Result<()> {
         loop {
-            self.look(network)?;
+            self.update(network)?;
             let controller = self.processes.last_mut().expect("it was started last");
             if controller.status()?.is_some() || stop.is_due() {
                 return Ok(());
@@ -168,12 +170,12 @@ impl Running {
         }
     }
 
-    /// Shows what has happened since the last look.
-    fn look(&mut self, network: &mut dyn Bus) -> anyhow::Result<()> {
-        let mut wait = LOOK;
-        if self.screen.is_seen() {
-            // Ticks and states come all the time: once a look is enough.
-            std::thread::sleep(LOOK);
+    /// Shows what has happened since the last call.
+    fn update(&mut self, network: &mut dyn Bus) -> anyhow::Result<()> {
+        let mut wait = POLL;
+        if self.screen.is_visible() {
+            // Ticks and states arrive all the time: one poll per interval is enough.
+            std::thread::sleep(POLL);
             wait = Duration::ZERO;
         }
         for message in network.handle(wait).context("the network of the run")? {
@@ -201,38 +203,42 @@ impl Running {
         Ok(())
     }
 
-    /// Ends them: who commands first, who listens last. Asking twice hurries.
+    /// Ends the processes in reverse order: the controller first, the recorder last. A second request ends each at once.
     fn end(&mut self, network: &mut dyn Bus, stop: &Stop) -> anyhow::Result<()> {
         self.ending = true;
         for place in (0..self.processes.len()).rev() {
-            let mut asked = Instant::now();
-            stop.forget();
-            self.processes[place].ask_to_end()?;
+            let mut requested = Instant::now();
+            stop.reset();
+            self.processes[place].request_end()?;
             while self.processes[place].status()?.is_none() {
-                self.look(network)?;
-                if stop.is_asked() {
-                    stop.forget();
-                    self.processes[place].ask_to_end()?;
+                self.update(network)?;
+                if stop.is_requested() {
+                    stop.reset();
+                    self.processes[place].request_end()?;
                 }
-                if asked.elapsed() > PATIENCE {
-                    self.screen.say(&format!("{} does not end when asked to: killed", self.processes[place].name));
+                if requested.elapsed() > END_TIMEOUT {
+                    self.screen.say(&format!(
+                        "{} did not end within {} s: killed",
+                        self.processes[place].name,
+                        END_TIMEOUT.as_secs()
+                    ));
                     self.processes[place].kill()?;
-                    asked = Instant::now();
+                    requested = Instant::now();
                 }
             }
-            self.look(network)?;
+            self.update(network)?;
         }
         Ok(())
     }
 }
 
-/// What it means for the run that a process has ended by itself.
+/// Consequence for the run of a process that has ended by itself.
 fn consequence(process: &Process) -> &'static str {
     match process.name {
-        "recorder" => ": the robot goes on without a log",
-        "driver" => ": the controller damps and waits for another one (hoof driver)",
+        "recorder" => ": the run continues without a log",
+        "driver" => ": the controller damps and waits for another driver (hoof driver)",
         _ if process.is_good() => "",
-        _ if process.lost_data() => ": messages were lost, its report says how many",
+        _ if process.lost_data() => ": messages were lost, see its result",
         _ => ": the driver damps the robot",
     }
 }

@@ -1,4 +1,5 @@
-//! The run file (TOML): which robot, which network, who sends what. Files that it names are beside it; the log is below the working directory.
+//! The run file (TOML): robot, network, operators, controllers. Paths of input files are relative to the run file; that of the log is relative to
+//! the working directory.
 
 use crate::robot::{RobotFiles, read, with_overrides};
 use anyhow::Context;
@@ -10,37 +11,37 @@ use drivers::teleop::check_channel;
 use serde::Deserialize;
 use std::path::{Path, PathBuf};
 
-/// A live run, described.
+/// Description of a live run.
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct RunFile {
     /// Name of a robot in robots/, or its TOML file.
     pub robot: String,
-    /// Log that the recorder writes.
+    /// Log file.
     pub log: PathBuf,
-    /// The simulator, where there is no robot.
+    /// The simulator, if there is no robot.
     pub simulation: Option<Simulation>,
-    /// The network.
+    /// The LCM network.
     #[serde(default)]
     pub lcm: Lcm,
-    /// What the controller's side of the network is.
+    /// Hardware of the controller.
     #[serde(default)]
     pub hardware: Hardware,
-    /// Scenario whose `[[fault]]` lines spoil what passes between controller and hardware.
+    /// Scenario whose `[[fault]]` entries are injected between controller and hardware.
     pub faults: Option<PathBuf>,
-    /// Who may command.
+    /// The operators.
     #[serde(default = "default_sources")]
     pub operator: Vec<Source>,
-    /// The controllers, in the order in which they run: the last one that is started has the robot.
+    /// The controllers, in the order of execution. The last running one commands the robot.
     #[serde(default = "quadruped_alone", rename = "controller")]
     pub controllers: Vec<Controller>,
     /// Parameters to change, as with `hoof sim --set`.
     #[serde(default)]
     pub set: Vec<String>,
-    /// When ticks are due.
+    /// Schedule of the ticks.
     #[serde(default)]
     pub executor: Executor,
-    /// What the control thread asks of the system.
+    /// Real-time settings of the control thread.
     #[serde(default)]
     pub realtime: RealtimeParams,
 }
@@ -49,18 +50,18 @@ pub struct RunFile {
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Simulation {
-    /// Its scenario.
+    /// Scenario file.
     pub scenario: PathBuf,
-    /// Whether the scenario's operator commands and changes of parameters are sent.
+    /// Whether to send the scenario's operator commands and parameter requests.
     #[serde(default = "yes")]
     pub operator: bool,
 }
 
-/// The network.
+/// The LCM network.
 #[derive(Debug, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Lcm {
-    /// As liblcm takes it.
+    /// URL, as for liblcm.
     pub url: String,
 }
 
@@ -70,44 +71,44 @@ impl Default for Lcm {
     }
 }
 
-/// What the controller works with.
+/// Hardware of the controller.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Hardware {
     /// A driver process on the network.
     #[default]
     Lcm,
-    /// Joints at rest in the robot's posture: nothing but the executor itself.
+    /// No robot: joints at rest in the robot's posture.
     Dummy,
 }
 
-/// One of the controllers.
+/// A `[[controller]]` entry.
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Controller {
-    /// Its name: `quadruped`, `hold`.
+    /// Name: `quadruped`, `hold`.
     pub name: String,
-    /// Whether it starts at once; else `hoof ctl start NAME` does it.
+    /// Whether it runs from the first tick on; otherwise `hoof ctl start NAME` starts it.
     #[serde(default = "yes")]
     pub start: bool,
 }
 
-/// When ticks are due.
+/// Schedule of the ticks.
 #[derive(Clone, Copy, Debug, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Executor {
-    /// Time between ticks, µs.
+    /// Period, µs.
     pub period_us: i64,
-    /// When in the period, µs: a simulated driver measures at 0. Else behind [`PHASE`] of the period.
+    /// Time of the tick within the period, µs; a simulated driver measures at 0. `None`: [`PHASE`] of the period.
     pub phase_us: Option<i64>,
 }
 
-/// Part of the period after which a tick is due: behind the driver, and with the command there before its next step.
+/// Default phase, as a fraction of the period: after the driver's measurement, and early enough for its next step.
 const PHASE: (i64, i64) = (3, 10);
 
 impl Executor {
-    /// When ticks are due.
-    pub fn beat(self) -> TickSchedule {
+    /// The schedule of the ticks.
+    pub fn schedule(self) -> TickSchedule {
         let period_ns = self.period_us * 1000;
         let phase_ns = self.phase_us.map_or(period_ns * PHASE.0 / PHASE.1, |phase_us| phase_us * 1000);
         TickSchedule { period_ns, phase_ns }
@@ -129,13 +130,16 @@ fn yes() -> bool {
 }
 
 impl RunFile {
-    /// The controllers as one, as RUN_INFO names it.
+    /// Name of the combined controller for RUN_INFO.
     pub fn controller(&self) -> String {
         let names: Vec<&str> = self.controllers.iter().map(|controller| &*controller.name).collect();
         format!("{}({})", controller::sequence::NAME, names.join(", "))
     }
 
-    /// Reads and checks a file; every error names it.
+    /// Reads and checks a file.
+    ///
+    /// # Errors
+    /// Every error names the file.
     pub fn load(path: &Path) -> anyhow::Result<Self> {
         let text = read(path)?;
         let mut file: RunFile = toml::from_str(&text)
@@ -167,13 +171,13 @@ impl RunFile {
         for Source { channel, .. } in &self.operator {
             check_channel(channel).with_context(|| format!("[[operator]] {channel}"))?;
         }
-        anyhow::ensure!(!self.controllers.is_empty(), "there is no [[controller]]: nobody would have the robot");
+        anyhow::ensure!(!self.controllers.is_empty(), "no [[controller]]: add at least one");
         let is_name = |name: &str| !name.is_empty() && name.chars().all(|c| c.is_ascii_alphanumeric() || c == '_');
         if let Some(Controller { name, .. }) = self.controllers.iter().find(|controller| !is_name(&controller.name)) {
-            anyhow::bail!("[[controller]] name = {name:?}: expected one name, of letters, digits and _");
+            anyhow::bail!("[[controller]] name = {name:?}: expected letters, digits and _");
         }
         if let Some(faults) = self.faults.as_ref().filter(|faults| !faults.is_file()) {
-            anyhow::bail!("faults: there is no file {}", faults.display());
+            anyhow::bail!("faults: file {} not found", faults.display());
         }
         if !self.set.is_empty() {
             let (_, params) = RobotFiles::find_with_params(&self.robot)?;
@@ -200,7 +204,7 @@ mod tests {
     }
 
     #[test]
-    fn the_shipped_run_files_are_read() {
+    fn the_shipped_run_files_are_valid() {
         for entry in std::fs::read_dir(Path::new(env!("CARGO_MANIFEST_DIR")).join("runs")).unwrap() {
             let file = RunFile::load(&entry.unwrap().path()).unwrap();
             assert_eq!(file.executor.period_us, 1000);
@@ -209,40 +213,37 @@ mod tests {
     }
 
     #[test]
-    fn what_is_wrong_is_named() {
+    fn errors_name_file_key_and_value() {
         let minimal = "robot = \"hyq\"\nlog = \"a.mcap\"\n";
         assert!(load(minimal).is_ok());
         let operator = |channel| format!("{minimal}[[operator]]\nchannel = \"{channel}\"\npriority = 1\n");
         assert!(load(&operator("OPERATOR_COMMAND")).is_ok());
         let controller = |name| format!("{minimal}[[controller]]\nname = \"{name}\"\n");
-        for (text, wanted) in [
+        for (text, named) in [
             (format!("{minimal}robto = 1\n"), "unknown field `robto`"),
-            (format!("{minimal}[executor]\nperiod_us = 5\n"), "executor.period_us is 5, expected 100 to 100000"),
-            (format!("{minimal}[executor]\nphase_us = 1000\n"), "executor.phase_us is 1000, expected 0 to less than"),
+            (format!("{minimal}[executor]\nperiod_us = 5\n"), "executor.period_us is 5"),
+            (format!("{minimal}[executor]\nphase_us = 1000\n"), "executor.phase_us is 1000"),
             (format!("{minimal}[realtime]\npriority = 100\n"), "realtime.priority is 100"),
-            (format!("{minimal}[[operator]]\nchannel = \"A B\"\npriority = 1\n"), "[[operator]] \"A B\": a channel is"),
+            (format!("{minimal}[[operator]]\nchannel = \"A B\"\npriority = 1\n"), "[[operator]] \"A B\""),
             ("robot = \"hyq\"\n".to_owned(), "missing field `log`"),
-            (
-                operator("PARAMETER_REQUEST"),
-                "[[operator]] PARAMETER_REQUEST: hoofprint.parameter_request_t is sent there",
-            ),
-            (operator("ROBOT_STATE"), "[[operator]] ROBOT_STATE: hoofprint.robot_state_t is sent there"),
-            (controller("hold, quadruped"), "[[controller]] name = \"hold, quadruped\": expected one name"),
-            (controller(""), "[[controller]] name = \"\": expected one name"),
-            (format!("{minimal}controller = []\n"), "there is no [[controller]]: nobody would have the robot"),
+            (operator("PARAMETER_REQUEST"), "hoofprint.parameter_request_t"),
+            (operator("ROBOT_STATE"), "hoofprint.robot_state_t"),
+            (controller("hold, quadruped"), "[[controller]] name = \"hold, quadruped\""),
+            (controller(""), "[[controller]] name = \"\""),
+            (format!("{minimal}controller = []\n"), "[[controller]]"),
             (format!("{minimal}faults = \"nope.toml\"\n"), "nope.toml"),
-            (format!("{minimal}set = [\"trunk.kpp=3\"]\n"), "set = [\"trunk.kpp=3\"]: unknown parameter \"trunk.kpp\""),
-            (format!("{minimal}set = [\"wbc.friction=-1\"]\n"), "parameter wbc.friction is -1, expected"),
-            (format!("{minimal}set = [\"trunk.kp\"]\n"), "parameter trunk.kp: expected KEY=VALUE"),
+            (format!("{minimal}set = [\"trunk.kpp=3\"]\n"), "\"trunk.kpp\""),
+            (format!("{minimal}set = [\"wbc.friction=-1\"]\n"), "wbc.friction is -1"),
+            (format!("{minimal}set = [\"trunk.kp\"]\n"), "trunk.kp: "),
         ] {
             let error = format!("{:#}", load(&text).unwrap_err());
-            assert!(error.contains(wanted) && error.contains(".toml"), "{error}");
+            assert!(error.contains(named) && error.contains(".toml"), "{error}");
             assert!(error.matches("nope.toml").count() < 2, "{error}");
         }
     }
 
     #[test]
-    fn the_phase_keeps_its_part_of_the_period() {
+    fn the_default_phase_is_a_fraction_of_the_period() {
         for (text, phase_ns) in [
             ("", 300_000),
             ("[executor]\nperiod_us = 250\n", 75_000),
@@ -250,7 +251,7 @@ mod tests {
             ("[executor]\nperiod_us = 250\nphase_us = 0\n", 0),
         ] {
             let file = load(&format!("robot = \"hyq\"\nlog = \"a.mcap\"\n{text}")).unwrap();
-            assert_eq!(file.executor.beat().phase_ns, phase_ns, "{text}");
+            assert_eq!(file.executor.schedule().phase_ns, phase_ns, "{text}");
         }
     }
 }

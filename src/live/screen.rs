@@ -1,4 +1,4 @@
-//! What a person sees of a live run: a line for each process at the bottom, everything that happens above it. Without a terminal, only what happens.
+//! Display of a live run: one line per process at the bottom, events above. Without a terminal, only the events.
 
 use super::process::{Line, Process};
 use indicatif::{MultiProgress, ProgressBar, ProgressStyle};
@@ -7,39 +7,39 @@ use std::path::{Path, PathBuf};
 use std::process::ExitStatus;
 use std::time::{Duration, Instant};
 
-/// Over how long states are counted.
-const COUNTED: Duration = Duration::from_secs(1);
+/// Interval for the rate of states.
+const RATE_INTERVAL: Duration = Duration::from_secs(1);
 
 /// The screen.
 pub struct Screen {
     all: MultiProgress,
     rows: Vec<ProgressBar>,
-    began: Instant,
+    start: Instant,
     log: PathBuf,
-    pulse: Pulse,
+    status: Status,
 }
 
-/// How the run goes, by what its processes send.
-struct Pulse {
+/// Status of the run, from the messages of its processes.
+struct Status {
     tick: Option<ControllerTick>,
-    /// States since when, and of the time before that.
+    /// Number of states, and start of the interval.
     states: (u32, Instant),
     rate_hz: Option<f64>,
 }
 
 impl Screen {
-    /// A screen without processes, of a run that is recorded in `log`.
+    /// A screen without processes, for a run that is recorded in `log`.
     pub fn new(log: PathBuf) -> Self {
-        let pulse = Pulse { tick: None, states: (0, Instant::now()), rate_hz: None };
-        Screen { all: MultiProgress::new(), rows: Vec::new(), began: Instant::now(), log, pulse }
+        let status = Status { tick: None, states: (0, Instant::now()), rate_hz: None };
+        Screen { all: MultiProgress::new(), rows: Vec::new(), start: Instant::now(), log, status }
     }
 
-    /// Somebody sees the lines of the processes.
-    pub fn is_seen(&self) -> bool {
+    /// Whether the lines of the processes are shown on a terminal.
+    pub fn is_visible(&self) -> bool {
         !self.all.is_hidden()
     }
 
-    /// A line for one more process.
+    /// Adds a line for a process.
     pub fn add(&mut self, process: &Process) {
         let row = self.all.add(ProgressBar::no_length());
         row.set_style(ProgressStyle::with_template("{wide_msg}").expect("the template is a constant that parses"));
@@ -48,32 +48,32 @@ impl Screen {
         self.show(self.rows.len() - 1, process, None);
     }
 
-    /// Takes in the tick of a controller.
+    /// Takes a CONTROLLER_TICK.
     pub fn tick(&mut self, tick: &[u8]) {
-        self.pulse.tick = ControllerTick::decode(tick).ok().or(self.pulse.tick.take());
+        self.status.tick = ControllerTick::decode(tick).ok().or(self.status.tick.take());
     }
 
-    /// Counts the state of a robot.
+    /// Counts a ROBOT_STATE.
     pub fn state(&mut self) {
-        self.pulse.states.0 += 1;
+        self.status.states.0 += 1;
     }
 
-    /// Shows how a process is.
+    /// Updates the line of a process.
     pub fn show(&mut self, place: usize, process: &Process, ended: Option<ExitStatus>) {
         let state = match ended {
             Some(status) => format!("ended, {status}"),
-            None => self.pulse.of(process.name, &self.log),
+            None => self.status.of(process.name, &self.log),
         };
         self.rows[place].set_message(format!("{:<10} {:>7}  {state}", process.name, process.id()));
         self.rows[place].tick();
     }
 
-    /// What a process says.
+    /// Shows a line of the standard error of a process.
     pub fn line(&self, line: &Line) {
         self.say(&format!("{}: {}", line.process, line.text));
     }
 
-    /// What somebody says on the network.
+    /// Shows an EVENT.
     pub fn event(&self, event: &Event) {
         let mark = match event.level {
             Event::LEVEL_ERROR => "ERROR ",
@@ -83,12 +83,12 @@ impl Screen {
         self.say(&format!("{mark}{}: {}", event.source, event.text));
     }
 
-    /// What happens.
+    /// Shows a line with the time since the start.
     pub fn say(&self, text: &str) {
-        let time = format!("{:8.3} s  ", self.began.elapsed().as_secs_f64());
-        if self.is_seen() {
+        let time = format!("{:8.3} s  ", self.start.elapsed().as_secs_f64());
+        if self.is_visible() {
             let width = crossterm::terminal::size().map_or(80, |(columns, _)| usize::from(columns));
-            // A terminal that takes no more text is no reason to stop a robot.
+            // A failing terminal must not stop the robot.
             let _ = self.all.println(wrapped(&time, text, width));
         } else {
             eprintln!("{time}{text}");
@@ -96,7 +96,7 @@ impl Screen {
     }
 }
 
-/// Breaks a text between words, as far as it goes, into lines of up to `width` characters that stand behind `head`.
+/// Wraps a text between words into lines of at most `width` characters; `head` precedes the first line and indents the others.
 fn wrapped(head: &str, text: &str, width: usize) -> String {
     let indent = head.chars().count();
     let (mut lines, mut column) = (head.to_owned(), indent);
@@ -115,8 +115,8 @@ fn wrapped(head: &str, text: &str, width: usize) -> String {
     lines
 }
 
-impl Pulse {
-    /// What there is to say of a process that runs.
+impl Status {
+    /// Status of a running process.
     #[expect(clippy::cast_precision_loss, reason = "a size for a person to read")]
     fn of(&mut self, process: &str, log: &Path) -> String {
         match (process, &self.tick) {
@@ -130,11 +130,11 @@ impl Pulse {
         }
     }
 
-    /// States per second, of the last second.
+    /// States per second, over the last second.
     fn rate_hz(&mut self) -> Option<f64> {
         let (count, since) = self.states;
         let time = since.elapsed();
-        if time >= COUNTED {
+        if time >= RATE_INTERVAL {
             self.rate_hz = Some(f64::from(count) / time.as_secs_f64());
             self.states = (0, Instant::now());
         }
@@ -153,9 +153,9 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_process_is_shown_by_what_it_does() {
+    fn each_process_has_its_own_status() {
         let mut screen = Screen::new("no/such.mcap".into());
-        let of = |screen: &mut Screen, name: &str| screen.pulse.of(name, &screen.log);
+        let of = |screen: &mut Screen, name: &str| screen.status.of(name, &screen.log);
         assert_eq!(
             ["recorder", "driver", "controller"].map(|name| of(&mut screen, name)),
             ["0.0 MB in no/such.mcap", "", ""]
@@ -164,10 +164,10 @@ mod tests {
         let mut bytes = Vec::new();
         tick.encode(&mut bytes).unwrap();
         screen.tick(&bytes);
-        screen.tick(b"no tick");
+        screen.tick(b"not a tick");
         assert_eq!(of(&mut screen, "controller"), "WALK, tick 4812");
-        // Ten states in the two seconds that are over.
-        screen.pulse.states = (10, Instant::now().checked_sub(Duration::from_secs(2)).unwrap());
+        // Ten states in the last two seconds.
+        screen.status.states = (10, Instant::now().checked_sub(Duration::from_secs(2)).unwrap());
         assert_eq!(of(&mut screen, "driver"), "5 states/s");
     }
 
@@ -176,8 +176,8 @@ mod tests {
         assert_eq!(wrapped("1 s  ", "a robot walks", 13), "1 s  a robot\n     walks");
         assert_eq!(wrapped("1 s  ", "a robot walks", 18), "1 s  a robot walks");
         assert_eq!(
-            wrapped("1 s  ", "udpm://239.255.76.67:7667 it is", 12),
-            "1 s  udpm://239.255.76.67:7667\n     it is"
+            wrapped("1 s  ", "udpm://239.255.76.67:7667 is used", 12),
+            "1 s  udpm://239.255.76.67:7667\n     is used"
         );
     }
 }

@@ -1,32 +1,27 @@
 //! `hoof set`: changes parameters of a live run.
 
-use super::request::{self, ask};
+use super::request::Client;
 use crate::robot::overrides;
 use crate::{Outcome, say, say_json};
 use drivers::live::clock::now_ns;
-use drivers::parameter_requests::SOURCE;
-use lcmtypes::bus::{Bus, Received};
-use lcmtypes::{Event, Message, ParameterChange, ParameterRequest, channels};
-use std::time::Duration;
-
-/// How long until a wish is sent again. It has a number: who has granted it says so again.
-const AGAIN: Duration = Duration::from_millis(400);
+use lcmtypes::{ParameterRequest, RequestReply, channels, enum_names};
 
 /// Change parameters of a live run
 ///
-/// A controller with the new value takes over between two ticks, with the state of the one that runs. The answer says from which tick on, PARAMETER_CHANGE
-/// has it in the log, and a replay does the same there. What is refused changes nothing; `[robot]` cannot be changed. Several are asked one after the
-/// other, up to the first that is refused. Exit code 1 if one is refused, 2 if nobody answers.
+/// A controller with the new value takes over between two ticks, with the state of the running controller. Prints the first tick with the new value. The
+/// log holds the change as PARAMETER_CHANGE, and a replay repeats it at that tick. A rejected request changes nothing; parameters of `[robot]` cannot be
+/// changed. Several parameters are changed one after the other, up to the first rejected one. Exit code 1 if a request is rejected, 2 if there is no reply.
 #[derive(clap::Args)]
 #[command(after_help = "Example: hoof set trunk.kp='[800, 800, 800]'
          hoof set gait.trot.swing_frequency=3.5 swing.height=0.12
 
---json prints {\"refused\": BOOL, \"changes\": [{\"key\", \"value\", \"tick\"}], \"why\": TEXT or null}.")]
+--json prints {\"refused\": BOOL, \"code\": CODE, \"changes\": [{\"key\", \"value\", \"tick\"}], \"why\": TEXT or null}. CODE is that of the last request:
+done, rejected, unknown_name, out_of_range or wrong_state.")]
 pub struct SetArgs {
     /// Parameter, as in a parameters file, and its new value in TOML
     #[arg(value_name = "KEY=VALUE", required = true)]
     set: Vec<String>,
-    /// Network, else that of LCM_DEFAULT_URL, else udpm://239.255.76.67:7667?ttl=0
+    /// LCM network [default: LCM_DEFAULT_URL, else udpm://239.255.76.67:7667?ttl=0]
     #[arg(long, value_name = "URL")]
     lcm_url: Option<String>,
     /// Print JSON
@@ -35,46 +30,33 @@ pub struct SetArgs {
 }
 
 pub fn set(args: &SetArgs) -> anyhow::Result<Outcome> {
-    let wishes = overrides(&args.set)?;
-    let (mut bus, url) = request::open(args.lcm_url.as_deref())?;
-    [channels::PARAMETER_CHANGE, channels::EVENT].iter().try_for_each(|channel| bus.subscribe(channel))?;
-    let (mut changes, mut why) = (Vec::new(), None);
-    for (key, value) in &wishes {
-        match wish(&mut bus, &url, key, value)? {
-            Ok(change) => {
-                if !args.json {
-                    say(format!("{key} = {value} from tick {} on", change.tick))?;
-                }
-                changes.push(change);
-            }
-            Err(refusal) => {
-                why = Some(refusal);
-                break;
-            }
+    let requests = overrides(&args.set)?;
+    let mut client = Client::open(args.lcm_url.as_deref())?;
+    let (mut changes, mut refusal) = (Vec::new(), None);
+    for (key, value) in &requests {
+        let reply = client.request(channels::PARAMETER_REQUEST, |sender_id, seq| ParameterRequest {
+            t_ns: now_ns(),
+            sender_id,
+            seq,
+            key: key.clone(),
+            value: value.clone(),
+        })?;
+        if reply.code != RequestReply::CODE_DONE {
+            refusal = Some(reply);
+            break;
         }
+        if !args.json {
+            say(format!("{key} = {value} from tick {} on", reply.tick))?;
+        }
+        changes.push(serde_json::json!({ "key": key, "value": value, "tick": reply.tick }));
     }
+    let code = refusal.as_ref().map_or(RequestReply::CODE_DONE, |reply| reply.code);
+    let why = refusal.map(|reply| reply.reason);
     if args.json {
-        let changes: Vec<_> = changes
-            .iter()
-            .map(|change| serde_json::json!({ "key": change.key, "value": change.value, "tick": change.tick }))
-            .collect();
-        say_json(&serde_json::json!({ "refused": why.is_some(), "changes": changes, "why": why }))?;
+        let code = enum_names::reply_code(code);
+        say_json(&serde_json::json!({ "refused": why.is_some(), "code": code, "changes": changes, "why": why }))?;
     } else if let Some(why) = &why {
         say(why)?;
     }
     Ok(Outcome::failed_if(why.is_some()))
-}
-
-/// Asks for one parameter: the change, or why it is refused.
-fn wish(bus: &mut dyn Bus, url: &str, key: &str, value: &str) -> anyhow::Result<Result<ParameterChange, String>> {
-    let seq = now_ns();
-    let wish = ParameterRequest { t_ns: seq, seq, key: key.to_owned(), value: value.to_owned() };
-    let refused = format!("{key} = {value} is refused");
-    ask(bus, url, channels::PARAMETER_REQUEST, &wish, Some(AGAIN), |message: &Received| {
-        if message.channel == channels::PARAMETER_CHANGE {
-            return ParameterChange::decode(&message.data).ok().filter(|change| change.seq == seq).map(Ok);
-        }
-        let event = Event::decode(&message.data).ok()?;
-        (event.source == SOURCE && event.text.starts_with(&refused)).then_some(Err(event.text))
-    })
 }

@@ -3,7 +3,7 @@
 use crate::{Outcome, say, say_json};
 use anyhow::{Context, bail};
 use crossterm::event::{Event as TerminalEvent, KeyCode, KeyEvent, KeyEventKind, KeyModifiers};
-use drivers::live::somebody_speaks;
+use drivers::live::has_traffic;
 use drivers::teleop;
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use lcmtypes::bus::{Bus, LcmBus};
@@ -210,7 +210,7 @@ fn refuse_a_live_robot(url: &str, options: &PlayOptions) -> anyhow::Result<()> {
     // A network of liblcm's other kinds has no robot.
     let Ok(url) = Url::choose(Some(url).filter(|url| !url.is_empty())) else { return Ok(()) };
     for channel in [ROBOT_STATE, ROBOT_COMMAND] {
-        if !driving.is_empty() && somebody_speaks(&url, channel, HEARING)? {
+        if !driving.is_empty() && has_traffic(&url, channel, HEARING)? {
             bail!(
                 "a robot is live on {url}, where {channel} is sent, and this would drive it by {}: play on another network (--lcm-url), \
                  leave these channels out (--channels), or insist (--force)",

@@ -1,10 +1,10 @@
-//! A gamepad, by gilrs, which knows the layouts of hundreds of them.
+//! Gamepad input through gilrs, which maps the layouts of most gamepads.
 
 use anyhow::{Context, bail};
 use drivers::teleop::pad::{Button, PadState, stick};
 use gilrs::{Axis, EventType, GamepadId, Gilrs};
 
-/// The first pad that is there.
+/// The first gamepad of the system.
 pub struct Gamepad {
     gilrs: Gilrs,
     id: GamepadId,
@@ -13,26 +13,26 @@ pub struct Gamepad {
 }
 
 impl Gamepad {
-    /// Takes the first pad.
+    /// Opens the first gamepad.
     ///
     /// # Errors
-    /// There is none, or the system shows none.
+    /// If there is none, or it cannot be accessed.
     pub fn open() -> anyhow::Result<Self> {
-        // Filters would take jitter out of sticks; the dead middle does, and the controller filters.
+        // Without filters: the dead zone removes jitter, and the controller filters the commands.
         let gilrs = Gilrs::new().map_err(|error| anyhow::anyhow!("{error}")).context("gamepads")?;
         let Some((id, pad)) = gilrs.gamepads().next() else {
-            bail!("there is no gamepad (whoever uses one has to be allowed to read /dev/input/event*)");
+            bail!("no gamepad found; check that it is connected and that /dev/input/event* is readable");
         };
         let name = pad.name().to_owned();
         Ok(Gamepad { gilrs, id, name, state: PadState::default() })
     }
 
-    /// What it calls itself.
+    /// Name of the gamepad.
     pub fn name(&self) -> &str {
         &self.name
     }
 
-    /// How it is held now; `None` when it is gone.
+    /// Present state; `None` if it is disconnected.
     pub fn state(&mut self) -> Option<&PadState> {
         while let Some(event) = self.gilrs.next_event() {
             if event.id != self.id {
@@ -41,13 +41,13 @@ impl Gamepad {
             match event.event {
                 EventType::ButtonPressed(button, _) => note_button(&mut self.state, button, true),
                 EventType::ButtonReleased(button, _) => note_button(&mut self.state, button, false),
-                EventType::AxisChanged(axis, way, _) => note_axis(&mut self.state, axis, way.into()),
+                EventType::AxisChanged(axis, deflection, _) => note_axis(&mut self.state, axis, deflection.into()),
                 EventType::Disconnected => return None,
                 _ => {}
             }
         }
         let bumper = |button| self.gilrs.gamepad(self.id).is_pressed(button);
-        // Two buttons, one meaning: their state, since an event tells of one.
+        // Two buttons with the same function: their state is read, since an event reports only one of them.
         self.state.bumper = bumper(gilrs::Button::LeftTrigger) || bumper(gilrs::Button::RightTrigger);
         Some(&self.state)
     }
@@ -68,13 +68,13 @@ fn note_button(state: &mut PadState, button: gilrs::Button, down: bool) {
     state.set(button, down);
 }
 
-/// Sticks are positive to the right and up; the robot's velocities, forward and to the left; its pitch, nose down.
-fn note_axis(state: &mut PadState, axis: Axis, way: f64) {
+/// Sticks are positive to the right and up. The robot's velocities are positive forward and to the left, its pitch nose down.
+fn note_axis(state: &mut PadState, axis: Axis, deflection: f64) {
     match axis {
-        Axis::LeftStickX => state.left = -stick(way),
-        Axis::LeftStickY => state.forward = stick(way),
-        Axis::RightStickX => state.turn = -stick(way),
-        Axis::RightStickY => state.pitch = stick(way),
+        Axis::LeftStickX => state.left = -stick(deflection),
+        Axis::LeftStickY => state.forward = stick(deflection),
+        Axis::RightStickX => state.turn = -stick(deflection),
+        Axis::RightStickY => state.pitch = stick(deflection),
         _ => {}
     }
 }
@@ -82,11 +82,11 @@ fn note_axis(state: &mut PadState, axis: Axis, way: f64) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use drivers::teleop::{Desk, Limits};
+    use drivers::teleop::{Limits, OperatorInput};
     use lcmtypes::{ControllerTick, OperatorCommand};
 
     #[test]
-    fn sticks_go_where_the_thumb_goes() {
+    fn sticks_set_the_velocities_of_their_direction() {
         let mut state = PadState::default();
         note_axis(&mut state, Axis::LeftStickY, 1.0);
         note_axis(&mut state, Axis::LeftStickX, 1.0);
@@ -97,26 +97,26 @@ mod tests {
     }
 
     #[test]
-    fn from_buttons_to_a_command() {
+    fn buttons_and_sticks_make_a_command() {
         let limits = Limits::default();
-        let mut desk = Desk::new(limits);
-        desk.hear(ControllerTick::MODE_STANCE);
+        let mut input = OperatorInput::new(limits);
+        input.set_robot_mode(ControllerTick::MODE_STANCE);
         let mut state = PadState { bumper: true, ..PadState::default() };
         note_axis(&mut state, Axis::RightStickX, 1.0);
         note_button(&mut state, gilrs::Button::South, true);
         note_button(&mut state, gilrs::Button::DPadUp, true);
         note_button(&mut state, gilrs::Button::North, true);
-        desk.hold(&state, 0).unwrap();
-        let command = desk.command(0).unwrap();
+        input.apply_pad(&state, 0).unwrap();
+        let command = input.command(0).unwrap();
         assert_eq!((command.mode, command.gait), (OperatorCommand::MODE_WALK, OperatorCommand::GAIT_CRAWL));
         assert_eq!(command.yaw_rate, -limits.yaw_rate);
         assert!(command.height_offset > 0.0);
 
         note_button(&mut state, gilrs::Button::East, true);
-        desk.hold(&state, 0).unwrap();
-        assert_eq!(desk.mode(), Some(OperatorCommand::MODE_DAMPING));
+        input.apply_pad(&state, 0).unwrap();
+        assert_eq!(input.mode(), Some(OperatorCommand::MODE_DAMPING));
         note_button(&mut state, gilrs::Button::East, false);
-        desk.hold(&state, 0).unwrap();
-        assert_eq!(desk.mode(), Some(OperatorCommand::MODE_DAMPING), "letting go of it takes nothing back");
+        input.apply_pad(&state, 0).unwrap();
+        assert_eq!(input.mode(), Some(OperatorCommand::MODE_DAMPING), "releasing the button does not clear the stop");
     }
 }

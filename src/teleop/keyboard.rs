@@ -1,4 +1,4 @@
-//! A person in front of a screen: keys, and a gamepad where there is one.
+//! Interactive operation: keys, screen, and a gamepad if there is one.
 
 use super::gamepad::Gamepad;
 use super::keys::Key;
@@ -11,33 +11,33 @@ use ratatui::DefaultTerminal;
 use std::io::IsTerminal;
 use std::sync::mpsc::{Receiver, RecvTimeoutError, channel};
 
-/// Time between two drawings, ns.
+/// Period of the screen, ns.
 const FRAME_NS: i64 = 100_000_000;
-/// How long a message stays, ns.
+/// Time for which a message is shown, ns.
 const MESSAGE_NS: i64 = 4_000_000_000;
 
-/// Asks for a terminal.
+/// Checks that standard input and output are a terminal.
 ///
 /// # Errors
-/// There is none.
+/// If they are not.
 pub fn check() -> anyhow::Result<()> {
     anyhow::ensure!(
         std::io::stdin().is_terminal() && std::io::stdout().is_terminal(),
-        "there is no terminal for keys and screen: --no-screen takes lines from standard input"
+        "standard input or output is not a terminal; use --no-screen to read lines from standard input"
     );
     Ok(())
 }
 
-/// Obeys keys and pad until the person ends it; says so.
+/// Sends commands from keys and gamepad until the operator ends it; returns the reason.
 ///
 /// # Errors
-/// The terminal or the pad is gone, or the bus fails.
-pub fn obey(session: &mut Session, signals: &Signals, pad: Option<Gamepad>) -> anyhow::Result<&'static str> {
+/// If the terminal or the gamepad is disconnected, or the bus fails.
+pub fn operate(session: &mut Session, signals: &Signals, pad: Option<Gamepad>) -> anyhow::Result<&'static str> {
     let mut terminal = ratatui::try_init().context("terminal")?;
     let ended =
-        Desk { session, signals, pad, terminal: &mut terminal, keys: listen(), message: None, drawn_ns: 0 }.run();
-    // A terminal that is gone needs no restoring, and must not keep the robot from being told: dropped with its cursor hidden, it would
-    // complain on a standard error that is gone too, and panic.
+        Console { session, signals, pad, terminal: &mut terminal, keys: read_keys(), message: None, drawn_ns: 0 }.run();
+    // If the terminal is disconnected, restoring it fails; the last command must be sent nevertheless. Dropping the terminal with a hidden cursor
+    // would print to a closed standard error and panic.
     let _ = ratatui::try_restore();
     if terminal.show_cursor().is_err() {
         std::mem::forget(terminal);
@@ -45,8 +45,8 @@ pub fn obey(session: &mut Session, signals: &Signals, pad: Option<Gamepad>) -> a
     ended
 }
 
-/// Terminal events, read by a thread of their own, since the heartbeat must not wait for them.
-fn listen() -> Receiver<Input> {
+/// Terminal events, read by a separate thread: the heartbeat must not wait for them.
+fn read_keys() -> Receiver<Input> {
     let (send, keys) = channel();
     std::thread::spawn(move || {
         while let Ok(event) = crossterm::event::read() {
@@ -58,18 +58,18 @@ fn listen() -> Receiver<Input> {
     keys
 }
 
-struct Desk<'a> {
+struct Console<'a> {
     session: &'a mut Session,
     signals: &'a Signals,
     pad: Option<Gamepad>,
     terminal: &'a mut DefaultTerminal,
     keys: Receiver<Input>,
-    /// What came of a key, and when.
+    /// Why the last key had no effect, and its time, ns.
     message: Option<(&'static str, i64)>,
     drawn_ns: i64,
 }
 
-impl Desk<'_> {
+impl Console<'_> {
     fn run(mut self) -> anyhow::Result<&'static str> {
         loop {
             let event = self.keys.recv_timeout(self.session.rest(now_ns()));
@@ -78,24 +78,24 @@ impl Desk<'_> {
                 Ok(Input::Key(key)) => match Key::of(&key) {
                     Some(Key::Quit) => return Ok("ended by Ctrl-C"),
                     Some(Key::Press(press)) => {
-                        let done = self.session.desk.press(press, now);
+                        let done = self.session.input.press(press, now);
                         self.note(done, now);
                         self.session.send(now)?;
                     }
                     None => {}
                 },
                 Ok(_) | Err(RecvTimeoutError::Timeout) => {}
-                Err(RecvTimeoutError::Disconnected) => return Err(anyhow!("the terminal is gone")),
+                Err(RecvTimeoutError::Disconnected) => return Err(anyhow!("terminal disconnected")),
             }
-            if let Some(reason) = self.signals.asked()? {
+            if let Some(reason) = self.signals.received()? {
                 return Ok(reason);
             }
             if self.session.due_ns <= now {
-                self.look_at_pad(now)?;
-                // A terminal that was hung up need not say so to whoever reads from it.
-                anyhow::ensure!(std::io::stdin().is_terminal(), "the terminal is gone");
+                self.read_pad(now)?;
+                // Reading from a terminal that has hung up may not fail.
+                anyhow::ensure!(std::io::stdin().is_terminal(), "terminal disconnected");
             }
-            self.session.beat(now)?;
+            self.session.heartbeat(now)?;
             if now - self.drawn_ns >= FRAME_NS {
                 self.drawn_ns = now;
                 self.draw(now)?;
@@ -103,10 +103,10 @@ impl Desk<'_> {
         }
     }
 
-    fn look_at_pad(&mut self, now: i64) -> anyhow::Result<()> {
+    fn read_pad(&mut self, now: i64) -> anyhow::Result<()> {
         let Some(pad) = &mut self.pad else { return Ok(()) };
-        let Some(state) = pad.state() else { return Err(anyhow!("the gamepad is gone")) };
-        let done = self.session.desk.hold(state, now);
+        let Some(state) = pad.state() else { return Err(anyhow!("gamepad disconnected")) };
+        let done = self.session.input.apply_pad(state, now);
         self.note(done, now);
         Ok(())
     }
@@ -119,12 +119,14 @@ impl Desk<'_> {
     }
 
     fn draw(&mut self, now: i64) -> anyhow::Result<()> {
+        let status = &self.session.link.status;
+        let message = self.message.filter(|(_, at)| now - at < MESSAGE_NS).map(|(text, _)| text);
         let screen = Screen {
-            desk: &self.session.desk,
+            input: &self.session.input,
             channel: self.session.link.channel(),
-            heard: &self.session.link.heard,
+            status,
             pad: self.pad.as_ref().map(Gamepad::name),
-            message: self.message.filter(|(_, at)| now - at < MESSAGE_NS).map_or("", |(text, _)| text),
+            message: message.or(status.rejection()).unwrap_or_default(),
             now_ns: now,
         };
         self.terminal.draw(|frame| screen.draw(frame)).context("terminal")?;

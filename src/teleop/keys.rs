@@ -1,21 +1,21 @@
-//! Which key does what.
+//! Key bindings.
 
 use crossterm::event::{KeyCode, KeyEvent, KeyEventKind, KeyModifiers};
 use drivers::teleop::{Axis, Pose, Press, Sign};
 
-/// What a key asks for.
+/// Action of a key.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Key {
-    /// Something of the robot.
+    /// An operator action.
     Press(Press),
-    /// The end of this program.
+    /// End of the program.
     Quit,
 }
 
 impl Key {
-    /// What a key event asks for; `None` of a key without meaning.
+    /// Action of a key event; `None` if the key is not bound.
     ///
-    /// With Alt, whatever the key: a terminal sends Alt as an Esc before it, so Esc and a key soon behind it arrive as this. The Esc is what counts.
+    /// Any key with Alt is an emergency stop: a terminal sends Alt as Esc before the key, so Esc followed quickly by a key arrives as Alt.
     pub fn of(event: &KeyEvent) -> Option<Self> {
         if event.kind == KeyEventKind::Release {
             return None;
@@ -66,17 +66,17 @@ mod tests {
     }
 
     #[test]
-    fn the_emergency_stop_is_reached_in_every_way() {
+    fn every_form_of_the_stop_keys_is_an_emergency_stop() {
         let stop = Some(Key::Press(Press::Stop));
         assert_eq!(key(KeyCode::Esc, KeyModifiers::NONE), stop);
         assert_eq!(key(KeyCode::Char('x'), KeyModifiers::NONE), stop);
         assert_eq!(key(KeyCode::Char('X'), KeyModifiers::SHIFT), stop);
-        assert_eq!(key(KeyCode::Char('w'), KeyModifiers::ALT), stop, "Esc, and w soon after it");
+        assert_eq!(key(KeyCode::Char('w'), KeyModifiers::ALT), stop, "Esc followed by w");
         assert_eq!(key(KeyCode::Enter, KeyModifiers::ALT), stop);
     }
 
     #[test]
-    fn keys_are_those_that_users_know() {
+    fn keys_have_the_documented_actions() {
         let press = |c| match key(KeyCode::Char(c), KeyModifiers::NONE) {
             Some(Key::Press(press)) => press,
             other => panic!("{c}: {other:?}"),
@@ -90,7 +90,7 @@ mod tests {
     }
 
     #[test]
-    fn only_ctrl_c_ends_it_and_a_release_is_none() {
+    fn only_ctrl_c_ends_the_program_and_releases_are_ignored() {
         assert_eq!(key(KeyCode::Char('c'), KeyModifiers::CONTROL), Some(Key::Quit));
         assert_eq!(key(KeyCode::Char('w'), KeyModifiers::CONTROL), None);
         assert_eq!(key(KeyCode::Char('c'), KeyModifiers::NONE), None);

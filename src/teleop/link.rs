@@ -1,89 +1,124 @@
-//! The bus: what is sent, and what the controller says back.
+//! Connection to the bus: sends commands, receives the controller's state and its replies.
 
-use super::view;
 use anyhow::Context;
 use controller::params::Params;
+use drivers::live::operator_sender_id;
 use drivers::teleop::{Limits, check_channel};
 use lcmtypes::bus::{Bus, LcmBus};
-use lcmtypes::{ControllerInput, ControllerTick, Event, Message, OperatorCommand, RunInfo, channels, enum_names};
+use lcmtypes::{
+    ControllerInput, ControllerTick, Event, Message, OperatorCommand, RequestReply, RunInfo, channels, enum_names,
+};
 use nix::time::{ClockId, clock_gettime};
 use std::collections::VecDeque;
 use std::time::Duration;
 
-/// Events that are kept to be shown.
+/// Number of events that are kept for the display.
 const EVENTS: usize = 20;
-/// Commands of which it is remembered when they were sent: more than can be under way.
+/// Number of sent commands that are remembered: more than can be in transit.
 const SENT: usize = 64;
-/// Silence of the controller after which what it said last is old, ns.
-pub const SILENCE_NS: i64 = 500_000_000;
+/// Time without a CONTROLLER_TICK after which the controller counts as timed out, ns.
+pub const TIMEOUT_NS: i64 = 500_000_000;
+/// Time after which an emergency stop that the controller has not confirmed has failed, ns.
+const STOP_TIMEOUT_NS: i64 = 300_000_000;
 
-/// Monotonic time, ns: the clock of the messages of a machine.
+/// Monotonic time, ns: the clock of all messages of a machine.
 pub fn now_ns() -> i64 {
     // The clock exists on every Linux.
     clock_gettime(ClockId::CLOCK_MONOTONIC).map_or(0, |t| t.tv_sec() * 1_000_000_000 + t.tv_nsec())
 }
 
-/// Sends commands, hears the controller.
+/// Sends commands and receives the controller's messages.
 pub struct Link {
     bus: Box<dyn Bus>,
     channel: String,
     bytes: Vec<u8>,
+    /// seq and t_ns of the last commands, oldest first.
     sent: VecDeque<(i64, i64)>,
-    /// What was heard.
-    pub heard: Heard,
+    /// What is known of the controller.
+    pub status: Status,
 }
 
-/// What the controller said.
+/// State of the controller and of this operator's request, from the messages received.
 #[derive(Debug, Default)]
-pub struct Heard {
+pub struct Status {
     /// Commands sent.
     pub commands: i64,
-    /// Its last tick, and when that came, ns.
+    /// Last CONTROLLER_TICK and its time of arrival, ns.
     pub tick: Option<(ControllerTick, i64)>,
-    /// Ticks in the last second.
+    /// Ticks per second, over the last second.
     pub rate_hz: f64,
-    /// Whom it follows.
+    /// Operator whose commands the controller follows.
     pub follows: Follows,
-    /// What happened, the newest last.
+    /// Last events, oldest first.
     pub events: VecDeque<Event>,
-    /// Robot and its limits, once RUN_INFO has come.
+    /// Name and limits of the robot, after a RUN_INFO.
     pub robot: Option<(String, Limits)>,
-    /// A number of ticks, and since when they were counted, ns.
+    /// The mode that is requested now.
+    request: Option<Request>,
+    /// Ticks counted, and start of the interval, ns.
     counted: (u32, i64),
 }
 
-/// Whose command the controller consumes.
+/// A requested mode.
+#[derive(Debug)]
+struct Request {
+    mode: i8,
+    /// seq and time of the first command with it.
+    first_seq: i64,
+    since_ns: i64,
+    /// The executor's last reply to a command with it.
+    reply: Option<RequestReply>,
+}
+
+/// Operator whose commands the controller consumes.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Follows {
-    /// Nobody's, as far as is known.
+    /// None, as far as is known.
     #[default]
-    Nobody,
-    /// Ours.
+    NoOperator,
+    /// This one.
     Us,
-    /// Somebody else's.
+    /// Another one.
     Another,
 }
 
+/// State of an emergency stop that this operator requests.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Stop {
+    /// Sent less than [`STOP_TIMEOUT_NS`] ago.
+    Sent,
+    /// The controller damps the joints.
+    Confirmed,
+    /// Not confirmed in time.
+    Failed,
+}
+
 impl Link {
-    /// Opens the bus.
+    /// Joins the network.
     ///
     /// # Errors
-    /// The bus says what to do.
+    /// If the channel is invalid or the network cannot be joined.
     pub fn open(url: &str, channel: &str) -> anyhow::Result<Self> {
         check_channel(channel).with_context(|| format!("--channel {channel:?}"))?;
-        let mut bus = LcmBus::open(url).context("hoof doctor says what is wrong")?;
-        for heard in [channels::CONTROLLER_TICK, channels::CONTROLLER_INPUT, channels::EVENT, channels::RUN_INFO] {
-            bus.subscribe(heard)?;
+        let mut bus = LcmBus::open(url).context("run `hoof doctor` to find the cause")?;
+        for name in [
+            channels::CONTROLLER_TICK,
+            channels::CONTROLLER_INPUT,
+            channels::EVENT,
+            channels::RUN_INFO,
+            channels::REQUEST_REPLY,
+        ] {
+            bus.subscribe(name)?;
         }
         Ok(Link::over(Box::new(bus), channel))
     }
 
     fn over(bus: Box<dyn Bus>, channel: &str) -> Self {
         let (bytes, sent) = (Vec::new(), VecDeque::new());
-        Link { bus, channel: channel.to_owned(), bytes, sent, heard: Heard::default() }
+        Link { bus, channel: channel.to_owned(), bytes, sent, status: Status::default() }
     }
 
-    /// Where it sends.
+    /// Channel of the commands.
     pub fn channel(&self) -> &str {
         &self.channel
     }
@@ -91,12 +126,12 @@ impl Link {
     /// Sends a command.
     ///
     /// # Errors
-    /// The bus refuses it.
+    /// If the bus does not accept it.
     pub fn send(&mut self, command: &OperatorCommand) -> anyhow::Result<()> {
         self.bytes.clear();
         command.encode(&mut self.bytes)?;
         self.bus.publish(&self.channel, &self.bytes)?;
-        self.heard.commands += 1;
+        self.status.sent(command);
         if self.sent.len() == SENT {
             self.sent.pop_front();
         }
@@ -104,72 +139,103 @@ impl Link {
         Ok(())
     }
 
-    /// Says something to everybody.
+    /// Publishes an EVENT.
     ///
     /// # Errors
-    /// The bus refuses it.
-    pub fn say(&mut self, level: i8, text: String) -> anyhow::Result<()> {
+    /// If the bus does not accept it.
+    pub fn event(&mut self, level: i8, text: String) -> anyhow::Result<()> {
         let event = Event { t_ns: now_ns(), tick: -1, level, source: "teleop".to_owned(), text };
         self.bytes.clear();
         event.encode(&mut self.bytes)?;
         Ok(self.bus.publish(channels::EVENT, &self.bytes)?)
     }
 
-    /// Takes what has come since the last time.
+    /// Takes the messages that have arrived since the last call.
     ///
     /// # Errors
-    /// The bus fails.
-    pub fn listen(&mut self, now_ns: i64) -> anyhow::Result<()> {
+    /// If the bus fails.
+    pub fn receive(&mut self, now_ns: i64) -> anyhow::Result<()> {
         let messages = self.bus.handle(Duration::ZERO)?;
         let newest = |channel: &str| messages.iter().rev().find(|m| m.channel == channel).map(|m| &*m.data);
-        // Messages of another program's types, or another version's, are no reason to leave the operator without a stop.
+        // Messages of other types or versions are ignored: the operator must keep its emergency stop.
         if let Some(Ok(tick)) = newest(channels::CONTROLLER_TICK).map(ControllerTick::decode) {
-            self.heard.tick = Some((tick, now_ns));
+            self.status.tick = Some((tick, now_ns));
         }
         if let Some(Ok(input)) = newest(channels::CONTROLLER_INPUT).map(ControllerInput::decode) {
-            self.heard.follows = follows(&self.sent, &input.op);
+            self.status.follows = follows(&self.sent, &input.op);
         }
         if let Some(Ok(info)) = newest(channels::RUN_INFO).map(RunInfo::decode)
             && let Ok(params) = Params::from_toml(&info.params, "RUN_INFO")
         {
-            self.heard.robot = Some((info.robot, Limits::of(&params)));
+            self.status.robot = Some((info.robot, Limits::of(&params)));
         }
         let ticks = messages.iter().filter(|m| m.channel == channels::CONTROLLER_TICK).count();
-        self.heard.count(u32::try_from(ticks).unwrap_or(u32::MAX), now_ns);
-        for event in messages.iter().filter(|m| m.channel == channels::EVENT) {
-            let Ok(event) = Event::decode(&event.data) else { continue };
-            if self.heard.events.len() == EVENTS {
-                self.heard.events.pop_front();
+        self.status.count(u32::try_from(ticks).unwrap_or(u32::MAX), now_ns);
+        let sender_id = operator_sender_id(&self.channel);
+        for message in &messages {
+            if message.channel == channels::REQUEST_REPLY
+                && let Ok(reply) = RequestReply::decode(&message.data)
+                && reply.sender_id == sender_id
+            {
+                self.status.replied(reply);
             }
-            self.heard.events.push_back(event);
+            if message.channel == channels::EVENT
+                && let Ok(event) = Event::decode(&message.data)
+            {
+                if self.status.events.len() == EVENTS {
+                    self.status.events.pop_front();
+                }
+                self.status.events.push_back(event);
+            }
         }
         Ok(())
     }
 }
 
-impl Heard {
-    /// The controller's mode, if it has spoken lately.
+impl Status {
+    /// The controller's mode; `None` if the controller has timed out.
     pub fn mode(&self, now_ns: i64) -> Option<i8> {
-        self.tick.as_ref().filter(|(_, at)| now_ns - at <= SILENCE_NS).map(|(tick, _)| tick.mode)
+        self.tick.as_ref().filter(|(_, at)| now_ns - at <= TIMEOUT_NS).map(|(tick, _)| tick.mode)
     }
 
-    /// Why nothing comes of asking for a mode, `OperatorCommand::MODE_*`, on a channel, as far as that has been heard; `None`: the robot does it.
-    pub fn trouble(&self, asked: i8, channel: &str, now_ns: i64) -> Option<String> {
+    /// State of the emergency stop that this operator requests; `None` if it requests another mode.
+    pub fn stop(&self, now_ns: i64) -> Option<Stop> {
+        let request = self.request.as_ref().filter(|request| request.mode == OperatorCommand::MODE_DAMPING)?;
+        let is_done = request.reply.as_ref().is_some_and(|reply| reply.code == RequestReply::CODE_DONE);
+        Some(match self.mode(now_ns) {
+            Some(ControllerTick::MODE_DAMPING) => Stop::Confirmed,
+            // The reply may arrive before the tick.
+            _ if is_done && now_ns - request.since_ns <= STOP_TIMEOUT_NS => Stop::Confirmed,
+            _ if now_ns - request.since_ns <= STOP_TIMEOUT_NS => Stop::Sent,
+            _ => Stop::Failed,
+        })
+    }
+
+    /// The executor's reason for not following the requested mode, if it has replied so.
+    pub fn rejection(&self) -> Option<&str> {
+        let reply = self.request.as_ref()?.reply.as_ref()?;
+        (reply.code != RequestReply::CODE_DONE).then_some(&*reply.reason)
+    }
+
+    /// Why the robot does not follow a requested mode, `OperatorCommand::MODE_*`, sent on a channel; `None` if it does.
+    pub fn failure(&self, requested: i8, channel: &str, now_ns: i64) -> Option<String> {
         let Some(robot) = self.mode(now_ns) else {
-            return Some("no controller is heard here: nobody obeys".to_owned());
+            return Some("no CONTROLLER_TICK received: no controller is running on this network".to_owned());
         };
         match self.follows {
             Follows::Us => {}
             Follows::Another => {
                 return Some(format!(
-                    "the controller follows another operator, not {channel}: its run file says who may command, and who before whom"
+                    "the controller follows another operator, not {channel}: see the priorities of [[operator]] in its run file"
                 ));
             }
-            Follows::Nobody => {
-                return Some(format!("the controller follows nobody, not {channel} either: is it in its run file?"));
+            Follows::NoOperator => {
+                return Some(format!(
+                    "the controller follows no operator, not {channel} either: add it as [[operator]] to its run file"
+                ));
             }
         }
-        let does = match asked {
+        let is_followed = match requested {
             OperatorCommand::MODE_STAND | OperatorCommand::MODE_WALK => {
                 [ControllerTick::MODE_STAND_UP, ControllerTick::MODE_STANCE, ControllerTick::MODE_WALK].contains(&robot)
             }
@@ -177,15 +243,35 @@ impl Heard {
             OperatorCommand::MODE_IDLE => robot == ControllerTick::MODE_IDLE,
             _ => robot == ControllerTick::MODE_DAMPING,
         };
-        let way_out = match (robot, asked) {
+        if is_followed {
+            return None;
+        }
+        let advice = match (robot, requested) {
             (ControllerTick::MODE_DAMPING, OperatorCommand::MODE_IDLE) => {
-                ": it goes once nothing is wrong and it rests"
+                "; it changes to IDLE once no fault is present and the robot is at rest"
             }
-            (ControllerTick::MODE_DAMPING, _) => ": it leaves that by idle, and then stands",
+            (ControllerTick::MODE_DAMPING, _) => "; request idle first",
             _ => "",
         };
-        let asked = view::mode(asked);
-        (!does).then(|| format!("asked for {asked}, the robot is in {}{way_out}", enum_names::mode(robot)))
+        let (requested, robot) = (enum_names::operator_mode(requested), enum_names::mode(robot));
+        let reason = self.rejection().map(|reason| format!(" ({reason})")).unwrap_or_default();
+        Some(format!("{requested} requested, but the controller is in {robot}{reason}{advice}"))
+    }
+
+    /// Notes a command that has been sent.
+    pub fn sent(&mut self, command: &OperatorCommand) {
+        self.commands += 1;
+        if self.request.as_ref().is_none_or(|request| request.mode != command.mode) {
+            let OperatorCommand { mode, seq, t_ns, .. } = *command;
+            self.request = Some(Request { mode, first_seq: seq, since_ns: t_ns, reply: None });
+        }
+    }
+
+    /// Takes a reply to this operator; one to an earlier mode is ignored.
+    fn replied(&mut self, reply: RequestReply) {
+        if let Some(request) = self.request.as_mut().filter(|request| reply.request_id >= request.first_seq) {
+            request.reply = Some(reply);
+        }
     }
 
     fn count(&mut self, ticks: u32, now_ns: i64) {
@@ -193,7 +279,7 @@ impl Heard {
         *count = count.saturating_add(ticks);
         let counted_ns = now_ns - *since_ns;
         if counted_ns >= 1_000_000_000 {
-            #[expect(clippy::cast_precision_loss, reason = "a time that a person has spent here")]
+            #[expect(clippy::cast_precision_loss, reason = "intervals are far below 2^53 ns")]
             let seconds = counted_ns as f64 * 1e-9;
             self.rate_hz = f64::from(*count) / seconds;
             (*count, *since_ns) = (0, now_ns);
@@ -201,9 +287,10 @@ impl Heard {
     }
 }
 
+/// Operator of the command that the controller has consumed.
 fn follows(sent: &VecDeque<(i64, i64)>, op: &OperatorCommand) -> Follows {
     match op.seq {
-        -1 => Follows::Nobody,
+        -1 => Follows::NoOperator,
         seq if sent.contains(&(seq, op.t_ns)) => Follows::Us,
         _ => Follows::Another,
     }
@@ -220,12 +307,17 @@ mod tests {
         bus.publish(channel, &bytes).unwrap();
     }
 
-    #[test]
-    fn what_the_controller_says_is_kept_and_garbage_is_not() {
-        let mut theirs = MemoryBus::new();
+    /// A link, and the controller's side of its bus.
+    fn link() -> (Link, MemoryBus) {
+        let theirs = MemoryBus::new();
         let mut ours = theirs.connect();
         ours.subscribe(".*").unwrap();
-        let mut link = Link::over(Box::new(ours), "PAD");
+        (Link::over(Box::new(ours), "PAD"), theirs)
+    }
+
+    #[test]
+    fn messages_update_the_status_and_garbage_is_ignored() {
+        let (mut link, mut theirs) = link();
         let mine = OperatorCommand { seq: 4, t_ns: 77, ..OperatorCommand::default() };
         link.send(&mine).unwrap();
         theirs.publish(channels::CONTROLLER_TICK, b"garbage").unwrap();
@@ -235,32 +327,28 @@ mod tests {
         for number in 0..30 {
             put(&mut theirs, channels::EVENT, &Event { text: number.to_string(), ..Event::default() });
         }
-        put(
-            &mut theirs,
-            channels::CONTROLLER_INPUT,
-            &ControllerInput { op: mine.clone(), ..ControllerInput::default() },
-        );
-        link.listen(2_000_000_000).unwrap();
-        let heard = &link.heard;
-        assert_eq!(heard.tick.as_ref().map(|(tick, at)| (tick.tick, *at)), Some((999, 2_000_000_000)));
-        assert_eq!((heard.mode(2_500_000_000), heard.mode(2_500_000_001)), (Some(0), None));
-        assert_eq!(heard.rate_hz, 500.5);
-        assert_eq!((heard.events.len(), &*heard.events[0].text), (EVENTS, "10"));
-        assert_eq!(heard.follows, Follows::Us);
+        let input = ControllerInput { op: mine.clone(), ..ControllerInput::default() };
+        put(&mut theirs, channels::CONTROLLER_INPUT, &input);
+        link.receive(2_000_000_000).unwrap();
+        let status = &link.status;
+        assert_eq!(status.tick.as_ref().map(|(tick, at)| (tick.tick, *at)), Some((999, 2_000_000_000)));
+        assert_eq!((status.mode(2_500_000_000), status.mode(2_500_000_001)), (Some(0), None));
+        assert_eq!(status.rate_hz, 500.5);
+        assert_eq!((status.events.len(), &*status.events[0].text), (EVENTS, "10"));
+        assert_eq!(status.follows, Follows::Us);
         let other = OperatorCommand { t_ns: 78, ..mine };
         put(&mut theirs, channels::CONTROLLER_INPUT, &ControllerInput { op: other, ..ControllerInput::default() });
-        link.listen(2_000_000_000).unwrap();
-        assert_eq!(link.heard.follows, Follows::Another);
+        link.receive(2_000_000_000).unwrap();
+        assert_eq!(link.status.follows, Follows::Another);
     }
 
     #[test]
-    fn what_is_asked_for_is_held_against_what_the_robot_does() {
-        let of = |mode: i8, follows, asked| {
+    fn a_request_fails_if_the_controller_does_not_follow_it() {
+        let of = |mode: i8, follows, requested| {
             let tick = ControllerTick { mode, ..ControllerTick::default() };
-            Heard { tick: Some((tick, 0)), follows, ..Heard::default() }.trouble(asked, "PAD", 0)
+            Status { tick: Some((tick, 0)), follows, ..Status::default() }.failure(requested, "PAD", 0)
         };
-        let (us, another) = (Follows::Us, Follows::Another);
-        for (mode, asked) in [
+        for (mode, requested) in [
             (ControllerTick::MODE_STAND_UP, OperatorCommand::MODE_STAND),
             (ControllerTick::MODE_STANCE, OperatorCommand::MODE_STAND),
             (ControllerTick::MODE_WALK, OperatorCommand::MODE_STAND),
@@ -268,35 +356,79 @@ mod tests {
             (ControllerTick::MODE_IDLE, OperatorCommand::MODE_IDLE),
             (ControllerTick::MODE_DAMPING, OperatorCommand::MODE_DAMPING),
         ] {
-            assert_eq!(of(mode, us, asked), None);
-            let text = "the controller follows another operator, not PAD: its run file says who may command, and who before whom";
-            assert_eq!(of(mode, another, asked).unwrap(), text);
-            assert!(of(mode, Follows::Nobody, asked).unwrap().starts_with("the controller follows nobody"));
+            assert_eq!(of(mode, Follows::Us, requested), None);
+            assert!(of(mode, Follows::Another, requested).unwrap().contains("PAD"));
+            assert!(of(mode, Follows::NoOperator, requested).unwrap().contains("PAD"));
         }
-        let (damping, stand) = (ControllerTick::MODE_DAMPING, OperatorCommand::MODE_STAND);
-        let text = "asked for STAND, the robot is in DAMPING: it leaves that by idle, and then stands";
-        assert_eq!(of(damping, us, stand).unwrap(), text);
-        assert_eq!(
-            of(ControllerTick::MODE_WALK, us, OperatorCommand::MODE_DAMPING).unwrap(),
-            "asked for EMERGENCY STOP, the robot is in WALK"
-        );
-        let nobody = "no controller is heard here: nobody obeys";
-        assert_eq!(Heard::default().trouble(stand, "PAD", 0).unwrap(), nobody);
+        for (mode, requested, named) in [
+            (ControllerTick::MODE_DAMPING, OperatorCommand::MODE_STAND, ["STAND", "DAMPING"]),
+            (ControllerTick::MODE_WALK, OperatorCommand::MODE_DAMPING, ["DAMPING", "WALK"]),
+        ] {
+            let failure = of(mode, Follows::Us, requested).unwrap();
+            assert!(named.iter().all(|name| failure.contains(name)), "{failure}");
+        }
+        assert!(Status::default().failure(OperatorCommand::MODE_STAND, "PAD", 0).is_some());
     }
 
     #[test]
-    fn limits_come_with_the_run() {
-        let mut theirs = MemoryBus::new();
-        let mut ours = theirs.connect();
-        ours.subscribe(channels::RUN_INFO).unwrap();
-        let mut link = Link::over(Box::new(ours), "PAD");
+    fn an_emergency_stop_is_confirmed_by_reply_or_mode_and_fails_otherwise() {
+        let (mut link, mut theirs) = link();
+        let stop = OperatorCommand { mode: OperatorCommand::MODE_DAMPING, seq: 8, ..OperatorCommand::default() };
+        assert_eq!(link.status.stop(0), None);
+        link.send(&stop).unwrap();
+        assert_eq!(link.status.stop(STOP_TIMEOUT_NS), Some(Stop::Sent));
+        assert_eq!(link.status.stop(STOP_TIMEOUT_NS + 1), Some(Stop::Failed));
+        let reply = |channel, request_id| RequestReply {
+            sender_id: operator_sender_id(channel),
+            request_id,
+            ..RequestReply::default()
+        };
+        put(&mut theirs, channels::REQUEST_REPLY, &reply("KEYS", 8));
+        put(&mut theirs, channels::REQUEST_REPLY, &reply("PAD", 7));
+        link.receive(0).unwrap();
+        assert_eq!(link.status.stop(0), Some(Stop::Sent), "replies to others");
+        put(&mut theirs, channels::REQUEST_REPLY, &reply("PAD", 8));
+        link.receive(0).unwrap();
+        assert_eq!(link.status.stop(0), Some(Stop::Confirmed));
+        let mut tick = ControllerTick { mode: ControllerTick::MODE_DAMPING, ..ControllerTick::default() };
+        put(&mut theirs, channels::CONTROLLER_TICK, &tick);
+        link.receive(STOP_TIMEOUT_NS).unwrap();
+        assert_eq!(link.status.stop(STOP_TIMEOUT_NS + 1), Some(Stop::Confirmed));
+        tick.mode = ControllerTick::MODE_WALK;
+        put(&mut theirs, channels::CONTROLLER_TICK, &tick);
+        link.receive(STOP_TIMEOUT_NS).unwrap();
+        assert_eq!(link.status.stop(STOP_TIMEOUT_NS + 1), Some(Stop::Failed), "the robot walks");
+    }
+
+    #[test]
+    fn a_rejected_request_has_the_reason_of_the_reply() {
+        let (mut link, mut theirs) = link();
+        link.send(&OperatorCommand { seq: 2, ..OperatorCommand::default() }).unwrap();
+        let reply = RequestReply {
+            sender_id: operator_sender_id("PAD"),
+            request_id: 2,
+            code: RequestReply::CODE_WRONG_STATE,
+            reason: "too steep".to_owned(),
+            ..RequestReply::default()
+        };
+        put(&mut theirs, channels::REQUEST_REPLY, &reply);
+        link.receive(0).unwrap();
+        assert_eq!(link.status.rejection(), Some("too steep"));
+        let walk = OperatorCommand { seq: 3, mode: OperatorCommand::MODE_WALK, ..OperatorCommand::default() };
+        link.send(&walk).unwrap();
+        assert_eq!(link.status.rejection(), None, "another request");
+    }
+
+    #[test]
+    fn limits_come_from_the_run() {
+        let (mut link, mut theirs) = link();
         let (_, params) = crate::robot::RobotFiles::find_with_params("anymal_b").unwrap();
         let params = crate::robot::with_overrides(&params, &["foothold.max_speed=0.25".to_owned()]).unwrap();
         put(&mut theirs, channels::RUN_INFO, &RunInfo { robot: "anymal_b".to_owned(), params, ..RunInfo::default() });
-        link.listen(0).unwrap();
-        let (robot, limits) = link.heard.robot.unwrap();
+        link.receive(0).unwrap();
+        let (robot, limits) = link.status.robot.unwrap();
         assert_eq!((&*robot, limits.speed), ("anymal_b", 0.25));
         let command = OperatorCommand { seq: -1, ..OperatorCommand::default() };
-        assert_eq!(follows(&VecDeque::new(), &command), Follows::Nobody);
+        assert_eq!(follows(&VecDeque::new(), &command), Follows::NoOperator);
     }
 }

@@ -1,7 +1,7 @@
-//! The screen: how to stop the robot, what is asked of it, what it says. It fits a terminal of 80 by 24.
+//! The screen: emergency stop, command, state of the controller, events. It fits a terminal of 80 by 24.
 
-use super::link::{Follows, Heard, SILENCE_NS};
-use drivers::teleop::{Desk, Limits};
+use super::link::{Follows, Status, Stop, TIMEOUT_NS};
+use drivers::teleop::{Limits, OperatorInput};
 use lcmtypes::{ControllerTick, Event, OperatorCommand, enum_names};
 use ratatui::Frame;
 use ratatui::layout::{Constraint, Layout, Rect};
@@ -9,45 +9,33 @@ use ratatui::style::{Color, Modifier, Style};
 use ratatui::text::{Line, Span};
 use ratatui::widgets::{Block, Borders, Paragraph};
 
-/// Characters of a bar to either side of its middle.
+/// Characters of a bar on each side of its middle.
 const BAR: usize = 6;
 
 const HELP: [&str; 3] = [
-    "Space walk/stop  Enter stand up/sit  r level/no torque/stop back  Ctrl-C end",
+    "Space walk/stop  Enter stand up/sit  r level/no torque/clear stop  Ctrl-C end",
     "w s forward/back   q e left/right   a d turn   + - pace        (hold to move)",
-    "o l higher/lower   u j nose up/down   h k roll   g gait        (stays as set)",
+    "o l higher/lower   u j nose up/down   h k roll   g gait        (kept)",
 ];
 
-/// All that is shown.
+/// Content of the screen.
 pub struct Screen<'a> {
-    /// What the person has set.
-    pub desk: &'a Desk,
-    /// Where it goes.
+    /// Values set by the operator.
+    pub input: &'a OperatorInput,
+    /// Channel of the commands.
     pub channel: &'a str,
-    /// What came back.
-    pub heard: &'a Heard,
-    /// Name of the pad.
+    /// State of the controller.
+    pub status: &'a Status,
+    /// Name of the gamepad.
     pub pad: Option<&'a str>,
-    /// Why a key did nothing.
+    /// Why the last key had no effect, or why the request is rejected.
     pub message: &'a str,
-    /// Now.
+    /// Present time, ns.
     pub now_ns: i64,
 }
 
-/// A mode that is asked for, as a word.
-pub fn mode(mode: i8) -> &'static str {
-    match mode {
-        OperatorCommand::MODE_STAND => "STAND",
-        OperatorCommand::MODE_WALK => "WALK",
-        OperatorCommand::MODE_DAMPING => "EMERGENCY STOP",
-        OperatorCommand::MODE_SIT => "SIT",
-        OperatorCommand::MODE_IDLE => "IDLE",
-        _ => "?",
-    }
-}
-
 impl Screen<'_> {
-    /// Draws it; what does not fit is cut from the end of the events.
+    /// Draws the screen. If it does not fit, the oldest events are omitted.
     pub fn draw(&self, frame: &mut Frame) {
         let rows = [Constraint::Length(3), Constraint::Length(10), Constraint::Min(3), Constraint::Length(4)];
         let [stop, middle, events, foot] = Layout::vertical(rows).areas(frame.area());
@@ -61,42 +49,40 @@ impl Screen<'_> {
         frame.render_widget(Paragraph::new(lines), foot);
     }
 
-    /// The emergency stop: always there, never scrolled away.
+    /// The emergency stop: always visible.
     fn stop(&self, frame: &mut Frame, area: Rect) {
-        let stopped = self.desk.mode() == Some(OperatorCommand::MODE_DAMPING);
-        let saved = self.heard.mode(self.now_ns) == Some(ControllerTick::MODE_DAMPING);
-        let (text, style) = match (stopped, saved) {
-            (true, true) => ("EMERGENCY STOP: joints are damped.  r takes it back", alarm()),
-            (true, false) => ("EMERGENCY STOP is sent.  r takes it back", alarm()),
-            (false, true) => ("THE ROBOT HAS STOPPED ITSELF: joints are damped.  r takes it back", alarm()),
-            (false, false) => ("EMERGENCY STOP:  Esc  or  x", bold(Color::Red)),
+        let is_damped = self.status.mode(self.now_ns) == Some(ControllerTick::MODE_DAMPING);
+        let (text, style) = match self.status.stop(self.now_ns) {
+            Some(Stop::Confirmed) => ("EMERGENCY STOP: joints damped.  r clears it", alarm()),
+            Some(Stop::Sent) => ("EMERGENCY STOP sent.  r clears it", alarm()),
+            Some(Stop::Failed) => ("EMERGENCY STOP NOT CONFIRMED: use the robot's stop button", alarm()),
+            None if is_damped => ("SAFE STATE: the controller damps the joints.  r clears it", alarm()),
+            None => ("EMERGENCY STOP:  Esc  or  x", bold(Color::Red)),
         };
         let block = Block::new().borders(Borders::ALL).border_style(style);
         frame.render_widget(Paragraph::new(Line::styled(text, style)).centered().style(style).block(block), area);
     }
 
     fn command(&self) -> Vec<Line<'static>> {
-        // A copy, since what is shown must not count as sent.
-        let Some(c) = self.desk.clone().command(self.now_ns) else {
-            if self.heard.mode(self.now_ns) == Some(ControllerTick::MODE_DAMPING) {
+        // A copy: the command shown must not increase the seq of the commands sent.
+        let Some(c) = self.input.clone().command(self.now_ns) else {
+            if self.status.mode(self.now_ns) == Some(ControllerTick::MODE_DAMPING) {
                 return vec![
-                    Line::styled("nothing is sent yet", bold(Color::Yellow)),
-                    "The robot is damped, and stays so".into(),
-                    "until r takes it back.".into(),
+                    Line::styled("no commands sent yet", bold(Color::Yellow)),
+                    "The robot is damped.".into(),
+                    "Press r to request IDLE.".into(),
                 ];
             }
             return vec![
-                Line::styled("nothing is sent yet", bold(Color::Yellow)),
-                "Waiting for the controller, to begin with".into(),
-                "what the robot does. Enter sends STAND".into(),
-                "without waiting.".into(),
+                Line::styled("no commands sent yet", bold(Color::Yellow)),
+                "Waiting for the mode of the controller.".into(),
+                "Enter requests STAND without waiting.".into(),
             ];
         };
-        let Limits { speed, yaw_rate, orientation, height } = self.desk.limits();
-        let gait = if c.gait == OperatorCommand::GAIT_CRAWL { "crawl" } else { "trot" };
+        let Limits { speed, yaw_rate, orientation, height } = self.input.limits();
         let state = vec![
-            Span::styled(mode(c.mode), bold(mode_colour(c.mode))),
-            Span::raw(format!("   {gait}   pace {:.0} %", self.desk.pace() * 100.0)),
+            Span::styled(enum_names::operator_mode(c.mode), bold(mode_colour(c.mode))),
+            Span::raw(format!("   {}   pace {:.0} %", enum_names::gait(c.gait), self.input.pace() * 100.0)),
         ];
         vec![
             Line::from(state),
@@ -110,18 +96,18 @@ impl Screen<'_> {
     }
 
     fn controller(&self) -> Vec<Line<'static>> {
-        let Heard { tick, rate_hz, follows, robot, commands, .. } = self.heard;
+        let Status { tick, rate_hz, follows, robot, commands, .. } = self.status;
         let mut lines = Vec::new();
         match tick {
-            None => lines.push(Line::styled("nothing heard of it", bold(Color::Yellow))),
+            None => lines.push(Line::styled("no CONTROLLER_TICK received", bold(Color::Yellow))),
             Some((tick, at)) => {
                 let age_ns = self.now_ns - at;
-                let silent = age_ns > SILENCE_NS;
+                let timed_out = age_ns > TIMEOUT_NS;
                 let damped = tick.mode == ControllerTick::MODE_DAMPING;
                 let colour = if damped { Color::Red } else { Color::Green };
                 lines.push(Line::styled(
                     enum_names::mode(tick.mode),
-                    bold(if silent { Color::DarkGray } else { colour }),
+                    bold(if timed_out { Color::DarkGray } else { colour }),
                 ));
                 lines.push(match tick.fault {
                     ControllerTick::FAULT_NONE => "no fault".into(),
@@ -129,29 +115,29 @@ impl Screen<'_> {
                         Line::styled(format!("{}: {:.3}", enum_names::fault(fault), tick.fault_value), bold(Color::Red))
                     }
                 });
-                lines.push(if silent {
-                    Line::styled(format!("SILENT for {:.1} s", seconds(age_ns)), bold(Color::Red))
+                lines.push(if timed_out {
+                    Line::styled(format!("TIMED OUT {:.1} s ago", seconds(age_ns)), bold(Color::Red))
                 } else {
                     Line::from(format!("tick {}, {rate_hz:.0} Hz", tick.tick))
                 });
                 lines.push(match follows {
                     Follows::Us => Line::styled("follows this operator", Style::new().fg(Color::Green)),
                     Follows::Another => Line::styled("follows another operator", bold(Color::Yellow)),
-                    Follows::Nobody => Line::styled("follows nobody", bold(Color::Yellow)),
+                    Follows::NoOperator => Line::styled("follows no operator", bold(Color::Yellow)),
                 });
             }
         }
         let robot =
-            robot.as_ref().map_or("limits: defaults, no RUN_INFO".to_owned(), |(name, _)| format!("limits: {name}'s"));
+            robot.as_ref().map_or("limits: defaults, no RUN_INFO".to_owned(), |(name, _)| format!("limits: {name}"));
         lines.push(robot.into());
         lines.push(format!("{}: {commands} sent", self.channel).into());
-        lines.push(self.pad.map_or(String::new(), |name| format!("pad: {name}")).into());
+        lines.push(self.pad.map_or(String::new(), |name| format!("gamepad: {name}")).into());
         lines
     }
 
-    /// The newest ones that fit, the newest last.
+    /// The newest events that fit, the newest last.
     fn events(&self, rows: u16) -> Vec<Line<'static>> {
-        let events = &self.heard.events;
+        let events = &self.status.events;
         let skipped = events.len().saturating_sub(usize::from(rows));
         let line = |event: &Event| {
             let style = match event.level {
@@ -169,7 +155,7 @@ fn row(name: &str, value: f64, limit: f64, unit: &str) -> Line<'static> {
     format!("{name:<8}{value:>+7.3} {} {limit:>4.2} {unit}", bar(value, limit)).into()
 }
 
-/// A value between its limits: `|    ==.      |`.
+/// A value between its limits, as a bar: `|    ==.      |`.
 fn bar(value: f64, limit: f64) -> String {
     let part = if limit > 0.0 { (value / limit).clamp(-1.0, 1.0) } else { 0.0 };
     #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "0 to BAR")]
@@ -200,7 +186,7 @@ fn alarm() -> Style {
     Style::new().fg(Color::White).bg(Color::Red).add_modifier(Modifier::BOLD)
 }
 
-#[expect(clippy::cast_precision_loss, reason = "a silence for a person to read")]
+#[expect(clippy::cast_precision_loss, reason = "ages are far below 2^53 ns")]
 fn seconds(ns: i64) -> f64 {
     ns as f64 * 1e-9
 }
@@ -212,20 +198,20 @@ mod tests {
     use ratatui::Terminal;
     use ratatui::backend::TestBackend;
 
-    fn drawn(desk: &Desk, heard: &Heard, message: &str) -> String {
+    fn drawn(input: &OperatorInput, status: &Status, message: &str) -> String {
         let mut terminal = Terminal::new(TestBackend::new(80, 24)).unwrap();
-        let screen = Screen { desk, channel: "OPERATOR_TELEOP", heard, pad: None, message, now_ns: 1_000_000_000 };
+        let screen = Screen { input, channel: "OPERATOR_TELEOP", status, pad: None, message, now_ns: 1_000_000_000 };
         terminal.draw(|frame| screen.draw(frame)).unwrap();
         let buffer = terminal.backend().buffer();
         let row = |y| (0..80).map(|x| buffer.cell((x, y)).unwrap().symbol()).collect::<String>();
         (0..24).map(row).collect::<Vec<_>>().join("\n")
     }
 
-    fn heard(mode: i8, fault: i32) -> Heard {
+    fn status(mode: i8, fault: i32) -> Status {
         let tick = ControllerTick { mode, fault, tick: 4812, fault_value: 0.71, ..ControllerTick::default() };
-        let mut heard = Heard::default();
-        (heard.tick, heard.rate_hz, heard.follows) = (Some((tick, 990_000_000)), 1000.2, Follows::Us);
-        heard
+        let mut status = Status::default();
+        (status.tick, status.rate_hz, status.follows) = (Some((tick, 990_000_000)), 1000.2, Follows::Us);
+        status
     }
 
     fn has(screen: &str, wanted: &[&str]) {
@@ -235,59 +221,64 @@ mod tests {
     }
 
     #[test]
-    fn before_anything_is_known_the_stop_is_there() {
-        let screen = drawn(&Desk::new(Limits::default()), &Heard::default(), "");
-        has(&screen, &["EMERGENCY STOP:  Esc  or  x", "nothing is sent yet", "nothing heard of it", "Ctrl-C end"]);
+    fn the_stop_keys_are_shown_before_the_controller_is_known() {
+        let screen = drawn(&OperatorInput::new(Limits::default()), &Status::default(), "");
+        has(&screen, &["EMERGENCY STOP:  Esc  or  x", "Ctrl-C end"]);
     }
 
     #[test]
-    fn at_a_damped_robot_nothing_is_sent() {
-        let mut desk = Desk::new(Limits::default());
-        desk.hear(ControllerTick::MODE_DAMPING);
-        let screen = drawn(&desk, &heard(ControllerTick::MODE_DAMPING, ControllerTick::FAULT_TILT), "");
-        has(&screen, &["THE ROBOT HAS STOPPED ITSELF", "nothing is sent yet", "until r takes it back."]);
+    fn the_safe_state_is_shown_and_no_command() {
+        let mut input = OperatorInput::new(Limits::default());
+        input.set_robot_mode(ControllerTick::MODE_DAMPING);
+        let status = status(ControllerTick::MODE_DAMPING, ControllerTick::FAULT_TILT);
+        let screen = drawn(&input, &status, "");
+        has(&screen, &["SAFE STATE", "DAMPING", enum_names::fault(ControllerTick::FAULT_TILT), "0.710"]);
+        assert!(!screen.contains("m/s"), "{screen}");
     }
 
     #[test]
-    fn a_walk_is_seen_with_its_limits() {
-        let mut desk = Desk::new(Limits { speed: 0.6, yaw_rate: 0.8, orientation: 0.35, height: 0.12 });
-        desk.hear(ControllerTick::MODE_STANCE);
-        desk.press(Press::Walk, 0).unwrap();
-        desk.press(Press::Move(Axis::Turn, Sign::Minus), 900_000_000).unwrap();
-        let screen = drawn(&desk, &heard(ControllerTick::MODE_WALK, 0), "Space begins to walk");
+    fn a_walk_is_shown_with_its_limits() {
+        let mut input = OperatorInput::new(Limits { speed: 0.6, yaw_rate: 0.8, orientation: 0.35, height: 0.12 });
+        input.set_robot_mode(ControllerTick::MODE_STANCE);
+        input.press(Press::Walk, 0).unwrap();
+        input.press(Press::Move(Axis::Turn, Sign::Minus), 900_000_000).unwrap();
+        let screen = drawn(&input, &status(ControllerTick::MODE_WALK, 0), "a message");
         has(
             &screen,
             &[
                 "WALK   trot   pace 50 %",
                 "turn     -0.400 |   ===.      | 0.80 rad/s",
-                "no fault",
                 "tick 4812, 1000 Hz",
+                "a message",
+                "o l higher/lower",
             ],
         );
-        has(&screen, &["follows this operator", "Space begins to walk", "o l higher/lower"]);
     }
 
     #[test]
-    fn a_stop_is_told_apart_by_who_wanted_it() {
-        let mut desk = Desk::new(Limits::default());
-        desk.hear(ControllerTick::MODE_STANCE);
-        let saved = heard(ControllerTick::MODE_DAMPING, ControllerTick::FAULT_TILT);
-        has(&drawn(&desk, &saved, ""), &["THE ROBOT HAS STOPPED ITSELF", "tilt (rad): 0.710", "DAMPING"]);
-        desk.press(Press::Stop, 0).unwrap();
-        has(&drawn(&desk, &saved, ""), &["EMERGENCY STOP: joints are damped.  r takes it back"]);
-        has(&drawn(&desk, &heard(ControllerTick::MODE_WALK, 0), ""), &["EMERGENCY STOP is sent."]);
+    fn an_emergency_stop_is_shown_as_sent_confirmed_or_failed() {
+        let mut input = OperatorInput::new(Limits::default());
+        input.press(Press::Stop, 0).unwrap();
+        let mut shown = |mode: i8, sent_ns: i64| {
+            let mut status = status(mode, 0);
+            status.sent(&input.command(sent_ns).unwrap());
+            drawn(&input, &status, "")
+        };
+        has(&shown(ControllerTick::MODE_WALK, 900_000_000), &["EMERGENCY STOP sent"]);
+        has(&shown(ControllerTick::MODE_DAMPING, 900_000_000), &["EMERGENCY STOP: joints damped"]);
+        has(&shown(ControllerTick::MODE_WALK, 0), &["EMERGENCY STOP NOT CONFIRMED"]);
     }
 
     #[test]
-    fn a_silent_controller_and_the_newest_events_are_seen() {
-        let mut heard = heard(ControllerTick::MODE_WALK, 0);
-        heard.tick.as_mut().unwrap().1 = -1_500_000_000;
+    fn a_time_out_and_the_newest_events_are_shown() {
+        let mut status = status(ControllerTick::MODE_WALK, 0);
+        status.tick.as_mut().unwrap().1 = -1_500_000_000;
         for number in 0..30 {
             let text = format!("number {number}");
-            heard.events.push_back(Event { source: "executor".to_owned(), text, ..Event::default() });
+            status.events.push_back(Event { source: "executor".to_owned(), text, ..Event::default() });
         }
-        let screen = drawn(&Desk::new(Limits::default()), &heard, "");
-        has(&screen, &["SILENT for 2.5 s", "executor: number 29"]);
+        let screen = drawn(&OperatorInput::new(Limits::default()), &status, "");
+        has(&screen, &["2.5 s", "executor: number 29"]);
         assert!(!screen.contains("number 20 "), "{screen}");
     }
 
@@ -296,7 +287,7 @@ mod tests {
         assert_eq!(bar(0.0, 1.0), "|      .      |");
         assert_eq!(bar(1.0, 1.0), "|      .======|");
         assert_eq!(bar(-0.25, 1.0), "|    ==.      |");
-        assert_eq!(bar(0.001, 1.0), "|      .=     |", "a little is not nothing");
+        assert_eq!(bar(0.001, 1.0), "|      .=     |", "a small value is visible");
         assert_eq!(bar(1.0, 0.0), bar(f64::NAN, 1.0));
     }
 }

@@ -1,7 +1,8 @@
 //! Runs the command, and reads or alters the logs that it writes.
 #![allow(dead_code, reason = "each test file uses a part of it")]
 
-pub mod talker;
+pub mod live_process;
+pub mod network;
 
 use lcmtypes::Message;
 use replay::log::{Event, LogReader, LogWriter};
@@ -42,11 +43,25 @@ pub fn ran(output: Output) -> Ran {
 }
 
 impl Ran {
-    /// Fails the test unless the command ended with `code`.
+    /// Fails the test if the exit code is not `code`.
     #[track_caller]
     pub fn exits(self, code: i32) -> Self {
         assert_eq!(self.code, code, "exit code\n{}{}", self.stdout, self.stderr);
         self
+    }
+
+    /// Fails the test unless the exit code of a live run is the one that its JSON implies: 0, 1 if a process failed (a fall in simulation
+    /// included), 3 if data was lost.
+    #[track_caller]
+    pub fn exits_as_reported(self) -> Self {
+        let json = self.json();
+        let codes = ["recorder", "driver", "controller"].map(|name| json[name]["exit_code"].as_i64());
+        let code = match codes {
+            _ if codes.iter().any(|code| !matches!(code, Some(0 | 3))) => 1,
+            _ if codes.contains(&Some(3)) => 3,
+            _ => 0,
+        };
+        self.exits(code)
     }
 
     /// Standard output as JSON.
@@ -66,7 +81,7 @@ pub fn folder(test: &str) -> PathBuf {
     folder
 }
 
-/// Every event of an undamaged log.
+/// All events of an undamaged log.
 pub fn events(log: &Path) -> Vec<Event> {
     let mut events = LogReader::open(log).unwrap().events();
     let found = events.by_ref().map(|event| event.unwrap()).collect();
@@ -74,7 +89,7 @@ pub fn events(log: &Path) -> Vec<Event> {
     found
 }
 
-/// Every message of one channel, decoded.
+/// All messages of one channel, decoded.
 pub fn messages<M: Message>(log: &Path, channel: &str) -> Vec<M> {
     events(log).iter().filter(|event| *event.channel == *channel).map(|event| M::decode(&event.data).unwrap()).collect()
 }

@@ -61,6 +61,10 @@ static void parameter_request(const hoofprint_parameter_request_t *m) {
     integer(m->seq), printf(" %s %s", m->key, m->value);
 }
 
+static void request_reply(const hoofprint_request_reply_t *m) {
+    integer(m->tick), integer(m->request_id), integer(m->code), printf(" %s", m->reason);
+}
+
 static void quadruped_state(const hoofprint_quadruped_state_t *m) {
     integer(m->started), integer(m->contact_count[1]), real(m->q_des[m->nj - 1]), real(m->yaw_rate_des);
 }
@@ -125,6 +129,7 @@ static int print(const lcm_eventlog_event_t *e) {
     CHANNEL("CONTROLLER_SNAPSHOT", quadruped_state)
     CHANNEL("GROUND_TRUTH", ground_truth)
     CHANNEL("PARAMETER_REQUEST", parameter_request)
+    CHANNEL("REQUEST_REPLY", request_reply)
     CHANNEL("PARAMETER_CHANGE", parameter_change)
     CHANNEL("TIMING", timing)
     CHANNEL("EVENT", event)

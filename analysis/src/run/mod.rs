@@ -20,8 +20,7 @@ use crate::fields::{Field, Samples};
 use crate::robot::Robot;
 use crate::{Error, Progress};
 
-/// Names of the legs, in the order of every array of four.
-pub const LEGS: [&str; 4] = ["LF", "RF", "LH", "RH"];
+pub use lcmtypes::enum_names::LEGS;
 
 /// Channels that a report is made of, one of which a log must hold.
 pub const TICK_CHANNELS: [&str; 9] = [

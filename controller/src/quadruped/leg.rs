@@ -26,7 +26,7 @@ impl Leg {
 
     /// Name in figures and errors.
     pub fn name(self) -> &'static str {
-        ["LF", "RF", "LH", "RH"][self as usize]
+        lcmtypes::enum_names::LEGS[self as usize]
     }
 }
 

@@ -1,14 +1,23 @@
-//! What other threads want of the real-time thread.
+//! Calls from other threads to the real-time thread, and their results on the way back.
 
 use controller::handover::Parameters;
 use controller::{Controller, RestoreError};
 use lcmtypes::{OperatorCommand, ParameterChange};
 use rtrb::{Consumer, Producer, RingBuffer};
 
-/// Calls that may wait for the real-time thread.
-const CALLS: usize = 256;
+/// Capacity of each ring, in calls.
+const CAPACITY: usize = 256;
 
-/// What is wanted; carried out at the beginning of the next tick, in order.
+/// Identifies a request: `sender_id` and `request_id` of a `request_reply_t`.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct RequestId {
+    /// The sender.
+    pub sender_id: i64,
+    /// The request, among those of its sender.
+    pub request_id: i64,
+}
+
+/// A call. The real-time thread carries out all waiting calls at the beginning of its next tick, in order.
 pub enum Call {
     /// Follow an operator command, which arrived at `t_ns`.
     Operator {
@@ -17,64 +26,93 @@ pub enum Call {
         /// The command.
         command: OperatorCommand,
     },
-    /// Start the k-th controller.
-    Start(usize),
-    /// Stop the k-th controller.
-    Stop(usize),
-    /// Have a controller with other parameters take over.
-    Change(Box<Handover>),
+    /// Start or stop a controller.
+    Switch(Switch),
+    /// Replace the controller by one with other parameters.
+    Handover(Box<Handover>),
 }
 
-/// A controller with other parameters. It comes back with the one that it has replaced, so that no memory is freed in real time.
+/// Start or stop of a controller.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Switch {
+    /// The request.
+    pub id: RequestId,
+    /// Index of the controller in the order of the run.
+    pub controller: usize,
+    /// Start it, else stop it.
+    pub start: bool,
+}
+
+/// A controller with other parameters. The real-time thread returns it with the controller that it has replaced, so that it frees no memory.
 pub struct Handover {
-    /// Who is to take over; on the way back, who is not needed any more.
+    /// The request.
+    pub id: RequestId,
+    /// The new controller; on return the replaced one, or the new one if it was refused.
     pub controller: Box<dyn Controller>,
-    /// The change, whose time and tick the real-time thread fills in.
+    /// The change; the real-time thread sets its time and tick.
     pub change: ParameterChange,
-    /// The parameters from then on.
+    /// All parameters after the change.
     pub parameters: Parameters,
-    /// Why it could not take over, on the way back.
+    /// Set on return if the new controller did not accept the state.
     pub refused: Option<RestoreError>,
 }
 
-/// The end of who calls.
-pub struct Caller {
+/// Result of a call.
+pub enum CallResult {
+    /// A [`Call::Switch`] has been carried out.
+    Switched {
+        /// The call.
+        switch: Switch,
+        /// Time of the tick, ns.
+        t_ns: i64,
+        /// First tick with it.
+        tick: i64,
+        /// False if the controller was running, or stopped, already.
+        changed: bool,
+    },
+    /// A [`Call::Handover`] has been carried out or refused.
+    Handover(Box<Handover>),
+}
+
+/// The calling end.
+pub struct CallSender {
     calls: Producer<Call>,
-    returns: Consumer<Box<Handover>>,
+    results: Consumer<CallResult>,
 }
 
 /// The end of the real-time thread.
-pub struct Called {
+pub struct CallReceiver {
     calls: Consumer<Call>,
-    returns: Producer<Box<Handover>>,
+    results: Producer<CallResult>,
 }
 
-/// Both ends of a line to the real-time thread.
-pub fn calls() -> (Caller, Called) {
-    let (calls_in, calls_out) = RingBuffer::new(CALLS);
-    let (returns_in, returns_out) = RingBuffer::new(CALLS);
-    (Caller { calls: calls_in, returns: returns_out }, Called { calls: calls_out, returns: returns_in })
+/// Allocates the rings for calls and results and returns both ends.
+pub fn call_ring() -> (CallSender, CallReceiver) {
+    let (calls_in, calls_out) = RingBuffer::new(CAPACITY);
+    // Results of all waiting calls, and of the one in progress.
+    let (results_in, results_out) = RingBuffer::new(CAPACITY + 1);
+    (CallSender { calls: calls_in, results: results_out }, CallReceiver { calls: calls_out, results: results_in })
 }
 
-impl Caller {
-    /// Calls; false if there is no room, since the real-time thread stands still.
-    pub fn call(&mut self, call: Call) -> bool {
+impl CallSender {
+    /// Sends a call; false if the ring is full because the real-time thread does not take calls.
+    pub fn send(&mut self, call: Call) -> bool {
         self.calls.push(call).is_ok()
     }
 
-    /// A handover that has been carried out or refused.
-    pub fn returned(&mut self) -> Option<Box<Handover>> {
-        self.returns.pop().ok()
+    /// Next result, if there is one.
+    pub fn result(&mut self) -> Option<CallResult> {
+        self.results.pop().ok()
     }
 }
 
-impl Called {
+impl CallReceiver {
     pub(super) fn next(&mut self) -> Option<Call> {
         self.calls.pop().ok()
     }
 
-    pub(super) fn give_back(&mut self, handover: Box<Handover>) {
-        // As many may wait here as could have been called.
-        drop(self.returns.push(handover));
+    /// Returns a result; hands it back if the ring is full.
+    pub(super) fn put_result(&mut self, result: CallResult) -> Option<CallResult> {
+        self.results.push(result).err().map(|rtrb::PushError::Full(result)| result)
     }
 }

@@ -6,7 +6,7 @@ use nix::time::{ClockId, ClockNanosleepFlags, clock_gettime, clock_nanosleep};
 
 const NS_PER_S: i64 = 1_000_000_000;
 
-/// Monotonic time, ns: the one clock of a live run, the same in all processes of a machine.
+/// Monotonic time, ns: the clock of a live run, shared by all processes of a machine.
 pub fn now_ns() -> i64 {
     nanoseconds(ClockId::CLOCK_MONOTONIC)
 }
@@ -16,10 +16,10 @@ pub fn wall_ns() -> i64 {
     nanoseconds(ClockId::CLOCK_REALTIME)
 }
 
-/// Sleeps until the monotonic clock shows `t_ns`. Returns at once when it does already.
+/// Sleeps until the monotonic clock reaches `t_ns`. Returns at once if it has.
 pub fn sleep_until(t_ns: i64) {
     let until = TimeSpec::new(t_ns.div_euclid(NS_PER_S), t_ns.rem_euclid(NS_PER_S));
-    // A signal wakes early: the time is absolute, so sleeping again loses nothing.
+    // A signal interrupts the sleep; the time is absolute, so the sleep is resumed without error.
     while clock_nanosleep(ClockId::CLOCK_MONOTONIC, ClockNanosleepFlags::TIMER_ABSTIME, &until) == Err(Errno::EINTR) {}
 }
 
@@ -28,19 +28,19 @@ fn nanoseconds(clock: ClockId) -> i64 {
     clock_gettime(clock).map_or(0, |t| t.tv_sec() * NS_PER_S + t.tv_nsec())
 }
 
-/// Times at which something is due: every `period_ns`, `phase_ns` behind the whole multiples of it on the monotonic clock.
+/// Times at which ticks are due: every `period_ns`, `phase_ns` after the whole multiples of the period on the monotonic clock.
 ///
-/// Processes of one machine that keep to it stay in step: a driver at phase 0 has measured when a controller at half a period wakes.
+/// Processes of one machine with the same period stay synchronized: a driver at phase 0 has measured when a controller at half a period wakes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct TickSchedule {
-    /// Time between two of them, ns.
+    /// Time between two ticks, ns.
     pub period_ns: i64,
-    /// Behind the whole multiples, ns.
+    /// Time after the whole multiples of the period, ns.
     pub phase_ns: i64,
 }
 
 impl TickSchedule {
-    /// The first one after `now_ns`.
+    /// First tick after `now_ns`.
     pub fn after(self, now_ns: i64) -> i64 {
         let since = (now_ns - self.phase_ns).rem_euclid(self.period_ns);
         now_ns - since + self.period_ns
@@ -60,9 +60,9 @@ mod tests {
     }
 
     #[test]
-    fn beats_are_whole_periods_apart_and_keep_their_phase() {
-        let beat = TickSchedule { period_ns: 1000, phase_ns: 400 };
-        assert_eq!([0, 399, 400, 401, 1399, 1400].map(|now| beat.after(now)), [400, 400, 1400, 1400, 1400, 2400]);
+    fn ticks_are_whole_periods_apart_and_keep_their_phase() {
+        let schedule = TickSchedule { period_ns: 1000, phase_ns: 400 };
+        assert_eq!([0, 399, 400, 401, 1399, 1400].map(|now| schedule.after(now)), [400, 400, 1400, 1400, 1400, 2400]);
         assert_eq!(TickSchedule { period_ns: 1000, phase_ns: 0 }.after(5999), 6000);
     }
 }

@@ -1,8 +1,8 @@
-//! A wrapper around any hardware that makes it fail, as the `[[fault]]` lines of a scenario say.
+//! Hardware with injected faults: a wrapper that applies the `[[fault]]` entries of a scenario.
 //!
-//! What fails here is the way between controller and robot. A command that leaves is the controller's own, bit for bit, or a replay would find
-//! another one in the log: drives that fail (`torque_loss`) and feet that are touched (`false_touch`) are the simulator's, and so is the operator of its
-//! scenario (`drop_operator`).
+//! The faults are those of the connection between controller and robot. The commands in the log stay those of the controller, bit for bit, as a
+//! replay requires. Faults of the drives (`torque_loss`), of the feet (`false_touch`) and of the scenario's operator (`drop_operator`) are
+//! injected in the simulator.
 
 use super::Hardware;
 use super::clock::{now_ns, sleep_until};
@@ -11,56 +11,56 @@ use crate::fault_injection::{FaultKind, FaultWindow};
 use crate::{DriverError, FaultInjection};
 use lcmtypes::RobotState;
 
-/// Hardware that fails. The scenario's time begins with the first measurement.
+/// Hardware with injected faults. The scenario's time starts with the first measurement.
 pub struct Faulty {
     inner: Box<dyn Hardware>,
     faults: FaultInjection,
-    began_ns: Option<i64>,
-    /// As it came, and as it is handed on: a measurement that is lost must not spoil the last one.
+    start_ns: Option<i64>,
+    /// Last measurement as received, and with faults. Two buffers, so that a dropped measurement does not change the one passed on before.
     measured: RobotState,
-    spoiled: RobotState,
+    faulty: RobotState,
 }
 
 impl Faulty {
-    /// Whether a fault can happen here.
-    pub fn can(kind: &FaultKind) -> bool {
+    /// Whether a kind of fault can be injected here; the others are injected in the simulator.
+    pub fn supports(kind: &FaultKind) -> bool {
         !matches!(kind, FaultKind::TorqueLoss { .. } | FaultKind::FalseTouch { .. } | FaultKind::DropOperator)
     }
 
-    /// Wraps `inner`, a robot of these actuated joints. What [`Faulty::can`] not happen here has no effect.
+    /// Wraps `inner`, a robot with these actuated joints. Faults that are not supported ([`Faulty::supports`]) have no effect.
     ///
     /// # Errors
-    /// A fault that names a joint that the robot lacks.
+    /// If a fault names a joint that the robot does not have.
     pub fn new(inner: Box<dyn Hardware>, faults: &[FaultWindow], joints: &[String]) -> Result<Self, DriverError> {
         Ok(Faulty {
             inner,
             faults: FaultInjection::new(faults, joints)?,
-            began_ns: None,
+            start_ns: None,
             measured: empty_state(),
-            spoiled: empty_state(),
+            faulty: empty_state(),
         })
     }
 
     /// Time of the scenario, ns.
     fn t_ns(&self) -> i64 {
-        self.began_ns.map_or(0, |began| now_ns() - began)
+        self.start_ns.map_or(0, |start| now_ns() - start)
     }
 }
 
 impl Hardware for Faulty {
     fn receive(&mut self, state: &mut RobotState) -> bool {
-        if let (Some(began), Some(end)) = (self.began_ns, self.faults.stands_still_until(self.t_ns())) {
-            sleep_until(began + end);
+        if let (Some(start), Some(end)) = (self.start_ns, self.faults.stands_still_until(self.t_ns())) {
+            sleep_until(start + end);
         }
         if !self.inner.receive(&mut self.measured) {
             return false;
         }
-        self.began_ns.get_or_insert_with(now_ns);
-        self.spoiled.clone_from(&self.measured);
-        if !self.faults.on_state(self.t_ns(), &mut self.spoiled) {
+        self.start_ns.get_or_insert_with(now_ns);
+        self.faulty.clone_from(&self.measured);
+        if !self.faults.on_state(self.t_ns(), &mut self.faulty) {
             return false;
         }
-        std::mem::swap(state, &mut self.spoiled);
+        std::mem::swap(state, &mut self.faulty);
         true
     }
 

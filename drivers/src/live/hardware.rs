@@ -1,21 +1,21 @@
-//! The robot as the executor sees it.
+//! The robot as the executor uses it.
 
 use super::clock::now_ns;
-use super::socket::{Ear, Speaker};
+use super::socket::{LcmReceiver, LcmSender};
 use crate::DriverError;
 use lcmtypes::{Message, RobotState, channels};
 use replay::udpm::Url;
 
-/// A robot, real or simulated. To make one is to open it, off the real-time thread; what follows is called from the real-time thread alone:
-/// no allocation, no lock, and no system call but its own sockets.
+/// A robot, real or simulated. It is opened before the real-time thread starts. All methods are called from the real-time thread only: they must
+/// not allocate or lock, and the only system calls are those of its own sockets.
 pub trait Hardware: Send {
-    /// Takes over the newest measurement, if one came since the last call.
+    /// Writes the newest measurement into `state`; false, and `state` unchanged, if none arrived since the last call.
     fn receive(&mut self, state: &mut RobotState) -> bool;
 
-    /// Hands a command on: an encoded ROBOT_COMMAND.
+    /// Sends an encoded ROBOT_COMMAND.
     fn send(&mut self, command: &[u8]);
 
-    /// Commands go over the bus already, so nobody else needs to publish them.
+    /// Whether commands are sent over LCM; the publisher publishes them otherwise.
     fn is_on_bus(&self) -> bool {
         false
     }
@@ -26,22 +26,22 @@ pub trait Hardware: Send {
     }
 }
 
-/// Joints for which there is memory from the beginning; a robot with more costs some allocations in its first ticks.
+/// Joints for which memory is allocated in advance. A robot with more joints causes allocations in its first ticks.
 const JOINTS: usize = 64;
 
-/// A state without joints, and with room for them.
+/// A state without joints, with memory allocated for them.
 pub fn empty_state() -> RobotState {
     let room = || Vec::with_capacity(JOINTS);
     RobotState { q: room(), qd: room(), tau: room(), ..RobotState::default() }
 }
 
-/// No robot: joints at rest in a posture, IMU upright. For trying an executor and measuring its jitter.
+/// No robot: joints at rest in a posture, IMU upright. For tests of the executor and measurements of its jitter.
 pub struct Dummy {
     state: RobotState,
 }
 
 impl Dummy {
-    /// A robot whose joints stand at `q`, rad.
+    /// A robot with joint positions `q`, rad.
     pub fn new(q: Vec<f64>) -> Self {
         let nj = q.len();
         let mut state = RobotState { seq: -1, q, qd: vec![0.0; nj], tau: vec![0.0; nj], ..RobotState::default() };
@@ -61,48 +61,49 @@ impl Hardware for Dummy {
     fn send(&mut self, _: &[u8]) {}
 }
 
-/// A measurement that is older by more than this than the one before it comes from a driver whose clock began anew, ns.
-const CLOCK_BEGAN_ANEW_NS: i64 = 1_000_000_000;
+/// If a measurement is older than the one before it by more than this, the driver's clock was reset, ns.
+const CLOCK_RESET_NS: i64 = 1_000_000_000;
 
-/// Any driver process that sends ROBOT_STATE and obeys ROBOT_COMMAND, over LCM.
+/// Any driver process that sends ROBOT_STATE and applies ROBOT_COMMAND, over LCM.
 ///
-/// The real-time thread reads the network itself: no other thread has to be awake between a measurement and the command.
+/// The real-time thread reads the socket itself: no other thread has to run between a measurement and the command.
 pub struct LcmRobot {
-    states: Ear,
-    commands: Speaker,
-    heard: RobotState,
+    states: LcmReceiver,
+    commands: LcmSender,
+    /// Decoding buffer.
+    received: RobotState,
     unsent: u64,
 }
 
 impl LcmRobot {
-    /// Joins a network.
+    /// Joins an LCM network.
     ///
     /// # Errors
-    /// If it cannot be joined.
+    /// If the network cannot be joined.
     pub fn open(url: &Url) -> Result<Self, DriverError> {
-        let (states, commands) = (Ear::open(url)?, Speaker::open(url)?);
-        Ok(LcmRobot { states, commands, heard: empty_state(), unsent: 0 })
+        let (states, commands) = (LcmReceiver::open(url)?, LcmSender::open(url)?);
+        Ok(LcmRobot { states, commands, received: empty_state(), unsent: 0 })
     }
 }
 
 impl Hardware for LcmRobot {
     fn receive(&mut self, state: &mut RobotState) -> bool {
-        let (mut taken, heard) = (false, &mut self.heard);
-        self.states.hear(|channel, data| {
-            if channel == channels::ROBOT_STATE && heard.decode_into(data).is_ok() {
-                let younger_ns = heard.t_ns.saturating_sub(state.t_ns);
-                if !(-CLOCK_BEGAN_ANEW_NS..=0).contains(&younger_ns) {
-                    std::mem::swap(state, heard);
-                    taken = true;
+        let (mut is_new, received) = (false, &mut self.received);
+        self.states.receive(|channel, data| {
+            if channel == channels::ROBOT_STATE && received.decode_into(data).is_ok() {
+                let newer_ns = received.t_ns.saturating_sub(state.t_ns);
+                if !(-CLOCK_RESET_NS..=0).contains(&newer_ns) {
+                    std::mem::swap(state, received);
+                    is_new = true;
                 }
             }
         });
-        taken
+        is_new
     }
 
     fn send(&mut self, command: &[u8]) {
-        // Nothing can be done about it in a tick; the driver's own watchdog acts when commands stay away.
-        self.unsent += u64::from(!self.commands.say(channels::ROBOT_COMMAND, command));
+        // A failure is only counted: the driver's watchdog damps when commands time out.
+        self.unsent += u64::from(!self.commands.send(channels::ROBOT_COMMAND, command));
     }
 
     fn is_on_bus(&self) -> bool {

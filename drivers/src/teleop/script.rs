@@ -1,36 +1,38 @@
-//! Lines of text as an operator: `walk vx=0.2`, `gait=crawl`, `wait 2.5`, `estop`.
+//! Operator input as lines of text: `walk vx=0.2`, `gait=crawl`, `wait 2.5`, `estop`.
 //!
-//! A line is a mode, or numbers, or both, or a time to wait. What is set stays until it is set again; a new mode begins with
-//! velocities of zero.
+//! A line holds a mode, `KEY=VALUE` pairs, or both; or a time to wait. Values are kept until they are set again. A new mode resets the velocities
+//! to zero.
 
-use super::{Axis, Desk, Limits};
+use super::{Axis, Limits, OperatorInput};
 use controller::params::range::Range;
 use controller::quadruped::params::{DUTY, STEP_HEIGHT, SWING_FREQUENCY};
 use lcmtypes::OperatorCommand;
 use std::time::Duration;
 
-/// Longest wait that a line may ask for, s.
+/// Longest wait of a line, s.
 const LONGEST_WAIT_S: f64 = 86_400.0;
 
-/// Why a line is none.
+/// Invalid line.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 #[allow(missing_docs, reason = "the messages name the fields")]
 pub enum ScriptError {
-    #[error("\"{found}\" is neither stand, walk, sit, idle, estop nor KEY=VALUE, nor wait SECONDS")]
+    #[error("unknown word \"{found}\", expected stand, walk, sit, idle, estop, KEY=VALUE or wait SECONDS")]
     Word { found: String },
-    #[error("unknown key \"{key}\", known: vx, vy, yaw, roll, pitch, height, gait, swing_frequency, duty, step_height")]
+    #[error(
+        "unknown key \"{key}\", expected vx, vy, yaw, roll, pitch, height, gait, swing_frequency, duty, step_height"
+    )]
     Key { key: String },
     #[error("{key}={found}: expected {expected}")]
     Value { key: String, found: String, expected: String },
 }
 
-impl Desk {
-    /// Takes a line; how long to wait before the next one. A line that is wrong in any part changes nothing.
+impl OperatorInput {
+    /// Applies a line; returns the time to wait before the next one. An invalid line changes nothing.
     ///
     /// # Errors
     /// [`ScriptError`], which names the word.
-    pub fn line(&mut self, line: &str) -> Result<Duration, ScriptError> {
+    pub fn apply_line(&mut self, line: &str) -> Result<Duration, ScriptError> {
         let text = line.split('#').next().unwrap_or("");
         let words: Vec<&str> = text.split_whitespace().collect();
         if let ["wait", seconds] = words[..] {
@@ -43,7 +45,7 @@ impl Desk {
             )?));
         }
         let mut next = self.clone();
-        // Modes first: one sets the velocities to zero, wherever it stands in the line.
+        // Modes first, wherever they are in the line: a new mode resets the velocities.
         let (pairs, modes): (Vec<&str>, Vec<&str>) = words.into_iter().partition(|word| word.contains('='));
         for word in modes {
             next.switch_to(word)?;
@@ -73,9 +75,9 @@ impl Desk {
     fn set(&mut self, key: &str, value: &str) -> Result<(), ScriptError> {
         let Limits { speed, yaw_rate, orientation, height } = self.limits;
         let within = |limit: f64| number(key, value, |x| x.abs() <= limit, || format!("-{limit} to {limit}"));
-        // 0 leaves it to the parameters, as in the message.
+        // 0 selects the value of the parameters, as in the message.
         let fits = |Range { contains, expected }: Range| {
-            number(key, value, |x| x == 0.0 || contains(x), || format!("{expected}, or 0 for the parameters' own"))
+            number(key, value, |x| x == 0.0 || contains(x), || format!("{expected}, or 0 for the value of the parameters"))
         };
         match key {
             "vx" => self.move_at(Axis::Forward, within(speed)?),
@@ -102,7 +104,7 @@ impl Desk {
         Ok(())
     }
 
-    /// Moves at a velocity until told otherwise.
+    /// Sets a velocity until it is set again.
     fn move_at(&mut self, axis: Axis, velocity: f64) {
         self.moves[axis as usize] = velocity;
         self.moves_until_ns = i64::MAX;

@@ -8,37 +8,37 @@ use std::time::Duration;
 
 use super::{Bus, BusError, QUEUE_CAPACITY, Received, check_channel, check_size, ffi, whole_name};
 
-const ADVICE_UDPM: &str = "UDP multicast needs a route; `ip route replace 224.0.0.0/4 dev lo` as root makes one that stays on \
-                           this machine (for a robot's network, put its interface in place of `lo`)";
+const ADVICE_UDPM: &str = "UDP multicast needs a route; run `ip route replace 224.0.0.0/4 dev lo` as root for traffic within \
+                           this machine (for a robot's network, replace `lo` by its interface)";
 const ADVICE_OTHER: &str =
-    "the URL is one of udpm://239.255.76.67:7667?ttl=0, memq://, file://PATH?mode=w (or mode=r&speed=0)";
+    "expected one of udpm://239.255.76.67:7667?ttl=0, memq://, file://PATH?mode=w (or mode=r&speed=0)";
 
 /// A handle to LCM: `udpm://` between processes, `memq://` within this handle, `file://` to and from an event log.
 #[derive(Debug)]
 pub struct LcmBus {
     url: String,
     lcm: NonNull<ffi::lcm_t>,
-    /// Made by `Box::into_raw`, freed on drop. Callbacks write to it, and they run only inside `lcm_handle_timeout`.
+    /// Created by `Box::leak`, freed on drop. Written only by callbacks, which run only inside `lcm_handle_timeout`.
     inbox: NonNull<Inbox>,
 }
 
 #[derive(Debug, Default)]
 struct Inbox {
     queue: VecDeque<Received>,
-    /// The message in dispatch is in the queue: LCM calls once for each subscription that it matches.
+    /// The message in dispatch is already in the queue: LCM calls back once per matching subscription.
     taken: bool,
 }
 
-// SAFETY: liblcm ties no handle to a thread and guards it with its own locks; `inbox` is owned, and reached through `&mut self` only.
+// SAFETY: a liblcm handle is not tied to a thread and has its own locks; `inbox` is owned and accessed only through `&mut self`.
 unsafe impl Send for LcmBus {}
 
 impl LcmBus {
-    /// Opens LCM. An empty URL stands for the environment's `LCM_DEFAULT_URL`, or `udpm://239.255.76.67:7667?ttl=0`.
+    /// Opens LCM. An empty URL selects `LCM_DEFAULT_URL` of the environment, else `udpm://239.255.76.67:7667?ttl=0`.
     ///
-    /// Add `recv_buf_size=2000000` to a `udpm://` URL where much is received: the kernel's default holds 200 KB.
+    /// For high data rates add `recv_buf_size=2000000` to a `udpm://` URL: the default of the kernel is about 200 KB.
     ///
     /// # Errors
-    /// [`BusError::Open`], which says what to do.
+    /// [`BusError::Open`], with advice.
     pub fn open(url: &str) -> Result<Self, BusError> {
         let advice = if url.is_empty() || url.starts_with("udpm:") { ADVICE_UDPM } else { ADVICE_OTHER };
         let error = || BusError::Open { url: url.to_owned(), advice };
@@ -51,20 +51,20 @@ impl LcmBus {
     }
 
     fn inbox(&mut self) -> &mut Inbox {
-        // SAFETY: the box lives as long as `self`; callbacks borrow it only inside lcm_handle_timeout, where no borrow of ours lives.
+        // SAFETY: the box lives as long as `self`; callbacks borrow it only inside lcm_handle_timeout, during which no other borrow exists.
         unsafe { self.inbox.as_mut() }
     }
 
-    /// Lets LCM put one message into the inbox; `false` if none came in time.
+    /// Lets LCM put one message into the inbox; false if none arrived in time.
     fn dispatch_one(&mut self, timeout_ms: c_int) -> Result<bool, BusError> {
         self.inbox().taken = false;
-        // SAFETY: the handle is open until drop, and `&mut self` keeps a second thread from handling it at the same time.
+        // SAFETY: the handle is open until drop, and `&mut self` prevents a second thread from handling it at the same time.
         let status = unsafe { ffi::lcm_handle_timeout(self.lcm.as_ptr(), timeout_ms) };
         if status >= 0 {
             return Ok(status > 0);
         }
         let reason = io::Error::last_os_error();
-        // A signal is no failure of the bus: its handler has run, and the caller decides what it means.
+        // An interrupting signal is not an error of the bus: its handler has run, and the caller checks its flag.
         if reason.kind() == io::ErrorKind::Interrupted {
             return Ok(false);
         }
@@ -80,9 +80,9 @@ unsafe extern "C" fn take(rbuf: *const ffi::lcm_recv_buf_t, channel: *const c_ch
         return;
     }
     let data = if rbuf.data_size == 0 {
-        Vec::new() // `data` may be NULL then
+        Vec::new() // `data` may be NULL
     } else {
-        // SAFETY: liblcm vouches for `data_size` bytes at `data` until the callback returns.
+        // SAFETY: `data` points to `data_size` bytes that are valid until the callback returns.
         unsafe { std::slice::from_raw_parts(rbuf.data.cast::<u8>(), rbuf.data_size as usize) }.to_vec()
     };
     let channel = channel.to_string_lossy().into_owned();
@@ -93,7 +93,7 @@ impl Bus for LcmBus {
     fn publish(&mut self, channel: &str, bytes: &[u8]) -> Result<(), BusError> {
         check_channel(channel)?;
         check_size(channel, bytes)?;
-        // On the stack, so that publishing does not allocate: a name is at most 63 bytes and its NUL.
+        // On the stack, so that publishing does not allocate: a name has at most 63 bytes and a NUL.
         let mut name = [0u8; ffi::LCM_MAX_CHANNEL_NAME_LENGTH as usize + 1];
         name[..channel.len()].copy_from_slice(channel.as_bytes());
         let length = u32::try_from(bytes.len()).expect("check_size allows 2^28 bytes");
@@ -110,34 +110,34 @@ impl Bus for LcmBus {
     fn subscribe(&mut self, channels: &str) -> Result<(), BusError> {
         whole_name(channels)?;
         let error = || BusError::Subscribe { pattern: channels.to_owned(), url: self.url.clone() };
-        // liblcm puts `^` and `$` around it, which would bind to the outer branches of `A|B` alone.
+        // liblcm adds `^` and `$`, which without the group would apply only to the outer branches of `A|B`.
         let pattern = CString::new(format!("(?:{channels})")).map_err(|_| error())?;
-        // SAFETY: the pattern outlives the call; `take` has the type that liblcm calls, and the inbox lives until lcm_destroy.
+        // SAFETY: the pattern outlives the call; `take` has the type of a handler, and the inbox lives until lcm_destroy.
         let subscription =
             unsafe { ffi::lcm_subscribe(self.lcm.as_ptr(), pattern.as_ptr(), Some(take), self.inbox.as_ptr().cast()) };
         let subscription = NonNull::new(subscription).ok_or_else(error)?;
         let capacity = c_int::try_from(QUEUE_CAPACITY).expect("a small number");
-        // SAFETY: the subscription was just made, and lives until lcm_destroy.
+        // SAFETY: the subscription was just created and lives until lcm_destroy.
         let status = unsafe { ffi::lcm_subscription_set_queue_capacity(subscription.as_ptr(), capacity) };
         if status == 0 { Ok(()) } else { Err(error()) }
     }
 
     fn handle(&mut self, timeout: Duration) -> Result<Vec<Received>, BusError> {
-        // Rounded up: a wait of 0.5 ms must not become none at all.
+        // Rounded up: a timeout of 0.5 ms must not become zero.
         let mut wait = c_int::try_from(timeout.as_micros().div_ceil(1000)).unwrap_or(c_int::MAX);
         while self.inbox().queue.len() < QUEUE_CAPACITY {
             match self.dispatch_one(wait) {
                 Ok(true) => wait = 0,
                 Ok(false) => break,
                 Err(error) if self.inbox().queue.is_empty() => return Err(error),
-                // What came before the failure goes out first; the next call meets the failure again.
+                // Messages received before the error are returned first; the next call returns the error.
                 Err(_) => break,
             }
         }
         Ok(self.inbox().queue.drain(..).collect())
     }
 
-    /// liblcm counts nothing; whoever needs it compares the `seq` or `tick` of the messages.
+    /// liblcm does not count dropped messages; compare the `seq` or `tick` of the messages instead.
     fn dropped(&self) -> u64 {
         0
     }
@@ -145,7 +145,7 @@ impl Bus for LcmBus {
 
 impl Drop for LcmBus {
     fn drop(&mut self) {
-        // SAFETY: both were made in `open` and are used by nothing else; liblcm stops its threads before the inbox goes.
+        // SAFETY: both were created in `open` and are not used elsewhere; liblcm stops its threads before the inbox is freed.
         unsafe {
             ffi::lcm_destroy(self.lcm.as_ptr());
             drop(Box::from_raw(self.inbox.as_ptr()));

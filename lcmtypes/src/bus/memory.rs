@@ -1,4 +1,4 @@
-//! A bus within a process: no network, no clock, the same order every time.
+//! A bus within a process: no network, no clock, deterministic order.
 
 use std::collections::VecDeque;
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
@@ -8,11 +8,11 @@ use regex_lite::Regex;
 
 use super::{Bus, BusError, QUEUE_CAPACITY, Received, check_channel, check_size, whole_name};
 
-/// A handle to a bus within this process. [`MemoryBus::connect`] gives further handles to the same bus.
+/// A handle to a bus within this process. [`MemoryBus::connect`] creates further handles to the same bus.
 #[derive(Debug)]
 pub struct MemoryBus {
     hub: Arc<Hub>,
-    /// Names this handle's inbox.
+    /// Identifies this handle's inbox.
     id: usize,
 }
 
@@ -44,7 +44,7 @@ impl Default for MemoryBus {
 }
 
 impl MemoryBus {
-    /// A new bus with one handle, whose queue holds [`QUEUE_CAPACITY`] messages.
+    /// A new bus with one handle. Its queue holds [`QUEUE_CAPACITY`] messages.
     pub fn new() -> Self {
         Self::attach(Arc::default(), QUEUE_CAPACITY)
     }
@@ -54,7 +54,7 @@ impl MemoryBus {
         self.connect_with_capacity(QUEUE_CAPACITY)
     }
 
-    /// Another handle to the same bus. When `capacity` messages wait in its queue, those that follow are dropped and counted.
+    /// Another handle to the same bus. While `capacity` messages are in its queue, further ones are dropped and counted.
     pub fn connect_with_capacity(&self, capacity: usize) -> Self {
         Self::attach(Arc::clone(&self.hub), capacity)
     }
@@ -70,7 +70,7 @@ impl MemoryBus {
 }
 
 impl Hub {
-    /// No code can panic while it holds the lock, so a poisoned one holds nothing half-done.
+    /// No code panics while it holds the lock, so a poisoned lock has consistent data.
     fn lock(&self) -> MutexGuard<'_, Inboxes> {
         self.inboxes.lock().unwrap_or_else(PoisonError::into_inner)
     }
@@ -78,7 +78,7 @@ impl Hub {
 
 impl Inboxes {
     fn of(&mut self, id: usize) -> &mut Inbox {
-        self.open.iter_mut().find(|inbox| inbox.id == id).expect("an inbox stays open as long as its handle")
+        self.open.iter_mut().find(|inbox| inbox.id == id).expect("an inbox exists as long as its handle")
     }
 }
 

@@ -1,7 +1,7 @@
-//! Carries encoded messages between parts: over liblcm ([`LcmBus`]) or within a process ([`MemoryBus`]).
+//! Transport of encoded messages: over liblcm ([`LcmBus`]) or within a process ([`MemoryBus`]).
 //!
-//! Both deliver a copy of every message to each handle that subscribed to its channel, the sender's own handle included. Nothing of
-//! a user runs while a message arrives: messages wait in a queue until [`Bus::handle`] hands them over.
+//! Both deliver a copy of every message to each handle that has subscribed to its channel, the sender's handle included. There are no callbacks:
+//! messages wait in a queue until [`Bus::handle`] returns them.
 
 #[allow(unsafe_code, reason = "liblcm is a C library; the wrapper in this module is safe")]
 mod lcm;
@@ -23,17 +23,17 @@ use regex_lite::Regex;
 pub use lcm::LcmBus;
 pub use memory::MemoryBus;
 
-/// Messages that may wait in a queue. liblcm's own 30 overflow within 3 ms at 10 channels of 1 kHz.
+/// Capacity of a queue, in messages. The default of liblcm, 30, overflows within 3 ms with 10 channels at 1 kHz.
 pub const QUEUE_CAPACITY: usize = 5000;
 
-/// A message as it arrived.
+/// A received message.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Received {
-    /// Its channel.
+    /// Channel.
     pub channel: String,
-    /// Its bytes, fingerprint included.
+    /// Bytes, fingerprint included.
     pub data: Vec<u8>,
-    /// When it arrived, µs since the Unix epoch; `None` on a bus without a clock.
+    /// Time of arrival, µs since the Unix epoch; `None` on a bus without a clock.
     pub recv_utime: Option<i64>,
 }
 
@@ -45,46 +45,46 @@ pub trait Bus: Send {
     /// [`BusError::ChannelName`], [`BusError::MessageSize`], [`BusError::Publish`]
     fn publish(&mut self, channel: &str, bytes: &[u8]) -> Result<(), BusError>;
 
-    /// Asks for the messages of every channel whose whole name matches a regular expression; a plain name matches itself.
-    /// A channel that matches several subscriptions is delivered once.
+    /// Subscribes to all channels whose complete name matches a regular expression; a plain name matches itself. A message that matches several
+    /// subscriptions is delivered once.
     ///
     /// # Errors
     /// [`BusError::Pattern`], [`BusError::Subscribe`]
     fn subscribe(&mut self, channels: &str) -> Result<(), BusError>;
 
-    /// Waits up to `timeout` for a message, then returns it and all that wait behind it, at most [`QUEUE_CAPACITY`], in order of
-    /// arrival. Empty if none came; with a timeout of zero it does not wait.
+    /// Waits up to `timeout` for a message and returns all messages in the queue, at most [`QUEUE_CAPACITY`], in order of arrival. Returns an empty
+    /// vector if none arrived. With a timeout of zero it does not wait.
     ///
     /// # Errors
     /// [`BusError::Receive`]
     fn handle(&mut self, timeout: Duration) -> Result<Vec<Received>, BusError>;
 
-    /// Messages lost because this handle's queue was full; 0 where the bus cannot know.
+    /// Number of messages dropped because this handle's queue was full; 0 if the bus does not count them.
     fn dropped(&self) -> u64;
 }
 
-/// What can go wrong on a bus.
+/// Error of a bus.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
 #[allow(missing_docs, reason = "the messages name the fields")]
 pub enum BusError {
-    #[error("LCM cannot be opened with {url:?}: {advice}")]
+    #[error("cannot open LCM at {url:?}: {advice}")]
     Open { url: String, advice: &'static str },
-    #[error("channel {channel:?}: found {length} bytes, expected 1 to {limit} without NUL")]
+    #[error("channel name {channel:?}: {length} bytes, expected 1 to {limit} without NUL")]
     ChannelName { channel: String, length: usize, limit: usize },
-    #[error("channel {channel}: message of {length} bytes, LCM carries at most {limit}")]
+    #[error("channel {channel}: message of {length} bytes, the limit of LCM is {limit}")]
     MessageSize { channel: String, length: usize, limit: usize },
     #[error("channel pattern {pattern:?}: {problem}")]
     Pattern { pattern: String, problem: String },
-    #[error("LCM refused the subscription to {pattern:?} on {url:?}")]
+    #[error("LCM rejected the subscription to {pattern:?} on {url:?}")]
     Subscribe { pattern: String, url: String },
-    #[error("channel {channel}: LCM could not send {length} bytes: {reason}")]
+    #[error("channel {channel}: LCM could not send a message of {length} bytes: {reason}")]
     Publish { channel: String, length: usize, reason: String },
-    #[error("nothing more comes from {url:?}: {reason}")]
+    #[error("cannot receive from {url:?}: {reason}")]
     Receive { url: String, reason: String },
 }
 
-/// The rules for names are LCM's on every bus, so that what works in a process works between processes.
+/// The rules of LCM for names apply to every bus, so that a name that works within a process also works between processes.
 fn check_channel(channel: &str) -> Result<(), BusError> {
     let limit = ffi::LCM_MAX_CHANNEL_NAME_LENGTH as usize;
     if (1..=limit).contains(&channel.len()) && !channel.contains('\0') {
@@ -103,7 +103,7 @@ fn check_size(channel: &str, bytes: &[u8]) -> Result<(), BusError> {
     Err(BusError::MessageSize { channel: channel.to_owned(), length: bytes.len(), limit: MAX_MESSAGE_SIZE })
 }
 
-/// A pattern that has to match the whole name, as liblcm matches.
+/// A pattern that must match the complete name, as in liblcm.
 fn whole_name(pattern: &str) -> Result<Regex, BusError> {
     let error = |problem: String| BusError::Pattern { pattern: pattern.to_owned(), problem };
     if pattern.contains('\0') {

@@ -1,0 +1,45 @@
+//! Messages from the publisher thread to the bus.
+
+use lcmtypes::bus::Bus;
+use lcmtypes::{Event, Message, channels};
+
+/// Encodes and publishes messages, and counts those that the bus did not accept.
+pub struct Outgoing {
+    bus: Box<dyn Bus>,
+    bytes: Vec<u8>,
+    unpublished: u64,
+}
+
+impl Outgoing {
+    /// Publishes on `bus`.
+    pub fn new(bus: Box<dyn Bus>) -> Self {
+        Outgoing { bus, bytes: Vec::new(), unpublished: 0 }
+    }
+
+    /// The bus, to receive from.
+    pub fn bus(&mut self) -> &mut dyn Bus {
+        &mut *self.bus
+    }
+
+    /// Messages that the bus did not accept.
+    pub fn unpublished(&self) -> u64 {
+        self.unpublished
+    }
+
+    /// Publishes an encoded message.
+    pub fn put_bytes(&mut self, channel: &str, data: &[u8]) {
+        self.unpublished += u64::from(self.bus.publish(channel, data).is_err());
+    }
+
+    /// Encodes and publishes a message. One that cannot be encoded counts as not published.
+    pub fn put(&mut self, channel: &str, message: &impl Message) {
+        self.bytes.clear();
+        let published = message.encode(&mut self.bytes).is_ok() && self.bus.publish(channel, &self.bytes).is_ok();
+        self.unpublished += u64::from(!published);
+    }
+
+    /// Publishes an EVENT.
+    pub fn event(&mut self, t_ns: i64, tick: i64, level: i8, source: &str, text: String) {
+        self.put(channels::EVENT, &Event { t_ns, tick, level, source: source.to_owned(), text });
+    }
+}

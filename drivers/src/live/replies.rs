@@ -1,0 +1,79 @@
+//! Replies to requests, kept so that a repeated request gets the same reply and is not carried out again.
+
+use super::call::RequestId;
+use lcmtypes::RequestReply;
+use std::collections::VecDeque;
+
+/// Requests that are remembered. A client repeats a request for a few seconds at most.
+const CAPACITY: usize = 1024;
+
+/// State of a request that has been received before.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Known {
+    /// It is being carried out; its reply will follow.
+    Pending,
+    /// It was answered with this reply.
+    Answered(RequestReply),
+}
+
+/// The requests of a run and their replies.
+#[derive(Debug, Default)]
+pub struct Replies {
+    /// Oldest first. `None`: pending.
+    requests: VecDeque<(RequestId, Option<RequestReply>)>,
+}
+
+impl Replies {
+    /// Notes a request as pending; returns its state if it has been received before.
+    pub fn open(&mut self, id: RequestId) -> Option<Known> {
+        if let Some((_, reply)) = self.requests.iter().find(|(known, _)| *known == id) {
+            return Some(reply.clone().map_or(Known::Pending, Known::Answered));
+        }
+        if self.requests.len() == CAPACITY {
+            self.requests.pop_front();
+        }
+        self.requests.push_back((id, None));
+        None
+    }
+
+    /// Keeps the reply to a request.
+    pub fn answer(&mut self, reply: &RequestReply) {
+        let id = RequestId { sender_id: reply.sender_id, request_id: reply.request_id };
+        if let Some((_, slot)) = self.requests.iter_mut().find(|(known, _)| *known == id) {
+            *slot = Some(reply.clone());
+        }
+    }
+
+    /// Requests without a reply, oldest first.
+    pub fn pending(&self) -> Vec<RequestId> {
+        self.requests.iter().filter(|(_, reply)| reply.is_none()).map(|(id, _)| *id).collect()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_repeated_request_gets_the_same_reply() {
+        let id = |sender_id, request_id| RequestId { sender_id, request_id };
+        let mut replies = Replies::default();
+        assert_eq!(replies.open(id(1, 7)), None);
+        assert_eq!(replies.open(id(2, 7)), None, "another sender with the same number");
+        assert_eq!(replies.open(id(1, 7)), Some(Known::Pending));
+        let reply = RequestReply { sender_id: 1, request_id: 7, tick: 40, ..RequestReply::default() };
+        replies.answer(&reply);
+        assert_eq!(replies.open(id(1, 7)), Some(Known::Answered(reply)));
+        assert_eq!(replies.pending(), [id(2, 7)]);
+    }
+
+    #[test]
+    fn the_oldest_requests_are_forgotten() {
+        let mut replies = Replies::default();
+        for request_id in 0..=1024 {
+            assert_eq!(replies.open(RequestId { sender_id: 1, request_id }), None);
+        }
+        assert_eq!(replies.pending().len(), 1024);
+        assert_eq!(replies.pending()[0].request_id, 1);
+    }
+}
