@@ -77,7 +77,12 @@ impl OperatorInput {
         let within = |limit: f64| number(key, value, |x| x.abs() <= limit, || format!("-{limit} to {limit}"));
         // 0 selects the value of the parameters, as in the message.
         let fits = |Range { contains, expected }: Range| {
-            number(key, value, |x| x == 0.0 || contains(x), || format!("{expected}, or 0 for the value of the parameters"))
+            number(
+                key,
+                value,
+                |x| x == 0.0 || contains(x),
+                || format!("{expected}, or 0 for the value of the parameters"),
+            )
         };
         match key {
             "vx" => self.move_at(Axis::Forward, within(speed)?),
