@@ -1,4 +1,4 @@
-//! A chunk of an MCAP file: its head, what it decompresses to, and the records in that.
+//! A chunk of an MCAP file: header, decompression and records.
 //!
 //! Source: MCAP specification, <https://mcap.dev/spec>. Integers are little-endian.
 //!
@@ -14,20 +14,20 @@ use zstd::stream::raw::Operation;
 /// Largest record that is read into memory, compressed or not.
 pub(super) const MAX_RECORD: u64 = 1 << 29;
 
-/// Opcode and length.
+/// Bytes of a record before its body: opcode and length.
 pub(super) const PREFIX: u64 = 9;
 
-/// Bytes of a chunk before the name of its compression: two times, size, CRC, length of the name.
+/// Bytes of a chunk before the name of its compression: start and end time, size, CRC, length of the name.
 const FIXED: usize = 8 + 8 + 8 + 4 + 4;
-/// Bytes that hold the whole head: the longest name of a compression has four.
-pub(super) const HEAD: usize = FIXED + 4 + 8;
+/// Upper limit of the header length, bytes: the longest compression name has four.
+pub(super) const HEADER: usize = FIXED + 4 + 8;
 
-/// A claimed size up to which memory is taken before the first byte has been decompressed.
-const BELIEVED: usize = 1 << 22;
-/// Bytes that a buffer grows by, and that it keeps from one chunk to the next.
+/// Claimed size up to which the whole output buffer is allocated before decompression, bytes.
+const MAX_PREALLOCATED: usize = 1 << 22;
+/// Growth of the output buffer for larger chunks, bytes.
 const STEP: usize = 1 << 20;
-/// Bytes of a damaged chunk that are decompressed at a time: what a failing step has put out is lost.
-const MORSEL: usize = 64;
+/// Input bytes per step for a damaged chunk: the output of the failing step is lost.
+const SALVAGE_STEP: usize = 64;
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Compression {
@@ -36,33 +36,33 @@ enum Compression {
     Zstd,
 }
 
-/// The head of a chunk.
+/// Header of a chunk.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct ChunkHead {
+pub(super) struct ChunkHeader {
     compression: Compression,
-    /// Bytes after decompression.
+    /// Size after decompression, bytes.
     size: u64,
-    /// Of the decompressed bytes; 0 = not computed.
+    /// CRC-32 of the decompressed bytes; 0: not available.
     crc: u32,
-    /// Bytes of the compressed records, as the chunk says.
+    /// Claimed size of the compressed records, bytes.
     pub inner: u64,
-    /// Where the records begin in the chunk's body.
+    /// Offset of the records in the chunk's body.
     pub records: usize,
 }
 
-/// What became of a chunk.
+/// Result of the decompression of a chunk.
 #[derive(Debug, PartialEq, Eq)]
-pub(super) enum Unpacked {
-    /// Its CRC holds.
-    Whole,
-    /// All of it was decompressed, but not to what it should be, and nobody knows where it differs.
-    Unchecked,
-    /// It cannot be decompressed to its end; what came before is there.
-    Broken(&'static str),
+pub(super) enum Decoded {
+    /// Complete, and the CRC is correct.
+    Complete,
+    /// Decompressed completely, but the CRC is wrong: some bytes differ at unknown positions.
+    WrongCrc,
+    /// Decompressed up to an error; the bytes before it are available.
+    Truncated(&'static str),
 }
 
-impl ChunkHead {
-    /// The head of a chunk in the first [`HEAD`] bytes of a record's body, if it can be one.
+impl ChunkHeader {
+    /// Parses the first [`HEADER`] bytes of a record's body; `None` if they are not a chunk header.
     pub fn parse(body: &[u8]) -> Option<Self> {
         let (fixed, rest) = body.split_first_chunk::<FIXED>()?;
         let size = u64::from_le_bytes(*fixed[16..].first_chunk()?);
@@ -76,30 +76,30 @@ impl ChunkHead {
             _ => return None,
         };
         let inner = u64::from_le_bytes(*rest.first_chunk()?);
-        let head = ChunkHead { compression, size, crc, inner, records: FIXED + name.len() + 8 };
+        let head = ChunkHeader { compression, size, crc, inner, records: FIXED + name.len() + 8 };
         (size <= MAX_RECORD && inner <= MAX_RECORD).then_some(head)
     }
 
-    /// Whether this is the head of a record of `length` bytes.
+    /// Whether the lengths fit a record of `length` bytes.
     pub fn fits(&self, length: u64) -> bool {
         length <= MAX_RECORD && self.inner + self.records as u64 == length
     }
 }
 
-/// Decompresses chunks, one after the other into the same memory.
-pub(super) struct Unpacker {
+/// Decompresses chunks into a reused buffer.
+pub(super) struct ChunkDecoder {
     zstd: zstd::bulk::Decompressor<'static>,
 }
 
-impl Unpacker {
+impl ChunkDecoder {
     pub fn new() -> Self {
-        Unpacker { zstd: zstd::bulk::Decompressor::default() }
+        ChunkDecoder { zstd: zstd::bulk::Decompressor::default() }
     }
 
-    /// Puts the records of a chunk into `out`. `records` may go on behind them, or end too early.
-    pub fn unpack(&mut self, head: &ChunkHead, records: &[u8], out: &mut Vec<u8>) -> Unpacked {
+    /// Decompresses the records of a chunk into `out`. `records` may be longer than the chunk, or end early.
+    pub fn decode(&mut self, head: &ChunkHeader, records: &[u8], out: &mut Vec<u8>) -> Decoded {
         out.clear();
-        if out.capacity() > BELIEVED {
+        if out.capacity() > MAX_PREALLOCATED {
             *out = Vec::new();
         }
         let limit = head.size as usize;
@@ -109,35 +109,37 @@ impl Unpacker {
                 out.extend_from_slice(&records[..limit.min(records.len())]);
                 None
             }
-            (Compression::Zstd, Some(exact)) if limit <= BELIEVED => {
+            (Compression::Zstd, Some(exact)) if limit <= MAX_PREALLOCATED => {
                 out.reserve_exact(limit);
                 let done = self.zstd.decompress_to_buffer(exact, out);
-                done.err().and_then(|_| zstd(records, limit, MORSEL, out))
+                done.err().and_then(|_| zstd(records, limit, SALVAGE_STEP, out))
             }
-            (Compression::Zstd, _) => zstd(records, limit, STEP, out).and_then(|_| zstd(records, limit, MORSEL, out)),
+            (Compression::Zstd, _) => {
+                zstd(records, limit, STEP, out).and_then(|_| zstd(records, limit, SALVAGE_STEP, out))
+            }
             (Compression::Lz4, _) => lz4(records, limit, out),
         };
         match broken {
-            Some(why) => Unpacked::Broken(why),
-            None if out.len() < limit => Unpacked::Broken("it ends too early"),
-            None if head.crc != 0 && crc32fast::hash(out) != head.crc => Unpacked::Unchecked,
-            None => Unpacked::Whole,
+            Some(why) => Decoded::Truncated(why),
+            None if out.len() < limit => Decoded::Truncated("chunk ends early"),
+            None if head.crc != 0 && crc32fast::hash(out) != head.crc => Decoded::WrongCrc,
+            None => Decoded::Complete,
         }
     }
 }
 
-/// Decompresses as far as it goes, `step` bytes at a time, and says what stopped it.
+/// Decompresses up to an error or the end, `step` input bytes at a time. Returns the error.
 fn zstd(records: &[u8], limit: usize, step: usize, out: &mut Vec<u8>) -> Option<&'static str> {
     out.clear();
-    let Ok(mut decoder) = zstd::stream::raw::Decoder::new() else { return Some("zstd cannot be set up") };
+    let Ok(mut decoder) = zstd::stream::raw::Decoder::new() else { return Some("zstd decoder not available") };
     let (mut at, mut filled) = (0, 0);
     while filled < limit {
-        // The buffer grows with what comes, whatever the head claims.
+        // Grow with the actual output, not with the claimed size.
         out.resize((filled + STEP).min(limit), 0);
         let input = &records[at..(at + step).min(records.len())];
         let Ok(status) = decoder.run_on_buffers(input, &mut out[filled..]) else {
             out.truncate(filled);
-            return Some("it cannot be decompressed to its end");
+            return Some("decompression error");
         };
         at += status.bytes_read;
         filled += status.bytes_written;
@@ -150,7 +152,7 @@ fn zstd(records: &[u8], limit: usize, step: usize, out: &mut Vec<u8>) -> Option<
 }
 
 fn lz4(records: &[u8], limit: usize, out: &mut Vec<u8>) -> Option<&'static str> {
-    let Ok(mut decoder) = lz4::Decoder::new(records) else { return Some("lz4 cannot be set up") };
+    let Ok(mut decoder) = lz4::Decoder::new(records) else { return Some("lz4 decoder not available") };
     let mut filled = 0;
     while filled < limit {
         out.resize((filled + STEP).min(limit), 0);
@@ -159,7 +161,7 @@ fn lz4(records: &[u8], limit: usize, out: &mut Vec<u8>) -> Option<&'static str> 
             Ok(n) => filled += n,
             Err(_) => {
                 out.truncate(filled);
-                return Some("it cannot be decompressed to its end");
+                return Some("decompression error");
             }
         }
     }
@@ -167,13 +169,13 @@ fn lz4(records: &[u8], limit: usize, out: &mut Vec<u8>) -> Option<&'static str> 
     None
 }
 
-/// A record in decompressed bytes.
+/// Position of a record in decompressed bytes.
 pub(super) struct RecordAt {
     pub opcode: u8,
     pub body: Range<usize>,
 }
 
-/// The record that begins at `at`, if it is whole.
+/// The record at `at`, if it is complete.
 #[inline]
 pub(super) fn record_at(bytes: &[u8], at: usize) -> Option<RecordAt> {
     let (prefix, rest) = bytes.get(at..)?.split_first_chunk::<{ PREFIX as usize }>()?;
@@ -182,22 +184,22 @@ pub(super) fn record_at(bytes: &[u8], at: usize) -> Option<RecordAt> {
     (length <= rest.len()).then(|| RecordAt { opcode: prefix[0], body: begin..begin + length })
 }
 
-/// What a message says before its bytes.
+/// Header of a message record.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct MessageHead {
+pub(super) struct MessageHeader {
     pub channel: u16,
     pub sequence: u32,
     pub log_time: u64,
 }
 
-impl MessageHead {
-    /// Bytes of it, the publish time included.
+impl MessageHeader {
+    /// Length in bytes, with the publish time.
     pub const LENGTH: usize = 2 + 4 + 8 + 8;
 
     #[inline]
     pub fn parse(body: &[u8]) -> Option<Self> {
-        let head = body.first_chunk::<{ MessageHead::LENGTH }>()?;
-        Some(MessageHead {
+        let head = body.first_chunk::<{ MessageHeader::LENGTH }>()?;
+        Some(MessageHeader {
             channel: u16::from_le_bytes(*head.first_chunk()?),
             sequence: u32::from_le_bytes(*head[2..].first_chunk()?),
             log_time: u64::from_le_bytes(*head[6..].first_chunk()?),
@@ -205,7 +207,7 @@ impl MessageHead {
     }
 }
 
-/// Whether a record of this opcode and length can be.
+/// Whether opcode and length are allowed for a record.
 pub(super) fn plausible(opcode: u8, length: u64) -> bool {
     length <= MAX_RECORD && (matches!(opcode, op::HEADER..=op::DATA_END) || opcode >= 0x80)
 }

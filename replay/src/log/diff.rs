@@ -1,7 +1,7 @@
-//! Two logs, channel by channel: what is in one only, and the first message and field in which they differ.
+//! Compares two logs channel by channel: missing messages, and the first differing message and field.
 //!
-//! Messages of a channel are matched by their counter (`seq`, `tick`) where their type has one, so that a missing message is told as
-//! missing and not as a difference of all that follow; else one by one, in order.
+//! Messages of a channel are matched by sequence number (`seq`, `tick`) if their type has one, so that a missing message counts as
+//! missing and the messages after it still match; otherwise they are matched in order.
 
 use super::sequence_gaps::{sequence_field, sequence_number};
 use super::{Event, EventFilter, EventRef, Health, LogReader, RunClock, Types};
@@ -11,73 +11,73 @@ use std::collections::{BTreeMap, VecDeque};
 use std::path::Path;
 use std::sync::Arc;
 
-/// Messages of a channel that wait for their match on the other side; beyond that they count as missing there.
-const WAITING: usize = 4096;
-/// Bytes of them.
-const WAITING_BYTES: usize = 64 << 20;
+/// Unmatched messages buffered per channel and side; beyond that the oldest counts as missing on the other side.
+const MAX_UNMATCHED: usize = 4096;
+/// Limit of their size, bytes.
+const MAX_UNMATCHED_BYTES: usize = 64 << 20;
 
-/// How two logs differ.
+/// Differences between two logs.
 #[derive(Debug, Clone, Default, serde::Serialize)]
 pub struct LogDiff {
-    /// Every channel has equal messages at equal times, in the same order.
+    /// Every channel has equal messages at equal times in the same order.
     pub identical: bool,
-    /// Messages of the first log.
+    /// Selected messages of the first log.
     pub left_events: u64,
-    /// Messages of the second log.
+    /// Selected messages of the second log.
     pub right_events: u64,
-    /// Stretches of either log that are damaged, cuts included.
+    /// Damaged ranges and cuts of both logs.
     pub damaged: u64,
     /// Channels by name.
     pub channels: Vec<ChannelDiff>,
 }
 
-/// How two logs differ in one channel.
+/// Differences in one channel.
 #[derive(Debug, Clone, Default, serde::Serialize)]
 pub struct ChannelDiff {
     /// Channel.
     pub name: String,
-    /// Nothing differs.
+    /// No difference.
     pub identical: bool,
     /// Messages in the first log.
     pub left: u64,
     /// Messages in the second log.
     pub right: u64,
-    /// Pairs whose bytes differ.
+    /// Matched messages whose bytes differ.
     pub different: u64,
-    /// Pairs whose bytes are equal and whose times in the log differ.
+    /// Matched messages with equal bytes and different log times.
     pub times_different: u64,
     /// Messages in the first log only.
     pub left_only: u64,
     /// Messages in the second log only.
     pub right_only: u64,
-    /// The first pair that differs, or the first message that is on one side only.
+    /// The first differing or missing message.
     pub first: Option<FirstDifference>,
 }
 
-/// Where a channel first differs.
+/// The first difference of a channel.
 #[derive(Debug, Clone, PartialEq, serde::Serialize)]
 pub struct FirstDifference {
-    /// Time of the message in the log, ns.
+    /// Log time of the message, ns.
     pub t_ns: i64,
     /// The same, s since the run's first tick.
     pub t_s: f64,
-    /// Its counter (`seq`, `tick`), else its place in the channel from 0.
+    /// Its sequence number (`seq`, `tick`), or its index in the channel from 0.
     pub number: i64,
-    /// Field, such as `state.q[3]`; `time` if only the times in the log differ; empty if the message is on one side only or of no
-    /// known type.
+    /// Field, such as `state.q[3]`; `time` if only the log times differ; `byte N` for an unknown type; empty if the message is missing in
+    /// one log.
     pub field: String,
-    /// Value in the first log; floats as hexadecimal float and decimal.
+    /// Value in the first log; floats in hexadecimal and decimal.
     pub left: String,
     /// Value in the second log.
     pub right: String,
-    /// Floats that lie between the two, plus one; `None` unless both are floats and numbers.
+    /// Distance in units in the last place; `None` unless both values are floats and not NaN.
     pub ulp: Option<u64>,
 }
 
-/// Compares two logs. `progress` is told which part has been read, 0 to 1.
+/// Compares two logs. `progress` receives the fraction read, 0 to 1.
 ///
 /// # Errors
-/// As [`LogReader::open`], or [`Error::Io`] on the way.
+/// As [`LogReader::open`] and [`LogReader::read`].
 pub fn diff(
     left: &Path,
     right: &Path,
@@ -85,12 +85,12 @@ pub fn diff(
     types: Types,
     progress: &mut dyn FnMut(f64),
 ) -> Result<LogDiff, Error> {
-    let mut sides = [Side::open(left, filter)?, Side::open(right, filter)?];
-    let mut comparison = Comparison { types, lanes: BTreeMap::new() };
+    let mut sides = [Input::open(left, filter)?, Input::open(right, filter)?];
+    let mut comparison = Comparison { types, pairs: BTreeMap::new() };
     let total: u64 = sides.iter().map(|side| side.reader.bytes()).sum();
     let mut steps = 0_u64;
     while sides.iter().any(|side| !side.over) {
-        // The side that is behind in time reads on, so that few messages wait.
+        // Read from the log that is behind in time, so that few messages are buffered.
         let behind = usize::from(sides[0].over || !sides[1].over && sides[1].since < sides[0].since);
         comparison.step(&mut sides[behind], behind)?;
         steps += 1;
@@ -102,7 +102,7 @@ pub fn diff(
     Ok(comparison.finish(damaged))
 }
 
-struct Side {
+struct Input {
     reader: LogReader,
     filter: EventFilter,
     clock: RunClock,
@@ -114,16 +114,16 @@ struct Side {
     over: bool,
 }
 
-impl Side {
+impl Input {
     fn open(log: &Path, filter: &EventFilter) -> Result<Self, Error> {
         let reader = LogReader::open(log)?;
         let (filter, clock, health) = (filter.for_log(log)?, RunClock::read(log)?, Health::default());
-        Ok(Side { reader, filter, clock, health, first: None, since: 0, offset: 0, over: false })
+        Ok(Input { reader, filter, clock, health, first: None, since: 0, offset: 0, over: false })
     }
 }
 
-/// A message that waits for its match.
-struct Waiting {
+/// A buffered message without a match so far.
+struct Unmatched {
     event: Event,
     number: i64,
     /// Time since the run's first tick, s.
@@ -131,21 +131,21 @@ struct Waiting {
 }
 
 #[derive(Default)]
-struct Lane {
+struct ChannelPair {
     has_counter: bool,
     counts: [u64; 2],
-    waiting: [VecDeque<Waiting>; 2],
+    unmatched: [VecDeque<Unmatched>; 2],
     bytes: [usize; 2],
     diff: ChannelDiff,
 }
 
 struct Comparison {
     types: Types,
-    lanes: BTreeMap<Arc<str>, Lane>,
+    pairs: BTreeMap<Arc<str>, ChannelPair>,
 }
 
 impl Comparison {
-    fn step(&mut self, side: &mut Side, which: usize) -> Result<(), Error> {
+    fn step(&mut self, side: &mut Input, which: usize) -> Result<(), Error> {
         let Some(item) = side.reader.read()? else {
             side.over = true;
             return Ok(());
@@ -156,41 +156,41 @@ impl Comparison {
         self.types.learn(&event);
         if side.filter.accepts(&event) {
             let t_s = side.clock.of_event(&event) as f64 * 1e-9;
-            self.take(&event, t_s, which);
+            self.add(&event, t_s, which);
         }
         Ok(())
     }
 
-    fn take(&mut self, event: &EventRef<'_>, t_s: f64, which: usize) {
+    fn add(&mut self, event: &EventRef<'_>, t_s: f64, which: usize) {
         let types = &self.types;
-        if !self.lanes.contains_key(event.channel) {
+        if !self.pairs.contains_key(event.channel) {
             let has_counter = types.of_message(event.channel, event.data).and_then(sequence_field).is_some();
-            self.lanes.insert(Arc::clone(event.channel), Lane { has_counter, ..Lane::default() });
+            self.pairs.insert(Arc::clone(event.channel), ChannelPair { has_counter, ..ChannelPair::default() });
         }
-        let Some(lane) = self.lanes.get_mut(event.channel) else { return };
-        let place = lane.counts[which] as i64;
-        let number = sequence_number(event.data).filter(|_| lane.has_counter).unwrap_or(place);
-        lane.counts[which] += 1;
-        lane.bytes[which] += event.data.len();
-        lane.waiting[which].push_back(Waiting { event: event.to_event(), number, t_s });
-        lane.pair(types);
-        if lane.waiting[which].len() > WAITING || lane.bytes[which] > WAITING_BYTES {
-            lane.alone(which);
+        let Some(pair) = self.pairs.get_mut(event.channel) else { return };
+        let place = pair.counts[which] as i64;
+        let number = sequence_number(event.data).filter(|_| pair.has_counter).unwrap_or(place);
+        pair.counts[which] += 1;
+        pair.bytes[which] += event.data.len();
+        pair.unmatched[which].push_back(Unmatched { event: event.to_event(), number, t_s });
+        pair.match_messages(types);
+        if pair.unmatched[which].len() > MAX_UNMATCHED || pair.bytes[which] > MAX_UNMATCHED_BYTES {
+            pair.count_missing(which);
         }
     }
 
     fn finish(mut self, damaged: u64) -> LogDiff {
         let mut all = LogDiff { damaged, ..LogDiff::default() };
-        for (name, lane) in &mut self.lanes {
+        for (name, pair) in &mut self.pairs {
             for which in [0, 1] {
-                while !lane.waiting[which].is_empty() {
-                    lane.alone(which);
+                while !pair.unmatched[which].is_empty() {
+                    pair.count_missing(which);
                 }
             }
             let ChannelDiff { different, times_different, left_only, right_only, first, .. } =
-                std::mem::take(&mut lane.diff);
+                std::mem::take(&mut pair.diff);
             let identical = different + times_different + left_only + right_only == 0;
-            let ([left, right], name) = (lane.counts, name.to_string());
+            let ([left, right], name) = (pair.counts, name.to_string());
             all.left_events += left;
             all.right_events += right;
             all.channels.push(ChannelDiff {
@@ -210,27 +210,27 @@ impl Comparison {
     }
 }
 
-impl Lane {
-    /// Compares what has its match.
-    fn pair(&mut self, types: &Types) {
-        while let (Some(left), Some(right)) = (self.waiting[0].front(), self.waiting[1].front()) {
+impl ChannelPair {
+    /// Compares buffered messages that match.
+    fn match_messages(&mut self, types: &Types) {
+        while let (Some(left), Some(right)) = (self.unmatched[0].front(), self.unmatched[1].front()) {
             match left.number.cmp(&right.number) {
-                std::cmp::Ordering::Less => self.alone(0),
-                std::cmp::Ordering::Greater => self.alone(1),
+                std::cmp::Ordering::Less => self.count_missing(0),
+                std::cmp::Ordering::Greater => self.count_missing(1),
                 std::cmp::Ordering::Equal => self.compare(types),
             }
         }
     }
 
-    fn pop(&mut self, which: usize) -> Option<Waiting> {
-        let popped = self.waiting[which].pop_front()?;
+    fn pop(&mut self, which: usize) -> Option<Unmatched> {
+        let popped = self.unmatched[which].pop_front()?;
         self.bytes[which] -= popped.event.data.len();
         Some(popped)
     }
 
-    /// The first message that waits on a side has no match.
-    fn alone(&mut self, which: usize) {
-        let Some(Waiting { event, number, t_s }) = self.pop(which) else { return };
+    /// Counts the oldest buffered message of a side as missing on the other side.
+    fn count_missing(&mut self, which: usize) {
+        let Some(Unmatched { event, number, t_s }) = self.pop(which) else { return };
         let here = format!("{} bytes", event.data.len());
         let mut sides = [here, "absent".to_owned()];
         sides.rotate_right(which);
@@ -279,8 +279,8 @@ fn first_difference(types: &Types, left: &Waiting, right: &Event) -> FirstDiffer
         let (ulp, left, right) = (found.ulps(), show(&found.left), show(&found.right));
         return FirstDifference { t_ns, t_s, number, field: found.path, left, right, ulp };
     }
-    // Of a type that nobody knows: the first byte.
+    // Unknown type: the first differing byte.
     let place = a.iter().zip(b).position(|(a, b)| a != b).unwrap_or(a.len().min(b.len()));
-    let byte = |data: &[u8]| data.get(place).map_or("no more".to_owned(), |byte| format!("{byte:#04x}"));
+    let byte = |data: &[u8]| data.get(place).map_or("end of message".to_owned(), |byte| format!("{byte:#04x}"));
     FirstDifference { t_ns, t_s, number, field: format!("byte {place}"), left: byte(a), right: byte(b), ulp: None }
 }

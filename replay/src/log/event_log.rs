@@ -1,13 +1,13 @@
-//! The LCM event log, byte by byte: events back to back, no file header, no index, no checksum.
+//! The LCM event log: events back to back, without file header, index or checksum.
 //!
 //! ```text
-//! sync 0xEDA1DA01 | number i64 | time i64, us | length of channel i32 | length of data i32 | channel | data      big-endian, 28 + ...
+//! sync 0xEDA1DA01 | number i64 | time i64, us | channel length i32 | data length i32 | channel | data      big-endian, 28 + ...
 //! ```
 //! Source: LCM 1.5.3, `docs/content/log-file-format.md` and `lcm/eventlog.c`.
 //!
-//! Recovery. The stock reader drops an event when the next one does not begin right behind it. Here an event is dropped only when
-//! another one begins *inside* it, since then its own length is wrong; otherwise the bytes between the two are what is damaged.
-//! A wrong length may also end an event exactly where another one begins, having swallowed those between: the event numbers tell.
+//! Recovery: LCM's own reader drops an event if no other event starts directly after it. This reader drops an event only if another event
+//! starts *inside* it, which shows that its length is wrong; otherwise only the bytes between the two events are damaged. A wrong length
+//! can also end an event exactly at the start of a later one, with the events between them inside; the event numbers show this case.
 
 use super::byte_source::ByteSource;
 use super::channel_names::ChannelNames;
@@ -21,7 +21,7 @@ pub(super) const SYNC: [u8; 4] = 0xEDA1_DA01_u32.to_be_bytes();
 
 const HEADER: usize = 28;
 
-/// Longest channel that the stock reader accepts; the wire itself allows [`MAX_CHANNEL`].
+/// Longest channel name that LCM's own reader accepts; the protocol allows [`MAX_CHANNEL`].
 const MAX_CHANNEL_READ: usize = 999;
 
 /// Writes events.
@@ -34,7 +34,7 @@ impl EventLogWriter {
         EventLogWriter { out: BufWriter::with_capacity(1 << 18, out) }
     }
 
-    /// `t_ns` is rounded down to whole microseconds; the caller has checked name, time and length.
+    /// `t_ns` is rounded down to whole microseconds. The caller has checked channel, time and length.
     pub fn write(&mut self, channel: &str, t_ns: i64, number: i64, data: &[u8]) -> std::io::Result<()> {
         debug_assert!(channel.len() <= MAX_CHANNEL && data.len() <= MAX_MESSAGE);
         let mut header = [0; HEADER];
@@ -53,17 +53,17 @@ impl EventLogWriter {
     }
 }
 
-/// Reads events, from any offset on.
+/// Reads events and skips damage.
 pub(super) struct EventLogReader {
     source: ByteSource,
     at: u64,
     names: ChannelNames,
     pending: Option<Damaged>,
-    /// The file may still grow: what is incomplete at its end is left for later.
+    /// The file is still being written: an incomplete event at its end is read later.
     growing: bool,
 }
 
-/// An event by its lengths.
+/// Header of an event.
 #[derive(Clone, Copy)]
 struct Header {
     t_ns: i64,
@@ -78,17 +78,17 @@ impl Header {
     }
 }
 
-/// What stands at an offset.
+/// Content at an offset.
 enum Found {
-    /// A header that fits what the file still holds.
+    /// An event that is completely in the file.
     Event(Header),
-    /// The beginning of an event whose end is missing.
+    /// The start of an event that the end of the file cuts.
     Beginning,
-    /// Something else.
+    /// No event, with the reason.
     Other(&'static str),
 }
 
-/// What a step of the reader came to.
+/// Result of one step of the reader.
 enum Step {
     Event(u64, Header),
     Damaged(Damaged),
@@ -101,7 +101,7 @@ impl EventLogReader {
         EventLogReader { source, at: 0, names: ChannelNames::default(), pending: None, growing }
     }
 
-    /// Whether an event begins anywhere in the first `limit` bytes.
+    /// Whether an event starts in the first `limit` bytes.
     pub fn looks_like_one(source: &mut ByteSource, limit: u64) -> Result<bool, Error> {
         let event = next_header(source, &ChannelNames::default(), 0)?;
         Ok(event.is_some_and(|offset| offset < limit))
@@ -117,7 +117,7 @@ impl EventLogReader {
         let bytes = self.source.bytes(offset, header.length())?;
         let (name, data) = bytes.get(HEADER..).unwrap_or_default().split_at_checked(header.channel).unwrap_or_default();
         if self.names.cached(name).is_none() {
-            // `found_at` has seen that the name is text.
+            // `found_at` has checked that the name is valid text.
             self.names.intern(&String::from_utf8_lossy(name));
         }
         let Some(channel) = self.names.cached(name) else { return Ok(None) };
@@ -125,7 +125,7 @@ impl EventLogReader {
         Ok(Some(ItemRef::Event(EventRef { channel, t_ns, number, data, offset, schema: None })))
     }
 
-    /// One event, stretch or end.
+    /// Reads one event, damaged range or end.
     fn step(&mut self) -> Result<Step, Error> {
         if let Some(damaged) = self.pending.take() {
             return Ok(Step::Damaged(damaged));
@@ -148,7 +148,7 @@ impl EventLogReader {
     #[inline]
     fn event(&mut self, at: u64, header: Header) -> Result<Step, Error> {
         let length = header.length();
-        // One window for the event and what tells where it ends.
+        // Read the event and the start of the next one at once.
         let bytes = self.source.bytes(at, length + SYNC.len() + 8)?;
         let end = at + length as u64;
         let behind = &bytes[length.min(bytes.len())..];
@@ -159,26 +159,26 @@ impl EventLogReader {
         if let Some(next) = next_number.filter(|&next| next != header.number.wrapping_add(1))
             && let Some(inside) = self.swallowed(at, header, next)?
         {
-            return Ok(self.damaged(at, inside, "another event begins inside this one"));
+            return Ok(self.damaged(at, inside, "another event starts inside this event"));
         }
         self.at = end;
         Ok(Step::Event(at, header))
     }
 
-    /// An event behind which no other begins.
+    /// An event that is not followed directly by another.
     #[cold]
     fn no_boundary(&mut self, at: u64, header: Header) -> Result<Step, Error> {
         let end = at + header.length() as u64;
         let next = next_header(&mut self.source, &self.names, at + 1)?;
         if next.is_none() && self.growing && self.source.len() - end < HEADER as u64 {
-            // What follows is too short to be told.
+            // The following bytes are too few for an event header.
             return Ok(Step::End);
         }
         let next = next.unwrap_or(self.source.len());
         if next < end {
-            return Ok(self.damaged(at, next, "another event begins inside this one"));
+            return Ok(self.damaged(at, next, "another event starts inside this event"));
         }
-        self.pending = Some(Damaged { offset: end, bytes: next - end, why: "no event begins here".into() });
+        self.pending = Some(Damaged { offset: end, bytes: next - end, why: "not the start of an event".into() });
         self.at = next;
         Ok(Step::Event(at, header))
     }
@@ -197,14 +197,14 @@ impl EventLogReader {
                 Step::Cut(Cut { offset: at, bytes: self.at - at })
             }
             (next, found) => {
-                let why = if let Found::Other(why) = found { why } else { "the event is longer than what follows it" };
+                let why = if let Found::Other(why) = found { why } else { "event longer than the rest of the file" };
                 let end = next.unwrap_or(self.source.len());
                 self.damaged(at, end, why)
             }
         })
     }
 
-    /// The number behind this event is not the next one: is there a row of events inside that counts from this one to that?
+    /// Called if the next event number is not the successor: searches inside the event for events whose numbers lead to the next one.
     #[cold]
     fn swallowed(&mut self, at: u64, header: Header, next_number: i64) -> Result<Option<u64>, Error> {
         let end = at + header.length() as u64;
@@ -232,7 +232,7 @@ impl EventLogReader {
     }
 }
 
-/// The next offset at or after `from` with a whole, plausible event.
+/// The next offset at or after `from` with a complete, plausible event.
 fn next_header(source: &mut ByteSource, names: &ChannelNames, mut from: u64) -> Result<Option<u64>, Error> {
     while let Some(at) = source.find(&SYNC, from)? {
         if matches!(found_at(source, names, at)?, Found::Event(_)) {
@@ -248,7 +248,7 @@ fn found_at(source: &mut ByteSource, names: &ChannelNames, at: u64) -> Result<Fo
     let left = source.len() - at;
     let bytes = source.bytes(at, HEADER + MAX_CHANNEL_READ)?;
     if !SYNC.starts_with(&bytes[..bytes.len().min(SYNC.len())]) {
-        return Ok(Found::Other("no event begins here"));
+        return Ok(Found::Other("not the start of an event"));
     }
     let Some((header, rest)) = bytes.split_first_chunk::<HEADER>() else {
         return Ok(Found::Beginning);
@@ -258,17 +258,17 @@ fn found_at(source: &mut ByteSource, names: &ChannelNames, at: u64) -> Result<Fo
     let channel = i32::from_be_bytes(field(header, 20));
     let data = i32::from_be_bytes(field(header, 24));
     let (Ok(channel), Ok(data)) = (usize::try_from(channel), usize::try_from(data)) else {
-        return Ok(Found::Other("an event has a negative length"));
+        return Ok(Found::Other("negative length in an event header"));
     };
     if !(1..=MAX_CHANNEL_READ).contains(&channel) || data > MAX_MESSAGE {
-        return Ok(Found::Other("an event has an impossible length"));
+        return Ok(Found::Other("length above the limit in an event header"));
     }
     let Some(t_ns) = time_us.checked_mul(1000) else {
-        return Ok(Found::Other("an event has a time beyond 292 years"));
+        return Ok(Found::Other("time beyond 292 years in an event header"));
     };
     let name = &rest[..channel.min(rest.len())];
     if names.cached(name).is_none() && !is_text(name, channel) {
-        return Ok(Found::Other("a channel's name is not text"));
+        return Ok(Found::Other("channel name is not text"));
     }
     if (HEADER + channel + data) as u64 > left {
         return Ok(Found::Beginning);
@@ -276,11 +276,11 @@ fn found_at(source: &mut ByteSource, names: &ChannelNames, at: u64) -> Result<Fo
     Ok(Found::Event(Header { t_ns, number, channel, data }))
 }
 
-/// Whether a name of `length` bytes, or what there is of it, is text.
+/// Whether a name of `length` bytes is valid text, as far as it is in the file.
 fn is_text(name: &[u8], length: usize) -> bool {
     match std::str::from_utf8(name) {
         Ok(name) => !name.chars().any(char::is_control),
-        // The file may end within a character.
+        // The file can end inside a UTF-8 character.
         Err(error) => name.len() < length && error.error_len().is_none(),
     }
 }

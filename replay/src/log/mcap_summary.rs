@@ -1,4 +1,4 @@
-//! The end of an MCAP file: closing magic, footer, and the channels that the summary repeats.
+//! The end of an MCAP file: closing magic, footer, and the channels and schemas that the summary repeats.
 
 use super::byte_source::ByteSource;
 use super::chunk::{MAX_RECORD, PREFIX};
@@ -7,15 +7,15 @@ use mcap::MAGIC;
 use mcap::read::parse_record;
 use mcap::records::{Footer, Record, op};
 
-/// Length of the body of a footer: two offsets and a CRC.
+/// Length of a footer's body, bytes: two offsets and a CRC.
 pub(super) const FOOTER: u64 = 20;
-/// Length of the body of a data end: a CRC.
+/// Length of a data-end record's body, bytes: a CRC.
 pub(super) const DATA_END: u64 = 4;
 
-/// Bytes that are handed to a CRC at a time.
+/// Bytes per step of a CRC computation.
 pub(super) const STRETCH: u64 = 1 << 16;
 
-/// Opcode and length of the record at `at`, if the file holds that much.
+/// Opcode and length of the record at `at`; `None` at the end of the file.
 pub(super) fn prefix(source: &mut ByteSource, at: u64) -> Result<Option<(u8, u64)>, Error> {
     let bytes = source.bytes(at, PREFIX as usize)?;
     let Some((&opcode, length)) = bytes.split_first() else {
@@ -24,13 +24,13 @@ pub(super) fn prefix(source: &mut ByteSource, at: u64) -> Result<Option<(u8, u64
     Ok(length.first_chunk().map(|length| (opcode, u64::from_le_bytes(*length))))
 }
 
-/// Whether the file ends as a complete MCAP does.
+/// Whether the file ends with the closing magic.
 pub(super) fn ends_with_magic(source: &mut ByteSource) -> Result<bool, Error> {
     let at = source.len().saturating_sub(MAGIC.len() as u64);
     Ok(source.bytes(at, MAGIC.len())? == MAGIC)
 }
 
-/// The footer in front of the closing magic, and where it stands.
+/// The footer before the closing magic, and its offset.
 pub(super) fn footer(source: &mut ByteSource) -> Result<Option<(u64, Footer)>, Error> {
     let Some(at) = source.len().checked_sub(PREFIX + FOOTER + MAGIC.len() as u64) else {
         return Ok(None);
@@ -45,7 +45,7 @@ pub(super) fn footer(source: &mut ByteSource) -> Result<Option<(u64, Footer)>, E
     })
 }
 
-/// The schemas and channels that the summary of the last MCAP of the file repeats. Empty if there is no sound summary.
+/// Schemas and channels in the summary of the last MCAP of the file. Empty without a valid summary.
 pub(super) fn summary_records(source: &mut ByteSource, base: u64) -> Result<Vec<Record<'static>>, Error> {
     let mut records = Vec::new();
     let Some((end, footer)) = footer(source)? else {
@@ -68,8 +68,8 @@ pub(super) fn summary_records(source: &mut ByteSource, base: u64) -> Result<Vec<
     Ok(records)
 }
 
-/// Where the summary begins: behind the end of the data. Where bytes are missing or too many in front of it, its offset is wrong, but
-/// its CRC tells it.
+/// Start of the summary: directly after the data-end record. If bytes before it are missing or added, its offset is wrong; then its CRC
+/// finds it.
 fn start(source: &mut ByteSource, base: u64, footer_at: u64, footer: &Footer) -> Result<Option<u64>, Error> {
     let behind = PREFIX + DATA_END;
     let is_sound = |source: &mut ByteSource, at: u64| -> Result<bool, Error> {
@@ -78,13 +78,13 @@ fn start(source: &mut ByteSource, base: u64, footer_at: u64, footer: &Footer) ->
         let end = footer_at + PREFIX + FOOTER - 4;
         Ok(is_behind && (footer.summary_crc == 0 || crc(source, at, end)? == footer.summary_crc))
     };
-    let told = base.checked_add(footer.summary_start).filter(|&at| footer.summary_start != 0 && at <= footer_at);
-    if let Some(at) = told
+    let claimed = base.checked_add(footer.summary_start).filter(|&at| footer.summary_start != 0 && at <= footer_at);
+    if let Some(at) = claimed
         && is_sound(source, at)?
     {
-        return Ok(told);
+        return Ok(claimed);
     }
-    // The footer may be that of another MCAP behind the one at hand.
+    // The footer may belong to another MCAP after the current one.
     let other = source.find(MAGIC, base + MAGIC.len() as u64)?;
     if footer.summary_crc == 0 || other.is_some_and(|at| at < footer_at) {
         return Ok(None);
@@ -101,9 +101,9 @@ fn start(source: &mut ByteSource, base: u64, footer_at: u64, footer: &Footer) ->
     Ok(None)
 }
 
-/// Whether the parts of a record, by the lengths in it, are as long as the record. A wrong length may end where another record begins.
+/// Whether the lengths inside a record add up to its length. A wrong record length can end exactly at the start of a later record.
 pub(super) fn has_its_length(source: &mut ByteSource, opcode: u8, body: u64, end: u64) -> Result<bool, Error> {
-    // Fixed parts by their length; `s`: what a u32 in front counts; `d`: what a u64 in front counts.
+    // A digit: that many bytes; `s`: u32 length and content; `d`: u64 length and content.
     let parts: &[u8] = match opcode {
         op::HEADER => b"ss",
         op::SCHEMA => b"2sss",

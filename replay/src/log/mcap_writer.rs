@@ -1,12 +1,12 @@
-//! MCAP with LCM payloads.
+//! Writes MCAP with LCM payloads.
 //!
-//! - Payload: the bytes of the LCM message, fingerprint included; `message_encoding` is `lcm`.
+//! - Payload: the encoded LCM message with its fingerprint; `message_encoding` is `lcm`.
 //! - Schema: name of the type (`hoofprint.robot_state_t`), encoding `lcm`, data: the `.lcm` text of the type followed by the texts of
-//!   the types inside it, which together are again one valid `.lcm` file. A type that nobody knows gets no schema.
-//! - `log_time` = `publish_time` = time of the event; `sequence` = its number, which counts the events of a log from 0. Of a number
-//!   that does not fit into 32 bits the rest stands in the metadata of a channel of its own.
-//! - Chunks of 256 KiB before compression, zstd on the writing thread, CRCs and indexes on: equal events give equal bytes, and a
-//!   process that dies loses no more than the chunk that it was filling.
+//!   its nested types, which together form a valid `.lcm` file. An unknown type has no schema.
+//! - `log_time` = `publish_time` = log time of the event; `sequence` = event number, from 0. The upper 32 bits of a larger number are
+//!   stored in the metadata of a separate MCAP channel.
+//! - Chunks of 256 KiB before compression, zstd on the writing thread, CRCs and indexes: equal events produce equal bytes, and a process
+//!   that is killed loses only the chunk that is not yet full.
 
 use super::FileSchema;
 use super::mcap_reader::NUMBER_HIGH;
@@ -22,12 +22,12 @@ const CHUNK_BYTES: u64 = 1 << 18;
 
 pub(super) struct McapWriter {
     out: Writer<NoSeek<BufWriter<Output>>>,
-    /// A channel whose type changes within a log becomes two MCAP channels of one topic.
+    /// Per LCM channel: a channel whose type changes within a log becomes two MCAP channels with the same topic.
     channels: BTreeMap<String, Vec<ChannelOfType>>,
 }
 
-/// Types of one channel that are kept apart though nobody knows them. Payloads that are no LCM messages seem to have a new type each time,
-/// and MCAP has 65,536 channels.
+/// Unknown types per channel that are kept apart. Payloads that are not LCM messages seem to have a new type each time, and MCAP allows
+/// 65,536 channels.
 const UNKNOWN_TYPES: usize = 16;
 
 struct ChannelOfType {
@@ -39,7 +39,7 @@ struct ChannelOfType {
 
 impl McapWriter {
     pub fn new(out: Output) -> McapResult<Self> {
-        // Without seeking, a chunk goes out in one piece when it is full, never as a half-written one.
+        // Without seeking, a chunk is written in one piece when it is full.
         let out = WriteOptions::new()
             .profile("")
             .library("hoofprint")
@@ -51,7 +51,7 @@ impl McapWriter {
         Ok(McapWriter { out, channels: BTreeMap::new() })
     }
 
-    /// `schema` is asked once per channel and type. The caller has checked that the time is not negative.
+    /// `schema` is called once per channel and type. The caller has checked that the time is not negative.
     pub fn write(
         &mut self,
         channel: &str,
@@ -89,18 +89,18 @@ impl McapWriter {
         self.out.write_to_known_channel(&header, data)
     }
 
-    /// Ends the chunk, so that everything up to here is in the file.
+    /// Ends the chunk, so that every event so far is in the file.
     pub fn flush(&mut self) -> McapResult<()> {
         self.out.flush()
     }
 
-    /// Writes the rest and the index.
+    /// Writes the last chunk and the index.
     pub fn finish(mut self) -> McapResult<()> {
         self.out.finish().map(drop)
     }
 }
 
-/// Announces a channel. The fingerprint as metadata also keeps two types of one topic apart, which otherwise count as one channel.
+/// Adds an MCAP channel. The fingerprint in its metadata also distinguishes two types of one topic, which the writer would merge.
 fn add(
     out: &mut Writer<NoSeek<BufWriter<Output>>>,
     channel: &str,

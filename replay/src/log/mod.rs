@@ -1,25 +1,25 @@
 //! Logs: the LCM event log (`.lcmlog`) and MCAP (`.mcap`), behind one writer and one reader.
 //!
-//! Both hold the same thing: events, each a channel, a time, a number and the bytes of one LCM message. [`LogWriter`] takes the format
-//! from the file's name; [`LogReader`] from the file's first bytes, whatever its name.
+//! Both formats hold events: channel, time, number and the bytes of one LCM message. [`LogWriter`] selects the format by the extension of
+//! the file name, [`LogReader`] by the first bytes of the file.
 //!
 //! | | LCM event log | MCAP |
 //! |---|---|---|
 //! | time | whole microseconds, rounded down | nanoseconds |
 //! | number | event number, 64 bits | sequence, 32 bits; the upper ones, if any, in the channel's metadata |
-//! | checks | none: a damaged payload cannot be seen | CRC of each chunk and of all the data |
-//! | record: the most that one damaged place costs | one event | one chunk (256 KiB before compression) |
-//! | types | not in the file, but in its RUN_INFO message | `.lcm` text of each channel |
+//! | checks | none: damage inside a message is not detected | CRC of each chunk and of all the data |
+//! | record: loss from one damaged place at most | one event | one chunk (256 KiB before compression) |
+//! | types | only in the RUN_INFO message | `.lcm` text per channel |
 //!
-//! A reader tells three ends apart: the end, a *cut* (the file stops inside a record, as after a power failure or while it is still being
-//! written) and *damage* (bytes that belong to no record, from which it recovers).
+//! A reader distinguishes the *end* of the log, a *cut* (the file ends inside a record, as after a power failure or while it is still being
+//! written) and *damage* (bytes that belong to no record; reading continues after them).
 //!
-//! A chunk of an MCAP is one record, compressed as one and checked as one. Of a chunk that the end of the file cuts, the events in
-//! front of the cut are read. One that cannot be decompressed to its end, or to something of another CRC, is damaged nobody knows
-//! where: its events are left out unless [`LogReader::keep_unchecked`] asks for those that can be had.
+//! A chunk of an MCAP is one record, compressed and checksummed as a whole. If the end of the file cuts a chunk, the events before the cut
+//! are read. If a chunk cannot be decompressed completely, or has a wrong CRC, the position of the damage is unknown: its events are
+//! omitted unless [`LogReader::keep_unchecked`] asks for the readable ones.
 //!
-//! Memory is bounded by one record (one event; one chunk, compressed and not), however long the file, and by what the file really holds:
-//! no length that it claims is believed before as many bytes are there.
+//! Memory is bounded by one record (one event; one chunk, compressed and decompressed), independent of the length of the file: memory for
+//! a length that a file claims is allocated only as that many bytes are present.
 
 mod byte_source;
 mod channel_names;
@@ -59,10 +59,10 @@ pub use writer::{LogWriter, Output};
 
 use std::sync::Arc;
 
-/// Longest message that LCM carries, bytes.
+/// Longest message that LCM allows, bytes.
 pub const MAX_MESSAGE: usize = 1 << 28;
 
-/// Longest channel name that LCM carries, bytes.
+/// Longest channel name that LCM allows, bytes.
 pub const MAX_CHANNEL: usize = 63;
 
 /// A log format.
@@ -78,35 +78,35 @@ pub enum Format {
 /// One message of a log.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Event {
-    /// Channel on which it went out.
+    /// Channel.
     pub channel: Arc<str>,
-    /// Time that the log gives it, ns: receive time in a live run, simulation time in a lockstep run.
+    /// Log time, ns: receive time in a live run, simulation time in a lockstep run.
     pub t_ns: i64,
-    /// Number that the log gives it: usually they count up from 0; in logs one behind the other they begin anew.
+    /// Event number in the log: usually counts from 0; restarts in a file of concatenated logs.
     pub number: i64,
     /// The encoded message, fingerprint first.
     pub data: Vec<u8>,
-    /// Where its record begins in the file; in MCAP, the chunk that holds it.
+    /// Offset of its record in the file; in MCAP, of its chunk.
     pub offset: u64,
 }
 
 impl Event {
-    /// The first eight bytes of an LCM message: the fingerprint of its type. `None` if it is shorter.
+    /// Fingerprint of the message's type: its first eight bytes. `None` if the message is shorter.
     pub fn fingerprint(&self) -> Option<u64> {
         fingerprint(&self.data)
     }
 }
 
-/// One message of a log, in the memory of its reader. Fields as in [`Event`].
+/// One message of a log, borrowed from its reader. Fields as in [`Event`].
 #[derive(Debug, Clone, Copy)]
-#[allow(missing_docs, reason = "said at Event")]
+#[allow(missing_docs, reason = "documented at Event")]
 pub struct EventRef<'a> {
     pub channel: &'a Arc<str>,
     pub t_ns: i64,
     pub number: i64,
     pub data: &'a [u8],
     pub offset: u64,
-    /// What the file says of the channel's type. Always `None` in an LCM event log.
+    /// Schema of the channel in the file. Always `None` in an LCM event log.
     pub schema: Option<&'a Arc<FileSchema>>,
 }
 
@@ -116,26 +116,26 @@ impl EventRef<'_> {
         fingerprint(self.data)
     }
 
-    /// A copy of its own.
+    /// An owned copy.
     pub fn to_event(&self) -> Event {
         let EventRef { channel, t_ns, number, data, offset, schema: _ } = *self;
         Event { channel: Arc::clone(channel), t_ns, number, data: data.to_vec(), offset }
     }
 }
 
-/// A schema that stands in an MCAP file.
+/// A schema of an MCAP file.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct FileSchema {
     /// Name of the type.
     pub name: String,
-    /// Language of the text: `lcm`, `ros2msg`, ...
+    /// Schema language: `lcm`, `ros2msg`, ...
     pub encoding: String,
-    /// The text.
+    /// Schema text.
     pub data: Vec<u8>,
 }
 
 impl FileSchema {
-    /// The text, if it is in the LCM type language.
+    /// The text, if its language is LCM.
     pub fn lcm_text(&self) -> Option<&str> {
         std::str::from_utf8(&self.data).ok().filter(|_| self.encoding == "lcm")
     }
@@ -146,30 +146,30 @@ pub fn fingerprint(message: &[u8]) -> Option<u64> {
     message.first_chunk().map(|bytes| u64::from_be_bytes(*bytes))
 }
 
-/// What a reader comes across.
+/// One item of a log, in file order.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Item {
     /// A message.
     Event(Event),
-    /// Bytes that belong to no whole record. Reading goes on after them.
+    /// Bytes that belong to no complete record. Reading continues after them.
     Damaged(Damaged),
-    /// The file stops before its end: always the last item.
+    /// The file ends inside a record: always the last item.
     Cut(Cut),
 }
 
-/// What a reader comes across, in its memory.
+/// One item of a log, borrowed from its reader.
 #[derive(Debug, Clone)]
 pub enum ItemRef<'a> {
     /// A message.
     Event(EventRef<'a>),
-    /// Bytes that belong to no whole record. Reading goes on after them.
+    /// Bytes that belong to no complete record. Reading continues after them.
     Damaged(Damaged),
-    /// The file stops before its end: always the last item.
+    /// The file ends inside a record: always the last item.
     Cut(Cut),
 }
 
 impl ItemRef<'_> {
-    /// A copy of its own.
+    /// An owned copy.
     pub fn to_item(&self) -> Item {
         match self {
             ItemRef::Event(event) => Item::Event(event.to_event()),
@@ -179,32 +179,32 @@ impl ItemRef<'_> {
     }
 }
 
-/// A stretch of a file that could not be read.
+/// A byte range of a file that could not be read.
 #[derive(Debug, Clone, PartialEq, Eq, serde::Serialize)]
 pub struct Damaged {
-    /// Where it begins.
+    /// Offset of the first byte.
     pub offset: u64,
-    /// How many bytes were skipped.
+    /// Bytes skipped.
     pub bytes: u64,
-    /// What is wrong there.
+    /// What is wrong.
     pub why: String,
 }
 
-/// The end of a file that stops too early.
+/// The incomplete record at the end of a file.
 #[derive(Debug, Clone, PartialEq, Eq, serde::Serialize)]
 pub struct Cut {
-    /// Where the incomplete part begins.
+    /// Offset of the incomplete record.
     pub offset: u64,
-    /// How many bytes of it there are.
+    /// Bytes of it that are present.
     pub bytes: u64,
 }
 
-/// What is known to be wrong with a log, as far as it has been read.
+/// Damage found in a log, as far as it has been read.
 #[derive(Debug, Clone, Default, PartialEq, Eq, serde::Serialize)]
 pub struct Health {
-    /// Damaged stretches.
+    /// Damaged ranges.
     pub damaged: Vec<Damaged>,
-    /// Where the file is cut, if it is.
+    /// The incomplete last record, if the file is cut.
     pub cut: Option<Cut>,
 }
 
@@ -214,7 +214,7 @@ impl Health {
         self.damaged.is_empty() && self.cut.is_none()
     }
 
-    /// Takes note of what is no event.
+    /// Returns an event; collects any other item.
     pub fn note<'a>(&mut self, item: ItemRef<'a>) -> Option<EventRef<'a>> {
         match item {
             ItemRef::Event(event) => return Some(event),
@@ -224,7 +224,7 @@ impl Health {
         None
     }
 
-    /// Bytes of the file that are in no event.
+    /// Bytes of the file that belong to no event.
     pub fn bytes_skipped(&self) -> u64 {
         self.damaged.iter().map(|d| d.bytes).sum::<u64>() + self.cut.as_ref().map_or(0, |c| c.bytes)
     }

@@ -1,4 +1,4 @@
-//! Reading a log of either format.
+//! Reads a log of either format.
 
 use super::byte_source::ByteSource;
 use super::event_log::{self, EventLogReader};
@@ -7,13 +7,13 @@ use super::{Event, Format, Health, Item, ItemRef};
 use crate::Error;
 use std::path::Path;
 
-/// How far into a damaged file the first event is looked for.
-const SEARCH: u64 = 1 << 20;
+/// Bytes in which the first event of a damaged event log is searched.
+const SEARCH_BYTES: u64 = 1 << 20;
 
-/// Reads a log from its beginning to its end, whatever has happened to it.
+/// Reads a log from start to end, skipping damage.
 ///
-/// An iterator of [`Item`]; the end of the iteration without an [`Item::Cut`] is the end of the log. After an `Err` (the operating
-/// system fails to read) it ends. [`LogReader::read`] gives the same without a copy of each message.
+/// An iterator of [`Item`]; iteration that ends without an [`Item::Cut`] has reached the end of the log. After an `Err` (the operating
+/// system failed to read) iteration ends. [`LogReader::read`] returns the same items without copying each message.
 pub struct LogReader {
     format: Format,
     bytes: u64,
@@ -26,16 +26,16 @@ enum Reader {
 }
 
 impl LogReader {
-    /// Opens a log and finds its format from its bytes, not from its name.
+    /// Opens a log. The format is detected from the content, not from the name.
     ///
     /// # Errors
-    /// [`Error::Io`], [`Error::NotAFile`], [`Error::EmptyFile`], or [`Error::NotALog`] if neither format shows in the file.
+    /// [`Error::Io`], [`Error::NotAFile`], [`Error::EmptyFile`], or [`Error::NotALog`] if the content matches neither format.
     pub fn open(path: impl AsRef<Path>) -> Result<Self, Error> {
         Self::new(ByteSource::open(path.as_ref())?, false)
     }
 
-    /// [`LogReader::open`] for a log that is still being written. There is no cut: at the end of what has been written the reader gives
-    /// `None`, and may be asked again later.
+    /// [`LogReader::open`] for a log that is still being written. An incomplete record at the end is not reported as a cut: the reader
+    /// returns `None` there and can be called again after more was written.
     ///
     /// # Errors
     /// As [`LogReader::open`].
@@ -43,10 +43,10 @@ impl LogReader {
         Self::new(ByteSource::open(path.as_ref())?, true)
     }
 
-    /// A log in memory; `name` is what errors call it.
+    /// A log in memory; `name` is the path in error messages.
     ///
     /// # Errors
-    /// As [`LogReader::open`], but for those of the operating system.
+    /// As [`LogReader::open`], without the errors of the operating system.
     pub fn from_bytes(name: impl AsRef<Path>, bytes: Vec<u8>) -> Result<Self, Error> {
         Self::new(ByteSource::from_bytes(name.as_ref(), bytes), false)
     }
@@ -64,7 +64,7 @@ impl LogReader {
         Ok(LogReader { format, bytes, reader: Some(reader) })
     }
 
-    /// Also gives the events that can be had of damaged chunks: some of their bytes may not be what was written.
+    /// Also returns the readable events of damaged MCAP chunks; some of their bytes may be wrong.
     #[must_use]
     pub fn keep_unchecked(mut self, keep: bool) -> Self {
         if let Some(Reader::Mcap(reader)) = &mut self.reader {
@@ -73,15 +73,15 @@ impl LogReader {
         self
     }
 
-    /// Whether the file is known to be complete: an MCAP that was read through its closing magic. An event log may always go on.
+    /// Whether the file is known to be complete: an MCAP read through its closing magic. An event log has no end mark.
     pub fn is_complete(&self) -> bool {
         matches!(&self.reader, Some(Reader::Mcap(reader)) if reader.is_complete())
     }
 
-    /// The next item, in the memory of the reader; `None` at the end.
+    /// The next item, borrowed from the reader; `None` at the end.
     ///
     /// # Errors
-    /// [`Error::Io`] if the operating system fails to read; the iteration is over then.
+    /// [`Error::Io`] if the operating system fails to read; iteration ends.
     #[inline]
     pub fn read(&mut self) -> Result<Option<ItemRef<'_>>, Error> {
         match self.reader.as_mut() {
@@ -101,7 +101,7 @@ impl LogReader {
         self.bytes
     }
 
-    /// The events alone; what is wrong with the log is collected beside them.
+    /// An iterator of the events only; damage is collected in [`Events::health`].
     pub fn events(self) -> Events {
         Events { reader: self, health: Health::default() }
     }
@@ -119,14 +119,14 @@ impl Iterator for LogReader {
     }
 }
 
-/// The events of a log. Once they are all read, [`Events::health`] says what was missing.
+/// Iterator of the events of a log.
 pub struct Events {
     reader: LogReader,
     health: Health,
 }
 
 impl Events {
-    /// What is wrong with the log, as far as it has been read.
+    /// Damage found in the part of the log that has been read.
     pub fn health(&self) -> &Health {
         &self.health
     }
@@ -156,11 +156,11 @@ fn detect(source: &mut ByteSource) -> Result<Format, Error> {
         return Ok(Format::Mcap);
     }
     let found = first.iter().map(|byte| format!("{byte:02x}")).collect::<Vec<_>>().join(" ");
-    // The first bytes themselves may be what is damaged.
+    // The first bytes may be damaged.
     if McapReader::looks_like_one(source)? {
         return Ok(Format::Mcap);
     }
-    if EventLogReader::looks_like_one(source, SEARCH)? {
+    if EventLogReader::looks_like_one(source, SEARCH_BYTES)? {
         return Ok(Format::LcmLog);
     }
     Err(Error::NotALog { path: source.path().into(), bytes: source.len(), found })

@@ -1,4 +1,4 @@
-//! What is in a log, at a glance.
+//! Summary of a log: channels, types, counts, rates, damage.
 
 use super::sequence_gaps::{SequenceTracker, sequence_field, sequence_number};
 use super::{EventRef, Format, Health, LogReader, RunClock, RunClockFinder, Types, Zero};
@@ -7,109 +7,109 @@ use std::collections::BTreeMap;
 use std::path::Path;
 use std::sync::Arc;
 
-/// What is in a log.
+/// Summary of a log.
 #[derive(Debug, Clone, PartialEq, serde::Serialize)]
 pub struct LogSummary {
     /// Format of the file.
     pub format: Format,
-    /// Messages.
+    /// Number of events.
     pub events: u64,
-    /// Length of the file.
+    /// Length of the file, bytes.
     pub bytes: u64,
     /// Time of the earliest event, ns.
     pub first_t_ns: Option<i64>,
-    /// From the earliest to the latest event, s.
+    /// Time from the earliest to the latest event, s.
     pub duration_s: f64,
-    /// What time zero of the tools is for this log.
+    /// Event that defines time zero of the tools for this log.
     pub zero: Zero,
     /// Time zero in the clock of the log's events, ns.
     pub zero_t_ns: i64,
-    /// Stretches that could not be read.
+    /// Damaged ranges.
     pub damaged: u64,
-    /// The file stops inside a record.
+    /// The file ends inside a record.
     pub cut: bool,
-    /// Bytes that are in no event for these two reasons.
+    /// Bytes in damaged ranges and the incomplete last record.
     pub bytes_skipped: u64,
-    /// Messages that their counters (`seq`, `tick`) say are missing, over all channels.
+    /// Lost messages over all channels, from the gaps in their sequence numbers (`seq`, `tick`).
     pub lost: u64,
     /// Channels by name.
     pub channels: Vec<ChannelSummary>,
 }
 
-/// What a log holds of one channel and type.
+/// Summary of one channel and type.
 #[derive(Debug, Clone, PartialEq, serde::Serialize)]
 pub struct ChannelSummary {
     /// Channel.
     pub name: String,
-    /// Type with package, if it is known here.
+    /// Type with package; `None` if unknown.
     #[serde(rename = "type")]
     pub type_name: Option<String>,
-    /// Fingerprint in hexadecimal, if the messages are long enough to have one.
+    /// Fingerprint in hexadecimal; `None` if the messages are shorter than one.
     pub fingerprint: Option<String>,
     /// Messages.
     pub count: u64,
-    /// Messages per second, first to last; 0 for a single one.
+    /// Mean rate from the first to the last message, Hz; 0 for a single message.
     pub rate_hz: f64,
-    /// Bytes of the messages.
+    /// Size of the messages, bytes.
     pub bytes: u64,
-    /// Messages that the counter skips. `None` if the type has no counter, or not one that counts every message.
+    /// Lost messages, from gaps in the sequence number. `None` without a sequence number, or if the channel does not carry every number.
     pub lost: Option<u64>,
 }
 
-/// What is counted of a channel.
-struct Tally {
+/// Statistics of a channel while the log is read.
+struct ChannelStats {
     has_counter: bool,
     type_name: Option<String>,
     count: u64,
     bytes: u64,
     first: i64,
     last: i64,
-    numbers: SequenceTracker,
+    sequence: SequenceTracker,
 }
 
 impl LogSummary {
-    /// Reads a log from end to end.
+    /// Reads a log from start to end.
     ///
     /// # Errors
-    /// As [`LogReader::open`], or [`Error::Io`] on the way.
+    /// As [`LogReader::open`] and [`LogReader::read`].
     pub fn read(path: impl AsRef<Path>) -> Result<Self, Error> {
         Self::read_with(path, Types::default())
     }
 
-    /// [`LogSummary::read`] of a log whose types others describe.
+    /// [`LogSummary::read`] with further types.
     ///
     /// # Errors
     /// As [`LogSummary::read`].
     pub fn read_with(path: impl AsRef<Path>, mut types: Types) -> Result<Self, Error> {
         let mut reader = LogReader::open(path)?;
         let (format, bytes) = (reader.format(), reader.bytes());
-        let mut tallies = BTreeMap::new();
+        let mut stats = BTreeMap::new();
         let (mut health, mut clock) = (Health::default(), RunClockFinder::default());
         while let Some(item) = reader.read()? {
             let Some(event) = health.note(item) else { continue };
             clock.see(&event);
             types.learn(&event);
             let key = (Arc::clone(event.channel), event.fingerprint());
-            tallies.entry(key).or_insert_with(|| Tally::new(&event, &types)).add(&event);
+            stats.entry(key).or_insert_with(|| ChannelStats::new(&event, &types)).add(&event);
         }
-        Ok(summarise(format, bytes, &tallies, &health, &clock.clock()))
+        Ok(summarize(format, bytes, &stats, &health, &clock.clock()))
     }
 }
 
-fn summarise(
+fn summarize(
     format: Format,
     bytes: u64,
-    tallies: &BTreeMap<(Arc<str>, Option<u64>), Tally>,
+    stats: &BTreeMap<(Arc<str>, Option<u64>), ChannelStats>,
     health: &Health,
     clock: &RunClock,
 ) -> LogSummary {
-    let first_t_ns = tallies.values().map(|t| t.first).min();
-    let last = tallies.values().map(|t| t.last).max();
+    let first_t_ns = stats.values().map(|t| t.first).min();
+    let last = stats.values().map(|t| t.last).max();
     let channels: Vec<_> =
-        tallies.iter().map(|((name, fingerprint), tally)| tally.summary(name, *fingerprint)).collect();
+        stats.iter().map(|((name, fingerprint), channel)| channel.summary(name, *fingerprint)).collect();
     LogSummary {
         format,
-        events: tallies.values().map(|t| t.count).sum(),
+        events: stats.values().map(|t| t.count).sum(),
         bytes,
         first_t_ns,
         zero: clock.zero(),
@@ -123,19 +123,19 @@ fn summarise(
     }
 }
 
-impl Tally {
+impl ChannelStats {
     fn new(event: &EventRef, types: &Types) -> Self {
         let ty = types.of_message(event.channel, event.data);
-        // A type of another encoding has a name, at least.
+        // For a schema in another language at least the type name is known.
         let named = event.schema.filter(|schema| schema.encoding != "lcm").map(|schema| schema.name.clone());
-        Tally {
+        ChannelStats {
             has_counter: ty.and_then(sequence_field).is_some(),
             type_name: ty.map(|ty| ty.name().to_owned()).or(named),
             count: 0,
             bytes: 0,
             first: event.t_ns,
             last: event.t_ns,
-            numbers: SequenceTracker::default(),
+            sequence: SequenceTracker::default(),
         }
     }
 
@@ -147,7 +147,7 @@ impl Tally {
         if self.has_counter
             && let Some(number) = sequence_number(event.data)
         {
-            self.numbers.add(number, event.t_ns);
+            self.sequence.add(number, event.t_ns);
         }
     }
 
@@ -160,7 +160,7 @@ impl Tally {
             count: self.count,
             rate_hz: if span > 0.0 { (self.count - 1) as f64 / span } else { 0.0 },
             bytes: self.bytes,
-            lost: self.numbers.lost().filter(|_| self.has_counter),
+            lost: self.sequence.lost().filter(|_| self.has_counter),
         }
     }
 }

@@ -1,4 +1,4 @@
-//! Which type a message has, and the text that explains it.
+//! Finds the type of a message and its `.lcm` text.
 
 use super::{EventRef, FileSchema};
 use crate::Error;
@@ -8,29 +8,29 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-/// What is known of the types of a log: from `.lcm` texts that the user gives, from the log itself (its RUN_INFO, the schemas of an
-/// MCAP), and our own; in this order where they contradict each other.
+/// Known message types of a log. Sources in order of precedence: `.lcm` texts from the user, the log itself (RUN_INFO, schemas of an
+/// MCAP), and this build.
 #[derive(Default)]
 pub struct Types {
     given: Vec<Texts>,
     of_log: Vec<Texts>,
-    /// Schemas of the file by the fingerprint of their type.
+    /// Schemas of the file by fingerprint.
     schemas: BTreeMap<u64, Arc<FileSchema>>,
-    /// Schemas that were looked at, whatever came of them.
+    /// Schemas that were processed, valid or not.
     seen: Vec<Arc<FileSchema>>,
 }
 
-/// `.lcm` texts that belong together, and the types in them.
+/// A set of `.lcm` texts and the types in them.
 struct Texts {
     types: TypeSet,
     texts: BTreeMap<String, String>,
 }
 
 impl Types {
-    /// Types from `.lcm` files, and from the `.lcm` files in folders and the folders in them.
+    /// Reads `.lcm` files, and the `.lcm` files in folders and their subfolders.
     ///
     /// # Errors
-    /// [`Error::Io`]; [`Error::NoTypes`] for a folder without a `.lcm` file; [`Error::Types`] if a text cannot be used.
+    /// [`Error::Io`]; [`Error::NoTypes`] for a folder without a `.lcm` file; [`Error::Types`] if a text is invalid.
     pub fn from_files(paths: &[PathBuf]) -> Result<Self, Error> {
         let mut types = Types::default();
         let mut sources = Vec::new();
@@ -41,7 +41,7 @@ impl Types {
                 return Err(Error::NoTypes { path: path.clone() });
             }
         }
-        // A file may be named twice, by itself and by its folder.
+        // A file can be given twice, directly and by its folder.
         sources.sort();
         sources.dedup();
         if let Some(first) = paths.first() {
@@ -50,14 +50,14 @@ impl Types {
         Ok(types)
     }
 
-    /// Takes more texts, given as (name, text).
+    /// Adds texts, as (name, text).
     pub(super) fn add(&mut self, path: &Path, sources: &[(String, String)]) -> Result<(), Error> {
         let texts = Texts::new(sources).map_err(|source| Error::Types { path: path.into(), source: source.into() })?;
         self.given.push(texts);
         Ok(())
     }
 
-    /// Takes what an event says of types: its channel's schema, or the texts in a RUN_INFO. What cannot be used is passed over.
+    /// Adds the types that an event describes: its channel's schema, or the texts in a RUN_INFO. Invalid texts are ignored.
     pub fn learn(&mut self, event: &EventRef<'_>) {
         if let Some(schema) = event.schema {
             self.learn_schema(schema);
@@ -65,7 +65,7 @@ impl Types {
         self.learn_run_info(event.channel, event.data);
     }
 
-    /// Takes the texts of a RUN_INFO; messages of other channels say nothing of types.
+    /// Adds the texts of a RUN_INFO; ignores messages of other channels.
     #[inline]
     pub fn learn_run_info(&mut self, channel: &str, data: &[u8]) {
         if channel == channels::RUN_INFO {
@@ -86,7 +86,7 @@ impl Types {
         }
     }
 
-    /// Takes a file's schema; whether it had not been looked at before.
+    /// Adds a schema of the file; `false` if it was already processed.
     #[inline]
     pub fn learn_schema(&mut self, schema: &Arc<FileSchema>) -> bool {
         let is_new = !self.seen.iter().any(|seen| Arc::ptr_eq(seen, schema));
@@ -112,12 +112,12 @@ impl Types {
         self.find(channel, super::fingerprint(message)?).map(|(ty, _)| ty)
     }
 
-    /// The type with this fingerprint: among types that differ in name only, that of the channel.
+    /// The type with this fingerprint. If several types differ only in name, the one that the channel table lists for the channel.
     pub fn of(&self, channel: &str, fingerprint: u64) -> Option<Type<'_>> {
         self.find(channel, fingerprint).map(|(ty, _)| ty)
     }
 
-    /// The type, and the texts that it stands in; `None` for our own.
+    /// The type and the texts that contain it; no texts for a type of this build.
     fn find(&self, channel: &str, fingerprint: u64) -> Option<(Type<'_>, Option<&Texts>)> {
         let name = channels::find(channel).filter(|c| c.fingerprint == fingerprint).map(|c| c.type_name);
         for texts in self.given.iter().chain(&self.of_log) {
@@ -128,8 +128,8 @@ impl Types {
         among(lcmtypes::types(), name, fingerprint).map(|ty| (ty, None))
     }
 
-    /// What an MCAP file is to say of a type: what the file says that the message is from, else the text of the type, followed by
-    /// those of the types inside it.
+    /// The schema of a type for an MCAP file: the schema of the file that the message comes from; else the `.lcm` text of the type, followed
+    /// by the texts of its nested types.
     pub(super) fn schema(&self, channel: &str, fingerprint: u64) -> Option<Arc<FileSchema>> {
         if let Some(schema) = self.schemas.get(&fingerprint) {
             return Some(Arc::clone(schema));
@@ -156,13 +156,13 @@ impl Texts {
     }
 }
 
-/// The type of this name if it has the fingerprint, else the first one that has it.
+/// The type of this name if it has the fingerprint, else the first type that has it.
 fn among<'t>(types: &'t TypeSet, name: Option<&str>, fingerprint: u64) -> Option<Type<'t>> {
     let named = name.and_then(|name| types.by_name(name)).filter(|ty| ty.fingerprint() == fingerprint);
     named.or_else(|| types.by_fingerprint(fingerprint))
 }
 
-/// Files of all types inside a type. A type may hold itself.
+/// Collects the files of all nested types of a type. Types can be recursive.
 fn files_inside<'a>(ty: Type<'a>, seen: &mut BTreeSet<&'a str>, files: &mut BTreeSet<&'a str>) {
     for inner in (0..ty.def().fields.len()).filter_map(|field| ty.element(field)) {
         files.insert(inner.file());
@@ -172,7 +172,7 @@ fn files_inside<'a>(ty: Type<'a>, seen: &mut BTreeSet<&'a str>, files: &mut BTre
     }
 }
 
-/// Reads a `.lcm` file, or those in a folder and the folders in it.
+/// Reads a `.lcm` file, or the `.lcm` files in a folder and its subfolders.
 fn read_texts(path: &Path, sources: &mut Vec<(String, String)>) -> Result<(), Error> {
     let io = |source| Error::Io { path: path.into(), source };
     if !path.is_dir() {
@@ -185,7 +185,7 @@ fn read_texts(path: &Path, sources: &mut Vec<(String, String)>) -> Result<(), Er
         .map_err(io)?;
     entries.sort();
     for entry in entries {
-        // A link to a folder may lead in a circle.
+        // Symbolic links to folders are not followed: they can form a loop.
         let is_folder = entry.is_dir() && !entry.is_symlink();
         if is_folder || entry.extension().is_some_and(|ending| ending == "lcm") {
             read_texts(&entry, sources)?;

@@ -1,4 +1,4 @@
-//! What a log is worth: what is in it, what is missing and where, and whether its run can be replayed.
+//! Checks a log: what is damaged or lost and where, and whether its run can be replayed.
 
 use super::sequence_gaps::{Gap, SequenceTracker, sequence_field, sequence_number};
 use super::summary::seconds;
@@ -9,32 +9,32 @@ use std::collections::BTreeMap;
 use std::path::Path;
 use std::sync::Arc;
 
-/// The account of a log.
+/// Result of a check.
 #[derive(Debug, Clone, serde::Serialize)]
 pub struct VerifyReport {
-    /// Nothing is damaged, cut, lost or undecodable, and if the log is of a run, every tick of it can be replayed.
+    /// Nothing is damaged, cut, lost or undecodable; and if the log is of a run, every tick of it can be replayed.
     pub good: bool,
     /// Format of the file.
     pub format: Format,
-    /// Messages.
+    /// Number of events.
     pub events: u64,
-    /// From the earliest to the latest event, s.
+    /// Time from the earliest to the latest event, s.
     pub duration_s: f64,
-    /// What time zero of the tools is for this log.
+    /// Event that defines time zero of the tools for this log.
     pub zero: Zero,
     /// Time zero in the clock of the log's events, ns.
     pub zero_t_ns: i64,
-    /// Stretches that could not be read.
+    /// Damaged ranges.
     pub damaged: Vec<Damaged>,
-    /// Where the file stops too early, if it does.
+    /// The incomplete last record, if the file is cut.
     pub cut: Option<Cut>,
-    /// Bytes that are in no event for these two reasons.
+    /// Bytes in damaged ranges and the incomplete last record.
     pub bytes_skipped: u64,
-    /// Messages that their counters say are missing, over all channels.
+    /// Lost messages over all channels, from the gaps in their sequence numbers.
     pub lost: u64,
-    /// Messages that are not of the type that their first bytes say.
+    /// Messages that do not decode as the type of their fingerprint.
     pub undecodable: u64,
-    /// Events with a time before that of the event in front of them.
+    /// Events with an earlier time than the event before them.
     pub times_backwards: u64,
     /// Channels by name.
     pub channels: Vec<ChannelReport>,
@@ -42,96 +42,96 @@ pub struct VerifyReport {
     pub replay: ReplayCheck,
 }
 
-/// The account of one channel.
+/// Result of a check of one channel.
 #[derive(Debug, Clone, serde::Serialize)]
 pub struct ChannelReport {
     /// Channel.
     pub name: String,
-    /// Its types, if they are known here.
+    /// Its known types.
     pub types: Vec<String>,
     /// Messages.
     pub count: u64,
-    /// Field that counts them: `seq` or `tick`; `None` if there is none, or not one that counts every message.
+    /// Field with the sequence number: `seq` or `tick`; `None` without one, or if the channel does not carry every number.
     pub counter: Option<&'static str>,
-    /// Messages that the counter skips.
+    /// Lost messages, from gaps in the sequence number.
     pub lost: Option<u64>,
-    /// Where it skips, the first thousand places.
+    /// The first 1000 gaps.
     pub gaps: Vec<Gap>,
-    /// Messages that came twice.
+    /// Sequence numbers that occur more than once.
     pub duplicates: u64,
-    /// Messages that came behind later ones.
+    /// Messages that arrived out of order.
     pub late: u64,
-    /// Times that the counter began anew.
+    /// Restarts of the sequence.
     pub restarts: u64,
-    /// Messages that are not of their type.
+    /// Messages that do not decode as their type.
     pub undecodable: u64,
 }
 
 /// Whether a run can be replayed from its log.
 #[derive(Debug, Clone, Default, serde::Serialize)]
 pub struct ReplayCheck {
-    /// From its first tick to its last, without a gap.
+    /// Every tick from the first to the last can be replayed.
     pub complete: bool,
-    /// What stands against it.
+    /// Reasons why not.
     pub why: Vec<String>,
     /// Name of the controller.
     pub controller: Option<String>,
-    /// Ticks whose input is there.
+    /// Ticks with an input.
     pub ticks: u64,
-    /// The first of them.
+    /// First tick.
     pub first_tick: Option<i64>,
-    /// Ticks whose input is missing.
+    /// Ticks without an input.
     pub missing: u64,
-    /// Recorded states, from which a replay can start.
+    /// Recorded controller states from which a replay can start.
     pub snapshots: u64,
-    /// Ticks whose outputs are there to be compared.
+    /// Ticks with recorded outputs to compare with.
     pub outputs: u64,
 }
 
-/// Reads a log from end to end and decodes every message. `progress` is told which part has been read, 0 to 1.
+/// Reads a log from start to end and decodes every message. `progress` receives the fraction read, 0 to 1.
 ///
 /// # Errors
-/// As [`LogReader::open`], or [`Error::Io`] on the way.
+/// As [`LogReader::open`] and [`LogReader::read`].
 pub fn verify(log: &Path, mut types: Types, progress: &mut dyn FnMut(f64)) -> Result<VerifyReport, Error> {
     let mut reader = LogReader::open(log)?;
     let (format, bytes) = (reader.format(), reader.bytes().max(1));
     let mut health = Health::default();
-    let mut account = Account::default();
+    let mut verifier = Verifier::default();
     while let Some(item) = reader.read()? {
         let Some(event) = health.note(item) else { continue };
-        if account.events.is_multiple_of(4096) {
+        if verifier.events.is_multiple_of(4096) {
             progress(event.offset as f64 / bytes as f64);
         }
         types.learn(&event);
-        account.add(&event, &types);
+        verifier.add(&event, &types);
     }
     progress(1.0);
-    Ok(account.certificate(format, health))
+    Ok(verifier.report(format, health))
 }
 
 #[derive(Default)]
-struct Account {
+struct Verifier {
     events: u64,
     times: Option<(i64, i64, i64)>,
     times_backwards: u64,
-    channels: BTreeMap<Arc<str>, Lane>,
+    channels: BTreeMap<Arc<str>, ChannelState>,
     run_info: Option<Result<RunInfo, String>>,
     clock: RunClockFinder,
     runs: u64,
 }
 
 #[derive(Default)]
-struct Lane {
+struct ChannelState {
     types: Vec<(Option<u64>, Option<String>)>,
     counter: Option<&'static str>,
-    numbers: SequenceTracker,
+    sequence: SequenceTracker,
     count: u64,
     undecodable: u64,
     first_number: Option<i64>,
     bad_version: Option<u64>,
 }
 
-impl Account {
+impl Verifier {
     fn add(&mut self, event: &EventRef<'_>, types: &Types) {
         self.events += 1;
         self.clock.see(event);
@@ -142,16 +142,16 @@ impl Account {
         if **event.channel == *channels::RUN_INFO {
             self.run_info(event.data);
         }
-        let lane = match self.channels.get_mut(event.channel) {
-            Some(lane) => lane,
+        let channel = match self.channels.get_mut(event.channel) {
+            Some(channel) => channel,
             None => self.channels.entry(Arc::clone(event.channel)).or_default(),
         };
-        lane.add(event, types);
+        channel.add(event, types);
     }
 
     fn run_info(&mut self, data: &[u8]) {
         let info = RunInfo::decode(data).map_err(|why| why.to_string());
-        // It may be repeated for those who come late; another one is another run.
+        // A live run repeats RUN_INFO; a different one belongs to another run.
         let same = matches!((&self.run_info, &info), (Some(Ok(known)), Ok(info)) if known == info);
         if !same {
             self.runs += 1;
@@ -159,10 +159,10 @@ impl Account {
         }
     }
 
-    fn certificate(self, format: Format, health: Health) -> VerifyReport {
-        let (replay, clock) = (self.replayable(), self.clock.clock());
+    fn report(self, format: Format, health: Health) -> VerifyReport {
+        let (replay, clock) = (self.check_replay(), self.clock.clock());
         let is_run = self.run_info.is_some() || self.channels.contains_key(channels::CONTROLLER_INPUT);
-        let channels: Vec<_> = self.channels.iter().map(|(name, lane)| lane.account(name)).collect();
+        let channels: Vec<_> = self.channels.iter().map(|(name, channel)| channel.report(name)).collect();
         let lost = channels.iter().filter_map(|c| c.lost).sum();
         let undecodable = channels.iter().map(|c| c.undecodable).sum();
         let good = health.is_good() && lost == 0 && undecodable == 0 && (replay.complete || !is_run);
@@ -184,7 +184,7 @@ impl Account {
         }
     }
 
-    fn replayable(&self) -> ReplayCheck {
+    fn check_replay(&self) -> ReplayCheck {
         let mut replay = ReplayCheck::default();
         let mut why = Vec::new();
         match &self.run_info {
@@ -193,36 +193,38 @@ impl Account {
             Some(Ok(info)) => {
                 replay.controller = Some(info.controller.clone());
                 if let Err(error) = controller::load(info) {
-                    why.push(format!("its controller cannot be built: {error}"));
+                    why.push(format!("the controller cannot be built: {error}"));
                 }
             }
         }
         if self.runs > 1 {
-            why.push(format!("{} runs in one log: trim it to one", self.runs));
+            why.push(format!("{} runs in one log: cut it to one run with `hoof log trim`", self.runs));
         }
         for known in channels::CHANNELS.iter().filter(|c| matches!(c.class, channels::Class::ReplayInput)) {
-            if let Some(found) = self.channels.get(known.name).and_then(|lane| lane.bad_version) {
+            if let Some(found) = self.channels.get(known.name).and_then(|channel| channel.bad_version) {
                 let (name, today) = (known.name, known.fingerprint);
-                why.push(format!("{name} is of another type version: {found:016x} in the log, {today:016x} today"));
+                why.push(format!(
+                    "{name}: other type version: fingerprint {found:016x} in the log, expected {today:016x}"
+                ));
             }
         }
-        let count = |channel| self.channels.get(channel).map_or(0, |lane: &Lane| lane.count);
+        let count = |channel| self.channels.get(channel).map_or(0, |channel: &ChannelState| channel.count);
         replay.snapshots = count(channels::CONTROLLER_SNAPSHOT);
         replay.outputs = count(channels::CONTROLLER_TICK);
         match self.channels.get(channels::CONTROLLER_INPUT) {
-            None => why.push("no CONTROLLER_INPUT: there is nothing to replay".to_owned()),
+            None => why.push("no CONTROLLER_INPUT".to_owned()),
             Some(inputs) => {
                 replay.ticks = inputs.count;
                 replay.first_tick = inputs.first_number;
-                replay.missing = inputs.numbers.missing();
+                replay.missing = inputs.sequence.missing();
                 if replay.missing > 0 {
-                    why.push(format!("the inputs of {} ticks are missing", replay.missing));
+                    why.push(format!("inputs of {} ticks are missing", replay.missing));
                 }
                 if inputs.first_number != Some(0) && replay.snapshots == 0 {
-                    why.push("it begins in the middle of a run, without a CONTROLLER_SNAPSHOT".to_owned());
+                    why.push("starts in the middle of a run without a CONTROLLER_SNAPSHOT".to_owned());
                 }
                 if replay.outputs == 0 {
-                    why.push("no CONTROLLER_TICK: a replay would have nothing to compare with".to_owned());
+                    why.push("no CONTROLLER_TICK: no outputs to compare with".to_owned());
                 }
             }
         }
@@ -230,7 +232,7 @@ impl Account {
     }
 }
 
-impl Lane {
+impl ChannelState {
     fn add(&mut self, event: &EventRef<'_>, types: &Types) {
         self.count += 1;
         let fingerprint = event.fingerprint();
@@ -248,22 +250,22 @@ impl Lane {
         self.counter = self.counter.or_else(|| sequence_field(ty));
         if let (Some(_), Some(number)) = (sequence_field(ty), sequence_number(event.data)) {
             self.first_number.get_or_insert(number);
-            self.numbers.add(number, event.t_ns);
+            self.sequence.add(number, event.t_ns);
         }
     }
 
-    fn account(&self, name: &str) -> ChannelReport {
-        let lost = self.numbers.lost().filter(|_| self.counter.is_some());
+    fn report(&self, name: &str) -> ChannelReport {
+        let lost = self.sequence.lost().filter(|_| self.counter.is_some());
         ChannelReport {
             name: name.to_owned(),
             types: self.types.iter().filter_map(|(_, name)| name.clone()).collect(),
             count: self.count,
             counter: self.counter.filter(|_| lost.is_some()),
             lost,
-            gaps: self.numbers.gaps().to_vec(),
-            duplicates: if lost.is_some() { self.numbers.duplicates } else { 0 },
-            late: if lost.is_some() { self.numbers.late } else { 0 },
-            restarts: if lost.is_some() { self.numbers.restarts } else { 0 },
+            gaps: self.sequence.gaps().to_vec(),
+            duplicates: if lost.is_some() { self.sequence.duplicates } else { 0 },
+            late: if lost.is_some() { self.sequence.late } else { 0 },
+            restarts: if lost.is_some() { self.sequence.restarts } else { 0 },
             undecodable: self.undecodable,
         }
     }

@@ -1,4 +1,4 @@
-//! Writing a log of either format.
+//! Writes a log of either format.
 
 use super::event_log::EventLogWriter;
 use super::mcap_writer::McapWriter;
@@ -9,11 +9,11 @@ use std::fs::File;
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
-/// Writes a log. Equal events give equal bytes.
+/// Writes a log. Equal events produce equal bytes.
 ///
-/// In MCAP the `.lcm` texts of the types come from a RUN_INFO that is written, from [`LogWriter::explain`], else they are our own.
+/// The `.lcm` texts in an MCAP come from a RUN_INFO that is written, from [`LogWriter::add_types`], or else from this build.
 ///
-/// Dropping it writes out what is buffered, but only [`LogWriter::finish`] tells whether that went well.
+/// Dropping the writer writes buffered events, but only [`LogWriter::finish`] reports whether that succeeded.
 pub struct LogWriter {
     path: PathBuf,
     sink: Sink,
@@ -21,7 +21,7 @@ pub struct LogWriter {
     failed: bool,
 }
 
-/// Where the bytes of a log go.
+/// Destination of the bytes of a log.
 pub type Output = Box<dyn Write + Send>;
 
 enum Sink {
@@ -30,10 +30,10 @@ enum Sink {
 }
 
 impl LogWriter {
-    /// Creates the file, or empties it. The format is that of the name's ending: `.lcmlog` or `.mcap`.
+    /// Creates or truncates the file. The extension of the name selects the format: `.lcmlog` or `.mcap`.
     ///
     /// # Errors
-    /// [`Error::UnknownExtension`] for another ending, [`Error::Io`] if the file cannot be created.
+    /// [`Error::UnknownExtension`] for another extension, [`Error::Io`] if the file cannot be created.
     pub fn create(path: impl AsRef<Path>) -> Result<Self, Error> {
         let path = path.as_ref();
         let format = Format::of_name(path)?;
@@ -41,7 +41,7 @@ impl LogWriter {
         Self::to_output(path, format, Box::new(file))
     }
 
-    /// Writes a log to anything that takes bytes in order; `path` names it in errors.
+    /// Writes a log to any byte sink; `path` is the path in error messages.
     ///
     /// # Errors
     /// [`Error::Mcap`] if the first bytes cannot be written.
@@ -56,11 +56,11 @@ impl LogWriter {
         Ok(LogWriter { path: path.into(), sink, events: 0, failed: false })
     }
 
-    /// Explains types by other `.lcm` texts too, given as (name, text): those of an older log, or of another project. To be called
-    /// before the first event of such a type; without effect on an LCM event log, which holds no types.
+    /// Adds `.lcm` texts, as (name, text), for types of an older log or of another project. Call it before the first event of such a type.
+    /// No effect on an LCM event log, which contains no types.
     ///
     /// # Errors
-    /// [`Error::Types`] if the texts cannot be used.
+    /// [`Error::Types`] if a text is invalid.
     pub fn add_types(&mut self, sources: &[(String, String)]) -> Result<(), Error> {
         if let Sink::Mcap(_, types) = &mut self.sink {
             types.add(&self.path, sources)?;
@@ -68,7 +68,7 @@ impl LogWriter {
         Ok(())
     }
 
-    /// [`LogWriter::explain`] by everything that is known of the types of a log.
+    /// Replaces the known types. No effect on an LCM event log.
     pub fn set_types(&mut self, types: Types) {
         if let Sink::Mcap(_, known) = &mut self.sink {
             **known = types;
@@ -77,12 +77,13 @@ impl LogWriter {
 
     /// Appends an event.
     ///
-    /// - `t_ns`: ns, not negative. An LCM event log holds microseconds: the rest is rounded down there. Ticks are whole microseconds,
-    ///   and a message carries its own `t_ns`, so nothing of a run is lost.
+    /// - `t_ns`: log time, ns, not negative. An LCM event log rounds it down to whole microseconds. Nothing of a run is lost by that: its
+    ///   ticks are whole microseconds, and each message contains its own `t_ns`.
     /// - `data`: the encoded message, at most [`MAX_MESSAGE`] bytes.
     ///
     /// # Errors
-    /// A bad channel, time or length leaves the log as it was. After a failed write every later one fails too, so that no log has a hole.
+    /// After an error of channel, time or length the log is unchanged. After a failed write every later write fails, so that no log has a
+    /// hole.
     pub fn write(&mut self, channel: &str, t_ns: i64, data: &[u8]) -> Result<(), Error> {
         let number = self.events as i64;
         self.write_numbered(channel, t_ns, number, data)
@@ -109,7 +110,7 @@ impl LogWriter {
         written
     }
 
-    /// Copies an event of another log, its number and what that file says of its type included.
+    /// Copies an event of another log with its number and schema.
     ///
     /// # Errors
     /// As [`LogWriter::write`].
@@ -120,7 +121,7 @@ impl LogWriter {
         self.write_numbered(event.channel, event.t_ns, event.number, event.data)
     }
 
-    /// The time, if an event can be written.
+    /// The time as an unsigned number, if the event can be written.
     fn check(&self, channel: &str, t_ns: i64, data: &[u8]) -> Result<u64, Error> {
         if self.failed {
             return Err(Error::WriterFailed { path: self.path.clone() });
@@ -128,7 +129,7 @@ impl LogWriter {
         check_event(&self.path, channel, t_ns, data)
     }
 
-    /// Hands everything so far to the operating system. In MCAP this ends a chunk: call it a few times a second, not per event.
+    /// Writes buffered events to the file. In MCAP this ends a chunk: call it a few times per second, not per event.
     ///
     /// # Errors
     /// [`Error::Io`] or [`Error::Mcap`] if that fails.
@@ -144,7 +145,7 @@ impl LogWriter {
     /// Completes the file. Returns the number of events in it.
     ///
     /// # Errors
-    /// [`Error::WriterFailed`] after a failed write, otherwise as [`LogWriter::flush`].
+    /// [`Error::WriterFailed`] after a failed write; else as [`LogWriter::flush`].
     pub fn finish(mut self) -> Result<u64, Error> {
         if self.failed {
             return Err(Error::WriterFailed { path: self.path });
@@ -162,7 +163,7 @@ impl LogWriter {
     }
 }
 
-/// The time of an event that a log can hold, ns.
+/// Checks an event against the limits of both formats; returns its time, ns.
 ///
 /// # Errors
 /// [`Error::ChannelName`], [`Error::NegativeTime`], [`Error::MessageTooLong`]
@@ -181,7 +182,7 @@ pub(crate) fn check_event(path: &Path, channel: &str, t_ns: i64, data: &[u8]) ->
 }
 
 impl Format {
-    /// The format that a file of this name is written in.
+    /// The format for a file name.
     ///
     /// # Errors
     /// [`Error::UnknownExtension`] unless the name ends with `.lcmlog` or `.mcap`.

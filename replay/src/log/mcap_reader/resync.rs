@@ -1,68 +1,68 @@
-//! Finding the way again after damage: the next chunk, message or footer, and what can be had of what lies between.
+//! Resynchronization after damage: finds the next chunk, message or footer, and salvages what is readable before it.
 
-use super::super::chunk::{ChunkHead, HEAD, MAX_RECORD, MessageHead, PREFIX, Unpacked};
+use super::super::chunk::{ChunkHeader, Decoded, HEADER, MAX_RECORD, MessageHeader, PREFIX};
 use super::super::mcap_summary::{STRETCH, ends_with_magic, footer, has_its_length, prefix};
-use super::{McapReader, Place};
+use super::{McapReader, Section};
 use crate::Error;
 use crate::log::{Cut, Damaged, ItemRef};
 use mcap::MAGIC;
 use mcap::records::op;
 
 impl McapReader {
-    /// Goes on at the next chunk (where there are none: message), else at the footer, else at the end.
+    /// Continues at the next chunk (in a file without chunks: message), else at the footer, else at the end.
     #[cold]
     pub(super) fn resynchronise(&mut self, why: &str) -> Result<(), Error> {
-        self.place = Place::InRecords;
-        let next = match self.next_start(self.sure.min(self.at))? {
+        self.section = Section::InRecords;
+        let next = match self.next_start(self.last_certain_end.min(self.at))? {
             Some(at) if at == self.at => self.next_start(at + 1)?,
             next => next,
         };
-        let from = next.map_or(self.at, |next| if next < self.at { self.sure } else { self.at });
+        let from = next.map_or(self.at, |next| if next < self.at { self.last_certain_end } else { self.at });
         if let Some(at) = next {
             self.salvage(from, at, ItemRef::Damaged(Damaged { offset: from, bytes: at - from, why: why.into() }))?;
             return Ok(());
         }
         let end = self.source.len();
         if !ends_with_magic(&mut self.source)? {
-            self.place = Place::Over;
+            self.section = Section::AfterCut;
             return self.salvage(from, end, ItemRef::Cut(Cut { offset: from, bytes: end - from }));
         }
         let magic = (end - MAGIC.len() as u64).max(from);
         let to = match footer(&mut self.source)? {
             Some((at, _)) if at > from => at,
             _ => {
-                self.place = Place::BeforeClosingMagic;
+                self.section = Section::BeforeClosingMagic;
                 magic
             }
         };
         self.salvage(from, to, ItemRef::Damaged(Damaged { offset: from, bytes: to - from, why: why.into() }))
     }
 
-    /// Skips from `from` to `to` and tells why. A chunk that begins there may be whole but for its lengths, or be cut: what is in
-    /// front of a cut is what was written.
+    /// Skips from `from` to `to` and queues the damage. If a chunk starts there, it is decompressed: it can be complete except for its
+    /// lengths, or cut; the events before a cut are returned.
     fn salvage(&mut self, from: u64, to: u64, why: ItemRef<'static>) -> Result<(), Error> {
-        (self.at, self.sure) = (to, to);
+        (self.at, self.last_certain_end) = (to, to);
         self.crc = None;
         let length = (to - from).saturating_sub(PREFIX).min(MAX_RECORD);
-        let Some(head) = ChunkHead::parse(self.source.bytes(from + PREFIX, HEAD.min(length as usize))?) else {
-            self.told.push_back(why);
+        let Some(head) = ChunkHeader::parse(self.source.bytes(from + PREFIX, HEADER.min(length as usize))?) else {
+            self.pending.push_back(why);
             return Ok(());
         };
-        let unpacked = self.unpack(from, &head, length)?;
-        let is_cut = matches!((&why, &unpacked), (ItemRef::Cut(_), Unpacked::Broken(_)));
-        if unpacked != Unpacked::Whole && !is_cut && !self.keep_unchecked {
+        let decoded = self.decode(from, &head, length)?;
+        let is_cut = matches!((&why, &decoded), (ItemRef::Cut(_), Decoded::Truncated(_)));
+        if decoded != Decoded::Complete && !is_cut && !self.keep_unchecked {
             self.chunk.records.clear();
         }
-        self.chunk.then = Some(why);
+        self.chunk.damage = Some(why);
         Ok(())
     }
 
-    /// Where the next chunk begins; in a file without chunks, the next message.
+    /// Offset of the next chunk; in a file without chunks, of the next message.
     pub(super) fn next_start(&mut self, mut from: u64) -> Result<Option<u64>, Error> {
-        if self.loose {
+        if self.messages_outside_chunks {
             self.read_summary()?;
         }
-        let loose = self.loose && !self.channels.is_empty();
+        let loose = self.messages_outside_chunks && !self.channels.is_empty();
         while let Some(at) = self.next_opcode(from, loose)? {
             if let Some((opcode, length)) = prefix(&mut self.source, at)?
                 && length <= (self.source.len() - at - PREFIX).min(MAX_RECORD)
@@ -70,8 +70,8 @@ impl McapReader {
                 let body = at + PREFIX;
                 let fits = match opcode {
                     op::CHUNK => {
-                        let head = self.source.bytes(body, HEAD.min(length as usize))?;
-                        ChunkHead::parse(head).is_some_and(|head| head.fits(length))
+                        let head = self.source.bytes(body, HEADER.min(length as usize))?;
+                        ChunkHeader::parse(head).is_some_and(|head| head.fits(length))
                     }
                     _ => self.is_message(body, length)? && self.begins_with_length(body + length)?,
                 };
@@ -100,7 +100,7 @@ impl McapReader {
         }
     }
 
-    /// Whether a record of the specification stands at `at`, whole and with its own length.
+    /// Whether a complete record of the specification, with consistent lengths, is at `at`.
     pub(super) fn begins_with_length(&mut self, at: u64) -> Result<bool, Error> {
         let Some((opcode, length)) = prefix(&mut self.source, at)? else { return Ok(false) };
         let body = at + PREFIX;
@@ -113,7 +113,7 @@ impl McapReader {
         has_its_length(&mut self.source, opcode, body, body + length)
     }
 
-    /// Whether records follow each other from `at` to exactly `end`.
+    /// Whether consecutive records lead from `at` exactly to `end`.
     pub(super) fn leads_to(&mut self, mut at: u64, end: u64) -> Result<bool, Error> {
         while at < end && self.begins_with_length(at)? {
             at += PREFIX + prefix(&mut self.source, at)?.map_or(0, |(_, length)| length);
@@ -123,7 +123,7 @@ impl McapReader {
 
     /// Whether a record's body is a message of a known channel.
     fn is_message(&mut self, body: u64, length: u64) -> Result<bool, Error> {
-        let head = MessageHead::parse(self.source.bytes(body, MessageHead::LENGTH.min(length as usize))?);
+        let head = MessageHeader::parse(self.source.bytes(body, MessageHeader::LENGTH.min(length as usize))?);
         Ok(head.is_some_and(|head| self.channels.get(usize::from(head.channel)).is_some_and(Option::is_some)))
     }
 }
