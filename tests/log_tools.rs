@@ -1,4 +1,4 @@
-//! The tools of `hoof log` on the golden logs, on damaged ones, and on logs of another project.
+//! `hoof log` on golden logs, on damaged logs, and on logs of another project.
 #![allow(clippy::unwrap_used, missing_docs)]
 
 mod common;
@@ -25,7 +25,7 @@ fn bytes(path: impl AsRef<Path>) -> Vec<u8> {
 }
 
 #[test]
-fn conversion_loses_nothing_in_either_direction() {
+fn conversion_is_lossless_in_both_directions() {
     let folder = folder("conversion");
     for (i, golden) in GOLDEN.into_iter().enumerate() {
         let path = |ending: &str| folder.join(format!("{i}.{ending}"));
@@ -45,9 +45,9 @@ fn conversion_loses_nothing_in_either_direction() {
     }
 }
 
-/// Event numbers of any size and times with nanoseconds survive in an MCAP; an event log says how many times it rounded.
+/// Event numbers of any size and times in nanoseconds are kept in an MCAP; an event log reports how many times it rounded.
 #[test]
-fn numbers_survive_and_rounded_times_are_told() {
+fn event_numbers_are_kept_and_rounded_times_are_counted() {
     let folder = folder("numbers");
     let (log, mcap, again) = (folder.join("a.lcmlog"), folder.join("a.mcap"), folder.join("b.lcmlog"));
     let mut out = LogWriter::create(&log).unwrap();
@@ -67,38 +67,39 @@ fn numbers_survive_and_rounded_times_are_told() {
 }
 
 #[test]
-fn a_bundle_replays_from_the_middle() {
-    let folder = folder("bundle");
+fn an_excerpt_replays_from_the_middle_of_the_run() {
+    let folder = folder("excerpt");
     let run = folder.join("run.mcap");
     let sim = "sim --robot hyq --scenario scenarios/short_flat.toml --seconds 2";
     hoof(&format!("{sim} --log {}", run.display())).exits(0);
     for ending in ["mcap", "lcmlog"] {
-        let bundle = folder.join(format!("bundle.{ending}"));
-        let trim = format!("log trim {} {}", run.display(), bundle.display());
+        let excerpt = folder.join(format!("excerpt.{ending}"));
+        let trim = format!("log trim {} {}", run.display(), excerpt.display());
         hoof(&format!("{trim} --around 1.4s --before 0.2 --after 0.3")).exits(0);
-        let report = hoof(&format!("replay {} --json", bundle.display())).exits(0).json();
+        let report = hoof(&format!("replay {} --json", excerpt.display())).exits(0).json();
         assert_eq!((&report["identical"], &report["skipped_ticks"]), (&true.into(), &0.into()), "{report:#}");
-        // Snapshots stand at whole seconds: from the one at 1 s to 1.7 s.
+        // Snapshots are at whole seconds: from the one at 1 s to 1.7 s.
         assert_eq!(report["ticks"], 700);
-        let certificate = hoof(&format!("log verify {} --json", bundle.display())).exits(0).json();
-        assert_eq!((&certificate["good"], &certificate["replay"]["first_tick"]), (&true.into(), &1001.into()));
-        assert!(bytes(&bundle).len() < 5_000_000);
+        let report = hoof(&format!("log verify {} --json", excerpt.display())).exits(0).json();
+        assert_eq!((&report["good"], &report["replay"]["first_tick"]), (&true.into(), &1001.into()));
+        assert!(bytes(&excerpt).len() < 5_000_000);
     }
-    // A recorder hears others long before the controller starts: times count from the first tick, as those of a replay do.
-    let (early, bundle) = (folder.join("early.mcap"), folder.join("early_bundle.mcap"));
+    // A recorder can run long before the controller starts: times count from the first tick, as in a replay.
+    let (early, excerpt) = (folder.join("early.mcap"), folder.join("early_excerpt.mcap"));
     rewrite(&run, &early, |event| event.t_ns += if *event.channel == *RUN_INFO { 0 } else { 5_000_000_000 });
-    hoof(&format!("log trim {} {} --around 1.4s --before 0.2 --after 0.3", early.display(), bundle.display())).exits(0);
-    let report = hoof(&format!("replay {} --json", bundle.display())).exits(0).json();
+    hoof(&format!("log trim {} {} --around 1.4s --before 0.2 --after 0.3", early.display(), excerpt.display()))
+        .exits(0);
+    let report = hoof(&format!("replay {} --json", excerpt.display())).exits(0).json();
     assert_eq!((&report["identical"], &report["ticks"]), (&true.into(), &700.into()), "{report:#}");
 
     let nowhere = folder.join("nowhere.mcap");
     let late = hoof(&format!("log trim {} {} --around 9", run.display(), nowhere.display())).exits(2);
-    assert!(late.stderr.contains("nothing at 9 s: the log ends 1.999 s after its first tick"), "{}", late.stderr);
-    assert!(!nowhere.exists(), "a log was begun");
+    assert!(["run.mcap", "9 s", "1.999 s"].iter().all(|part| late.stderr.contains(part)), "{}", late.stderr);
+    assert!(!nowhere.exists(), "the output was created");
 }
 
 #[test]
-fn filter_and_trim_keep_what_is_asked_for() {
+fn filter_and_trim_copy_the_selected_events() {
     let folder = folder("filter");
     let log = converted(&folder, "run.lcmlog");
     let out = folder.join("out.mcap");
@@ -115,20 +116,20 @@ fn filter_and_trim_keep_what_is_asked_for() {
     hoof(&format!("log trim {} {} --to 0.1", log.display(), out.display())).exits(0);
     assert_eq!(events(&out).iter().filter(|e| &*e.channel == CONTROLLER_INPUT).count(), 101);
     assert_eq!(hoof(&format!("replay {} --json", out.display())).exits(0).json()["ticks"], 101);
-    for (arguments, words) in [
-        (format!("{filter} --channels ("), "\"(\" is no regular expression"),
-        (format!("{filter} --from 3 --to 2"), "--from 3 is after --to 2"),
-        (format!("{filter} --from soon"), "expected a time in s"),
-        (format!("log filter {0} {0}", log.display()), "cannot be read and written at the same time"),
-        (format!("log trim {} {}", log.display(), out.display()), "expected --from, --to or --around"),
+    for (arguments, parts) in [
+        (format!("{filter} --channels ("), ["\"(\"", "channel"]),
+        (format!("{filter} --from 3 --to 2"), ["--from 3", "--to 2"]),
+        (format!("{filter} --from soon"), ["--from", "soon"]),
+        (format!("log filter {0} {0}", log.display()), ["run.lcmlog", "same file"]),
+        (format!("log trim {} {}", log.display(), out.display()), ["--from", "--around"]),
     ] {
         let ran = hoof(&arguments).exits(2);
-        assert!(ran.stderr.contains(words), "{arguments}: {}", ran.stderr);
+        assert!(parts.iter().all(|part| ran.stderr.contains(part)), "{arguments}: {}", ran.stderr);
     }
 }
 
 #[test]
-fn merge_is_by_time_and_recover_takes_what_is_there() {
+fn merge_sorts_by_time_and_recover_copies_every_readable_event() {
     let folder = folder("merge");
     let log = converted(&folder, "run.lcmlog");
     let path = |name: &str| folder.join(name);
@@ -161,7 +162,7 @@ fn merge_is_by_time_and_recover_takes_what_is_there() {
 }
 
 #[test]
-fn verify_names_exactly_what_is_missing() {
+fn verify_lists_each_gap() {
     let folder = folder("verify");
     let log = folder.join("holes.mcap");
     let mut out = LogWriter::create(&log).unwrap();
@@ -173,16 +174,17 @@ fn verify_names_exactly_what_is_missing() {
         }
     }
     out.finish().unwrap();
-    let certificate = hoof(&format!("log verify {} --json", log.display())).exits(1).json();
-    assert_eq!((&certificate["good"], &certificate["lost"]), (&false.into(), &4.into()));
-    let lane = certificate["channels"].as_array().unwrap().iter().find(|c| c["name"] == CONTROLLER_INPUT).unwrap();
+    let report = hoof(&format!("log verify {} --json", log.display())).exits(1).json();
+    assert_eq!((&report["good"], &report["lost"]), (&false.into(), &4.into()));
+    let channel = report["channels"].as_array().unwrap().iter().find(|c| c["name"] == CONTROLLER_INPUT).unwrap();
     let gap = |i: usize| {
-        [&lane["gaps"][i]["first"], &lane["gaps"][i]["last"], &lane["gaps"][i]["t_ns"]].map(|v| v.as_i64().unwrap())
+        [&channel["gaps"][i]["first"], &channel["gaps"][i]["last"], &channel["gaps"][i]["t_ns"]]
+            .map(|v| v.as_i64().unwrap())
     };
     assert_eq!((gap(0), gap(1)), ([17, 19, 20_000_000], [1500, 1500, 1_501_000_000]));
-    assert_eq!((&certificate["replay"]["complete"], &certificate["replay"]["missing"]), (&false.into(), &4.into()));
+    assert_eq!((&report["replay"]["complete"], &report["replay"]["missing"]), (&false.into(), &4.into()));
     let text = hoof(&format!("log verify {}", log.display())).exits(1).stdout;
-    assert!(text.contains("3 lost before t = 0.020000 s: 17 to 19"), "{text}");
+    assert!(text.contains("0.020000 s") && text.contains("17 to 19"), "{text}");
     for golden in GOLDEN {
         assert_eq!(hoof(&format!("log verify {golden} --json")).exits(0).json()["replay"]["complete"], true);
     }
@@ -191,7 +193,7 @@ fn verify_names_exactly_what_is_missing() {
 }
 
 #[test]
-fn diff_names_the_first_field_and_keeps_missing_apart() {
+fn diff_reports_the_first_field_and_counts_missing_messages_separately() {
     let folder = folder("diff");
     let log = folder.join("other.mcap");
     let mut ticks = 0;
@@ -205,13 +207,13 @@ fn diff_names_the_first_field_and_keeps_missing_apart() {
         }
     });
     let diff = hoof(&format!("log diff {} {} --json", GOLDEN[0], log.display())).exits(1).json();
-    let lane = |name: &str, diff: &Value| {
+    let channel = |name: &str, diff: &Value| {
         diff["channels"].as_array().unwrap().iter().find(|c| c["name"] == name).unwrap().clone()
     };
-    let tick = lane(CONTROLLER_TICK, &diff);
+    let tick = channel(CONTROLLER_TICK, &diff);
     assert_eq!((&tick["different"], &tick["first"]["number"]), (&1.into(), &1234.into()));
     assert_eq!(tick["first"]["field"], "digest_output");
-    assert_eq!(lane(CONTROLLER_INPUT, &diff)["identical"], true);
+    assert_eq!(channel(CONTROLLER_INPUT, &diff)["identical"], true);
 
     let mut out = LogWriter::create(&log).unwrap();
     for event in events(Path::new(GOLDEN[0])).iter().filter(|e| &*e.channel != CONTROLLER_TICK || e.t_ns != 40_000_000)
@@ -220,13 +222,13 @@ fn diff_names_the_first_field_and_keeps_missing_apart() {
     }
     out.finish().unwrap();
     let diff = hoof(&format!("log diff {} {} --json", GOLDEN[0], log.display())).exits(1).json();
-    let tick = lane(CONTROLLER_TICK, &diff);
+    let tick = channel(CONTROLLER_TICK, &diff);
     assert_eq!((&tick["left_only"], &tick["different"]), (&1.into(), &0.into()));
     assert_eq!(tick["first"]["number"], 40);
     hoof(&format!("log diff {0} {0}", GOLDEN[0])).exits(0);
 }
 
-/// A log of types that this stack has never heard of.
+/// A log of types that are unknown to this stack.
 #[test]
 fn logs_of_other_projects() {
     let folder = folder("elsewhere");
@@ -259,7 +261,7 @@ fn logs_of_other_projects() {
         ),
         "{known}"
     );
-    // The types go into an MCAP, which needs none from then on.
+    // The types are written into an MCAP, which needs no --lcm-types afterwards.
     let mcap = folder.join("other.mcap");
     hoof(&format!("log convert {} {} {given}", log.display(), mcap.display())).exits(0);
     assert_eq!(hoof(&format!("log cat {} --json", mcap.display())).exits(0).stdout, known);
@@ -281,13 +283,41 @@ fn logs_of_other_projects() {
     }
 }
 
+/// Names in a foreign log cannot control the terminal or forge a line of output.
+#[test]
+fn names_from_a_log_are_printed_escaped() {
+    let folder = folder("escaped");
+    let log = folder.join("foreign.mcap");
+    let mut out = LogWriter::create(&log).unwrap();
+    for t_ns in [0, 5] {
+        out.write("A\u{1b}]0;title\u{7}\nB\u{9b}", t_ns, b"0123456789").unwrap();
+    }
+    out.finish().unwrap();
+    let (log, out) = (log.display(), folder.join("out.mcap"));
+    let commands = [
+        format!("log info {log}"),
+        format!("log cat {log}"),
+        format!("log verify {log}"),
+        format!("log diff {log} {}", GOLDEN[0]),
+        format!("log convert {log} {} --encoding ros2", out.display()),
+    ];
+    for command in commands {
+        let ran = hoof(&command);
+        for text in [&ran.stdout, &ran.stderr] {
+            assert!(!text.contains(|c: char| c.is_control() && c != '\n'), "{command}: {text:?}");
+            assert!(!text.lines().any(|line| line.starts_with('B')), "{command}: {text:?}");
+        }
+    }
+    assert!(hoof(&format!("log info {log}")).exits(0).stdout.contains("A\\u{1b}]0;title\\u{7}\\nB\\u{9b}"));
+}
+
 fn imu_length(log: &Path) -> usize {
     events(log)[0].data.len()
 }
 
-/// `--follow` prints what is appended, and ends where an MCAP does.
+/// `--follow` prints appended messages, and ends when an MCAP is complete.
 #[test]
-fn cat_follows_a_log_that_grows() {
+fn cat_follows_a_log_that_is_being_written() {
     let folder = folder("follow");
     let log = folder.join("growing.mcap");
     let mut out = LogWriter::create(&log).unwrap();

@@ -1,6 +1,6 @@
-//! A reader survives anything: cut at every byte; a byte flipped, a block of zeros, a block of garbage at every byte; garbage pushed in
-//! and bytes taken out; logs one behind the other. Every event whose record is untouched comes back, in order; what is lost is told.
-#![allow(clippy::unwrap_used, reason = "a test may")]
+//! Damage in logs: cut at every byte; a flipped byte, a block of zeros and a block of garbage at every byte; inserted and deleted bytes;
+//! concatenated logs. Every event in an undamaged record is read, in order, and every loss is reported.
+#![allow(clippy::unwrap_used, reason = "test code")]
 
 mod common;
 
@@ -13,12 +13,12 @@ const COUNT: usize = 15;
 /// Messages in a chunk of the MCAP samples.
 const CHUNK: usize = 5;
 
-/// A small log, and where its records are: an event, or a chunk of events.
+/// A small log and the positions of its records: an event, or a chunk of events.
 struct Sample {
     name: &'static str,
     bytes: Vec<u8>,
     messages: Vec<Message>,
-    /// Bytes of a record, and its messages.
+    /// Byte range of each record, and the range of its messages.
     records: Vec<(Range<usize>, Range<usize>)>,
 }
 
@@ -36,7 +36,7 @@ fn event_log() -> Sample {
     Sample { name: "event log", bytes: std::fs::read(path).unwrap(), messages, records }
 }
 
-/// As [`LogWriter`] writes it.
+/// As written by [`LogWriter`].
 fn mcap() -> Sample {
     let path = common::path("sample.mcap");
     let messages = common::messages(COUNT);
@@ -55,7 +55,7 @@ fn chunked(name: &'static str, bytes: Vec<u8>, messages: Vec<Message>) -> Sample
     Sample { name, bytes, messages, records }
 }
 
-/// As others write it: by the mcap crate with another compression, or without chunks.
+/// As written by other tools: by the mcap crate with another compression, or without chunks.
 fn foreign(name: &'static str, compression: Option<mcap::Compression>, use_chunks: bool) -> Sample {
     let messages = common::messages(COUNT);
     let mut bytes = Vec::new();
@@ -101,8 +101,8 @@ fn samples() -> Vec<Sample> {
     ]
 }
 
-/// What is no event, in words.
-fn told(items: &[Item]) -> String {
+/// Damage and cuts, for failure messages.
+fn reported(items: &[Item]) -> String {
     format!("{:?}", items.iter().filter(|item| !matches!(item, Item::Event(_))).collect::<Vec<_>>())
 }
 
@@ -111,17 +111,17 @@ fn read(bytes: Vec<u8>) -> Option<Vec<Item>> {
 }
 
 impl Sample {
-    /// The log with `range` replaced: all events of records that the change does not touch are there, in order, and at most those
-    /// of the touched records beside them.
-    fn spoilt(&self, range: Range<usize>, by: &[u8], what: &str) {
+    /// Reads the log with `range` replaced: all events of records that the change does not touch are returned in order, and besides them at
+    /// most those of the touched records.
+    fn check_damaged(&self, range: Range<usize>, by: &[u8], what: &str) {
         let bytes = [&self.bytes[..range.start], by, &self.bytes[range.end..]].concat();
         if bytes == self.bytes {
             return;
         }
         let length = bytes.len();
         let what = format!("{}: {what} at {range:?}", self.name);
-        // What begins with noise and has no event is no log.
-        let Some(items) = read(bytes) else { return assert!(self.records.len() < 2, "{what}: not even opened") };
+        // Garbage at the start and no event: not a log.
+        let Some(items) = read(bytes) else { return assert!(self.records.len() < 2, "{what}: not opened") };
         let touched = |record: &Range<usize>| {
             if range.is_empty() {
                 record.start < range.start && range.start < record.end
@@ -137,16 +137,16 @@ impl Sample {
                 assert!(
                     rest.any(|m| m == message),
                     "{what}: an event of the record at {record:?} is missing, {}",
-                    told(&items)
+                    reported(&items)
                 );
             }
         }
-        // Where nothing checks a record, another one may be made to look like an event.
+        // Without a checksum, one other record can be made to look like an event.
         let more = may_be_lost.max(usize::from(self.name == "without chunks")).min(1);
         assert!(found.len() <= self.messages.len() + more, "{what}: {} events", found.len());
         if found.len() < self.messages.len() {
-            let told = items.iter().any(|item| !matches!(item, Item::Event(_)));
-            assert!(told, "{what}: {} of {COUNT} events, and nobody says so", found.len());
+            let is_reported = items.iter().any(|item| !matches!(item, Item::Event(_)));
+            assert!(is_reported, "{what}: {} of {COUNT} events, and no loss reported", found.len());
         }
         for item in &items {
             if let Item::Damaged(damaged) = item {
@@ -157,7 +157,7 @@ impl Sample {
 }
 
 #[test]
-fn undamaged_all_samples_are_read_without_complaint() {
+fn undamaged_logs_are_read_without_reports() {
     for sample in samples() {
         let items = read(sample.bytes.clone()).unwrap();
         assert_eq!(common::events(&items), sample.messages, "{}", sample.name);
@@ -170,43 +170,43 @@ fn a_flipped_byte_costs_at_most_its_record() {
     for sample in samples() {
         for at in 0..sample.bytes.len() {
             for mask in [0x01, 0x02, 0x04, 0x10, 0x80, 0xff] {
-                sample.spoilt(at..at + 1, &[sample.bytes[at] ^ mask], &format!("{mask:#x}"));
+                sample.check_damaged(at..at + 1, &[sample.bytes[at] ^ mask], &format!("{mask:#x}"));
             }
         }
     }
 }
 
 #[test]
-fn a_block_of_zeros_or_garbage_costs_at_most_the_records_under_it() {
+fn a_block_of_zeros_or_garbage_costs_at_most_the_touched_records() {
     let mut random = common::Random(3);
     for sample in samples() {
         for at in 0..sample.bytes.len() {
             for length in [4, 20, 90] {
                 let range = at..(at + length).min(sample.bytes.len());
-                sample.spoilt(range.clone(), &vec![0; range.len()], "zeros");
+                sample.check_damaged(range.clone(), &vec![0; range.len()], "zeros");
                 let garbage: Vec<u8> = range.clone().map(|_| (random.next() >> 40) as u8).collect();
-                sample.spoilt(range, &garbage, "garbage");
+                sample.check_damaged(range, &garbage, "garbage");
             }
         }
     }
 }
 
 #[test]
-fn bytes_pushed_in_or_taken_out_cost_at_most_the_record_there() {
+fn inserted_or_deleted_bytes_cost_at_most_the_touched_record() {
     let mut random = common::Random(5);
     for sample in samples() {
         for at in 0..=sample.bytes.len() {
             let garbage: Vec<u8> = (0..1 + random.next() % 100).map(|_| (random.next() >> 40) as u8).collect();
-            sample.spoilt(at..at, &garbage, "pushed in");
+            sample.check_damaged(at..at, &garbage, "inserted");
             let length = 1 + (random.next() % 40) as usize;
-            sample.spoilt(at..(at + length).min(sample.bytes.len()), &[], "taken out");
+            sample.check_damaged(at..(at + length).min(sample.bytes.len()), &[], "deleted");
         }
     }
 }
 
-/// Every whole record is read, and of a chunk that is not whole nothing that was not in it.
+/// Every complete record is read, and from an incomplete chunk only events that it contains.
 #[test]
-fn a_log_cut_at_any_byte_gives_all_that_is_in_front() {
+fn a_log_cut_at_any_byte_returns_all_complete_records() {
     for sample in samples() {
         for length in 1..sample.bytes.len() {
             let Some(items) = read(sample.bytes[..length].to_vec()) else {
@@ -227,10 +227,10 @@ fn a_log_cut_at_any_byte_gives_all_that_is_in_front() {
     }
 }
 
-/// Of a chunk that is cut, what decompresses in front of the cut is read.
+/// In a cut chunk, the events before the cut are read.
 #[test]
-fn a_cut_chunk_gives_the_events_in_front_of_the_cut() {
-    // Random bytes, so that blocks of the compression follow each other in the file as the messages do.
+fn a_cut_chunk_returns_the_events_before_the_cut() {
+    // Random bytes do not compress, so the messages are in the compressed chunk in order.
     let path = common::path("large_chunk.mcap");
     let mut random = common::Random(13);
     let messages: Vec<Message> = (0..240)
@@ -245,19 +245,23 @@ fn a_cut_chunk_gives_the_events_in_front_of_the_cut() {
     let found = common::events(&items);
     assert!((100..=180).contains(&found.len()), "{} events", found.len());
     assert!(found == messages[..found.len()]);
-    assert!(matches!(items.last(), Some(Item::Cut(cut)) if cut.offset == begin as u64), "{}", told(&items));
+    assert!(matches!(items.last(), Some(Item::Cut(cut)) if cut.offset == begin as u64), "{}", reported(&items));
 
-    // The same bytes, damaged where the cut was: nobody knows from where on, so nothing of it is believed.
+    // The same bytes damaged at that place: the position of the damage is unknown, so none of the chunk's events is returned.
     let mut damaged = bytes.clone();
     damaged[length - 40_000..length].fill(0xff);
     let items = read(damaged.clone()).unwrap();
-    assert!(items.iter().all(|item| !matches!(item, Item::Event(e) if e.offset == begin as u64)), "{}", told(&items));
-    assert!(matches!(&items[0], Item::Damaged(d) if d.offset == begin as u64), "{}", told(&items));
+    assert!(
+        items.iter().all(|item| !matches!(item, Item::Event(e) if e.offset == begin as u64)),
+        "{}",
+        reported(&items)
+    );
+    assert!(matches!(&items[0], Item::Damaged(d) if d.offset == begin as u64), "{}", reported(&items));
     let kept = LogReader::from_bytes("sample", damaged).unwrap().keep_unchecked(true).events().count();
     assert!(kept > 50, "{kept} events");
 }
 
-/// A chunk with a wrong CRC is left out, unless someone wants it all the same.
+/// A chunk with a wrong CRC is omitted unless the caller asks for it.
 #[test]
 fn unchecked_chunks_can_be_kept() {
     let Sample { mut bytes, messages, records, .. } = foreign("uncompressed", None, true);
@@ -265,37 +269,37 @@ fn unchecked_chunks_can_be_kept() {
     bytes[at] ^= 1;
     let counts = [false, true].map(|keep| {
         let mut reader = LogReader::from_bytes("sample", bytes.clone()).unwrap().keep_unchecked(keep);
-        let (mut events, mut told) = (0, 0);
+        let (mut events, mut damaged) = (0, 0);
         while let Some(item) = reader.read().unwrap() {
             match item {
                 ItemRef::Event(_) => events += 1,
-                _ => told += 1,
+                _ => damaged += 1,
             }
         }
-        (events, told)
+        (events, damaged)
     });
     assert_eq!(counts, [(messages.len() - CHUNK, 1), (messages.len(), 1)]);
 }
 
-/// Outside of chunks nothing but the CRC of all the data sees an altered message.
+/// Outside of chunks only the CRC of all the data detects an altered message.
 #[test]
-fn the_crc_of_all_the_data_tells_of_an_altered_message() {
+fn the_crc_of_all_the_data_detects_an_altered_message() {
     let Sample { mut bytes, messages, records, .. } = foreign("without chunks", None, false);
     bytes[records[3].0.end - 1] ^= 1;
     let items = read(bytes).unwrap();
     assert_eq!(common::events(&items).len(), messages.len());
     let Some(Item::Damaged(damaged)) = items.last() else { panic!("{:?}", items.last()) };
-    assert!(damaged.why.contains("CRC of all the data"), "{damaged:?}");
+    assert_eq!((damaged.offset, damaged.bytes), (0, 0), "{damaged:?}");
 }
 
-/// A length that swallows the next event of the same size ends where another one begins: only the numbers tell.
+/// A wrong length that ends exactly at the start of a later event of the same size: only the event numbers show it.
 #[test]
-fn a_length_that_ends_at_a_later_event_swallows_none() {
+fn a_wrong_length_that_ends_at_a_later_event_loses_no_other_event() {
     let path = common::path("even.lcmlog");
     let messages: Vec<Message> = (0..8).map(|i| ("CH".into(), i * 1000, vec![7; 34])).collect();
     common::write(&path, &messages, usize::MAX);
     let mut bytes = std::fs::read(&path).unwrap();
-    // Events of 64 bytes; the length of the third one's data becomes that of three events less a header.
+    // Events of 64 bytes; the data length of the third one becomes that of three events minus a header.
     bytes[2 * 64 + 27] = 34 + 128;
     let items = read(bytes).unwrap();
     let expected = [&messages[..2], &messages[3..]].concat();
@@ -304,15 +308,15 @@ fn a_length_that_ends_at_a_later_event_swallows_none() {
     assert_eq!((damaged.offset, damaged.bytes), (128, 64));
 }
 
-/// An event that holds a whole log is no damage.
+/// An event that contains a complete log is not damaged.
 #[test]
-fn an_event_may_hold_a_log() {
+fn an_event_can_contain_a_log() {
     let Sample { bytes, .. } = event_log();
     let path = common::path("nested.lcmlog");
     let messages: Vec<Message> = (0..3).map(|i| ("LOG".into(), i, bytes.clone())).collect();
     let mut log = LogWriter::create(&path).unwrap();
     for (i, (channel, t_ns, data)) in messages.iter().enumerate() {
-        // SequenceTracker with a hole, as a filter leaves them.
+        // Numbers with gaps, as after a filter.
         log.write_numbered(channel, *t_ns * 1000, 20 * i as i64, data).unwrap();
     }
     log.finish().unwrap();
@@ -321,7 +325,7 @@ fn an_event_may_hold_a_log() {
 }
 
 #[test]
-fn logs_one_behind_the_other_are_read_as_one() {
+fn concatenated_logs_are_read_as_one() {
     for sample in samples() {
         let items = read(sample.bytes.repeat(2)).unwrap();
         assert_eq!(common::events(&items), [&sample.messages[..], &sample.messages[..]].concat(), "{}", sample.name);
@@ -331,9 +335,9 @@ fn logs_one_behind_the_other_are_read_as_one() {
     }
 }
 
-/// Times that go backwards are the log's, and stay.
+/// Timestamps out of order are kept.
 #[test]
-fn times_may_go_backwards() {
+fn timestamps_can_be_out_of_order() {
     for ending in ["lcmlog", "mcap"] {
         let path = common::path(&format!("backwards.{ending}"));
         let messages: Vec<Message> = (0..50).map(|i| ("CH".into(), (i * 37 % 50) * 1000, vec![i as u8; 9])).collect();
@@ -342,7 +346,7 @@ fn times_may_go_backwards() {
     }
 }
 
-/// A file that grows byte by byte gives each event once it is whole, and never a cut.
+/// A file that is appended to byte by byte returns each event as soon as it is complete, and never a cut.
 #[test]
 fn a_growing_log_is_read_as_it_grows() {
     for sample in [event_log(), mcap()] {
@@ -366,9 +370,9 @@ fn a_growing_log_is_read_as_it_grows() {
     }
 }
 
-/// Bytes at random, with the beginnings of records strewn in so that the parsers get far.
+/// Random bytes mixed with starts of records, so that the parsers proceed.
 #[test]
-fn noise_is_read_to_its_end() {
+fn random_bytes_are_read_to_their_end() {
     let mut random = common::Random(11);
     for heads in [
         &[&[0xed, 0xa1, 0xda, 0x01][..]][..],

@@ -1,5 +1,5 @@
-//! Both formats hold what was written, byte for byte what other tools expect.
-#![allow(clippy::unwrap_used, reason = "a test may")]
+//! Both formats store what was written, with the bytes that other tools expect.
+#![allow(clippy::unwrap_used, reason = "test code")]
 
 mod common;
 
@@ -8,9 +8,9 @@ use replay::Error;
 use replay::log::{Format, Item, LogReader, LogWriter};
 use std::time::Duration;
 
-/// Two events as stock LCM 1.5.3 writes them.
+/// Two events as written by LCM 1.5.3.
 #[test]
-fn an_event_log_has_the_bytes_of_the_stock_writer() {
+fn an_event_log_has_the_bytes_of_lcm() {
     let path = common::path("golden.lcmlog");
     let mut log = LogWriter::create(&path).unwrap();
     log.write("CH", 123_456_789_000, b"hello").unwrap();
@@ -28,7 +28,7 @@ fn an_event_log_has_the_bytes_of_the_stock_writer() {
 
 /// Written by `scripts/make_stock_sample.py`.
 #[test]
-fn a_log_of_the_stock_writer_is_read() {
+fn a_log_written_by_lcm_is_read() {
     let items = common::items(std::path::Path::new("tests/data/stock.lcmlog"));
     let expected = [
         ("CH".to_owned(), 123_456_789_000, b"hello".to_vec()),
@@ -41,9 +41,9 @@ fn a_log_of_the_stock_writer_is_read() {
     assert_eq!(items.len(), expected.len());
 }
 
-/// Stock liblcm plays our log: every event, channel and byte, in order. It does not hand out the times of the file.
+/// liblcm plays our log: every event, channel and byte, in order. It does not return the times of the file.
 #[test]
-fn our_event_log_is_played_by_stock_liblcm() {
+fn liblcm_plays_our_event_log() {
     let path = common::path("stock_plays.lcmlog");
     let messages = common::messages(200);
     common::write(&path, &messages, usize::MAX);
@@ -60,7 +60,7 @@ fn our_event_log_is_played_by_stock_liblcm() {
 }
 
 #[test]
-fn both_formats_give_back_what_was_written() {
+fn both_formats_return_what_was_written() {
     let messages = common::messages(1000);
     for (name, format) in [("round.lcmlog", Format::LcmLog), ("round.mcap", Format::Mcap)] {
         let path = common::path(name);
@@ -94,9 +94,9 @@ fn equal_events_give_equal_bytes() {
     }
 }
 
-/// The crate's own reader, which trusts the index, finds the same messages as the record walk.
+/// The reader of the mcap crate, which uses the index, finds the same messages as our reader, which walks over the records.
 #[test]
-fn our_mcap_is_read_by_the_mcap_crate() {
+fn the_mcap_crate_reads_our_mcap() {
     let messages = common::messages(500);
     let path = common::path("crate.mcap");
     common::write(&path, &messages, 100);
@@ -115,7 +115,7 @@ fn our_mcap_is_read_by_the_mcap_crate() {
 }
 
 #[test]
-fn a_format_is_found_by_its_bytes_not_by_its_name() {
+fn the_format_is_detected_from_the_content() {
     let messages = common::messages(5);
     let (mcap, misnamed) = (common::path("named.mcap"), common::path("misnamed.lcmlog"));
     common::write(&mcap, &messages, 2);
@@ -126,7 +126,7 @@ fn a_format_is_found_by_its_bytes_not_by_its_name() {
 }
 
 #[test]
-fn what_is_no_log_is_refused_by_name() {
+fn other_files_are_rejected_with_their_name() {
     let open = |name: &str, bytes: &[u8]| {
         let path = common::path(name);
         std::fs::write(&path, bytes).unwrap();
@@ -143,7 +143,7 @@ fn what_is_no_log_is_refused_by_name() {
 }
 
 #[test]
-fn a_writer_refuses_what_no_reader_could_read() {
+fn a_writer_rejects_events_that_no_reader_accepts() {
     assert!(matches!(LogWriter::create(common::path("log.txt")), Err(Error::UnknownExtension { .. })));
     assert!(matches!(LogWriter::create(common::path("none/log.mcap")), Err(Error::Io { .. })));
     for name in ["refuse.lcmlog", "refuse.mcap"] {
@@ -153,7 +153,7 @@ fn a_writer_refuses_what_no_reader_could_read() {
             assert!(matches!(log.write(channel, 0, b"data"), Err(Error::ChannelName { .. })), "{channel:?}");
         }
         assert!(matches!(log.write("CH", -1, b"data"), Err(Error::NegativeTime { t_ns: -1, .. })));
-        // A refusal leaves the log as it was.
+        // A rejected event leaves the log unchanged.
         log.write("CH", 5000, b"data").unwrap();
         assert_eq!(log.finish().unwrap(), 1);
         assert_eq!(common::events(&common::items(&path)), [("CH".to_owned(), 5000, b"data".to_vec())]);

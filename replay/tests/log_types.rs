@@ -1,5 +1,5 @@
-//! What a log says about its types and its losses.
-#![allow(clippy::unwrap_used, reason = "a test may")]
+//! Types and losses in a log.
+#![allow(clippy::unwrap_used, reason = "test code")]
 
 mod common;
 
@@ -15,12 +15,12 @@ fn encoded(message: &impl Message) -> Vec<u8> {
 
 /// A channel's schema alone, parsed as one `.lcm` text, decodes its messages.
 #[test]
-fn an_mcap_explains_its_messages() {
+fn an_mcap_contains_the_types_of_its_messages() {
     let path = common::path("schemas.mcap");
     let mut log = LogWriter::create(&path).unwrap();
     let input = ControllerInput { t_ns: 1000, tick: 7, ..Default::default() };
     log.write(channels::CONTROLLER_INPUT, 1000, &encoded(&input)).unwrap();
-    // A known type on a channel that no table has, and a message that is none.
+    // A known type on a channel that the channel table does not list, and bytes that are no LCM message.
     log.write("ELSEWHERE", 2000, &encoded(&RobotState::default())).unwrap();
     log.write("BLOB", 3000, b"blob").unwrap();
     log.finish().unwrap();
@@ -33,14 +33,14 @@ fn an_mcap_explains_its_messages() {
     let types = TypeSet::parse([("schema", text)]).unwrap();
     let (ty, value) = types.decode(&messages[0].data).unwrap();
     assert_eq!((ty.name(), value.get("tick").and_then(|v| v.as_i64())), ("hoofprint.controller_input_t", Some(7)));
-    // Only what the type needs: its own text and those of the two types inside it.
+    // Only the type and its two nested types.
     assert_eq!(types.types().count(), 3);
     assert_eq!(schema(1).name, "hoofprint.robot_state_t");
     assert_eq!(messages[2].channel.schema, None);
 }
 
 #[test]
-fn types_of_elsewhere_can_be_given() {
+fn types_of_another_project_can_be_added() {
     let source = ("imu.lcm".to_owned(), "package other; struct imu_t { int64_t utime; double a[3]; }".to_owned());
     let types = TypeSet::parse([(&*source.0, &*source.1)]).unwrap();
     let imu = types.by_name("other.imu_t").unwrap();
@@ -55,7 +55,7 @@ fn types_of_elsewhere_can_be_given() {
 }
 
 #[test]
-fn a_summary_counts_what_is_there_and_what_is_lost() {
+fn a_summary_counts_messages_and_losses() {
     for (name, format) in [("summary.lcmlog", Format::LcmLog), ("summary.mcap", Format::Mcap)] {
         let path = common::path(name);
         let mut log = LogWriter::create(&path).unwrap();

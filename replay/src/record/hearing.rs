@@ -126,7 +126,7 @@ impl Hearing {
 
     fn take_abandoned(&mut self) {
         for given_up in self.reassembler.abandoned() {
-            self.accounts.incomplete(given_up.sender, given_up.sequence, given_up.came, given_up.count);
+            self.accounts.incomplete(given_up.sender, given_up.sequence, given_up.received, given_up.count);
         }
     }
 

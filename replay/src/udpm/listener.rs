@@ -1,4 +1,4 @@
-//! The socket that hears a multicast group.
+//! The socket that receives a multicast group.
 
 use super::{MAX_DATAGRAM, Url};
 use crate::Error;
@@ -13,32 +13,32 @@ use std::io::IoSliceMut;
 use std::net::{Ipv4Addr, SocketAddrV4};
 use std::os::fd::{AsRawFd, OwnedFd};
 
-/// Receive buffer asked for unless the URL says otherwise, bytes: a tenth of a second of 20 kHz and more.
+/// Default size of the receive buffer, bytes: more than 0.1 s of messages at 20 kHz.
 const BUFFER: usize = 1 << 25;
 
-/// How long [`Listener::receive`] waits, ms, so that whoever calls it can look up in between.
+/// Timeout of [`Listener::receive`], ms: the caller can check for a stop request in between.
 const WAIT_MS: i64 = 20;
 
-/// Hears every datagram of a group; sends nothing, ever.
+/// Receives every datagram of a group. It never sends.
 pub struct Listener {
     socket: OwnedFd,
-    /// What the kernel granted, bytes.
+    /// Size of the receive buffer that the kernel granted, bytes.
     granted: usize,
     wanted: usize,
     data: Vec<u8>,
     control: Vec<u8>,
 }
 
-/// A datagram as it came.
+/// A received datagram.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Datagram<'a> {
-    /// Who sent it: one LCM handle is one address and port.
+    /// Address of the sender: one per LCM instance.
     pub sender: SocketAddrV4,
-    /// When the kernel took it off the network, ns since the Unix epoch.
+    /// Receive time of the kernel, ns since the Unix epoch.
     pub t_ns: i64,
-    /// Datagrams that the kernel has dropped since the socket was opened because its buffer was full.
+    /// Datagrams that the kernel dropped since the socket was opened, because its buffer was full.
     pub kernel_dropped: u32,
-    /// The bytes.
+    /// Payload.
     pub bytes: &'a [u8],
 }
 
@@ -46,24 +46,24 @@ impl Listener {
     /// Joins the group of a URL.
     ///
     /// # Errors
-    /// [`Error::Socket`], which says at what it failed and what to do.
+    /// [`Error::Socket`] with the call that failed.
     pub fn open(url: &Url) -> Result<Self, Error> {
         let failed =
             |at: &'static str| move |source: Errno| Error::Socket { url: url.to_string(), at, source: source.into() };
         let socket =
             socket(AddressFamily::Inet, SockType::Datagram, SockFlag::SOCK_CLOEXEC, None).map_err(failed("socket"))?;
-        // Every LCM program on the machine binds the same port.
+        // All LCM programs on a machine bind the same port.
         setsockopt(&socket, sockopt::ReuseAddr, &true).map_err(failed("SO_REUSEADDR"))?;
         setsockopt(&socket, sockopt::ReusePort, &true).map_err(failed("SO_REUSEPORT"))?;
         setsockopt(&socket, sockopt::ReceiveTimestampns, &true).map_err(failed("SO_TIMESTAMPNS"))?;
         setsockopt(&socket, sockopt::RxqOvfl, &1).map_err(failed("SO_RXQ_OVFL"))?;
         setsockopt(&socket, sockopt::ReceiveTimeout, &TimeVal::milliseconds(WAIT_MS)).map_err(failed("SO_RCVTIMEO"))?;
         let wanted = url.recv_buf_size.unwrap_or(BUFFER);
-        // Root may go beyond net.core.rmem_max.
+        // Root may exceed net.core.rmem_max.
         setsockopt(&socket, sockopt::RcvBufForce, &wanted)
             .or_else(|_| setsockopt(&socket, sockopt::RcvBuf, &wanted))
             .map_err(failed("SO_RCVBUF"))?;
-        // The kernel doubles what is asked for, to have room for its own books.
+        // The kernel reports twice the requested size, because it includes its own overhead.
         let granted = getsockopt(&socket, sockopt::RcvBuf).map_err(failed("SO_RCVBUF"))? / 2;
         bind(socket.as_raw_fd(), &SockaddrIn::from(SocketAddrV4::new(url.group, url.port))).map_err(failed("bind"))?;
         let membership = IpMembershipRequest::new(url.group, None);
@@ -71,18 +71,18 @@ impl Listener {
         Ok(Listener { socket, granted, wanted, data: vec![0; MAX_DATAGRAM + 1], control: cmsg_space!(TimeSpec, u32) })
     }
 
-    /// What a person should know about the receive buffer, if the kernel gave less than was asked for.
+    /// A warning with a remedy if the kernel granted a smaller receive buffer than requested.
     pub fn warning(&self) -> Option<String> {
         (self.granted < self.wanted).then(|| {
             format!(
-                "the kernel gives a receive buffer of {} bytes instead of {}, so that a burst may be lost; as root: \
+                "receive buffer of {} bytes instead of {}: bursts of messages may be lost; as root: \
                  sysctl -w net.core.rmem_max={}",
                 self.granted, self.wanted, self.wanted
             )
         })
     }
 
-    /// The next datagram; `None` if none came for a while.
+    /// The next datagram; `None` after the timeout.
     ///
     /// # Errors
     /// [`Errno`] if the socket fails.
@@ -90,7 +90,7 @@ impl Listener {
         self.receive_with(MsgFlags::empty())
     }
 
-    /// The next datagram that has already come.
+    /// The next datagram that is already in the receive buffer; does not wait.
     ///
     /// # Errors
     /// [`Errno`] if the socket fails.

@@ -2,9 +2,9 @@
 //!
 //! ```text
 //! short     "LC02" | sequence u32 | channel, NUL | data
-//! fragment  "LC03" | sequence u32 | size of the data u32 | offset in it u32 | number u16 | count u16 | [number 0: channel, NUL |] data
+//! fragment  "LC03" | sequence u32 | message size u32 | offset u32 | number u16 | count u16 | [number 0: channel, NUL |] data
 //! ```
-//! Big-endian. One sequence a sender, over all its channels and both forms, up by one a message.
+//! Big-endian. Each sender has one sequence over all its channels and both forms; it increases by one per message.
 
 use super::MAX_DATAGRAM;
 use crate::log::{MAX_CHANNEL, MAX_MESSAGE};
@@ -14,25 +14,25 @@ const FRAGMENT: [u8; 4] = *b"LC03";
 const SHORT_HEADER: usize = 8;
 const FRAGMENT_HEADER: usize = 20;
 
-/// Bytes behind the header of a fragment, as LCM on Linux cuts them.
+/// Bytes after the header of a full fragment, as LCM on Linux splits messages.
 pub const FRAGMENT_BODY: usize = MAX_DATAGRAM - FRAGMENT_HEADER;
 
-/// No LCM cuts messages into pieces as small as this; whoever claims to makes us keep books and sends no data.
+/// Lower limit of the fragment size, bytes: smaller than in any LCM implementation. It bounds the bookkeeping that a header can cause.
 const SMALLEST_BODY: usize = 512;
 
-/// What a datagram holds.
+/// Content of a datagram.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Packet<'a> {
-    /// A whole message.
+    /// A complete message.
     Short(Short<'a>),
-    /// A piece of one.
+    /// A fragment of a message.
     Fragment(Fragment<'a>),
 }
 
 /// A message in one datagram.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Short<'a> {
-    /// The sender's number of this message.
+    /// Sequence number of the message.
     pub sequence: u32,
     /// Channel.
     pub channel: &'a str,
@@ -40,45 +40,45 @@ pub struct Short<'a> {
     pub data: &'a [u8],
 }
 
-/// A piece of a message.
+/// A fragment of a message.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Fragment<'a> {
-    /// The sender's number of the message.
+    /// Sequence number of the message.
     pub sequence: u32,
-    /// Bytes of the whole message.
+    /// Size of the complete message, bytes.
     pub size: u32,
-    /// Where `data` belongs in it.
+    /// Offset of `data` in the message.
     pub offset: u32,
-    /// Which piece this is, from 0.
+    /// Index of the fragment, from 0.
     pub number: u16,
-    /// How many pieces there are.
+    /// Number of fragments of the message.
     pub count: u16,
-    /// Channel: in piece 0 and nowhere else.
+    /// Channel: only in fragment 0.
     pub channel: Option<&'a str>,
     /// Bytes of the message.
     pub data: &'a [u8],
 }
 
-/// A datagram that is not LCM's, or breaks its rules.
+/// A datagram that violates the protocol.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Malformed {
-    /// The number of its message, if it came as far as that.
+    /// Sequence number of its message, if the datagram has one.
     pub sequence: Option<u32>,
     /// What is wrong.
     pub why: &'static str,
 }
 
 impl<'a> Packet<'a> {
-    /// Takes a datagram apart.
+    /// Parses a datagram.
     ///
     /// # Errors
-    /// [`Malformed`] for whatever LCM would not send.
+    /// [`Malformed`] if the datagram violates the protocol.
     pub fn parse(bytes: &'a [u8]) -> Result<Self, Malformed> {
         let Some((magic, rest)) = bytes.split_first_chunk::<4>() else {
             return Err(Malformed { sequence: None, why: "shorter than a header" });
         };
         if ![SHORT, FRAGMENT].contains(magic) {
-            return Err(Malformed { sequence: None, why: "begins with neither LC02 nor LC03" });
+            return Err(Malformed { sequence: None, why: "starts with neither LC02 nor LC03" });
         }
         let Some((sequence, body)) = rest.split_first_chunk() else {
             return Err(Malformed { sequence: None, why: "shorter than a header" });
@@ -88,7 +88,7 @@ impl<'a> Packet<'a> {
         packet.map_err(|why| Malformed { sequence: Some(sequence), why })
     }
 
-    /// The sender's number of the message.
+    /// Sequence number of the message.
     pub fn sequence(&self) -> u32 {
         match self {
             Packet::Short(short) => short.sequence,
@@ -111,34 +111,34 @@ fn fragment(sequence: u32, body: &[u8]) -> Result<Packet<'_>, &'static str> {
     let (channel, data) =
         if number == 0 { channel(body).map(|(name, data)| (Some(name), data))? } else { (None, body) };
     if size as usize > MAX_MESSAGE {
-        return Err("a message longer than LCM carries");
+        return Err("message longer than LCM allows");
     }
     if number >= count {
-        return Err("a fragment beyond the last");
+        return Err("fragment number above the fragment count");
     }
     if usize::from(count) > 1 + (size as usize + MAX_CHANNEL + 1) / SMALLEST_BODY {
-        return Err("more fragments than a message of this size has");
+        return Err("more fragments than a message of this size can have");
     }
     if offset as usize + data.len() > size as usize {
-        return Err("a fragment beyond the end of its message");
+        return Err("fragment beyond the end of its message");
     }
     Ok(Packet::Fragment(Fragment { sequence, size, offset, number, count, channel, data }))
 }
 
-/// The channel at the beginning, and what follows its NUL. Logs hold text, so a name has to be text.
+/// Splits off the channel at its NUL. Names have to be text, because logs store text.
 fn channel(body: &[u8]) -> Result<(&str, &[u8]), &'static str> {
-    let end = body.iter().take(MAX_CHANNEL + 1).position(|&byte| byte == 0).ok_or("a channel without end")?;
-    let name = std::str::from_utf8(&body[..end]).map_err(|_| "a channel that is not text")?;
+    let end = body.iter().take(MAX_CHANNEL + 1).position(|&byte| byte == 0).ok_or("channel name without NUL")?;
+    let name = std::str::from_utf8(&body[..end]).map_err(|_| "channel name is not text")?;
     if name.is_empty() {
-        return Err("a channel without name");
+        return Err("empty channel name");
     }
     if name.chars().any(char::is_control) {
-        return Err("a channel that is not text");
+        return Err("channel name is not text");
     }
     Ok((name, &body[end + 1..]))
 }
 
-/// The datagrams of a message, cut as LCM on Linux does. The caller has checked channel and length.
+/// Splits a message into datagrams as LCM on Linux does. The caller has checked channel and length.
 pub fn split(sequence: u32, channel: &str, data: &[u8]) -> Vec<Vec<u8>> {
     debug_assert!((1..=MAX_CHANNEL).contains(&channel.len()) && data.len() <= MAX_MESSAGE);
     let name_length = channel.len() + 1;
@@ -147,7 +147,7 @@ pub fn split(sequence: u32, channel: &str, data: &[u8]) -> Vec<Vec<u8>> {
     }
     let count = (name_length + data.len()).div_ceil(FRAGMENT_BODY);
     let fragment = |number: usize| {
-        // The channel takes its place in the first body, and everything behind it moves up.
+        // The channel occupies the start of the first body and shifts the data.
         let from = (number * FRAGMENT_BODY).saturating_sub(name_length);
         let to = ((number + 1) * FRAGMENT_BODY - name_length).min(data.len());
         let mut bytes = Vec::with_capacity(FRAGMENT_HEADER + name_length + to - from);

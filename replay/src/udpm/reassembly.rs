@@ -1,22 +1,22 @@
-//! Fragments to messages.
+//! Reassembles messages from fragments.
 //!
-//! A bitmap a message says which of its fragments have come, so that they may come in any order and any number of times. The stock
-//! library only counts them: a fragment that comes twice completes a message with a part of it missing.
+//! A bitmap per message marks the received fragments, so that they can arrive in any order and any number of times. liblcm only counts
+//! fragments: there, a duplicate completes a message that lacks another fragment.
 //!
-//! Memory is bounded by what has really arrived, not by what a header claims: at most [`BYTES`] and [`MESSAGES`]. Beyond, the message that
-//! has waited longest for a fragment is given up; so is one that waited for more than [`PATIENCE_NS`]. Whatever is given up is told.
+//! Memory is bounded by received data, not by the sizes that headers claim: at most [`BYTES`] and [`MESSAGES`]. Beyond these limits the
+//! message with the oldest last fragment is abandoned, as is one without a new fragment for [`FRAGMENT_TIMEOUT_NS`]. Abandoned messages are reported.
 
 use super::Fragment;
 use std::collections::BTreeMap;
 use std::net::SocketAddrV4;
 
-/// Bytes of fragments held at most: one message of the greatest length and some.
+/// Limit of buffered fragments, bytes: one message of the greatest length and some more.
 const BYTES: usize = (1 << 28) + (1 << 26);
-/// Incomplete messages held at most.
+/// Limit of incomplete messages.
 const MESSAGES: usize = 1000;
-/// How long a message waits for its next fragment, ns.
-const PATIENCE_NS: i64 = 2_000_000_000;
-/// What a fragment costs beside its bytes.
+/// Timeout of an incomplete message since its last fragment, ns.
+const FRAGMENT_TIMEOUT_NS: i64 = 2_000_000_000;
+/// Memory overhead per fragment, bytes.
 const OVERHEAD: usize = 64;
 
 /// Incomplete messages of all senders.
@@ -35,46 +35,46 @@ struct Limit {
     messages: usize,
 }
 
-/// What became of a fragment.
+/// Result of a fragment.
 #[derive(Debug, PartialEq, Eq)]
 pub enum Outcome {
-    /// Others are still missing.
+    /// Other fragments are missing.
     Incomplete {
-        /// A later one had come before it.
+        /// A later fragment arrived before it.
         reordered: bool,
     },
-    /// It had come before.
+    /// The fragment was already received.
     Duplicate,
-    /// The message is whole.
+    /// The message is complete.
     Complete {
-        /// The message.
-        message: Whole,
-        /// A later fragment had come before this one.
+        /// Reassembled message.
+        message: Reassembled,
+        /// A later fragment arrived before this one.
         reordered: bool,
     },
-    /// The fragments do not fit together: the message is given up.
+    /// The fragments do not add up to a message: it is dropped.
     Contradictory,
 }
 
-/// A message put together.
+/// A reassembled message.
 #[derive(Debug, PartialEq, Eq)]
-pub struct Whole {
+pub struct Reassembled {
     /// Channel.
     pub channel: String,
     /// The message.
     pub data: Vec<u8>,
 }
 
-/// A message that was given up.
+/// An incomplete message that was abandoned.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Abandoned {
-    /// Its sender.
+    /// Sender.
     pub sender: SocketAddrV4,
-    /// Its number.
+    /// Sequence number.
     pub sequence: u32,
-    /// Fragments that came.
-    pub came: u16,
-    /// Fragments there are.
+    /// Fragments received.
+    pub received: u16,
+    /// Fragments of the message.
     pub count: u16,
 }
 
@@ -82,8 +82,8 @@ struct Partial {
     size: u32,
     count: u16,
     channel: Option<String>,
-    /// Which fragments are among the pieces.
-    came: Vec<u64>,
+    /// Bitmap of the received fragments.
+    received: Vec<u64>,
     pieces: Vec<Piece>,
     highest: u16,
     last_ns: i64,
@@ -102,25 +102,25 @@ impl Default for Reassembler {
 }
 
 impl Reassembler {
-    /// One that holds no more than so many bytes and messages.
+    /// Sets the limits of buffered bytes and incomplete messages.
     pub fn with_limit(bytes: usize, messages: usize) -> Self {
         Reassembler { partial: BTreeMap::new(), bytes: 0, limit: Limit { bytes, messages }, abandoned: Vec::new() }
     }
 
-    /// Takes a fragment that arrived at `t_ns`.
+    /// Adds a fragment that arrived at `t_ns`.
     pub fn accept(&mut self, sender: SocketAddrV4, t_ns: i64, fragment: &Fragment) -> Outcome {
         let key = (sender, fragment.sequence);
         let other = |p: &Partial| p.size != fragment.size || p.count != fragment.count;
         if self.partial.get(&key).is_some_and(other) {
-            // The number is in use again, as after a restart of the sender: the old message will never be whole.
-            self.give_up(key);
+            // The sequence number is reused, as after a restart of the sender: the old message cannot be completed.
+            self.abandon(key);
         }
         let partial = self.partial.entry(key).or_insert_with(|| Partial::new(fragment));
         let (word, bit) = (usize::from(fragment.number / 64), 1u64 << (fragment.number % 64));
-        if partial.came[word] & bit != 0 {
+        if partial.received[word] & bit != 0 {
             return Outcome::Duplicate;
         }
-        partial.came[word] |= bit;
+        partial.received[word] |= bit;
         let reordered = !partial.pieces.is_empty() && fragment.number < partial.highest;
         partial.highest = partial.highest.max(fragment.number);
         partial.last_ns = t_ns;
@@ -133,34 +133,34 @@ impl Reassembler {
             self.stay_within_limits(key);
             return Outcome::Incomplete { reordered };
         }
-        let partial = self.partial.remove(&key).expect("it was entered above");
+        let partial = self.partial.remove(&key).expect("inserted above");
         self.bytes -= partial.bytes();
-        match partial.whole() {
+        match partial.assemble() {
             Some(message) => Outcome::Complete { message, reordered },
             None => Outcome::Contradictory,
         }
     }
 
-    /// Gives up what has waited too long at `now_ns`.
+    /// Abandons messages that have timed out at `now_ns`.
     pub fn expire(&mut self, now_ns: i64) {
-        let old = |p: &Partial| now_ns.saturating_sub(p.last_ns) > PATIENCE_NS;
+        let old = |p: &Partial| now_ns.saturating_sub(p.last_ns) > FRAGMENT_TIMEOUT_NS;
         let keys: Vec<Key> = self.partial.iter().filter(|(_, p)| old(p)).map(|(key, _)| *key).collect();
-        keys.into_iter().for_each(|key| self.give_up(key));
+        keys.into_iter().for_each(|key| self.abandon(key));
     }
 
-    /// Gives up everything that is incomplete.
+    /// Abandons all incomplete messages.
     pub fn clear(&mut self) {
         while let Some((&key, _)) = self.partial.first_key_value() {
-            self.give_up(key);
+            self.abandon(key);
         }
     }
 
-    /// What was given up since this was last asked.
+    /// Messages abandoned since the last call.
     pub fn abandoned(&mut self) -> Vec<Abandoned> {
         std::mem::take(&mut self.abandoned)
     }
 
-    /// Bytes held, with what holding them costs.
+    /// Buffered bytes, including the overhead.
     pub fn bytes(&self) -> usize {
         self.bytes
     }
@@ -169,16 +169,16 @@ impl Reassembler {
         while self.bytes > self.limit.bytes || self.partial.len() > self.limit.messages {
             let others = self.partial.iter().filter(|(key, _)| **key != newest);
             let Some(key) = others.min_by_key(|(_, p)| p.last_ns).map(|(key, _)| *key) else { break };
-            self.give_up(key);
+            self.abandon(key);
         }
     }
 
-    fn give_up(&mut self, key: Key) {
+    fn abandon(&mut self, key: Key) {
         if let Some(partial) = self.partial.remove(&key) {
             self.bytes -= partial.bytes();
             let (sender, sequence) = key;
-            let came = partial.pieces.len() as u16;
-            self.abandoned.push(Abandoned { sender, sequence, came, count: partial.count });
+            let received = partial.pieces.len() as u16;
+            self.abandoned.push(Abandoned { sender, sequence, received, count: partial.count });
         }
     }
 }
@@ -189,7 +189,7 @@ impl Partial {
             size: fragment.size,
             count: fragment.count,
             channel: None,
-            came: vec![0; usize::from(fragment.count).div_ceil(64)],
+            received: vec![0; usize::from(fragment.count).div_ceil(64)],
             pieces: Vec::new(),
             highest: 0,
             last_ns: 0,
@@ -200,8 +200,8 @@ impl Partial {
         self.pieces.iter().map(|piece| piece.data.len() + OVERHEAD).sum()
     }
 
-    /// The message, if the pieces lie end to end from its first to its last byte.
-    fn whole(mut self) -> Option<Whole> {
+    /// The message, if the pieces are contiguous from its first to its last byte.
+    fn assemble(mut self) -> Option<Reassembled> {
         self.pieces.sort_unstable_by_key(|piece| piece.number);
         let mut data = Vec::with_capacity(self.size as usize);
         for piece in &self.pieces {
@@ -210,6 +210,6 @@ impl Partial {
             }
             data.extend_from_slice(&piece.data);
         }
-        (data.len() == self.size as usize).then_some(Whole { channel: self.channel?, data })
+        (data.len() == self.size as usize).then_some(Reassembled { channel: self.channel?, data })
     }
 }

@@ -1,19 +1,19 @@
-//! Where an LCM network is.
+//! URL of an LCM network.
 
 use crate::Error;
 use std::net::Ipv4Addr;
 use std::str::FromStr;
 
-/// A network of LCM over UDP multicast.
+/// An LCM network over UDP multicast.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Url {
     /// Multicast group.
     pub group: Ipv4Addr,
     /// UDP port.
     pub port: u16,
-    /// How many routers a message may pass; 0 stays on this machine.
+    /// Time to live: number of routers that a message may pass; 0 stays on this machine.
     pub ttl: u8,
-    /// Receive buffer asked of the kernel, bytes.
+    /// Requested size of the kernel's receive buffer, bytes.
     pub recv_buf_size: Option<usize>,
 }
 
@@ -25,10 +25,10 @@ impl Default for Url {
 }
 
 impl Url {
-    /// The one given, else that of the environment's `LCM_DEFAULT_URL`, else LCM's default.
+    /// `given`, else the environment variable `LCM_DEFAULT_URL`, else LCM's default.
     ///
     /// # Errors
-    /// [`Error::LcmUrl`] if it is no `udpm://` URL.
+    /// [`Error::LcmUrl`] if it is not a valid `udpm://` URL.
     pub fn choose(given: Option<&str>) -> Result<Self, Error> {
         let from_environment = std::env::var("LCM_DEFAULT_URL").ok().filter(|url| !url.is_empty());
         match given.map(str::to_owned).or(from_environment) {
@@ -50,28 +50,30 @@ impl FromStr for Url {
 
     fn from_str(text: &str) -> Result<Self, Error> {
         let error = |problem: String| Error::LcmUrl { url: text.to_owned(), problem };
-        let rest = text.strip_prefix("udpm://").ok_or_else(|| error("it does not begin with udpm://".to_owned()))?;
+        let rest = text.strip_prefix("udpm://").ok_or_else(|| error("does not start with udpm://".to_owned()))?;
         let (network, options) = rest.split_once('?').unwrap_or((rest, ""));
         let mut url = Url::default();
         if !network.is_empty() {
             let (group, port) = network.split_once(':').unwrap_or((network, ""));
-            url.group = group.parse().map_err(|_| error(format!("{group:?} is no IPv4 address")))?;
+            url.group = group.parse().map_err(|_| error(format!("{group:?} is not an IPv4 address")))?;
             if !port.is_empty() {
-                url.port = port.parse().map_err(|_| error(format!("{port:?} is no port, 1 to 65535")))?;
+                url.port = port.parse().map_err(|_| error(format!("port {port:?}: expected 1 to 65535")))?;
             }
         }
         if !url.group.is_multicast() {
-            return Err(error(format!("{} is no multicast address, 224.0.0.0 to 239.255.255.255", url.group)));
+            return Err(error(format!("{} is not a multicast address, 224.0.0.0 to 239.255.255.255", url.group)));
         }
         for option in options.split('&').filter(|option| !option.is_empty()) {
             let (key, value) = option.split_once('=').unwrap_or((option, ""));
             match key {
                 "ttl" => url.ttl = value.parse().map_err(|_| error(format!("ttl={value}: expected 0 to 255")))?,
                 "recv_buf_size" => {
-                    let bytes = value.parse().map_err(|_| error(format!("recv_buf_size={value}: expected bytes")))?;
+                    let bytes = value
+                        .parse()
+                        .map_err(|_| error(format!("recv_buf_size={value}: expected a number of bytes")))?;
                     url.recv_buf_size = Some(bytes);
                 }
-                _ => return Err(error(format!("option {key:?}, known: ttl, recv_buf_size"))),
+                _ => return Err(error(format!("unknown option {key:?}; known: ttl, recv_buf_size"))),
             }
         }
         Ok(url)
@@ -84,7 +86,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn urls_as_lcm_takes_them() {
+    fn urls_parse_as_in_lcm() {
         let parsed = |text: &str| text.parse::<Url>().map(|url| url.to_string()).map_err(|error| error.to_string());
         assert_eq!(parsed("udpm://").unwrap(), "udpm://239.255.76.67:7667?ttl=0");
         assert_eq!(parsed("udpm://239.1.2.3").unwrap(), "udpm://239.1.2.3:7667?ttl=0");
@@ -92,16 +94,18 @@ mod tests {
             parsed("udpm://239.1.2.3:80?recv_buf_size=9&ttl=2").unwrap(),
             "udpm://239.1.2.3:80?ttl=2&recv_buf_size=9"
         );
-        for (text, problem) in [
-            ("memq://", "does not begin with udpm://"),
-            ("udpm://robot:7667", "\"robot\" is no IPv4 address"),
-            ("udpm://239.1.2.3:x", "\"x\" is no port"),
-            ("udpm://10.0.0.1:7667", "10.0.0.1 is no multicast address"),
-            ("udpm://?ttl=300", "ttl=300: expected 0 to 255"),
-            ("udpm://?recv_buf_size=much", "recv_buf_size=much: expected bytes"),
-            ("udpm://?tll=1", "option \"tll\", known: ttl, recv_buf_size"),
+        for (text, part) in [
+            ("memq://", "udpm://"),
+            ("udpm://robot:7667", "\"robot\""),
+            ("udpm://239.1.2.3:x", "\"x\""),
+            ("udpm://10.0.0.1:7667", "10.0.0.1"),
+            ("udpm://?ttl=300", "ttl=300"),
+            ("udpm://?recv_buf_size=much", "recv_buf_size=much"),
+            ("udpm://?tll=1", "\"tll\""),
         ] {
-            assert!(parsed(text).unwrap_err().contains(problem), "{:?}", parsed(text));
+            let Err(Error::LcmUrl { url, problem }) = text.parse::<Url>() else { panic!("{text}: accepted") };
+            assert_eq!(url, text);
+            assert!(problem.contains(part), "{text}: {problem}");
         }
     }
 }
