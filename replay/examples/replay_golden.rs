@@ -1,10 +1,10 @@
-//! Replays a corpus of golden logs by this build alone, without simulator and analysis: does another optimisation level or another
-//! instruction set give the same bits?
+//! Replays a corpus of golden logs with this build, without simulator and analysis, to check that other optimization levels and instruction
+//! sets give the same bits.
 //!
 //!     cargo run -p replay --example replay_golden -- logs/golden [--json]
 //!
-//! `scripts/replay_across_builds.sh` runs it in several builds. Exit codes as those of `hoof corpus check`: 0 all bits are the same,
-//! 1 they are not, 2 there is no corpus.
+//! `scripts/replay_across_builds.sh` runs it in several builds. Exit codes as for `hoof corpus check`: 0 all outputs are identical, 1 an
+//! output differs, 2 there is no corpus.
 
 use replay::corpus;
 use std::process::ExitCode;

@@ -1,4 +1,4 @@
-//! Sends messages over LCM at a steady rate, each with its number: `send_load URL RATE_HZ BYTES SECONDS`. What `scripts/record_load.sh` runs.
+//! Sends numbered messages over LCM at a constant rate: `send_load URL RATE_HZ BYTES SECONDS`. Used by `scripts/record_load.sh`.
 #![allow(clippy::unwrap_used)]
 
 use lcmtypes::bus::{Bus, LcmBus};
@@ -15,7 +15,7 @@ fn main() {
     let (mut sent, mut data) = (0u64, vec![0x5a; bytes.max(8)]);
     let mut late = Duration::ZERO;
     while began.elapsed().as_secs_f64() < seconds {
-        // Whatever is due goes out; a sleep in between leaves a core to those who listen.
+        // Publish every message that is due; the sleep in between leaves the core to receivers.
         while began.elapsed() >= period.mul_f64(sent as f64) && began.elapsed().as_secs_f64() < seconds {
             late = late.max(began.elapsed() - period.mul_f64(sent as f64));
             data[..8].copy_from_slice(&sent.to_be_bytes());

@@ -1,4 +1,4 @@
-// Reads an LCM event log with stock liblcm, for throughput.rs: prints events, bytes of data and nanoseconds.
+// Reads an LCM event log with liblcm, for throughput.rs: prints events, bytes of data and nanoseconds.
 
 #define _POSIX_C_SOURCE 200809L
 #include <inttypes.h>

@@ -1,5 +1,5 @@
-//! How fast logs are read and converted, beside stock liblcm, the mcap crate used plainly, and zstd alone; all in one run, on the same
-//! files, the best of several rounds in turn.
+//! Benchmark of reading and converting logs, beside liblcm, the mcap crate, and zstd alone; on the same files in one process, best of
+//! several rounds.
 //!
 //! ```sh
 //! cargo run --release -p replay --example throughput [MILLIONS OF EVENTS]
@@ -33,7 +33,7 @@ fn run(folder: &Path, events: u64) -> Any<()> {
     let source = Path::new(env!("CARGO_MANIFEST_DIR")).join("examples/stock_reader.c");
     let status = Command::new("cc").arg("-O2").arg("-o").arg(&stock).arg(source).arg("-llcm").status()?;
     if !status.success() {
-        return Err("cc: cannot build the stock reader".into());
+        return Err("cc: cannot build examples/stock_reader.c".into());
     }
     write(&log, events)?;
     write(&mcap, events)?;
@@ -52,20 +52,20 @@ fn run(folder: &Path, events: u64) -> Any<()> {
     let [stock, ours, owned, plain, our_mcap, convert, zstd] = best;
     let show = |what: &str, seconds: f64| println!("{what:<44} {:>8.2} M events/s", events as f64 * 1e-6 / seconds);
     println!("{events} events of {MESSAGE} bytes, best of {ROUNDS}");
-    show("event log, stock liblcm", stock);
+    show("event log, liblcm", stock);
     show("event log, LogReader::read", ours);
-    show("event log, LogReader as iterator of copies", owned);
+    show("event log, LogReader as iterator (copies)", owned);
     show("mcap, the mcap crate's MessageStream", plain);
     show("mcap, LogReader::read, CRCs checked", our_mcap);
     show("event log to mcap", convert);
-    show("  of which zstd, alone on the same bytes", zstd);
-    println!("event log: {:.1} times stock liblcm ({:.1} with copies)", stock / ours, stock / owned);
-    println!("mcap: {:.2} times the mcap crate", plain / our_mcap);
-    println!("conversion: zstd alone takes {:.0} % of its time", 100.0 * zstd / convert);
+    show("  zstd alone on the same bytes", zstd);
+    println!("event log: {:.1} times the speed of liblcm ({:.1} with copies)", stock / ours, stock / owned);
+    println!("mcap: {:.2} times the speed of the mcap crate", plain / our_mcap);
+    println!("conversion: zstd needs {:.0} % of the time", 100.0 * zstd / convert);
     Ok(())
 }
 
-/// Signals with noise in their last bits, as joint measurements are.
+/// Writes signals with noise in their last bits, like joint measurements.
 fn write(path: &Path, events: u64) -> Any<()> {
     let mut log = LogWriter::create(path)?;
     let (mut data, mut noise) = (Vec::new(), 1_u64);
@@ -100,7 +100,7 @@ fn stock_reads(program: &Path, log: &Path, events: u64) -> Any<f64> {
     let numbers: Vec<u64> = text.split_whitespace().map(str::parse).collect::<Result<_, _>>()?;
     match numbers[..] {
         [found, _, nanoseconds] if found == events => Ok(nanoseconds as f64 * 1e-9),
-        _ => Err(format!("the stock reader says {text:?}, expected {events} events").into()),
+        _ => Err(format!("the liblcm reader printed {text:?}, expected {events} events").into()),
     }
 }
 
@@ -124,7 +124,7 @@ fn mcap_crate(log: &Path) -> Any<u64> {
     Ok(bytes)
 }
 
-/// What a converter cannot do without: the same bytes through zstd in chunks of the same size.
+/// Lower limit of the conversion time: the same bytes through zstd in chunks of the same size.
 fn zstd_alone(log: &Path) -> Any<u64> {
     let bytes = std::fs::read(log)?;
     let mut compressor = zstd::bulk::Compressor::new(zstd::DEFAULT_COMPRESSION_LEVEL)?;

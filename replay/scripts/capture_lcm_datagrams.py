@@ -1,10 +1,10 @@
 #!/usr/bin/env python3
-"""Captures the datagrams that stock LCM sends, for replay/tests/udpm.rs.
+"""Captures the datagrams that LCM sends, for replay/tests/udpm.rs.
 
     capture_lcm_datagrams.py > replay/tests/data/lcm_datagrams.json
 
-Needs a route for multicast, PyPI's lcm 1.5.3 in this Python, and Debian's liblcm-dev 1.3.1 with a C compiler. Payloads are
-byte i = i % 251, so that the file need hold only the head, length and CRC of each datagram.
+Needs a multicast route, PyPI's lcm 1.5.3 in this Python, and Debian's liblcm-dev 1.3.1 with a C compiler. Byte i of a payload is i % 251,
+so that the file contains only the first bytes, the length and the CRC of each datagram.
 """
 import json
 import pathlib
@@ -18,7 +18,7 @@ import lcm
 
 GROUP, PORT = "239.255.76.67", 17999
 URL = f"udpm://{GROUP}:{PORT}?ttl=0"
-# Short, the longest short, two fragments (shortest, longest), three, many; the longest channel.
+# Short; longest short; two fragments (shortest, longest); three; many; longest channel name.
 MESSAGES = [("CH", 5), ("CH", 65_496), ("CH", 65_497), ("CH", 130_971), ("CH", 130_972), ("C" * 63, 200_000), ("CH", 1_000_000)]
 
 C_SENDER = r"""
@@ -55,7 +55,7 @@ def listen():
 
 
 def capture(version, send):
-    """What `send` sends, one entry a message."""
+    """Captures the datagrams that `send` sends, one entry per message."""
     s = listen()
     send()
     by_sequence = {}

@@ -1,11 +1,11 @@
-"""Decodes an MCAP of `hoof log convert --to mcap --encoding ros2` with PyPI's mcap and mcap-ros2-support, and holds every field of every
-message against the log that it was made of, read with PyPI's mcap and `hoof log cat --json`.
+"""Checks an export of `hoof log convert --to mcap --encoding ros2`: decodes it with PyPI's mcap and mcap-ros2-support, and compares every
+field of every message with the source log, read with `hoof log cat --json`.
 
 Usage: python3 scripts/check_ros2_export.py HOOF LOG EXPORTED
 
-Checked: every channel has as many messages on its topic, at the same times, with equal values in every field (floats to the bit);
-/tf is one tree from `world` over every link of the URDF in /robot_description, with unit quaternions, and its base follows GROUND_TRUTH;
-the feet's positions by /tf agree with GROUND_TRUTH; /joint_states equals ROBOT_STATE.
+Checked: every channel has the same number of messages on its topic, at the same times, with equal values in every field (floats bit for
+bit); /tf is one tree from `world` over every link of the URDF in /robot_description, with unit quaternions, and its base follows
+GROUND_TRUTH; foot positions from /tf agree with GROUND_TRUTH; /joint_states equals ROBOT_STATE.
 """
 
 import json
@@ -22,7 +22,7 @@ HOOF, LOG, EXPORTED = sys.argv[1:]
 
 
 def flat(value):
-    """Leaves in wire order, whatever the names and dimensions."""
+    """Leaf values in wire order, independent of names and dimensions."""
     if isinstance(value, dict):
         for part in value.values():
             yield from flat(part)
@@ -112,7 +112,7 @@ for time, message in topics["/tf"]:
     for p in fields["p_WF"]:
         worst = max(worst, min(math.dist(p[:2], q[:2]) for q in positions))
 print(f"{len(topics['/tf'])} transforms of {len(links)} links; feet within {worst:.2e} m of the truth (horizontally)")
-# The simulator keeps its own contact frame; a wrong link or joint would be off by centimetres.
+# The simulator uses its own contact frame; a wrong link or joint would be off by centimetres.
 assert worst < 1e-5, worst
 
 assert len(topics["/joint_states"]) == len(robot_state)

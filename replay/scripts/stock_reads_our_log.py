@@ -1,4 +1,4 @@
-"""Reads an LCM event log with the stock reader (PyPI package lcm 1.5.3) and prints what it finds.
+"""Reads an LCM event log with LCM's own reader (PyPI package lcm 1.5.3) and prints a summary.
 
 Usage: python3 scripts/stock_reads_our_log.py FILE
 """

@@ -1,4 +1,4 @@
-//! `hoof log play`: a log's messages again, when their time has come.
+//! `hoof log play`: publishes the messages of a log over LCM at their recorded times.
 
 use crate::{Outcome, say, say_json};
 use anyhow::{Context, bail};
@@ -21,49 +21,50 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{Receiver, RecvTimeoutError, channel};
 use std::time::{Duration, Instant};
 
-/// Publish a log's messages over LCM, at the pace of the log
+/// Publish the messages of a log over LCM at their recorded times
 ///
-/// In a terminal: space pauses and goes on, s or . steps to the next event, left and right seek by 1 s, up and down by 10 s, + and - double and
-/// halve the speed, q ends.
+/// Keys in a terminal: space pauses and resumes, s or . steps to the next event, left and right seek by 1 s, down and up by 10 s, + and - double and
+/// halve the speed, q quits.
 ///
-/// Where a robot is live, what drives it (ROBOT_STATE, ROBOT_COMMAND, commands of operators, requests) is not played unless --force asks for it.
+/// If a robot is live on the network, channels that drive it (ROBOT_STATE, ROBOT_COMMAND, operator commands, requests) are rejected unless --force is
+/// given.
 ///
-/// At the end it says how late messages went out (p50, p99, p99.9, largest); keep other programs off the processor where that matters.
+/// At the end it prints how late messages were published (p50, p99, p99.9, maximum). Lateness is lowest on an idle processor.
 #[derive(clap::Args)]
 #[command(after_help = "Example: hoof log play run.mcap\n         \
     hoof log play run.mcap --time tick --speed 0.25 --from 3 --to 5 --loop\n         \
     hoof log play field.lcmlog --channels 'ROBOT_STATE|OPERATOR_.*' --rename ROBOT_STATE=OLD_STATE --flat-out --json")]
 pub struct Args {
-    /// Log, LCM event log or MCAP; told apart by content
+    /// LCM event log or MCAP; the format is detected from the content
     log: PathBuf,
-    /// Network, else that of LCM_DEFAULT_URL, else udpm://239.255.76.67:7667?ttl=0
+    /// LCM network; default: LCM_DEFAULT_URL, else udpm://239.255.76.67:7667?ttl=0
     #[arg(long, value_name = "URL", default_value = "", hide_default_value = true)]
     lcm_url: String,
-    /// What sets the pace: the log's time of receipt, the messages' own t_ns, or the controller's tick
+    /// Clock of the playback: receive time in the log, t_ns of the messages, or the controller's tick
     #[arg(long, value_enum, default_value = "receive")]
     time: Time,
-    /// Times faster than recorded
+    /// Playback speed relative to the recording
     #[arg(long, value_name = "FACTOR", default_value_t = 1.0)]
     speed: f64,
-    /// As fast as it goes; receivers may lose messages
+    /// Publish as fast as possible; receivers may lose messages
     #[arg(long, conflicts_with = "speed")]
     flat_out: bool,
-    /// Start, s since the run's first tick [default: the log's first event]
+    /// Start time, s since the run's first tick [default: the log's first event]
     #[arg(long, value_name = "S")]
     from: Option<f64>,
-    /// End, s since the run's first tick [default: the log's last event]
+    /// End time, s since the run's first tick [default: the log's last event]
     #[arg(long, value_name = "S")]
     to: Option<f64>,
-    /// Begin again at the end
+    /// Restart at the end
     #[arg(long = "loop")]
     repeat: bool,
-    /// Play only channels whose whole name matches
+    /// Play only channels whose whole name matches this regular expression
     #[arg(long, value_name = "REGEX")]
     channels: Option<String>,
     /// Publish channel A as B; may be repeated
     #[arg(long, value_name = "A=B")]
     rename: Vec<String>,
-    /// Play on a network where a robot is live, whatever it drives
+    /// Also play channels that drive a robot that is live on the network
     #[arg(long)]
     force: bool,
     /// Print JSON at the end
@@ -73,36 +74,36 @@ pub struct Args {
 
 #[derive(Clone, Copy, Debug, clap::ValueEnum)]
 enum Time {
-    /// When the log says it was received
+    /// Receive time in the log
     Receive,
-    /// The t_ns of each message
+    /// `t_ns` of each message
     Publish,
-    /// An even pace, by tick
+    /// Constant period per tick
     Tick,
 }
 
-/// How it went; the JSON of `--json`.
+/// Result; the JSON of `--json`.
 #[derive(Serialize)]
 struct Summary {
     log: PathBuf,
     events: u64,
     wall_seconds: f64,
-    /// Of events that had a time: none when flat out.
+    /// Lateness of events with a due time; empty with `--flat-out`.
     lateness: LatenessSummary,
     damaged: bool,
 }
 
-/// The last stretch before an event is waited for without sleeping, since a sleeper wakes up late.
+/// Time before an event that is spent in a busy wait, since a sleeping thread wakes late.
 const SPIN: Duration = Duration::from_micros(150);
 
-/// What a robot and its controller obey.
+/// Channels that a robot or its controller acts on.
 const DRIVING: [&str; 6] =
     [ROBOT_STATE, ROBOT_COMMAND, OPERATOR_COMMAND, teleop::CHANNEL, EXECUTOR_COMMAND, PARAMETER_REQUEST];
 
-/// How long a robot is listened for: many of its periods.
-const HEARING: Duration = Duration::from_millis(30);
+/// Time to detect a live robot: many of its periods.
+const DETECTION_TIME: Duration = Duration::from_millis(30);
 
-/// Longest sleep, so that a signal is seen.
+/// Longest sleep; bounds the reaction time to a signal.
 const SLEEP: Duration = Duration::from_millis(50);
 
 const SECOND: i64 = 1_000_000_000;
@@ -111,7 +112,7 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
     let options = options(args)?;
     let mut bus = LcmBus::open(&args.lcm_url)?;
     if !args.force {
-        refuse_a_live_robot(&args.lcm_url, &options)?;
+        reject_live_robot(&args.lcm_url, &options)?;
     }
     let stopped = Arc::new(AtomicBool::new(false));
     for signal in [SIGINT, SIGTERM] {
@@ -144,7 +145,7 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
         if let Some(event) = player.take(now_ns())? {
             bus.publish(&event.channel, &event.data)?;
         }
-        // Where events follow each other without a pause, keys are looked at in between.
+        // Check for keys also between events that follow each other directly.
         match screen.key_within(Duration::ZERO) {
             Some(Key::End) => break,
             Some(key) => press(&mut player, &mut bus, &key, now_ns())?,
@@ -173,14 +174,14 @@ fn options(args: &Args) -> anyhow::Result<PlayOptions> {
     let mut rename = BTreeMap::new();
     for pair in &args.rename {
         let (from, to) = pair.split_once('=').with_context(|| format!("--rename {pair}: expected A=B"))?;
-        anyhow::ensure!((1..=63).contains(&to.len()), "--rename {pair}: an LCM channel has 1 to 63 bytes");
+        anyhow::ensure!((1..=63).contains(&to.len()), "--rename {pair}: expected a channel name of 1 to 63 bytes");
         rename.insert(from.to_owned(), to.to_owned());
     }
     let from_ns = args.from.map(|from| nanoseconds("--from", from)).transpose()?;
     let to_ns = args.to.map(|to| nanoseconds("--to", to)).transpose()?;
     anyhow::ensure!(
         from_ns.zip(to_ns).is_none_or(|(from, to)| to > from),
-        "--to {}: not after --from {}",
+        "--to {} is not later than --from {}",
         args.to.unwrap_or_default(),
         args.from.unwrap_or_default()
     );
@@ -199,21 +200,21 @@ fn options(args: &Args) -> anyhow::Result<PlayOptions> {
     })
 }
 
-/// Refuses to drive a robot that somebody else drives.
-fn refuse_a_live_robot(url: &str, options: &PlayOptions) -> anyhow::Result<()> {
+/// Fails if a robot is live on the network and the selected channels would drive it.
+fn reject_live_robot(url: &str, options: &PlayOptions) -> anyhow::Result<()> {
     let PlayOptions { filter, rename, .. } = options;
     let is_played = |name: &&str| {
         let renamed = rename.iter().any(|(from, to)| to == name && filter.takes(from));
         renamed || filter.takes(name) && !rename.contains_key(*name)
     };
     let driving: Vec<&str> = DRIVING.into_iter().filter(is_played).collect();
-    // A network of liblcm's other kinds has no robot.
+    // Only UDP multicast networks have robots.
     let Ok(url) = Url::choose(Some(url).filter(|url| !url.is_empty())) else { return Ok(()) };
     for channel in [ROBOT_STATE, ROBOT_COMMAND] {
-        if !driving.is_empty() && has_traffic(&url, channel, HEARING)? {
+        if !driving.is_empty() && has_traffic(&url, channel, DETECTION_TIME)? {
             bail!(
-                "a robot is live on {url}, where {channel} is sent, and this would drive it by {}: play on another network (--lcm-url), \
-                 leave these channels out (--channels), or insist (--force)",
+                "{url}: a robot is live ({channel} is published) and playing {} would drive it: use another network (--lcm-url), \
+                 omit these channels (--channels), or use --force",
                 driving.join(", ")
             );
         }
@@ -249,17 +250,17 @@ fn text(summary: &Summary) -> String {
     let mut text = format!("{}: {events} messages in {wall_seconds:.2} s", log.display());
     if l.events > 0 {
         text += &format!(
-            "\nlate by: p50 {:.0} us, p99 {:.0} us, p99.9 {:.0} us, largest {:.0} us",
+            "\nlateness: p50 {:.0} us, p99 {:.0} us, p99.9 {:.0} us, maximum {:.0} us",
             l.p50_us, l.p99_us, l.p999_us, l.max_us
         );
     }
     if *damaged {
-        text += "\nthe log is damaged or cut: hoof log info says where";
+        text += "\nthe log is damaged or cut; see hoof log info";
     }
     text
 }
 
-/// What a person asks for.
+/// A key command.
 enum Key {
     Pause,
     Step,
@@ -286,7 +287,7 @@ impl Key {
     }
 }
 
-/// Keyboard and status line, where there is a terminal; elsewhere a way to sleep.
+/// Keyboard and status line in a terminal; elsewhere only a sleep.
 struct Screen {
     bar: Option<ProgressBar>,
     shown: Option<Instant>,
@@ -318,7 +319,7 @@ impl Screen {
         Ok(screen)
     }
 
-    /// The next key, if one comes in time.
+    /// The next key within `time`.
     fn key_within(&mut self, time: Duration) -> Option<Key> {
         let Some(keys) = &self.keys else {
             if !time.is_zero() {
@@ -336,7 +337,7 @@ impl Screen {
         }
     }
 
-    #[expect(clippy::cast_precision_loss, reason = "seconds for a person to read")]
+    #[expect(clippy::cast_precision_loss, reason = "seconds for display")]
     fn show(&mut self, player: &Player, now_ns: i64) {
         let Some(bar) = &self.bar else { return };
         if self.shown.is_some_and(|at| at.elapsed() < SLEEP) {
@@ -361,7 +362,7 @@ impl Drop for Screen {
             bar.finish_and_clear();
         }
         if self.keys.is_some() {
-            // A terminal that is gone needs no restoring.
+            // A closed terminal needs no reset.
             let _ = crossterm::terminal::disable_raw_mode();
         }
     }

@@ -1,10 +1,11 @@
-//! `hoof log record`: everything that is said on an LCM network, in one log.
+//! `hoof log record`: records an LCM network into a log.
 
 use crate::{Outcome, say, say_json};
 use anyhow::Context;
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use replay::record::{Filter, Keep, Pattern, Progress, RecordOptions, Recorded, Recorder, Rotation};
 use replay::udpm::Url;
+use replay::{printable, printable_path};
 use signal_hook::consts::{SIGINT, SIGTERM, SIGXFSZ};
 use std::io::IsTerminal;
 use std::path::PathBuf;
@@ -12,59 +13,59 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 
-/// Record everything that is said on an LCM network
+/// Record all messages of an LCM network
 ///
-/// Only listens. What a sender sent and never came is known from LCM's sequence numbers: it is shown, and written into the log on channel EVENT, by
-/// sender and number. Times are those at which the kernel took a message off the network. LCM_SELF_TEST is not recorded.
+/// The recorder only receives. Lost messages are found from LCM's sequence numbers; they are shown, and written into the log on channel EVENT with
+/// sender and number. Log times are the kernel's receive times. LCM_SELF_TEST is not recorded.
 ///
-/// Where disk or processor cannot keep up, channels for people are left out first, then the controller's outputs; what a replay needs (RUN_INFO,
-/// CONTROLLER_INPUT, EVENT) and channels given by --vital stay. The log says what was left out. A full disk is waited for.
+/// If disk or processor are too slow, debug channels are dropped first, then controller outputs. Inputs that a replay needs (RUN_INFO,
+/// CONTROLLER_INPUT, EVENT) and the channels of --vital are kept. The log reports what was dropped. On a full disk, the recorder waits for space.
 ///
-/// Nothing is overwritten: a log that has the name already is moved aside, run.mcap to run.1.mcap or the next number that is free. One that another
-/// process is recording into is refused.
+/// No log is overwritten: an existing file of the same name is renamed, run.mcap to run.1.mcap or the next free number. A log that another process is
+/// recording into is rejected.
 ///
-/// Ctrl-C or SIGTERM completes the log. Exit code 3 if anything was lost or left out, or the disk stayed full.
+/// Ctrl-C or SIGTERM completes the log. Exit code 3 if messages were lost or dropped, or the disk stayed full.
 #[derive(clap::Args)]
 #[command(after_help = "Example: hoof log record run.mcap\n         \
     hoof log record --exclude 'CAMERA.*' --rotate-mb 500 --keep 20 field.lcmlog\n         \
     hoof log record --lcm-url 'udpm://239.255.76.67:7667?ttl=1&recv_buf_size=8000000' --seconds 60 --json run.mcap")]
 pub struct Args {
-    /// Log to write, .lcmlog or .mcap; without a name, log_DATE_TIME.mcap (UTC)
+    /// Log to write, .lcmlog or .mcap; default: log_DATE_TIME.mcap (UTC)
     out: Option<PathBuf>,
-    /// Network, else that of LCM_DEFAULT_URL, else udpm://239.255.76.67:7667?ttl=0
+    /// LCM network; default: LCM_DEFAULT_URL, else udpm://239.255.76.67:7667?ttl=0
     #[arg(long, value_name = "URL")]
     lcm_url: Option<String>,
-    /// Record only channels whose whole name matches
+    /// Record only channels whose whole name matches this regular expression
     #[arg(long, value_name = "REGEX")]
     include: Option<String>,
-    /// Do not record channels whose whole name matches
+    /// Do not record channels whose whole name matches this regular expression
     #[arg(long, value_name = "REGEX")]
     exclude: Option<String>,
-    /// Never leave these out when not everything fits
+    /// Never drop channels whose whole name matches this regular expression
     #[arg(long, value_name = "REGEX")]
     vital: Option<String>,
-    /// End after so many seconds
+    /// Stop after this time, s
     #[arg(long, value_name = "S")]
     seconds: Option<f64>,
-    /// Begin a new file after so many megabytes: run_0000.mcap, run_0001.mcap, ...
+    /// Start a new file after this size: run_0000.mcap, run_0001.mcap, ...
     #[arg(long, value_name = "MB")]
     rotate_mb: Option<f64>,
-    /// Begin a new file after so many seconds
+    /// Start a new file after this time, s
     #[arg(long, value_name = "S")]
     rotate_s: Option<f64>,
-    /// Keep so many files when rotating, and delete older ones
+    /// Keep only the newest N files when rotating
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
     keep: Option<u32>,
-    /// Free space for replay inputs alone; below twice as much, debug channels are left out
+    /// Free disk space reserved for replay inputs; below twice as much, debug channels are dropped
     #[arg(long, value_name = "MB", default_value_t = 500.0)]
     reserve_mb: f64,
-    /// Memory between network and disk
+    /// Memory buffer between network and disk
     #[arg(long, value_name = "MB", default_value_t = 64.0)]
     buffer_mb: f64,
     /// Print JSON at the end
     #[arg(long)]
     json: bool,
-    /// Ends with this process, which has started it
+    /// Process that started the recorder; the recorder stops when it ends
     #[arg(long, hide = true)]
     parent: Option<i32>,
 }
@@ -72,12 +73,12 @@ pub struct Args {
 pub fn run(args: &Args) -> anyhow::Result<Outcome> {
     let options = options(args)?;
     let end = args.seconds.map(|s| seconds("--seconds", s)).transpose()?.map(|length| Instant::now() + length);
-    // Before the first byte, so that no signal finds half a log.
+    // Before the first byte is written, so that a signal cannot leave an incomplete log.
     let stopped = Arc::new(AtomicBool::new(false));
     for signal in [SIGINT, SIGTERM] {
         signal_hook::flag::register(signal, Arc::clone(&stopped)).context("signal handler")?;
     }
-    // A limit on file sizes is met as a full disk, not as a signal that kills.
+    // A file size limit is handled as a full disk, not as a fatal signal.
     signal_hook::flag::register(SIGXFSZ, Arc::new(AtomicBool::new(false))).context("signal handler")?;
 
     let url = options.url.clone();
@@ -86,7 +87,7 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
         eprintln!("warning: {warning}");
     }
     if let Some(moved) = recorder.moved() {
-        eprintln!("the log that had this name is {} now", moved.display());
+        eprintln!("existing log renamed to {}", printable_path(moved));
     }
     let mut line = StatusLine::new();
     eprintln!("recording {url}");
@@ -134,7 +135,7 @@ fn seconds(option: &str, s: f64) -> anyhow::Result<Duration> {
     Ok(Duration::from_secs_f64(s))
 }
 
-/// `log_20261122_080500.mcap`: the time in UTC.
+/// Default name from the time in UTC, such as `log_20261122_080500.mcap`.
 pub fn default_name() -> PathBuf {
     let since = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default().as_secs();
     let (days, second) = (since / 86_400, since % 86_400);
@@ -149,14 +150,14 @@ fn civil(days: u64) -> (u64, u64, u64) {
     let (era, day_of_era) = (days / 146_097, days % 146_097);
     let year_of_era = (day_of_era - day_of_era / 1460 + day_of_era / 36_524 - day_of_era / 146_096) / 365;
     let day_of_year = day_of_era - (365 * year_of_era + year_of_era / 4 - year_of_era / 100);
-    // Years begin in March here, so that the leap day is the last.
+    // Years start in March here, so that the leap day is the last day.
     let month = (5 * day_of_year + 2) / 153;
     let day = day_of_year - (153 * month + 2) / 5 + 1;
     let month = if month < 10 { month + 3 } else { month - 9 };
     (era * 400 + year_of_era + u64::from(month <= 2), month, day)
 }
 
-/// One line on standard error that says how it goes; nothing where that is no terminal.
+/// Status line on standard error, if it is a terminal.
 struct StatusLine {
     bar: Option<ProgressBar>,
     began: Instant,
@@ -164,7 +165,7 @@ struct StatusLine {
     rates: (f64, f64),
 }
 
-/// Over which rates are taken.
+/// Averaging time of the rates.
 const RATE: Duration = Duration::from_millis(500);
 
 impl StatusLine {
@@ -178,7 +179,7 @@ impl StatusLine {
         StatusLine { bar, began: now, last: (now, 0, 0), rates: (0.0, 0.0) }
     }
 
-    #[expect(clippy::cast_precision_loss, reason = "numbers for a person to read")]
+    #[expect(clippy::cast_precision_loss, reason = "numbers for display")]
     fn show(&mut self, progress: &Progress) {
         let Some(bar) = &self.bar else { return };
         let Progress { status, file_bytes, free_bytes, trouble, file } = progress;
@@ -191,7 +192,7 @@ impl StatusLine {
         }
         let [lost, twice, late] = status.lost_twice_late;
         let mut text = format!(
-            "{:.1} s  {:.0} msg/s  {:.2} MB/s  {:.1} MB in {}  senders {}  lost {lost}  twice {twice}  late {late}",
+            "{:.1} s  {:.0} msg/s  {:.2} MB/s  {:.1} MB in {}  senders {}  lost {lost}  duplicates {twice}  out of order {late}",
             self.began.elapsed().as_secs_f64(),
             self.rates.0,
             self.rates.1 * 1e-6,
@@ -203,7 +204,7 @@ impl StatusLine {
             text += &format!("  free {:.1} GB", *free as f64 * 1e-9);
         }
         if status.left_out > 0 {
-            text += &format!("  left out {}", status.left_out);
+            text += &format!("  dropped {}", status.left_out);
         }
         if status.keep != Keep::All {
             text += &format!("  {}", status.keep.text());
@@ -224,7 +225,7 @@ impl Drop for StatusLine {
     }
 }
 
-#[expect(clippy::cast_precision_loss, reason = "a size for a person to read")]
+#[expect(clippy::cast_precision_loss, reason = "a size for display")]
 fn text(recorded: &Recorded) -> String {
     let Recorded { files, file_bytes, heard } = recorded;
     let files: Vec<_> = files.iter().map(|file| file.display().to_string()).collect();
@@ -235,7 +236,7 @@ fn text(recorded: &Recorded) -> String {
     }
     for sender in &heard.senders {
         text += &format!(
-            "\n{:<21} {:>9} received, lost {}, came again {}, came late {}",
+            "\nsender {}: {} received, {} lost, {} duplicates, {} out of order",
             sender.sender, sender.received, sender.lost, sender.duplicates, sender.reordered
         );
     }
@@ -243,11 +244,12 @@ fn text(recorded: &Recorded) -> String {
         text += &format!("\nthe kernel dropped {} datagrams: its receive buffer was full", heard.tally.kernel_dropped);
     }
     if heard.tally.malformed > 0 {
-        text += &format!("\n{} datagrams that no LCM sends", heard.tally.malformed);
+        text += &format!("\n{} malformed datagrams", heard.tally.malformed);
     }
     if !heard.left_out.is_empty() {
-        let left_out: Vec<_> = heard.left_out.iter().map(|(name, count)| format!("{name} {count}")).collect();
-        text += &format!("\nleft out: {}", left_out.join(", "));
+        let dropped: Vec<_> =
+            heard.left_out.iter().map(|(name, count)| format!("{} {count}", printable(name))).collect();
+        text += &format!("\ndropped by channel: {}", dropped.join(", "));
     }
     text
 }
@@ -257,7 +259,7 @@ mod tests {
     use super::civil;
 
     #[test]
-    fn days_as_dates() {
+    fn days_since_1970_as_dates() {
         // Expected: `date -u -d @$((DAYS * 86400)) +%F`.
         assert_eq!(
             [0, 59, 11_016, 19_782, 20_779].map(civil),

@@ -1,11 +1,11 @@
-//! Relays the datagrams of one LCM network to another, loses, doubles and delays some, and says which:
+//! Relays the datagrams of one LCM network to another; drops, duplicates and reorders some of them, and reports which:
 //!
 //! ```text
 //! lossy_relay udpm://239.255.76.67:7667 udpm://239.255.76.67:7668 --drop 0.01 --seed 1 [--duplicate 0.001] [--reorder 0.001] [--count N]
 //! ```
-//! With `--channels` only short messages of these channels pass: two relays, one each way, carry a robot's states and its commands over a bad network.
-//! It ends on Ctrl-C or after so many datagrams and prints, as JSON, what it did per channel and per sender. The two networks need different
-//! ports: on Linux, liblcm hears every group of its port. Relayed long messages keep their fragments.
+//! With `--channels` only short messages of these channels pass: two relays, one per direction, simulate a lossy network between a robot and
+//! its controller. The relay ends on Ctrl-C or after N datagrams and prints its actions per channel and per sender as JSON. The two networks
+//! need different ports: on Linux, liblcm receives every multicast group of its port. Long messages keep their fragments.
 #![allow(clippy::unwrap_used)]
 
 mod relay;
@@ -48,7 +48,7 @@ fn main() {
     }
     let mut listener = Listener::open(from).unwrap();
     let mut relay = Relay::new(to.clone(), shares, seed);
-    // Whoever starts this waits for the line before it sends.
+    // Signals to the parent process that the relay receives.
     eprintln!("relaying {from} to {to}");
     let (mut taken, mut kernel_dropped) = (0, 0);
     while taken < count && !stop.load(Ordering::Relaxed) {
@@ -63,7 +63,7 @@ fn main() {
         }
     }
     relay.flush().unwrap();
-    // What never came here is in nobody's account.
-    assert!(kernel_dropped == 0, "the relay itself was too slow for {kernel_dropped} datagrams");
+    // Datagrams that the kernel dropped are in no count of the relay.
+    assert!(kernel_dropped == 0, "the relay was too slow: the kernel dropped {kernel_dropped} datagrams");
     println!("{}", serde_json::to_string(&relay.account()).unwrap());
 }

@@ -1,6 +1,6 @@
-//! A network that loses, doubles and delays datagrams, and knows exactly which.
+//! A relay that drops, duplicates and reorders datagrams and records every action.
 //!
-//! Every sender is relayed from a socket of its own, so that whoever listens behind the relay sees one sequence a sender, as before it.
+//! Each sender is relayed from a separate socket, so that a receiver behind the relay sees one sequence per sender, as before it.
 #![allow(clippy::unwrap_used, missing_docs)]
 
 use replay::udpm::{Packet, Url};
@@ -8,10 +8,10 @@ use serde::Serialize;
 use std::collections::BTreeMap;
 use std::net::{SocketAddrV4, UdpSocket};
 
-/// How many datagrams of its sender overtake one that is held back.
+/// Number of later datagrams of the same sender that a held datagram lets pass.
 const OVERTAKEN_BY: usize = 3;
 
-/// What happens to how many datagrams, 0 to 1 each.
+/// Share of datagrams per action, 0 to 1 each.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct Shares {
     pub drop: f64,
@@ -19,7 +19,7 @@ pub struct Shares {
     pub reorder: f64,
 }
 
-/// What was done, per channel and per sender.
+/// Actions so far, in total, per channel and per sender.
 #[derive(Debug, Default, Serialize)]
 pub struct Account {
     #[serde(flatten)]
@@ -30,11 +30,11 @@ pub struct Account {
 
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize)]
 pub struct Counts {
-    /// Messages that came to the relay.
+    /// Messages received by the relay.
     pub messages: u64,
     /// Messages of which at least one datagram was dropped.
     pub lost: u64,
-    /// Datagrams that came to the relay, dropped ones included.
+    /// Datagrams received by the relay, including those dropped.
     pub datagrams: u64,
     pub dropped: u64,
     /// Datagrams sent twice.
@@ -45,13 +45,13 @@ pub struct Counts {
 
 #[derive(Debug, Clone, Serialize)]
 pub struct SenderAccount {
-    /// Who sent to the relay.
+    /// Address of the sender.
     pub from: String,
-    /// As whom the relay sends it on: the port.
+    /// Port from which the relay sends.
     pub port: u16,
     #[serde(flatten)]
     pub counts: Counts,
-    /// Of the lost: those before the first and after the last message that got through, which no sequence number betrays.
+    /// Lost messages before the first and after the last message that passed; sequence numbers do not show them.
     pub lost_at_ends: u64,
     /// Sequence numbers of the lost messages.
     pub lost_sequences: Vec<u32>,
@@ -69,10 +69,10 @@ struct Sender {
     socket: UdpSocket,
     counts: Counts,
     lost_sequences: Vec<u32>,
-    /// The message that the last datagram belonged to.
+    /// Message of the last datagram.
     message: Option<Message>,
     got_through: bool,
-    /// Messages lost since the last that got through whole.
+    /// Messages lost since the last message that passed completely.
     lost_in_a_row: u64,
     lost_before_first: u64,
     held: Vec<Held>,
@@ -95,7 +95,7 @@ impl Relay {
         Relay { to, shares, random: seed, channels: BTreeMap::new(), senders: BTreeMap::new() }
     }
 
-    /// Takes a datagram: sends it on once, twice, later or never.
+    /// Processes a datagram: sends it once, twice, later or never.
     pub fn datagram(&mut self, from: SocketAddrV4, bytes: &[u8]) -> std::io::Result<()> {
         let chance: [f64; 3] = std::array::from_fn(|_| self.random());
         let ttl = self.to.ttl;
@@ -103,7 +103,7 @@ impl Relay {
             std::collections::btree_map::Entry::Occupied(known) => known.into_mut(),
             std::collections::btree_map::Entry::Vacant(new) => new.insert(Sender::new(ttl)?),
         };
-        // What is not LCM's is relayed as whatever it is.
+        // Other datagrams are relayed as well.
         let packet = Packet::parse(bytes).ok();
         let channel = match packet {
             Some(Packet::Short(short)) => short.channel,
@@ -142,7 +142,7 @@ impl Relay {
         Ok(())
     }
 
-    /// Sends whatever is held back, since nothing more comes.
+    /// Sends all held datagrams.
     pub fn flush(&mut self) -> std::io::Result<()> {
         let to = (self.to.group, self.to.port);
         for sender in self.senders.values_mut() {
@@ -156,7 +156,7 @@ impl Relay {
         Ok(())
     }
 
-    /// What was done so far.
+    /// The actions so far.
     pub fn account(&self) -> Account {
         let senders: Vec<SenderAccount> = self.senders.iter().map(|(from, sender)| sender.account(*from)).collect();
         let total = self.channels.values().fold(Counts::default(), |sum, one| Counts {
@@ -170,7 +170,7 @@ impl Relay {
         Account { total, channels: self.channels.clone(), senders }
     }
 
-    /// 0 to 1; splitmix64.
+    /// A random number from 0 to 1; splitmix64.
     fn random(&mut self) -> f64 {
         self.random = self.random.wrapping_add(0x9e37_79b9_7f4a_7c15);
         let mut x = self.random;
@@ -196,7 +196,7 @@ impl Sender {
         })
     }
 
-    /// Whether a datagram of this message is the first of it.
+    /// `true` if this is the first datagram of its message.
     fn begin(&mut self, sequence: u32, channel: &str) -> bool {
         if self.message.as_ref().is_some_and(|message| message.sequence == sequence) {
             return false;
@@ -206,7 +206,7 @@ impl Sender {
         true
     }
 
-    /// Whether the message is lost with this datagram and not since an earlier one.
+    /// Marks the message as lost; `false` if it already was.
     fn lose(&mut self) -> bool {
         let Some(message) = self.message.as_mut().filter(|message| !message.is_lost) else { return false };
         message.is_lost = true;
@@ -214,7 +214,7 @@ impl Sender {
         true
     }
 
-    /// No more datagrams of the last message are to come.
+    /// Ends the last message: none of its datagrams follow.
     fn close(&mut self) {
         let Some(message) = &self.message else { return };
         if message.is_lost {
@@ -228,7 +228,7 @@ impl Sender {
         self.lost_in_a_row = 0;
     }
 
-    /// Fragments other than the first do not name their channel.
+    /// Channel of a message: only its first fragment contains the name.
     fn channel_of(&self, sequence: u32) -> &str {
         let message = self.message.as_ref().filter(|message| message.sequence == sequence);
         message.map_or("(unknown)", |message| &message.channel)

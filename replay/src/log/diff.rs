@@ -265,8 +265,8 @@ impl ChannelPair {
 }
 
 /// The first field in which two messages differ, by reflection.
-fn first_difference(types: &Types, left: &Waiting, right: &Event) -> FirstDifference {
-    let Waiting { event: left, number, t_s } = left;
+fn first_difference(types: &Types, left: &Unmatched, right: &Event) -> FirstDifference {
+    let Unmatched { event: left, number, t_s } = left;
     let (number, t_s) = (*number, *t_s);
     let (t_ns, [a, b]) = (left.t_ns, [left, right].map(|event| &event.data));
     let fingerprints = [left, right].map(Event::fingerprint);
