@@ -102,7 +102,7 @@ fn main() -> ExitCode {
         Ok(Outcome::DataLoss) => ExitCode::from(3),
         Err(error) if is_closed_pipe(&error) => ExitCode::SUCCESS,
         Err(error) => {
-            eprintln!("error: {}", in_words(&error));
+            eprintln!("error: {}", replay::printable_lines(&in_words(&error)));
             ExitCode::from(2)
         }
     }

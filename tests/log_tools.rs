@@ -276,10 +276,10 @@ fn logs_of_other_projects() {
     let row = csv.lines().nth(2).unwrap();
     assert_eq!(csv.lines().next().unwrap(), "log_t_ns,utime,n,a[0],a[1],name,ok");
     assert_eq!(row, r#"1000,1,2,NaN,-0.5,"a ""b""",false"#);
-    for (arguments, words) in [("--lcm-types /none", "/none: No such file"), ("--lcm-types docs", "docs: no .lcm file")]
+    for (arguments, parts) in [("--lcm-types /none", ["/none", "No such file"]), ("--lcm-types docs", ["docs", ".lcm"])]
     {
         let ran = hoof(&format!("log info {} {arguments}", log.display())).exits(2);
-        assert!(ran.stderr.contains(words), "{}", ran.stderr);
+        assert!(parts.iter().all(|part| ran.stderr.contains(part)), "{}", ran.stderr);
     }
 }
 

@@ -45,12 +45,12 @@ impl Sender {
 /// Starts a recorder and waits until it receives.
 fn start(mut command: Command) -> Child {
     let mut child = command.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
-    let mut said = String::new();
+    let mut output = String::new();
     let mut stderr = BufReader::new(child.stderr.take().unwrap());
-    while !said.contains("recording udpm://") {
-        let before = said.len();
-        stderr.read_line(&mut said).unwrap();
-        assert!(said.len() > before, "it ended: {said}");
+    while !output.contains("recording udpm://") {
+        let before = output.len();
+        stderr.read_line(&mut output).unwrap();
+        assert!(output.len() > before, "the recorder ended: {output}");
     }
     child.stderr = Some(stderr.into_inner());
     child
@@ -86,9 +86,9 @@ fn a_signal_completes_the_log() {
         (0..500).for_each(|_| sender.send("A"));
         let json = end(recorder, signal).exits(0).json();
         // Its own EVENT messages have the monotonic clock of a run's messages, independent of the log's clock.
-        let said: Vec<Event> = messages(&log, channels::EVENT);
-        assert!(said.iter().all(|event| (began_ns..now_ns()).contains(&event.t_ns)), "{said:?}");
-        assert_eq!(said.len(), 1);
+        let own: Vec<Event> = messages(&log, channels::EVENT);
+        assert!(own.iter().all(|event| (began_ns..now_ns()).contains(&event.t_ns)), "{own:?}");
+        assert_eq!(own.len(), 1);
         // Every message sent before the signal is in the log, even if it was still in the kernel's buffer.
         assert_eq!(numbers(&log, "A"), (0..500).collect::<Vec<_>>());
         assert_eq!(json["events"], events(&log).len());

@@ -19,7 +19,8 @@ use comfy_table::{Cell, CellAlignment, presets};
 /// Spaces between two columns.
 const GAP: u16 = 2;
 
-/// Rows of text under headings. [`Display`](fmt::Display) prints one line per row and no newline at the end.
+/// Rows of text under headings. [`Display`](fmt::Display) prints one line per row and no newline at the end, with control characters in
+/// cells escaped.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Table {
     columns: Vec<Column>,
@@ -76,7 +77,7 @@ impl fmt::Display for Table {
         let headings = self.columns.iter().map(|column| column.heading.clone()).collect();
         for row in has_headings.then_some(&headings).into_iter().chain(&self.rows) {
             layout.add_row(row.iter().enumerate().map(|(k, text)| {
-                let cell = Cell::new(one_line(text));
+                let cell = Cell::new(replay::printable(text));
                 match self.columns.get(k).map_or(Alignment::Left, |column| column.alignment) {
                     Alignment::Left => cell.set_alignment(CellAlignment::Left),
                     Alignment::Right => cell.set_alignment(CellAlignment::Right),
@@ -88,12 +89,6 @@ impl fmt::Display for Table {
         }
         f.write_str(&layout.trim_fmt())
     }
-}
-
-/// The text with control characters escaped: text from a log can neither break the layout nor control the terminal.
-fn one_line(text: &str) -> String {
-    let escaped = |c: char| if c.is_control() { c.escape_default().collect::<String>() } else { c.to_string() };
-    text.chars().map(escaped).collect()
 }
 
 #[cfg(test)]

@@ -77,7 +77,7 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
             args.log.display(),
             damaged.offset,
             damaged.bytes,
-            damaged.why
+            printable(&damaged.why)
         );
     }
     if let Some(cut) = &health.cut {

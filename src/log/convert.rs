@@ -7,6 +7,7 @@ use analysis::export::{Exported, Table, export};
 use clap::ValueEnum;
 use replay::log::ros2::{self, BaseSource};
 use replay::log::{CopyOptions, EventFilter};
+use replay::printable_path;
 use std::path::{Path, PathBuf};
 
 #[derive(clap::Args)]
@@ -116,7 +117,7 @@ fn say_tables(exported: &Exported, json: bool) -> anyhow::Result<Outcome> {
     if json {
         say_json(exported)?;
     } else {
-        let files: Vec<_> = exported.files.iter().map(|file| file.display().to_string()).collect();
+        let files: Vec<_> = exported.files.iter().map(|file| printable_path(file)).collect();
         let mut text = format!("{} messages in\n  {}", exported.messages, files.join("\n  "));
         text += &losses(exported.unreadable, exported.damaged, exported.cut);
         say(text)?;

@@ -73,7 +73,7 @@ fn channel_text(c: &ChannelDiff) -> String {
         }
     }
     if let Some(first) = &c.first {
-        let ulp = first.ulp.map_or(String::new(), |ulp| format!(", {ulp} ulp apart"));
+        let ulp = first.ulp.map_or(String::new(), |ulp| format!(" ({ulp} ulp)"));
         let field = if first.field.is_empty() { "whole message".into() } else { printable(&first.field) };
         text += &format!(
             "\n  first at t = {:.6} s, number {}: {field}{ulp}\n    {}\n    {}",

@@ -4,7 +4,6 @@ use super::{LogTypes, loss};
 use crate::{Outcome, say, say_json};
 use analysis::table::{Column, Table};
 use replay::log::LogSummary;
-use replay::printable;
 use std::path::PathBuf;
 
 #[derive(clap::Args)]
@@ -34,7 +33,7 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
 fn text(s: &LogSummary) -> String {
     let mut text = format!("{:?}, {} events, {:.3} s, {:.1} MB", s.format, s.events, s.duration_s, megabytes(s.bytes));
     if let Some(first_t_ns) = s.first_t_ns {
-        #[expect(clippy::cast_precision_loss, reason = "a time for a person to read")]
+        #[expect(clippy::cast_precision_loss, reason = "a time for display")]
         let before_s = s.zero_t_ns.saturating_sub(first_t_ns) as f64 * 1e-9;
         text += &format!("\ntimes: s since {}; the first event is at {:.3} s", s.zero.text(), -before_s);
     }
@@ -44,6 +43,7 @@ fn text(s: &LogSummary) -> String {
     if s.cut {
         text += "\ncut: the file ends inside a record";
     }
+    // The table escapes control characters in names.
     let mut table = Table::new([
         Column::left("channel"),
         Column::left("type"),
@@ -54,8 +54,8 @@ fn text(s: &LogSummary) -> String {
     ]);
     for c in &s.channels {
         table.row([
-            printable(&c.name).into_owned(),
-            printable(c.type_name.as_deref().unwrap_or("?")).into_owned(),
+            c.name.clone(),
+            c.type_name.clone().unwrap_or_else(|| "?".to_owned()),
             c.count.to_string(),
             format!("{:.1}", c.rate_hz),
             format!("{:.3}", megabytes(c.bytes)),

@@ -70,7 +70,7 @@ fn channel_text(c: &ChannelReport, zero_t_ns: i64) -> String {
     };
     for gap in c.gaps.iter().take(MAX_GAPS) {
         let Gap { first, last, t_ns } = gap;
-        #[expect(clippy::cast_precision_loss, reason = "a time for a person to read")]
+        #[expect(clippy::cast_precision_loss, reason = "a time for display")]
         let t_s = t_ns.saturating_sub(zero_t_ns) as f64 * 1e-9;
         text += &format!("\n  {} lost before t = {t_s:.6} s: {first} to {last}", gap.missing());
     }

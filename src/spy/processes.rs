@@ -91,8 +91,7 @@ fn name(process: &Path) -> String {
     let words: Vec<String> =
         words.take(2).filter(|word| !word.is_empty() && !word.starts_with('-')).map(file).collect();
     let number = process.file_name().unwrap_or_default().to_string_lossy();
-    let text: String = words.join(" ").chars().map(|c| if c.is_control() { ' ' } else { c }).collect();
-    format!("{text} [{number}]")
+    format!("{} [{number}]", replay::printable(&words.join(" ")))
 }
 
 #[cfg(test)]

@@ -113,9 +113,8 @@ fn content(value: &Value, element: Option<Type>, named: &dyn Fn(i64) -> Option<S
 /// The lines of a text.
 fn text_content(text: &str) -> Content {
     let node = |(place, line): (usize, &str)| {
-        // A terminal would obey control characters.
-        let text = line.chars().map(|c| if c.is_control() { ' ' } else { c }).collect();
-        let content = Content::Leaf { text, is_number: false };
+        let content =
+            Content::Leaf { text: replay::printable(&line.replace('\t', " ")).into_owned(), is_number: false };
         Node { name: format!("[{place}]"), content }
     };
     let parts: Vec<Node> = text.lines().take(LISTED).enumerate().map(node).collect();
