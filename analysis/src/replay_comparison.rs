@@ -12,8 +12,14 @@ use std::path::{Path, PathBuf};
 /// Width of a figure that stands beside another, mm.
 const HALF_MM: f64 = 88.0;
 /// Figures that are drawn of both sides.
-const KINDS: [Kind; 6] =
-    [Kind::BaseTracking, Kind::FeetTracking, Kind::ContactForces, Kind::Gait, Kind::JointTracking, Kind::Qp];
+const KINDS: [&Kind; 6] = [
+    &figures::BASE_TRACKING,
+    &figures::FEET_TRACKING,
+    &figures::CONTACT_FORCES,
+    &figures::GAIT,
+    &figures::JOINT_TRACKING,
+    &figures::QP,
+];
 /// What says which stage differs, but is nothing to look at.
 const NOT_DRAWN: [&str; 2] = ["CONTROLLER_TICK", "CONTROLLER_SNAPSHOT"];
 
@@ -81,11 +87,11 @@ fn show<'a>(log: &'a Log, [before, after]: &[PathBuf; 2]) -> Result<Shown<'a>, E
     let both = [(Named("before".to_owned()), &before), (Named("after".to_owned()), &after)];
     let overlaid = fields.into_iter().filter_map(|field| {
         let title = Some(field.to_string());
-        figures::draw(&FigureSpec { title, fields: vec![field], ..FigureSpec::new(Kind::Fields) }, &both).ok()
+        figures::draw(&FigureSpec { title, fields: vec![field], ..FigureSpec::new(&figures::FIELDS) }, &both).ok()
     });
-    let asks = KINDS.map(|kind| FigureSpec { width_mm: HALF_MM, quantity: Quantity::Torque, ..FigureSpec::new(kind) });
-    let pairs = asks.iter().filter_map(|ask| {
-        let pair = both.each_ref().map(|side| figures::draw(ask, std::slice::from_ref(side)).ok());
+    let specs = KINDS.map(|kind| FigureSpec { width_mm: HALF_MM, quantity: Quantity::Torque, ..FigureSpec::new(kind) });
+    let pairs = specs.iter().filter_map(|spec| {
+        let pair = both.each_ref().map(|side| figures::draw(spec, std::slice::from_ref(side)).ok());
         let [Some(before), Some(after)] = pair else { return None };
         // What looks the same tells nothing.
         (!before.looks_like(&after)).then_some([before, after])

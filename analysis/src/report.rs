@@ -4,13 +4,13 @@ use std::path::{Path, PathBuf};
 
 use serde_json::json;
 
-use crate::figures::{self, Figure, Lacking, Named};
+use crate::figures::{self, Figure, NotDrawn, Named};
 use crate::html::{Content, Part};
 use crate::metrics::Metrics;
 use crate::numeric_table::NumericTable;
 use crate::plots::Plots;
 use crate::run::Run;
-use crate::timeline::{TimelineEntry, happenings};
+use crate::timeline::{self, TimelineEntry};
 use crate::{Error, Progress, Stage, animation, html, tables};
 
 /// What was written, and what it says.
@@ -26,10 +26,10 @@ pub struct Report {
     pub metrics: Metrics,
     /// Names and numbers of all logs.
     pub runs: Vec<(String, Metrics)>,
-    /// What happened in each log.
-    pub happenings: Vec<Vec<TimelineEntry>>,
+    /// Timeline of each log.
+    pub timelines: Vec<Vec<TimelineEntry>>,
     /// Figures that these logs could not give.
-    pub lacking: Vec<Lacking>,
+    pub not_drawn: Vec<NotDrawn>,
 }
 
 /// Choices of a report.
@@ -71,9 +71,9 @@ pub fn report_with(
     let names = names_of(&runs, &options.names);
     let numbers: Vec<(String, Metrics)> = names.iter().cloned().zip(runs.iter().map(Metrics::of)).collect();
     let Some(metrics) = numbers.first().map(|(_, metrics)| metrics.clone()) else { return Err(Error::NoLog) };
-    let happened: Vec<Vec<TimelineEntry>> = runs.iter().map(happenings).collect();
+    let timelines: Vec<Vec<TimelineEntry>> = runs.iter().map(timeline::entries).collect();
     let mut out = Output::new(out_dir)?;
-    let (drawn, lacking) = draw(&runs, &names, options, &mut out, progress)?;
+    let (drawn, not_drawn) = draw(&runs, &names, options, &mut out, progress)?;
 
     let metrics_json = match &runs[..] {
         [_] => out.write("metrics.json", metrics.to_json())?,
@@ -85,8 +85,8 @@ pub fn report_with(
     };
     let each: Vec<_> = names
         .iter()
-        .zip(&happened)
-        .map(|(name, happenings)| json!({ "name": name, "happenings": happenings }))
+        .zip(&timelines)
+        .map(|(name, timeline)| json!({ "name": name, "happenings": timeline }))
         .collect();
     out.write_json("happenings.json", &json!({ "runs": each }))?;
     let mut text = String::new();
@@ -113,25 +113,25 @@ pub fn report_with(
     let parts: Vec<Part> = runs
         .iter()
         .zip(&numbers)
-        .zip(&happened)
-        .map(|((run, (name, metrics)), happenings)| Part {
+        .zip(&timelines)
+        .map(|((run, (name, metrics)), timeline)| Part {
             name: name.clone(),
             path: run.path.display().to_string(),
             metrics,
             channels: &run.channels,
-            happenings,
+            timeline,
         })
         .collect();
     let content = Content {
         figures: &drawn,
         formats: &options.plots.formats,
-        lacking: &lacking,
+        not_drawn: &not_drawn,
         walk: walk.as_deref(),
         files: &out.tables,
     };
     let page = html::page(&parts, &content);
     let html = out.write("report.html", page)?;
-    Ok(Report { html, metrics_json, files: out.files, metrics, runs: numbers, happenings: happened, lacking })
+    Ok(Report { html, metrics_json, files: out.files, metrics, runs: numbers, timelines, not_drawn })
 }
 
 /// The same numbers, borrowed.
@@ -145,22 +145,22 @@ fn draw(
     options: &ReportOptions,
     out: &mut Output,
     progress: &mut dyn FnMut(Progress),
-) -> Result<(Vec<Figure>, Vec<Lacking>), Error> {
+) -> Result<(Vec<Figure>, Vec<NotDrawn>), Error> {
     let named: Vec<(Named, &Run)> = names.iter().map(|name| Named(name.clone())).zip(runs).collect();
-    let (mut drawn, mut lacking) = (Vec::new(), Vec::new());
+    let (mut drawn, mut not_drawn) = (Vec::new(), Vec::new());
     let total = options.plots.figures.len() as u64;
-    for (done, ask) in (0..).zip(&options.plots.figures) {
+    for (done, spec) in (0..).zip(&options.plots.figures) {
         progress(Progress { stage: Stage::Draw, done, total });
-        match figures::draw(ask, &named) {
+        match figures::draw(spec, &named) {
             Ok(figure) => {
                 out.files.extend(figure.write(&out.dir, &options.plots.formats, options.plots.png_dpi)?);
                 drawn.push(figure);
             }
-            Err(lack) => lacking.push(lack),
+            Err(missing) => not_drawn.push(missing),
         }
     }
     progress(Progress { stage: Stage::Draw, done: total, total });
-    Ok((drawn, lacking))
+    Ok((drawn, not_drawn))
 }
 
 /// Names given, else file names without ending; of equal ones each gets its number.

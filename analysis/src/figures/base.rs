@@ -2,7 +2,8 @@
 
 use super::style::{DAMPING, Mark, PUSH};
 use super::trace::{Role, Timeline, Trace, Traces};
-use super::{FigureSpec, feet};
+use super::feet;
+use super::figure_spec::FigureSpec;
 use crate::math::unwrap_angles;
 use crate::run::{Run, Tick};
 
@@ -11,11 +12,11 @@ const FEET_OF_FIGURE_9: [usize; 2] = [0, 3];
 /// Least extent of the vertical axes, rad and m.
 const LEAST_SPAN: f64 = 0.04;
 
-pub(super) fn traces(run: &Run, ask: &FigureSpec) -> Result<Traces, String> {
+pub(super) fn traces(run: &Run, spec: &FigureSpec) -> Result<Traces, String> {
     if !run.has("BASE_TRACKING") && !run.has("GROUND_TRUTH") {
         return Err("BASE_TRACKING or GROUND_TRUTH".to_owned());
     }
-    let window = ask.whole(run);
+    let window = spec.whole(run);
     let timeline = Timeline::new(run, window);
     let mut panels = vec![
         angle(&timeline, "roll [rad]", 0),
@@ -46,11 +47,11 @@ pub(super) fn traces(run: &Run, ask: &FigureSpec) -> Result<Traces, String> {
 }
 
 /// Base above, two feet below, over the same time.
-pub(super) fn with_feet(run: &Run, ask: &FigureSpec) -> Result<Traces, String> {
-    let mut base = traces(run, ask)?;
-    let legs = if ask.legs.len() == 4 { FEET_OF_FIGURE_9.to_vec() } else { ask.legs.clone() };
+pub(super) fn with_feet(run: &Run, spec: &FigureSpec) -> Result<Traces, String> {
+    let mut base = traces(run, spec)?;
+    let legs = if spec.legs.len() == 4 { FEET_OF_FIGURE_9.to_vec() } else { spec.legs.clone() };
     let window_s = Some((base.window.min, base.window.max));
-    let feet = feet::traces(run, &FigureSpec { legs, window_s, ..ask.clone() })?;
+    let feet = feet::traces(run, &FigureSpec { legs, window_s, ..spec.clone() })?;
     for trace in &mut base.sections[0].1 {
         trace.height = 66.0;
     }

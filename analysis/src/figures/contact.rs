@@ -1,18 +1,19 @@
 //! Forces at the feet: estimate against truth and command, and how much of the friction cone they use.
 
 use super::feet::airborne;
+use super::panel::Range;
 use super::style::{BLUE, Mark, SWING, VERMILLION};
 use super::trace::{Role, Timeline, Trace, Traces};
-use super::{FigureSpec, window_text};
+use super::figure_spec::{FigureSpec, window_text};
 use crate::math::Vec3;
 use crate::run::{LEGS, Run, Tick};
 
 /// Normal force below which a ratio to it says nothing, N.
 const LEAST_NORMAL: f64 = 20.0;
 
-pub(super) fn forces(run: &Run, ask: &FigureSpec) -> Result<Traces, String> {
-    let (window, timeline) = prepare(run, ask)?;
-    let panels = ask.legs.iter().map(|&leg| {
+pub(super) fn forces(run: &Run, spec: &FigureSpec) -> Result<Traces, String> {
+    let (window, timeline) = prepare(run, spec)?;
+    let panels = spec.legs.iter().map(|&leg| {
         let curves = vec![
             timeline.curve(Role::Truth, "truth", |t| t.true_normal_force(leg)),
             timeline.curve(Role::Estimate, "estimate", |t| t.contact.as_ref().map(|c| c.f_normal[leg])),
@@ -37,10 +38,10 @@ pub(super) fn forces(run: &Run, ask: &FigureSpec) -> Result<Traces, String> {
     Ok(Traces { sections: vec![(1, panels.collect())], window, caption, marks })
 }
 
-pub(super) fn friction(run: &Run, ask: &FigureSpec) -> Result<Traces, String> {
-    let (window, timeline) = prepare(run, ask)?;
+pub(super) fn friction(run: &Run, spec: &FigureSpec) -> Result<Traces, String> {
+    let (window, timeline) = prepare(run, spec)?;
     let limit = run.parameter("wbc.friction");
-    let panels = ask.legs.iter().map(|&leg| {
+    let panels = spec.legs.iter().map(|&leg| {
         let curves = vec![
             timeline.curve(Role::Truth, "truth", |t| use_of_cone(t.truth.as_ref()?.f_F_W[leg], normal(t))),
             timeline.curve(Role::Estimate, "estimate", |t| use_of_cone(t.contact.as_ref()?.f_F_W[leg], normal(t))),
@@ -61,11 +62,11 @@ pub(super) fn friction(run: &Run, ask: &FigureSpec) -> Result<Traces, String> {
     Ok(Traces { sections: vec![(1, panels.collect())], window, caption, marks })
 }
 
-fn prepare<'a>(run: &'a Run, ask: &FigureSpec) -> Result<(super::Range, Timeline<'a>), String> {
+fn prepare<'a>(run: &'a Run, spec: &FigureSpec) -> Result<(Range, Timeline<'a>), String> {
     if !["CONTACT_ESTIMATE", "GROUND_TRUTH", "WBC_SOLUTION"].iter().any(|channel| run.has(channel)) {
         return Err("CONTACT_ESTIMATE, GROUND_TRUTH or WBC_SOLUTION".to_owned());
     }
-    let window = ask.detail(run);
+    let window = spec.detail(run);
     Ok((window, Timeline::new(run, window)))
 }
 

@@ -1,6 +1,6 @@
 //! The contact estimator against the simulator: shares of right and wrong flags, and how late touchdowns were judged.
 
-use super::Named;
+use super::figure_spec::{FigureSpec, Named};
 use super::chart::{Chart, Layer, Plot, Section};
 use super::panel::Range;
 use super::style::{BLUE, Mark, TEXT, VERMILLION, pale};
@@ -13,7 +13,7 @@ const CELLS: [(usize, usize); 4] = [(0, 0), (0, 1), (1, 0), (1, 1)];
 /// Delays beyond these stand in the outermost bins, ms.
 const DELAYS: (i32, i32) = (-10, 30);
 
-pub(super) fn chart(runs: &[(Named, &Run)]) -> Result<Chart, String> {
+pub(super) fn chart(runs: &[(Named, &Run)], _: &FigureSpec) -> Result<Chart, String> {
     let mut sections = Vec::new();
     let mut delays = Vec::new();
     for (name, run) in runs {

@@ -4,20 +4,20 @@ use lcmtypes::LegState;
 
 use super::style::{Mark, SWING};
 use super::trace::{Role, Timeline, Trace, Traces};
-use super::{FigureSpec, window_text};
+use super::figure_spec::{FigureSpec, window_text};
 use crate::run::{LEGS, Run, Tick};
 
 const AXES: [&str; 3] = ["x [m]", "y [m]", "z [m]"];
 
-pub(super) fn traces(run: &Run, ask: &FigureSpec) -> Result<Traces, String> {
+pub(super) fn traces(run: &Run, spec: &FigureSpec) -> Result<Traces, String> {
     if !run.has("LEG_STATE") {
         return Err("LEG_STATE".to_owned());
     }
-    let window = ask.detail(run);
+    let window = spec.detail(run);
     let timeline = Timeline::new(run, window);
     let known = run.has("GROUND_TRUTH");
     let mut panels = Vec::new();
-    for &leg in &ask.legs {
+    for &leg in &spec.legs {
         let swings = timeline.spans(|tick| airborne(tick, leg));
         for (k, label) in AXES.into_iter().enumerate() {
             // A thinner line than truth has beside an estimate: here the reference lies over it, and nothing else.

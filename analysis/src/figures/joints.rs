@@ -1,15 +1,15 @@
 //! Joints: command against measurement, one panel a joint.
 
 use super::trace::{Role, Timeline, Trace, Traces};
-use super::{FigureSpec, Quantity, window_text};
+use super::figure_spec::{FigureSpec, Quantity, window_text};
 use crate::run::{JointSample, Run};
 
 /// Joints side by side, those of one leg.
 const COLUMNS: usize = 3;
 
-pub(super) fn traces(run: &Run, ask: &FigureSpec) -> Result<Traces, String> {
+pub(super) fn traces(run: &Run, spec: &FigureSpec) -> Result<Traces, String> {
     let names = &run.joints.names;
-    let shown: Vec<usize> = match ask.joints.as_slice() {
+    let shown: Vec<usize> = match spec.joints.as_slice() {
         [] => (0..names.len()).collect(),
         wanted => {
             let place = |name: &String| {
@@ -25,12 +25,12 @@ pub(super) fn traces(run: &Run, ask: &FigureSpec) -> Result<Traces, String> {
     if shown.is_empty() {
         return Err("CONTROLLER_INPUT, ROBOT_STATE or ROBOT_COMMAND".to_owned());
     }
-    let (value, label, least_span): (fn(JointSample) -> f64, _, _) = match ask.quantity {
+    let (value, label, least_span): (fn(JointSample) -> f64, _, _) = match spec.quantity {
         Quantity::Position => (|s| s.q, "q [rad]", 0.05),
         Quantity::Velocity => (|s| s.qd, "dq/dt [rad/s]", 0.5),
         Quantity::Torque => (|s| s.tau, "torque [N m]", 5.0),
     };
-    let window = ask.detail(run);
+    let window = spec.detail(run);
     let timeline = Timeline::new(run, window);
     let trace = |&joint: &usize| {
         let measured = timeline.curve(Role::Measured, "measured", |t| run.joints.measured(t, joint).map(value));
@@ -44,7 +44,7 @@ pub(super) fn traces(run: &Run, ask: &FigureSpec) -> Result<Traces, String> {
     let columns = COLUMNS.min(shown.len());
     let panels = (0..columns).flat_map(|column| shown.iter().skip(column).step_by(columns)).map(trace).collect();
     let caption =
-        format!("{} of each joint, measured and commanded, {}.", capitalized(ask.quantity), window_text(window));
+        format!("{} of each joint, measured and commanded, {}.", capitalized(spec.quantity), window_text(window));
     Ok(Traces { sections: vec![(columns, panels)], window, caption, marks: Vec::new() })
 }
 

@@ -6,7 +6,8 @@ use super::chart::{Chart, Layer, Plot, Section};
 use super::panel::Range;
 use super::style::{BLUE, LEFT_MARGIN, LEG_COLORS, Mark, RIGHT_MARGIN, TRUE_LINE};
 use super::trace::run_stroke;
-use super::{FigureSpec, Named, Stroke};
+use super::canvas::Stroke;
+use super::figure_spec::{FigureSpec, Named};
 use crate::run::{LEGS, Run};
 
 /// Heights that a panel may have.
@@ -14,11 +15,11 @@ const HEIGHTS: std::ops::RangeInclusive<f64> = 110.0..=420.0;
 /// Free space around the data, m.
 const MARGIN: f64 = 0.15;
 
-pub(super) fn chart(runs: &[(Named, &Run)], ask: &FigureSpec) -> Result<Chart, String> {
+pub(super) fn chart(runs: &[(Named, &Run)], spec: &FigureSpec) -> Result<Chart, String> {
     let ways: Vec<Vec<(f64, f64)>> = runs
         .iter()
         .map(|(_, run)| {
-            let window = ask.whole(run);
+            let window = spec.whole(run);
             let inside = run.ticks.iter().filter(|t| t.t_s >= window.min && t.t_s <= window.max);
             inside.filter_map(|t| t.truth.as_ref().map(|w| (w.p_WB[0], w.p_WB[1]))).collect()
         })
@@ -38,7 +39,7 @@ pub(super) fn chart(runs: &[(Named, &Run)], ask: &FigureSpec) -> Result<Chart, S
     };
     let ((x_middle, x_span), (y_middle, y_span)) = (extent(|p| p.0), extent(|p| p.1));
     // One scale for both axes: the wider need decides, the other axis shows more ground.
-    let width = ask.sheet() - LEFT_MARGIN - RIGHT_MARGIN;
+    let width = spec.sheet() - LEFT_MARGIN - RIGHT_MARGIN;
     let height = (width * y_span / x_span).clamp(*HEIGHTS.start(), *HEIGHTS.end());
     let metres_per_unit = (x_span / width).max(y_span / height);
     let around = |middle: f64, units: f64| Range {

@@ -1,15 +1,15 @@
 //! How much of the joints' torque is used, and the mechanical power.
 
-use super::FigureSpec;
+use super::figure_spec::FigureSpec;
 use super::trace::{Role, Timeline, Trace, Traces};
 use crate::metrics::{joint_powers, torque_use};
 use crate::run::Run;
 
-pub(super) fn traces(run: &Run, ask: &FigureSpec) -> Result<Traces, String> {
+pub(super) fn traces(run: &Run, spec: &FigureSpec) -> Result<Traces, String> {
     if !run.has("CONTROLLER_INPUT") && !run.has("ROBOT_STATE") {
         return Err("CONTROLLER_INPUT or ROBOT_STATE".to_owned());
     }
-    let window = ask.whole(run);
+    let window = spec.whole(run);
     let timeline = Timeline::new(run, window);
     let sum = |t: &_, part: fn(f64) -> f64| Some(joint_powers(run, t)?.map(part).sum());
     let positive = timeline.curve(Role::Measured, "", |t| sum(t, |p| p.max(0.0)));

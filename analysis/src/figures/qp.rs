@@ -1,14 +1,14 @@
 //! The quadratic programs: active constraints, residuals, iterations.
 
-use super::FigureSpec;
+use super::figure_spec::FigureSpec;
 use super::trace::{Role, Timeline, Trace, Traces};
 use crate::run::{Run, Tick};
 
-pub(super) fn traces(run: &Run, ask: &FigureSpec) -> Result<Traces, String> {
+pub(super) fn traces(run: &Run, spec: &FigureSpec) -> Result<Traces, String> {
     if !run.has("WBC_SOLUTION") {
         return Err("WBC_SOLUTION".to_owned());
     }
-    let window = ask.whole(run);
+    let window = spec.whole(run);
     let timeline = Timeline::new(run, window);
     let count = |label: &str, name: &str, value: fn(&crate::run::Wbc) -> i32| {
         let curve = timeline.curve(Role::Number(0), name, |t| t.wbc.as_ref().map(|w| f64::from(value(w))));

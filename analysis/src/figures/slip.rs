@@ -1,18 +1,18 @@
 //! Travel of feet while they touch the ground.
 
-use super::FigureSpec;
+use super::figure_spec::FigureSpec;
 use super::trace::{Role, Timeline, Trace, Traces};
 use crate::run::{LEGS, Run};
 
-pub(super) fn traces(run: &Run, ask: &FigureSpec) -> Result<Traces, String> {
+pub(super) fn traces(run: &Run, spec: &FigureSpec) -> Result<Traces, String> {
     if !run.has("GROUND_TRUTH") {
         return Err("GROUND_TRUTH".to_owned());
     }
-    let window = ask.whole(run);
+    let window = spec.whole(run);
     let timeline = Timeline::new(run, window);
     let period_s = run.period_s();
     let (mut speeds, mut ways) = (Vec::new(), Vec::new());
-    for &leg in &ask.legs {
+    for &leg in &spec.legs {
         let speed = timeline.curve(Role::Number(leg), LEGS[leg], |t| t.truth.as_ref().and_then(|w| w.slip_speed(leg)));
         let mut way = speed.clone();
         let mut sum = 0.0;

@@ -6,7 +6,8 @@ use super::chart::{Chart, Layer, Plot, Section};
 use super::panel::Range;
 use super::style::{BLUE, LEG_COLORS, Mark, REFERENCE_LINE, VERMILLION, pale};
 use super::trace::{Timeline, run_stroke};
-use super::{FigureSpec, Named, Stroke};
+use super::canvas::Stroke;
+use super::figure_spec::{FigureSpec, Named, whole};
 use crate::metrics::{period_us, qp_us, tick_us};
 use crate::run::Run;
 use crate::stats::Distribution;
@@ -76,11 +77,11 @@ fn range<'a>(all: impl Iterator<Item = &'a Times>, deadline: f64) -> Range {
 }
 
 /// Period and computation time over the run, a panel a log, with their histograms at the side.
-pub(super) fn over_time(runs: &[(Named, &Run)], ask: &FigureSpec) -> Result<Chart, String> {
+pub(super) fn over_time(runs: &[(Named, &Run)], spec: &FigureSpec) -> Result<Chart, String> {
     let mut sections = Vec::new();
     let (mut live, mut lockstep) = (false, false);
     for (name, run) in runs {
-        let window = ask.whole(run);
+        let window = spec.whole(run);
         let all = times(run, window)?;
         let deadline = deadline_us(run);
         let us = range(all.iter(), deadline);
@@ -144,9 +145,9 @@ pub(super) fn over_time(runs: &[(Named, &Run)], ask: &FigureSpec) -> Result<Char
 }
 
 /// Histogram and cumulated share of computation, solve, and jitter of the period; several logs in one figure, as before and after.
-pub(super) fn distribution(runs: &[(Named, &Run)]) -> Result<Chart, String> {
+pub(super) fn distribution(runs: &[(Named, &Run)], _: &FigureSpec) -> Result<Chart, String> {
     let all: Vec<Vec<Times>> =
-        runs.iter().map(|(_, run)| times(run, super::figure_spec::whole(run))).collect::<Result<_, _>>()?;
+        runs.iter().map(|(_, run)| times(run, whole(run))).collect::<Result<_, _>>()?;
     let deadline = runs.first().map_or(1000.0, |(_, run)| deadline_us(run));
     let us = range(all.iter().flatten(), deadline);
     let alone = runs.len() == 1;

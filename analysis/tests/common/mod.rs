@@ -3,7 +3,7 @@
 //! Diagonal pairs (LF RH, then RF LH) swing for 0.25 s in turn, a stride is 0.6 s. The robot stands for 1 s, then walks forward; its heading turns, so that
 //! a frame mistaken for another shows. All errors below are constant, so that means are known and deviations are zero.
 
-#![allow(clippy::unwrap_used, reason = "a test stops at the first surprise")]
+#![allow(clippy::unwrap_used, reason = "a test stops at the first error")]
 #![allow(dead_code, reason = "each test binary uses a part")]
 #![allow(non_snake_case, reason = "names of quantities carry frames")]
 
