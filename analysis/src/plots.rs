@@ -83,8 +83,7 @@ impl Plots {
         for (number, entry) in file.figure.iter().enumerate() {
             let spec = entry.spec(&file).map_err(|problem| failed(format!("figure {}: {problem}", number + 1)))?;
             if !names.insert(spec.name.clone()) {
-                let duplicate =
-                    format!("figure {}: name `{}` is used twice; set key `name`", number + 1, spec.name);
+                let duplicate = format!("figure {}: name `{}` is used twice; set key `name`", number + 1, spec.name);
                 return Err(failed(duplicate));
             }
             figures.push(spec);
@@ -135,7 +134,9 @@ impl Entry {
         if let Some(name) = &self.name {
             let plain = |c: char| c.is_ascii_alphanumeric() || matches!(c, '_' | '-' | '.');
             if name.is_empty() || name.starts_with('.') || !name.chars().all(plain) {
-                return Err(format!("name = `{name}`, expected a file name of letters, digits, `_`, `-` and `.` that does not start with `.`"));
+                return Err(format!(
+                    "name = `{name}`, expected a file name of letters, digits, `_`, `-` and `.` that does not start with `.`"
+                ));
             }
             spec.name.clone_from(name);
         }
@@ -145,7 +146,9 @@ impl Entry {
         spec.window_s = match (self.from_s, self.to_s) {
             (None, None) => None,
             (Some(from), Some(to)) if from < to && from.is_finite() && to.is_finite() => Some((from, to)),
-            (from, to) => return Err(format!("from_s = {from:?}, to_s = {to:?}, expected two finite values, from_s < to_s")),
+            (from, to) => {
+                return Err(format!("from_s = {from:?}, to_s = {to:?}, expected two finite values, from_s < to_s"));
+            }
         };
         if let Some(legs) = &self.legs {
             let place = |leg: &String| {

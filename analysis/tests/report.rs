@@ -127,11 +127,11 @@ fn several_logs_are_overlaid() {
             (Some("after"), Some(8))
         );
         let svg = String::from_utf8(written(&report.html.with_file_name(""), "base_tracking.svg")).unwrap();
-        let words = match several {
+        let entries = match several {
             Several::Lines => ["before", "after", "reference of before"],
             Several::Band => ["mean of 2 logs", "± standard deviation", "smallest to largest"],
         };
-        for text in words {
+        for text in entries {
             assert!(svg.contains(&format!(">{text}</text>")), "{text}");
         }
         let csv = String::from_utf8(written(&report.html.with_file_name(""), "comparison.csv")).unwrap();

@@ -1,15 +1,15 @@
-//! Base orientation and height over the whole run, alone or with two feet below: reference, truth, estimate.
+//! Orientation and height of the base over the whole run (reference, ground truth, estimate), alone or above two feet.
 
-use super::style::{DAMPING, Mark, PUSH};
-use super::trace::{Role, Timeline, Trace, Traces};
 use super::feet;
 use super::figure_spec::FigureSpec;
+use super::style::{DAMPING, Mark, PUSH};
+use super::trace::{Role, Timeline, Trace, Traces};
 use crate::math::unwrap_angles;
 use crate::run::{Run, Tick};
 
 /// LF and RH, the feet of Figure 9 of Raiola et al. 2020.
 const FEET_OF_FIGURE_9: [usize; 2] = [0, 3];
-/// Least extent of the vertical axes, rad and m.
+/// Minimum range of the vertical axes, rad and m.
 const LEAST_SPAN: f64 = 0.04;
 
 pub(super) fn traces(run: &Run, spec: &FigureSpec) -> Result<Traces, String> {
@@ -42,11 +42,12 @@ pub(super) fn traces(run: &Run, spec: &FigureSpec) -> Result<Traces, String> {
         }
     }
     let caption =
-        "Roll, pitch and yaw of the base, and its height above the mean contact point of the stance feet.".to_owned();
+        "Roll, pitch and yaw of the base, and height of the base above the mean contact point of the stance feet."
+            .to_owned();
     Ok(Traces { sections: vec![(1, panels)], window, caption, marks })
 }
 
-/// Base above, two feet below, over the same time.
+/// Figure of base and feet in the same window. Source: Raiola et al. 2020, Figure 9.
 pub(super) fn with_feet(run: &Run, spec: &FigureSpec) -> Result<Traces, String> {
     let mut base = traces(run, spec)?;
     let legs = if spec.legs.len() == 4 { FEET_OF_FIGURE_9.to_vec() } else { spec.legs.clone() };
@@ -60,7 +61,7 @@ pub(super) fn with_feet(run: &Run, spec: &FigureSpec) -> Result<Traces, String> 
     base.sections.extend(feet.sections.into_iter().map(|(columns, mut panels)| {
         for panel in &mut panels {
             panel.height = 66.0;
-            // Over a whole walk swings are too many to be told apart.
+            // In a whole walk there are too many swings to distinguish.
             panel.shades.clear();
         }
         (columns, panels)

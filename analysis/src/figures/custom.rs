@@ -1,4 +1,4 @@
-//! Fields that a `plots.toml` names, of any channel, in one panel.
+//! Fields of any channels, selected in a `plots.toml`, in one panel.
 
 use super::figure_spec::FigureSpec;
 use super::trace::{Curve, Role, Trace, Traces};

@@ -1,18 +1,18 @@
-//! Gait diagram: commanded stance, estimated and true contact of each leg; of several logs the first bar of each.
+//! Gait diagram: commanded stance, estimated and true contact of each leg. For several logs, commanded stance of each log.
 
 use super::chart::{Chart, Layer, Plot, Section};
+use super::figure_spec::{FigureSpec, Named, window_text};
 use super::style::{BLUE, FRAME, Mark, RUN_COLORS, VERMILLION};
 use super::trace::Timeline;
-use super::figure_spec::{FigureSpec, Named, window_text};
 use crate::run::{LEGS, Run, Tick};
 
-/// Height of a leg's row, and of a bar in it.
+/// Height of the row of a leg, and of a bar.
 const ROW: f64 = 40.0;
 const BAR: f64 = 8.0;
 
 type Holds = fn(&Tick, usize) -> bool;
 
-/// Name of a bar, its colour, and when it is drawn.
+/// Name and color of a bar, and the condition in which it is drawn.
 struct Bar<'a> {
     name: String,
     color: super::canvas::RGBAColor,
@@ -61,7 +61,7 @@ pub(super) fn chart(runs: &[(Named, &Run)], spec: &FigureSpec) -> Result<Chart, 
     }
     let rows = spec.legs.iter().map(|&leg| LEGS[leg].to_owned()).collect();
     let plot = Plot { x: window, height, rows, layers, ..Plot::default() };
-    let caption = format!("Stance as commanded, and contact as estimated and as it was, {}.", window_text(window));
+    let caption = format!("Commanded stance, estimated contact and true contact of each leg, {}.", window_text(window));
     let legend = bars.into_iter().map(|bar| (bar.name, Mark::Fill(bar.color))).collect();
     Ok(Chart { caption, sections: vec![Section::column(vec![plot])], legend })
 }

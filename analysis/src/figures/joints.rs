@@ -1,10 +1,10 @@
-//! Joints: command against measurement, one panel a joint.
+//! Joints: command and measurement, one panel per joint.
 
-use super::trace::{Role, Timeline, Trace, Traces};
 use super::figure_spec::{FigureSpec, Quantity, window_text};
+use super::trace::{Role, Timeline, Trace, Traces};
 use crate::run::{JointSample, Run};
 
-/// Joints side by side, those of one leg.
+/// Panels per row: the joints of one leg.
 const COLUMNS: usize = 3;
 
 pub(super) fn traces(run: &Run, spec: &FigureSpec) -> Result<Traces, String> {
@@ -14,10 +14,7 @@ pub(super) fn traces(run: &Run, spec: &FigureSpec) -> Result<Traces, String> {
         wanted => {
             let place = |name: &String| {
                 let known = names.join(", ");
-                names
-                    .iter()
-                    .position(|n| n == name)
-                    .ok_or_else(|| format!("joint {name}; the log's joints are {known}"))
+                names.iter().position(|n| n == name).ok_or_else(|| format!("joint {name} (joints of the log: {known})"))
             };
             wanted.iter().map(place).collect::<Result<_, _>>()?
         }
@@ -40,7 +37,7 @@ pub(super) fn traces(run: &Run, spec: &FigureSpec) -> Result<Traces, String> {
         trace.height = 62.0;
         trace
     };
-    // Panels come column by column, joints row by row.
+    // Panels are listed by column, joints by row.
     let columns = COLUMNS.min(shown.len());
     let panels = (0..columns).flat_map(|column| shown.iter().skip(column).step_by(columns)).map(trace).collect();
     let caption =
@@ -52,6 +49,6 @@ fn capitalized(quantity: Quantity) -> &'static str {
     match quantity {
         Quantity::Position => "Position",
         Quantity::Velocity => "Velocity",
-        Quantity::Torque => "Torque (of the command its feed-forward)",
+        Quantity::Torque => "Torque (feed-forward torque of the command)",
     }
 }

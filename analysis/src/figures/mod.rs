@@ -209,7 +209,8 @@ pub fn draw(spec: &FigureSpec, runs: &[(Named, &Run)]) -> Result<Figure, NotDraw
     let chart = (spec.kind.chart)(runs, spec).map_err(not_drawn)?;
     let drawing = chart.draw(spec.sheet()).scaled(spec.scale());
     let mut metadata = vec![("Title", spec.title()), ("Description", chart.caption.clone()), ("Software", software())];
-    let of_each = |value: &dyn Fn(&Run) -> String| runs.iter().map(|(_, run)| value(run)).collect::<Vec<_>>().join(", ");
+    let of_each =
+        |value: &dyn Fn(&Run) -> String| runs.iter().map(|(_, run)| value(run)).collect::<Vec<_>>().join(", ");
     metadata.push(("Log", of_each(&Run::name)));
     metadata.push(("LogSHA256", of_each(&|run| run.sha256.clone())));
     let revision = |run: &Run| {

@@ -1,4 +1,4 @@
-//! How much of the joints' torque is used, and the mechanical power.
+//! Use of torque limits, mechanical power and positive work.
 
 use super::figure_spec::FigureSpec;
 use super::trace::{Role, Timeline, Trace, Traces};
@@ -31,7 +31,7 @@ pub(super) fn traces(run: &Run, spec: &FigureSpec) -> Result<Traces, String> {
     panels.push(Trace::new("power [W]", 10.0, vec![total]));
     panels.push(Trace::new("positive work [J]", 10.0, vec![work]));
     let caption =
-        "Largest share of its torque limit that any joint uses; mechanical power of all joints; work of those joints that do positive work, summed over time."
+        "Largest ratio of torque to torque limit of any joint; mechanical power of all joints; time integral of the positive power of each joint."
             .to_owned();
     Ok(Traces { sections: vec![(1, panels)], window, caption, marks: Vec::new() })
 }

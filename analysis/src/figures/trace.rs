@@ -7,9 +7,9 @@ use std::rc::Rc;
 
 use super::canvas::{RGBAColor, Stroke};
 use super::chart::{Chart, Layer, Plot, Section, Spans};
+use super::figure_spec::{FigureSpec, Named, Several};
 use super::panel::Range;
 use super::style::{ESTIMATED_LINE, Mark, REFERENCE_LINE, RUN_COLORS, TRUE_LINE, pale};
-use super::figure_spec::{FigureSpec, Named, Several};
 use crate::run::{Run, Tick};
 use crate::stats::mean_and_std;
 

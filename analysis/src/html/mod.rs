@@ -57,7 +57,12 @@ pub(crate) fn page(parts: &[Part], content: &Content) -> String {
         remarks(&mut page, part, parts.len() > 1);
     }
     for missing in content.not_drawn {
-        let _ = writeln!(page, "<p>Figure “{}” is not drawn: the log lacks {}.</p>", escape(&missing.title), escape(&missing.needs));
+        let _ = writeln!(
+            page,
+            "<p>Figure “{}” is not drawn: the log lacks {}.</p>",
+            escape(&missing.title),
+            escape(&missing.needs)
+        );
     }
     if parts.len() > 1 {
         page.push_str("<h2>Side by side</h2>\n");
@@ -156,7 +161,9 @@ fn run(page: &mut String, part: &Part) {
 fn timeline(page: &mut String, part: &Part) {
     page.push_str("<h2>Timeline</h2>\n");
     if part.timeline.is_empty() {
-        page.push_str("<p>No entries: no change of gait or mode, no fall, fault, loss, missed deadline or event.</p>\n");
+        page.push_str(
+            "<p>No entries: no change of gait or mode, no fall, fault, loss, missed deadline or event.</p>\n",
+        );
         return;
     }
     let path = escape(&part.path);
