@@ -141,7 +141,7 @@ fn page(corpus: &Corpus, logs: &[CorpusResult], out: &Path) -> anyhow::Result<Pa
             sides: first_divergence.is_some().then_some(of_log),
         });
     }
-    let page = replay_comparison::changes(&shown, out, &mut |p| bar.set(p.done as f64 / p.total.max(1) as f64))?;
+    let page = replay_comparison::write(&shown, out, &mut |p| bar.set(p.done as f64 / p.total.max(1) as f64))?;
     std::fs::remove_dir_all(&sides).with_context(|| sides.display().to_string())?;
     Ok(page)
 }

@@ -120,8 +120,8 @@ fn written(args: &Args, out: &Path) -> anyhow::Result<Vec<(String, Metrics)>> {
                 say(tables::comparison(&each).text().trim_end())?;
             }
         }
-        for lack in &report.lacking {
-            say(format!("not drawn: {}, which needs {}", lack.title, lack.needs))?;
+        for figure in &report.not_drawn {
+            say(format!("not drawn: {}; missing: {}", figure.title, figure.needs))?;
         }
         say(format!("\nreport: {}", report.html.display()))?;
     }

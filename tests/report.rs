@@ -1,4 +1,4 @@
-//! `hoof report` as a person runs it: figures by a file, several logs, limits as a check, a log that lost channels.
+//! `hoof report`: figures selected by a file, several logs, limits.
 #![allow(clippy::unwrap_used, missing_docs)]
 
 mod common;
@@ -18,7 +18,7 @@ fn simulate(folder: &Path, name: &str) -> (String, serde_json::Value) {
     (log, ran.json())
 }
 
-/// A file in a test's folder, and its path as text.
+/// Writes a file into a folder; returns its path.
 fn file(folder: &Path, name: &str, text: &str) -> String {
     let path = folder.join(name);
     std::fs::write(&path, text).unwrap();
@@ -26,7 +26,7 @@ fn file(folder: &Path, name: &str, text: &str) -> String {
 }
 
 #[test]
-fn the_printed_list_of_figures_can_be_read_back() {
+fn the_printed_plots_can_be_used() {
     let folder = folder("print_plots");
     let log = run(&folder, "flat_trot");
     let printed = hoof("report --print-plots").exits(0).stdout;
@@ -35,7 +35,7 @@ fn the_printed_list_of_figures_can_be_read_back() {
     let plots = file(&folder, "plots.toml", &quick);
     let out = folder.join("out");
     let ran = hoof(&format!("report {log} --plots {plots} --out {}", out.display())).exits(0);
-    assert!(ran.stdout.contains("Tracking error: reference - ground truth"), "{}", ran.stdout);
+    assert!(ran.stdout.contains("roll [rad]"), "{}", ran.stdout);
     for name in ["report.html", "walk.svg", "joint_torque.svg", "timing.tex", "happenings.json"] {
         assert!(out.join(name).exists(), "{name}");
     }
@@ -45,20 +45,24 @@ fn the_printed_list_of_figures_can_be_read_back() {
 }
 
 #[test]
-fn limits_decide_the_exit_code() {
+fn a_violated_limit_gives_exit_code_1() {
     let folder = folder("limits");
     let log = run(&folder, "flat_trot");
-    let kept =
-        file(&folder, "kept.toml", "[limits]\n\"tracking.pitch.std\" = 0.02\n\"safety.fell\" = { equals = false }\n");
-    let ran = hoof(&format!("report {log} --check {kept}")).exits(0);
-    assert!(ran.stdout.starts_with("flat_trot: 2 of 2 limits kept\n  pass safety.fell = false"), "{}", ran.stdout);
+    let met =
+        file(&folder, "met.toml", "[limits]\n\"tracking.pitch.std\" = 0.02\n\"safety.fell\" = { equals = false }\n");
+    let ran = hoof(&format!("report {log} --check {met}")).exits(0);
+    assert!(ran.stdout.contains("pass safety.fell = false"), "{}", ran.stdout);
     let strict = file(&folder, "strict.toml", "[limits]\n\"tracking.pitch.std\" = 0.0\n");
     let ran = hoof(&format!("report {log} --check {strict} --json")).exits(1);
     let json = ran.json();
     assert_eq!((json["pass"].as_bool(), json["check"][0]["limits"][0]["pass"].as_bool()), (Some(false), Some(false)));
     let typed = file(&folder, "typed.toml", "[limits]\n\"tracking.pich.std\" = 0.0\n");
     let ran = hoof(&format!("report {log} --check {typed}")).exits(2);
-    assert!(ran.stderr.contains("unknown key `tracking.pich.std`; near: `tracking.pitch.std`"), "{}", ran.stderr);
+    assert!(
+        ran.stderr.contains("`tracking.pich.std`") && ran.stderr.contains("`tracking.pitch.std`"),
+        "{}",
+        ran.stderr
+    );
 }
 
 #[test]
@@ -73,7 +77,7 @@ fn sim_and_report_agree_on_the_distance_walked() {
 }
 
 #[test]
-fn two_logs_are_set_side_by_side() {
+fn two_logs_are_overlaid_and_compared() {
     let folder = folder("two");
     let (log, other) = (run(&folder, "one"), run(&folder, "other"));
     let plots = file(&folder, "plots.toml", "formats = [\"svg\"]\n[[figure]]\nkind = \"base_tracking\"\n");

@@ -1,10 +1,10 @@
-"""Cut Liberation Sans down to what figures print: Latin, Greek and a few signs, no hinting.
+"""Reduce Liberation Sans to the characters of figures: Latin, Greek and a few signs, without hinting.
 
 usage: make_font.py LiberationSans-Regular.ttf HoofprintSans-Regular.ttf   (needs fonttools)
 
 Source: Liberation Fonts 2.1.5 (https://github.com/liberationfonts), SIL Open Font License 1.1. The licence
-reserves the name "Liberation" for the unchanged fonts, hence the new one. The widths stay those of
-Arial, so an SVG that names Arial and a bitmap drawn with this file are laid out alike.
+reserves the name "Liberation" for the unchanged fonts, so the result has another name. The widths are those of
+Arial, so an SVG with the font Arial and a bitmap of this font have the same layout.
 """
 
 import sys

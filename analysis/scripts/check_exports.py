@@ -1,6 +1,6 @@
-"""Holds the MATLAB, Parquet and CSV files of `hoof log convert` against each other and against `hoof log cat --json`.
+"""Compare the MATLAB, Parquet and CSV files of `hoof log convert` with each other and with `hoof log cat --json`.
 
-Usage: python3 scripts/check_exports.py HOOF LOG      (needs scipy, polars; writes into a temporary folder)
+Usage: python3 scripts/check_exports.py HOOF LOG      (needs scipy and polars; writes into a temporary folder)
 """
 
 import json

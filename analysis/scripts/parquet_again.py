@@ -1,11 +1,10 @@
-"""Compute the numbers of a report's figures and tables again, from the exported Parquet, in Python.
+"""Compute the metrics of a report from exported Parquet and compare them with metrics.json.
 
 usage: hoof log convert run.mcap ticks.parquet --to ticks && hoof report run.mcap --out report
        python3 parquet_again.py ticks.parquet report/metrics.json
 
-Needs polars and numpy, and a log with ground truth. Prints each number beside the report's and exits with 1 if one differs by more than 1e-9
-of its size (1e-5 for joints, which a report keeps as 32-bit floats). It also shows how a notebook goes on from a log: one row a tick, one
-column a field, units in the file.
+Needs polars and numpy, and a log with ground truth. Prints each number and that of the report, and exits with 1 if one has a relative difference above 1e-9
+(1e-5 for joints, which a report stores as 32-bit floats). It is also an example of a notebook: one row per tick, one column per field, units in the file.
 """
 
 import json
@@ -95,7 +94,7 @@ for k, joint in enumerate(joints):
     difference = column(f"ROBOT_COMMAND.q_des[{k}]") - column(f"CONTROLLER_INPUT.state.q[{k}]")
     compare(f"{joint['joint']} rms", np.sqrt((difference**2).mean()), joint["position"]["rms"], 1e-5)
 
-# Times: the figures of the distribution are these quantiles, by nearest rank.
+# Durations: quantiles by nearest rank.
 took_us = np.sort(column("TIMING.end_ns") - column("TIMING.start_ns")) / 1e3
 for key, share in [("p50", 0.5), ("p99", 0.99), ("p999", 0.999)]:
     compare(f"tick {key} [µs]", took_us[int(np.ceil(share * len(took_us))) - 1], metrics["timing"]["tick_us"][key])

@@ -1,7 +1,7 @@
-//! The walk from the side, as an SVG that moves: the robot as sticks, the ground as the places where its feet stood.
+//! Animated side view of a walk as SVG: the robot as lines between its joints, the ground as marks at the footholds.
 //!
-//! Everything comes from the log: sticks from the URDF in RUN_INFO and the joint positions, the base from truth. Without truth the robot walks on the
-//! spot, upright as the controller believes. The motion is SMIL, so the file needs no script.
+//! Lines come from the URDF in RUN_INFO and the joint positions, the pose of the base from ground truth. Without ground truth, the horizontal position of the
+//! base is fixed, and orientation and height are the estimates. The animation is SMIL, so the file contains no script.
 
 use std::fmt::Write as _;
 
@@ -17,23 +17,23 @@ const RATE_HZ: f64 = 25.0;
 const LENGTH_S: f64 = 10.0;
 /// Size of the picture, units.
 const SIZE: (f64, f64) = (680.0, 300.0);
-/// Free space above and below the robot, as a share of the base's height.
+/// Free space above and below the robot, as a fraction of the height of the base.
 const MARGIN: f64 = 0.35;
 
-/// What moves, frame by frame.
+/// Animated attributes, frame by frame.
 #[derive(Default)]
 struct Frames {
-    /// Legs on the near (right) side, on the far side, and the trunk: path data.
+    /// Path data of the legs on the near (right) side, of the legs on the far side, and of the trunk.
     near: Vec<String>,
     far: Vec<String>,
     trunk: Vec<String>,
-    /// Shift of the ground.
+    /// Translations of the ground.
     ground: Vec<String>,
     /// Times, s.
     t_s: Vec<f64>,
 }
 
-/// The walk as an SVG document, from the middle of the run; `None` without joints, a URDF, or a base to draw.
+/// The middle of the walk as an SVG document; `None` without joint positions, a usable URDF, or a pose of the base.
 pub fn side_view(run: &Run) -> Option<String> {
     let robot = run.robot.as_ref().filter(|robot| robot.nj() == run.joints.count())?;
     let shown = part_shown(run);
@@ -47,7 +47,7 @@ pub fn side_view(run: &Run) -> Option<String> {
     };
     let along = |p: Vec3| (p[0] - first[0]) * heading[0] + (p[1] - first[1]) * heading[1];
 
-    // One scale for all frames: the height of the base, with room above and below.
+    // All frames have one scale, so that the largest height of the base fits with its margins.
     let height = poses.iter().map(|(_, p, _)| p[2]).fold(0.2, f64::max);
     let scale = SIZE.1 / (height * (1.0 + 2.0 * MARGIN));
     let floor = SIZE.1 - MARGIN * 0.5 * SIZE.1;
@@ -101,7 +101,7 @@ fn part_shown(run: &Run) -> &[Tick] {
     &run.ticks[begin..stop]
 }
 
-/// One tick a frame.
+/// One tick per frame.
 fn every_frame(ticks: &[Tick]) -> impl Iterator<Item = &Tick> {
     let mut next = f64::NEG_INFINITY;
     ticks.iter().filter(move |tick| {
@@ -113,14 +113,14 @@ fn every_frame(ticks: &[Tick]) -> impl Iterator<Item = &Tick> {
     })
 }
 
-/// Position and orientation of the base in W.
+/// Position and orientation of the base in W: ground truth, else estimate.
 fn pose(tick: &Tick) -> Option<(Vec3, Matrix3<f64>)> {
-    let known = tick.truth.as_ref().map(|w| (w.p_WB, rotation_of_rpy(w.rpy)));
-    let believed = || tick.base.as_ref().map(|b| ([0.0, 0.0, b.height_est], rotation_of_rpy(b.rpy_est)));
-    known.or_else(believed)
+    let truth = tick.truth.as_ref().map(|w| (w.p_WB, rotation_of_rpy(w.rpy)));
+    let estimate = || tick.base.as_ref().map(|b| ([0.0, 0.0, b.height_est], rotation_of_rpy(b.rpy_est)));
+    truth.or_else(estimate)
 }
 
-/// Where feet stood.
+/// Footholds: true contact points at touchdowns.
 fn footholds<'a>(run: &'a Run, shown: &'a [Tick]) -> impl Iterator<Item = Vec3> + 'a {
     let known = run.has("GROUND_TRUTH");
     let landed = move |pair: &[Tick], leg: usize| {
@@ -172,7 +172,7 @@ fn document(run: &Run, frames: &Frames, spots: &[(f64, f64)], floor: f64) -> Str
     }
     let _ = writeln!(
         out,
-        "<text x=\"10\" y=\"20\" font-family=\"Hoofprint Sans, Arial, sans-serif\" font-size=\"11\" fill=\"#222\">{begin:.1} s to {end:.1} s, at real speed</text>\n</svg>"
+        "<text x=\"10\" y=\"20\" font-family=\"Hoofprint Sans, Arial, sans-serif\" font-size=\"11\" fill=\"#222\">{begin:.1} s to {end:.1} s, real time</text>\n</svg>"
     );
     out
 }

@@ -1,4 +1,4 @@
-//! Limits that the metrics of a run must keep: a TOML file for a gate.
+//! Limits for the metrics of a run, from a TOML file.
 //!
 //! ```toml
 //! [limits]
@@ -8,7 +8,7 @@
 //! "safety.fell" = { equals = false }
 //! ```
 //!
-//! A key is the way to a value in `metrics.json`. An element of a list is named by its number or by its `leg`, `stage`, `joint` or `fault`.
+//! A key is the path of a value in `metrics.json`. An element of a list is identified by its index or by its `leg`, `stage`, `joint` or `fault`.
 
 use std::path::Path;
 
@@ -18,12 +18,12 @@ use serde_json::Value;
 use crate::Error;
 use crate::metrics::Metrics;
 
-/// Names by which an element of a list may be called.
+/// Keys that identify an element of a list.
 const NAMES: [&str; 4] = ["leg", "stage", "joint", "fault"];
-/// Names that an error offers.
+/// Number of similar keys in an error message.
 const OFFERED: usize = 3;
 
-/// Limits by key, in the order of the keys.
+/// Limits, in the order of their keys.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Limits {
     file: String,
@@ -31,7 +31,7 @@ pub struct Limits {
 }
 
 #[derive(Clone, Debug, PartialEq, Deserialize)]
-#[serde(untagged, expecting = "a number (at most), or a table with some of `min`, `max`, `equals`")]
+#[serde(untagged, expecting = "a number (the maximum), or a table with `min`, `max` or `equals`")]
 enum Limit {
     AtMost(f64),
     Bounds(Bounds),
@@ -45,16 +45,16 @@ struct Bounds {
     equals: Option<toml::Value>,
 }
 
-/// How one limit fared.
+/// Result of one limit.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Verdict {
-    /// Way to the value in `metrics.json`.
+    /// Path of the value in `metrics.json`.
     pub key: String,
-    /// What the log gives; `null` when it cannot give it, and then the limit is not kept.
+    /// Value of the log; `null` if it cannot be computed, which violates the limit.
     pub found: Value,
-    /// What was asked for, in words.
+    /// The limit, as text.
     pub expected: String,
-    /// The limit is kept.
+    /// True if the limit is met.
     pub pass: bool,
 }
 
@@ -74,10 +74,10 @@ impl Limits {
         Self::parse(&text, &path.display().to_string())
     }
 
-    /// Reads the text of a file of limits; `name` is what errors call it.
+    /// Parses the text of a file of limits; `name` is its name in error messages.
     ///
     /// # Errors
-    /// [`Error::Choices`] names the key.
+    /// [`Error::Choices`] with the key.
     pub fn parse(text: &str, name: &str) -> Result<Self, Error> {
         let failed = |problem: String| Error::Choices { file: name.to_owned(), problem };
         let file: File = toml::from_str(text).map_err(|e| failed(e.to_string().trim_end().to_owned()))?;
@@ -85,7 +85,7 @@ impl Limits {
         for (key, value) in file.limits {
             let limit: Limit = value.clone().try_into().map_err(|_| {
                 failed(format!(
-                    "key `{key}`: found {value}, expected a number (at most), or a table with `min`, `max` or `equals`"
+                    "key `{key}`: found {value}, expected a number (the maximum), or a table with `min`, `max` or `equals`"
                 ))
             })?;
             let empty = matches!(&limit, Limit::Bounds(Bounds { min: None, max: None, equals: None }));
@@ -97,10 +97,10 @@ impl Limits {
         Ok(Self { file: name.to_owned(), limits })
     }
 
-    /// Holds metrics against the limits.
+    /// Compares metrics with the limits.
     ///
     /// # Errors
-    /// [`Error::Choices`] if a key is not in `metrics.json`; it offers those that look like it.
+    /// [`Error::Choices`] if a key is not in `metrics.json`; the message lists similar keys.
     pub fn check(&self, metrics: &Metrics) -> Result<Vec<Verdict>, Error> {
         let tree: Value = serde_json::from_str(&metrics.to_json()).unwrap_or(Value::Null);
         let verdict = |(key, limit): &(String, Limit)| match find(&tree, key) {
@@ -115,7 +115,10 @@ impl Limits {
         keys(tree, String::new(), &mut known);
         known.sort_by_key(|name| distance(name, key));
         known.truncate(OFFERED);
-        format!("unknown key `{key}`; near: {}", known.iter().map(|k| format!("`{k}`")).collect::<Vec<_>>().join(", "))
+        format!(
+            "unknown key `{key}`; similar keys: {}",
+            known.iter().map(|k| format!("`{k}`")).collect::<Vec<_>>().join(", ")
+        )
     }
 }
 
@@ -142,20 +145,20 @@ impl Limit {
                     (.., Value::String(found)) => wanted.as_str() == Some(found),
                     _ => false,
                 };
-                let words = [
+                let conditions = [
                     min.map(|min| format!("at least {min}")),
                     max.map(|max| format!("at most {max}")),
                     equals.as_ref().map(|wanted| format!("equal to {wanted}")),
                 ];
                 let pass = min.is_none_or(above) && max.is_none_or(below) && equals.as_ref().is_none_or(equal);
-                (pass, words.into_iter().flatten().collect::<Vec<_>>().join(", "))
+                (pass, conditions.into_iter().flatten().collect::<Vec<_>>().join(", "))
             }
         };
         Verdict { key: key.to_owned(), found: found.clone(), expected, pass }
     }
 }
 
-/// The value at a key; an absent quantity is there as `null`, and so is everything below it.
+/// The value at a key. A quantity that is `null` has all keys below it, with the value `null`.
 fn find<'a>(tree: &'a Value, key: &str) -> Option<&'a Value> {
     key.split('.').try_fold(tree, |value, part| match value {
         Value::Object(map) => map.get(part),
@@ -169,7 +172,7 @@ fn find<'a>(tree: &'a Value, key: &str) -> Option<&'a Value> {
     })
 }
 
-/// Keys of every value that can be compared.
+/// Keys of all values that can be compared.
 fn keys(value: &Value, path: String, out: &mut Vec<String>) {
     let below = |part: &str| if path.is_empty() { part.to_owned() } else { format!("{path}.{part}") };
     match value {
@@ -184,7 +187,7 @@ fn keys(value: &Value, path: String, out: &mut Vec<String>) {
     }
 }
 
-/// Letters to change, add or leave out to make one text of the other (Levenshtein).
+/// Levenshtein distance: number of characters to replace, insert or delete.
 fn distance(a: &str, b: &str) -> usize {
     let b: Vec<char> = b.chars().collect();
     let mut row: Vec<usize> = (0..=b.len()).collect();
@@ -205,12 +208,12 @@ mod tests {
     use super::*;
 
     #[test]
-    fn distances_are_those_of_the_textbook() {
+    fn levenshtein_distances() {
         assert_eq!((distance("kitten", "sitting"), distance("", "abc"), distance("same", "same")), (3, 3, 0));
     }
 
     #[test]
-    fn mistakes_name_their_key() {
+    fn errors_name_the_key() {
         for (text, part) in [
             ("[limits]\n\"a.b\" = \"small\"", "key `a.b`: found \"small\""),
             ("[limits]\na = { most = 1 }", "key `a`"),

@@ -1,49 +1,49 @@
-//! What can go wrong between a log and its report.
+//! Errors of this crate.
 
 use std::path::PathBuf;
 
-/// Why a log could not be turned into frames, figures or a report.
+/// An error while reading a log or writing frames, figures or reports.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum Error {
-    /// The log could not be opened or read.
+    /// A log could not be opened or read.
     #[error("cannot read log {}", path.display())]
     Log {
         /// The log.
         path: PathBuf,
-        /// What the reader said.
+        /// Error of the reader.
         #[source]
         source: replay::Error,
     },
-    /// The log holds no message that any figure or metric is made of.
-    #[error("log {} holds {messages} messages and none on a channel that a report is made of; expected at least one of {expected}", path.display())]
+    /// The log has no message on a channel that reports use.
+    #[error("log {} has {messages} messages, but none on a channel that a report uses; expected at least one of {expected}", path.display())]
     NothingToReport {
         /// The log.
         path: PathBuf,
-        /// Messages of any channel that it holds.
+        /// Number of messages in the log.
         messages: u64,
-        /// Channels that would do.
+        /// Channels that reports use.
         expected: String,
     },
-    /// A channel that was asked for is not in the log.
-    #[error("channel {channel} is not in the log; it holds {found}")]
+    /// A requested channel is not in the log.
+    #[error("channel {channel} is not in the log; channels of the log: {found}")]
     NoSuchChannel {
-        /// The name asked for.
+        /// Name of the requested channel.
         channel: String,
-        /// The names there are.
+        /// Names of the channels of the log.
         found: String,
     },
     /// A data frame could not be built or written.
-    #[error("data frame of channel {channel}")]
+    #[error("cannot build or write the data frame of channel {channel}")]
     Frame {
         /// Channel of the frame.
         channel: String,
-        /// What polars said.
+        /// Error of polars.
         #[source]
         source: polars::error::PolarsError,
     },
-    /// A matrix that a MATLAB file of Level 5 cannot hold.
-    #[error("channel {channel} does not fit into {}: a MATLAB file of Level 5 holds 4 GiB a variable; filter the log, or use Parquet", path.display())]
+    /// A matrix is too large for a MATLAB file of Level 5.
+    #[error("channel {channel} does not fit into {}: a variable in a MATLAB file of Level 5 has at most 4 GiB; select fewer channels or a shorter part of the log, or use Parquet", path.display())]
     TooLarge {
         /// The file.
         path: PathBuf,
@@ -55,27 +55,27 @@ pub enum Error {
     Figure {
         /// Name of the figure.
         figure: String,
-        /// What the plotting back-end said.
+        /// Error of the renderer.
         reason: String,
     },
-    /// A report of no log was asked for.
-    #[error("no log to report; expected at least one")]
+    /// No log was given.
+    #[error("no log given; expected at least one")]
     NoLog,
     /// A file could not be read.
     #[error("cannot read {}", path.display())]
     ReadFile {
         /// The file.
         path: PathBuf,
-        /// What the system said.
+        /// Error of the operating system.
         #[source]
         source: std::io::Error,
     },
-    /// A file of plots or limits has a mistake.
+    /// A file of plots or limits is invalid.
     #[error("{file}: {problem}")]
     Choices {
-        /// The file, or what was read instead of one.
+        /// Name of the file, or of the text.
         file: String,
-        /// Which key, what was found and what was expected.
+        /// The key, the value found and the values expected.
         problem: String,
     },
     /// A file of the report could not be written.
@@ -83,7 +83,7 @@ pub enum Error {
     Write {
         /// The file.
         path: PathBuf,
-        /// What the system said.
+        /// Error of the operating system.
         #[source]
         source: std::io::Error,
     },

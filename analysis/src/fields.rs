@@ -1,4 +1,4 @@
-//! Any numeric field of any channel over time, by name: `ROBOT_STATE.q[3]`.
+//! Time series of any numeric field of any channel, by name such as `ROBOT_STATE.q[3]`.
 
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
@@ -10,12 +10,12 @@ use replay::log::{EventRef, Types};
 pub struct Field {
     /// Channel.
     pub channel: String,
-    /// Way to the value inside the message, such as `state.q[3]`.
+    /// Path of the value in the message, such as `state.q[3]`.
     pub path: String,
 }
 
 impl Field {
-    /// Reads `CHANNEL.path`; `None` without both. A channel's name may not hold a dot then.
+    /// Parses `CHANNEL.path`; `None` if one of them is empty. The channel ends at the first dot.
     pub fn parse(text: &str) -> Option<Self> {
         let (channel, path) = text.split_once('.')?;
         let both = !channel.is_empty() && !path.is_empty();
@@ -29,16 +29,16 @@ impl std::fmt::Display for Field {
     }
 }
 
-/// Values of a field over time.
+/// Time series of a field.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Samples {
-    /// Times: the message's `t_ns` where it has one, else the log's; s since the first tick of the run.
+    /// Times, s since the first tick of the run: `t_ns` of the message if it has one, else the time of the log.
     pub t_s: Vec<f64>,
-    /// Values; booleans are 0 and 1.
+    /// Values; false is 0, true is 1.
     pub values: Vec<f64>,
 }
 
-/// Collects fields while a log is read.
+/// Collects time series while a log is read.
 pub(crate) struct FieldReader<'a> {
     wanted: BTreeMap<&'a str, Vec<&'a Field>>,
     types: Types,
@@ -57,7 +57,7 @@ impl<'a> FieldReader<'a> {
         Self { wanted, types: Types::default(), found: BTreeMap::new() }
     }
 
-    /// Takes the wanted fields out of a message; one that does not decode gives none.
+    /// Appends the wanted fields of a message. A message that cannot be decoded is ignored.
     pub fn take(&mut self, event: &EventRef) {
         if self.wanted.is_empty() {
             return;
@@ -85,7 +85,7 @@ impl<'a> FieldReader<'a> {
         }
     }
 
-    /// The fields that were found, by name.
+    /// The time series found, by name of the field.
     pub fn finish(self, t0_ns: i64) -> BTreeMap<String, Samples> {
         let seconds = |times: Vec<i64>| times.into_iter().map(|t_ns| (t_ns - t0_ns) as f64 / 1e9).collect();
         let samples = |(times, values)| Samples { t_s: seconds(times), values };

@@ -1,9 +1,8 @@
-//! Data frames: one per channel, a row a message, a column a field.
+//! Data frames: one per channel, with one row per message and one column per field.
 //!
-//! Columns are named by path, such as `q[3]` or `state.q[3]`, and found by reflection, so a channel that this project has never heard of
-//! is a frame too, if the log carries its type (RUN_INFO) or the stack knows it. Integers become `i64`, floats `f64`, booleans and
-//! strings themselves; a field that a message does not have (arrays may differ in length) is null. The first column, `log_t_ns`, is
-//! the time that the log gives the message.
+//! Columns are named by path, such as `q[3]` or `state.q[3]`. Types come by reflection from the stack or from the log (RUN_INFO), so channels of other
+//! projects are frames, too. Integers become `i64`, floats `f64`; booleans and strings stay. A field that a message does not have (arrays may differ in
+//! length) is null. The first column, `log_t_ns`, is the time of the message in the log.
 
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
@@ -20,7 +19,7 @@ use replay::log::{Health, LogReader, Types};
 
 use crate::{Error, Progress, Stage};
 
-/// Column of the time that the log gives each message, ns.
+/// Name of the column with the time of the message in the log, ns.
 pub const LOG_TIME: &str = "log_t_ns";
 
 /// The frames of a log, by channel.
@@ -33,12 +32,18 @@ pub struct Frames {
 }
 
 impl Frames {
-    /// Reads the channels that `wanted` accepts. A channel without a known type, or messages that do not decode, are counted, not an error.
+    /// Reads the channels that `wanted` accepts. Messages of unknown type and messages that cannot be decoded are counted.
+    ///
+    /// # Errors
+    /// [`Error::Log`] if the log cannot be read, [`Error::Frame`] if a frame cannot be built.
     pub fn read(path: &Path, wanted: impl Fn(&str) -> bool, progress: &mut dyn FnMut(Progress)) -> Result<Self, Error> {
         Self::read_with(path, Types::default(), wanted, progress)
     }
 
-    /// [`Frames::read`] of a log whose types others describe.
+    /// As [`Frames::read`], with additional types.
+    ///
+    /// # Errors
+    /// As [`Frames::read`].
     pub fn read_with(
         path: &Path,
         mut types: Types,
@@ -48,7 +53,7 @@ impl Frames {
         let log_error = |source| Error::Log { path: path.to_owned(), source };
         let mut reader = LogReader::open(path).map_err(log_error)?;
         let total = reader.bytes();
-        let mut tables: BTreeMap<String, Table> = BTreeMap::new();
+        let mut tables: BTreeMap<String, Rows> = BTreeMap::new();
         let mut units = BTreeMap::new();
         let mut unreadable: BTreeMap<String, u64> = BTreeMap::new();
         let (mut health, mut number) = (Health::default(), 0_u64);
@@ -71,7 +76,7 @@ impl Frames {
             }
         }
         progress(Progress { stage: Stage::Read, done: total, total });
-        let frame = |(channel, table): (String, Table)| match table.into_frame() {
+        let frame = |(channel, table): (String, Rows)| match table.into_frame() {
             Ok(frame) => Ok((channel, frame)),
             Err(source) => Err(Error::Frame { channel, source }),
         };
@@ -84,6 +89,9 @@ impl Frames {
     }
 
     /// The frame of a channel.
+    ///
+    /// # Errors
+    /// [`Error::NoSuchChannel`].
     pub fn get(&self, channel: &str) -> Result<&DataFrame, Error> {
         self.channels.get(channel).ok_or_else(|| Error::NoSuchChannel {
             channel: channel.to_owned(),
@@ -91,17 +99,17 @@ impl Frames {
         })
     }
 
-    /// Unit of each field of a channel, from the table of fields in its `.lcm` file; fields without a unit are left out.
+    /// Units of the fields of a channel, from the table in its `.lcm` file. Fields without a unit are omitted.
     pub fn units(&self, channel: &str) -> BTreeMap<String, String> {
         self.units.get(channel).cloned().unwrap_or_default()
     }
 
-    /// Messages per channel that could not be read.
+    /// Number of messages per channel that could not be decoded.
     pub fn unreadable(&self) -> &BTreeMap<String, u64> {
         &self.unreadable
     }
 
-    /// What is wrong with the log.
+    /// Damage of the log.
     pub fn health(&self) -> &Health {
         &self.health
     }
@@ -111,7 +119,7 @@ impl Frames {
         self.channels.iter_mut().map(|(channel, frame)| (channel.as_str(), frame))
     }
 
-    /// Unit of each column of a channel's frame: that of its field, whatever the place in an array.
+    /// Units of the columns of a frame. All elements of an array have the unit of its field.
     pub fn column_units(&self, channel: &str) -> BTreeMap<String, String> {
         let (Some(frame), Some(units)) = (self.channels.get(channel), self.units.get(channel)) else {
             return BTreeMap::new();
@@ -126,11 +134,11 @@ impl Frames {
         columns.filter_map(unit_of).chain(log_time).collect()
     }
 
-    /// Every channel whose messages carry a tick, side by side, one row a message of CONTROLLER_TICK (or of the first such channel), with the units of
-    /// its columns.
+    /// All channels whose messages have a tick number, ROBOT_STATE and GROUND_TRUTH side by side, with the units of the columns. There is one row per message of
+    /// CONTROLLER_TICK, or of the first of these channels if the log has none.
     ///
     /// # Errors
-    /// [`Error::NoSuchChannel`] if no channel carries a tick.
+    /// [`Error::NoSuchChannel`] if no channel has a tick number.
     pub fn ticks(&self) -> Result<(DataFrame, BTreeMap<String, String>), Error> {
         const GRID: &str = "CONTROLLER_TICK";
         let ticked = |frame: &DataFrame| frame.column("t_ns").is_ok() && frame.column("tick").is_ok();
@@ -148,8 +156,11 @@ impl Frames {
         Ok((self.joined(&channels)?, units.collect()))
     }
 
-    /// Several channels side by side, columns named `CHANNEL.path`: one row per message of the first, and the message of each other that is nearest in
-    /// `t_ns`, null where none is within half the median step of the first.
+    /// Several channels side by side, with columns named `CHANNEL.path`. There is one row per message of the first channel, with the message of each other
+    /// channel that is nearest in `t_ns`; null if none is within half the median step of the first channel.
+    ///
+    /// # Errors
+    /// [`Error::NoSuchChannel`], or [`Error::Frame`].
     pub fn joined(&self, channels: &[&str]) -> Result<DataFrame, Error> {
         let mut out: Option<(Vec<i64>, DataFrame)> = None;
         for &channel in channels {
@@ -170,7 +181,10 @@ impl Frames {
         Ok(out.map(|(_, frame)| frame).unwrap_or_default())
     }
 
-    /// Writes one `CHANNEL.parquet` per channel into a directory, which is made if need be, and returns the files.
+    /// Writes one `CHANNEL.parquet` per channel into a folder, which is created if missing, and returns the paths.
+    ///
+    /// # Errors
+    /// [`Error::Write`] or [`Error::Frame`].
     pub fn write_parquet(&mut self, dir: &Path) -> Result<Vec<PathBuf>, Error> {
         std::fs::create_dir_all(dir).map_err(|source| Error::Write { path: dir.to_owned(), source })?;
         let mut files = Vec::new();
@@ -184,11 +198,14 @@ impl Frames {
     }
 }
 
-/// Key of the units in a Parquet file's metadata.
+/// Key of the units in the metadata of a Parquet file.
 pub const UNITS_KEY: &str = "units";
 
-/// Writes a frame to a Parquet file; `name` is what an error calls it. `units`, of columns by name, go into the file's metadata as a JSON object
-/// under the key `units`.
+/// Writes a frame to a Parquet file. `units`, by column, are stored as a JSON object under the metadata key `units`; `name` is the name of the frame in
+/// error messages.
+///
+/// # Errors
+/// [`Error::Write`] or [`Error::Frame`].
 pub fn write_parquet(
     frame: &mut DataFrame,
     units: &BTreeMap<String, String>,
@@ -202,7 +219,7 @@ pub fn write_parquet(
     written.map(drop).map_err(|source| Error::Frame { channel: name.to_owned(), source })
 }
 
-/// Units of the fields of a type, those inside it by their way: its comment holds a Markdown table with the columns `field` and `unit`.
+/// Units of the fields of a type, by path, from the Markdown table with the columns `field` and `unit` in its comment.
 fn units_of(ty: Type<'_>) -> BTreeMap<String, String> {
     let cells =
         |line: &str| line.trim().trim_matches('|').split('|').map(|cell| cell.trim().to_owned()).collect::<Vec<_>>();
@@ -213,7 +230,7 @@ fn units_of(ty: Type<'_>) -> BTreeMap<String, String> {
     let mut units = BTreeMap::new();
     if let Some((field, unit)) = place("field").zip(place("unit")) {
         for (names, unit) in rows.filter_map(|row| Some((row.get(field)?.clone(), row.get(unit)?.clone()))) {
-            // A row may name several fields; dashes are the line below the header.
+            // A row may have several fields. Dashes are the line below the header.
             if !unit.is_empty() && !unit.starts_with('-') {
                 units.extend(names.split(", ").map(|name| (name.to_owned(), unit.clone())));
             }
@@ -231,7 +248,7 @@ fn units_of(ty: Type<'_>) -> BTreeMap<String, String> {
 
 /// The messages of one channel, column by column.
 #[derive(Default)]
-struct Table {
+struct Rows {
     log_times: Vec<i64>,
     names: Vec<String>,
     columns: Vec<Values>,
@@ -244,10 +261,10 @@ enum Values {
     Texts(Vec<Option<String>>),
 }
 
-impl Table {
-    /// Appends a message; `None` if it does not decode, and then the table is as it was.
+impl Rows {
+    /// Appends a message; `None` if it cannot be decoded, and nothing is appended then.
     fn push(&mut self, log_t_ns: i64, ty: Type<'_>, message: &[u8]) -> Option<()> {
-        // Decode once without effect: a message that breaks off half-way leaves no half row.
+        // Decode once without effect, so that an incomplete message does not append a part of a row.
         ty.walk(message, |_, _| ()).ok()?;
         let row = self.log_times.len();
         let mut cursor = 0;
@@ -263,7 +280,7 @@ impl Table {
         walked.ok()
     }
 
-    /// Index of a column, made if it is new. Fields come in the same order in almost every message, so the next is tried first.
+    /// Index of a column, added if missing. Fields have the same order in most messages, so the next column is tried first.
     fn column(&mut self, cursor: usize, name: &str, leaf: Leaf<'_>) -> usize {
         if self.names.get(cursor).is_some_and(|next| next == name) {
             return cursor;
@@ -296,7 +313,7 @@ impl Values {
         }
     }
 
-    /// Sets the value of a row; rows between the last one set and this one are null. A channel has one type, so the kinds agree.
+    /// Sets the value of a row. Rows since the last one set are null. A channel has one type, so the kinds of values are equal.
     fn set(&mut self, row: usize, leaf: Leaf<'_>) {
         match self {
             Self::Integers(values) => put(values, row, leaf.as_i64()),
@@ -326,7 +343,7 @@ fn filled<T>(mut values: Vec<Option<T>>, rows: usize) -> Vec<Option<T>> {
     values
 }
 
-/// Times of the rows: the message's own, or the log's if it has none.
+/// Times of the rows, ns: `t_ns` of the message, or the time of the log if it has none.
 fn times_of(frame: &DataFrame) -> Result<Vec<i64>, PolarsError> {
     let column = frame.column("t_ns").or_else(|_| frame.column(LOG_TIME))?;
     Ok(column.i64()?.iter().map(|t| t.unwrap_or(i64::MIN)).collect())
@@ -337,7 +354,7 @@ fn prefixed(frame: &DataFrame, channel: &str) -> Result<DataFrame, PolarsError> 
     DataFrame::new(frame.height(), frame.columns().iter().map(named).collect())
 }
 
-/// Row of the nearest time in `times` for each time of the grid, `None` if it is farther than half the grid's median step.
+/// For each time of the grid, the row with the nearest time; `None` if it differs by more than half the median step of the grid.
 fn nearest_rows(grid: &[i64], times: &[i64]) -> Vec<Option<u32>> {
     let mut steps: Vec<i64> = grid.windows(2).map(|pair| pair[1] - pair[0]).collect();
     steps.sort_unstable();

@@ -1,4 +1,4 @@
-//! From a log to data frames, metrics, figures and a report.
+//! Data frames, metrics, figures and reports from a log.
 //!
 //! ```no_run
 //! let report = analysis::report("run.lcmlog".as_ref(), "report".as_ref(), &mut |_| ())?;
@@ -6,20 +6,21 @@
 //! # Ok::<(), analysis::Error>(())
 //! ```
 //!
-//! - [`run`]: a log as a list of ticks, every message of a tick side by side; what is missing is `None`.
-//! - [`metrics`]: figures of merit, the content of `metrics.json`.
-//! - [`figures`]: SVG, PDF and PNG, the same bytes for the same logs; [`plots`]: which of them, and how they look.
+//! - [`run`]: a log as a list of ticks with the messages of each tick; missing messages are `None`.
+//! - [`robot`]: the robot of a log, from its URDF.
+//! - [`metrics`]: the content of `metrics.json`.
+//! - [`figures`]: figures as SVG, PDF and PNG, with equal bytes for equal logs; [`plots`]: the TOML file that selects them.
 //! - [`table`]: aligned columns for a terminal; [`numeric_table`]: rows of numbers as text, CSV, LaTeX and JSON.
-//! - [`tables`]: the tracking table beside the published one, timing statistics: text, CSV, LaTeX, JSON.
-//! - [`timeline`]: what happened and when: gait changes, falls, faults, losses, missed deadlines.
-//! - [`check`]: limits that the metrics must keep.
-//! - [`report`](report()): all of it in a directory, with one HTML page.
-//! - [`replay_comparison`]: logs that replay otherwise than they were recorded, before and after side by side.
-//! - [`frames`]: any channel of any log as a polars data frame, and Parquet.
-//! - [`export`]: a log as CSV, Parquet or a MATLAB file.
+//! - [`tables`]: tracking errors with published values, timing statistics, comparison of logs.
+//! - [`timeline`]: changes of mode and gait, falls, faults, losses, missed deadlines, events.
+//! - [`check`]: limits for metrics.
+//! - [`report`](report()): all of these in a folder, with an HTML page.
+//! - [`replay_comparison`]: HTML page of golden logs whose replay differs from the record.
+//! - [`frames`]: any channel of any log as a polars data frame; Parquet files.
+//! - [`export`]: a log as CSV, Parquet or MATLAB file.
 //!
-//! It reads logs and nothing else: no robot, no bus, no controller. Nothing depends on it but the command. It must never change a
-//! number between two runs over the same log, nor hide that a log is damaged or lacks a channel.
+//! It reads logs only; it does not use the bus or run a controller. Only the command and the experiments depend on it. Two runs over the same log give
+//! equal output. Damage and missing channels of a log are always reported.
 
 // Names of quantities carry frames, such as p_WF: see ARCHITECTURE.md.
 #![allow(non_snake_case)]
@@ -53,18 +54,18 @@ pub use plots::Plots;
 pub use report::{Report, ReportOptions, report, report_with};
 pub use run::Run;
 
-/// How far a piece of work has come.
+/// Progress of a long operation.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Progress {
-    /// What is being done.
+    /// Current operation.
     pub stage: Stage,
-    /// How much of it is done: bytes while reading, figures while drawing.
+    /// Amount done: bytes while reading, figures while drawing.
     pub done: u64,
-    /// How much there is to do, in the same unit.
+    /// Total amount, in the same unit.
     pub total: u64,
 }
 
-/// A piece of work that takes a while.
+/// A long operation.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Stage {
     /// Reading the log.

@@ -1,4 +1,4 @@
-//! Logs that replay otherwise than they were recorded: what differs first, and figures before and after side by side.
+//! HTML page of golden logs: for each log whose replay differs from the record, the first differences, and figures before and after side by side.
 
 use crate::fields::Field;
 use crate::figures::{self, Figure, FigureSpec, Kind, Named, Quantity};
@@ -9,47 +9,53 @@ use lcmtypes::channels;
 use replay::log::{ChannelDiff, EventFilter, Types};
 use std::path::{Path, PathBuf};
 
-/// Width of a figure that stands beside another, mm.
+/// Width of one of two figures side by side, mm.
 const HALF_MM: f64 = 88.0;
-/// Figures that are drawn of both sides.
-const KINDS: [Kind; 6] =
-    [Kind::BaseTracking, Kind::FeetTracking, Kind::ContactForces, Kind::Gait, Kind::JointTracking, Kind::Qp];
-/// What says which stage differs, but is nothing to look at.
+/// Figures drawn for both sides.
+const KINDS: [&Kind; 6] = [
+    &figures::BASE_TRACKING,
+    &figures::FEET_TRACKING,
+    &figures::CONTACT_FORCES,
+    &figures::GAIT,
+    &figures::JOINT_TRACKING,
+    &figures::QP,
+];
+/// Channels without a figure.
 const NOT_DRAWN: [&str; 2] = ["CONTROLLER_TICK", "CONTROLLER_SNAPSHOT"];
 
-/// A golden log, and how it fared.
+/// A golden log and the result of its replay.
 #[derive(Clone, Debug)]
 pub struct Log {
-    /// Its name.
+    /// Name.
     pub name: String,
-    /// What it is for.
+    /// Purpose.
     pub why: String,
-    /// It replays bit for bit.
+    /// True if the replay is equal bit for bit.
     pub identical: bool,
-    /// How it fared, in words.
+    /// Result of the replay, as text.
     pub verdict: String,
-    /// What it says of its outputs, and what they are today, as logs of the same ticks; of logs that have changed.
+    /// Logs of the recorded and of the replayed outputs at the same ticks; `None` for a log without differences.
     pub sides: Option<[PathBuf; 2]>,
 }
 
-/// What is shown of a log that has changed.
+/// Content of the page for a log whose replay differs.
 pub(crate) struct Shown<'a> {
     pub log: &'a Log,
-    /// Time between the ticks shown, s.
+    /// Period of the ticks shown, s.
     pub period_s: f64,
     /// Channels that differ.
     pub channels: Vec<ChannelDiff>,
-    /// The first field of each that differs, both sides in one panel.
+    /// For each channel, the first field that differs, with both sides in one panel.
     pub overlaid: Vec<Figure>,
     /// Figures before and after.
     pub pairs: Vec<[Figure; 2]>,
 }
 
-/// Writes `index.html`, which needs no other file, into a directory, which is made if need be. Gives back its path.
+/// Writes a self-contained `index.html` into a folder, which is created if missing, and returns its path.
 ///
 /// # Errors
 /// [`Error::Log`] if a side cannot be read, [`Error::Write`].
-pub fn changes(logs: &[Log], out_dir: &Path, progress: &mut dyn FnMut(Progress)) -> Result<PathBuf, Error> {
+pub fn write(logs: &[Log], out_dir: &Path, progress: &mut dyn FnMut(Progress)) -> Result<PathBuf, Error> {
     std::fs::create_dir_all(out_dir).map_err(|source| Error::Write { path: out_dir.to_owned(), source })?;
     let changed: Vec<(&Log, &[PathBuf; 2])> = logs.iter().filter_map(|log| Some((log, log.sides.as_ref()?))).collect();
     let mut shown = Vec::new();
@@ -81,13 +87,13 @@ fn show<'a>(log: &'a Log, [before, after]: &[PathBuf; 2]) -> Result<Shown<'a>, E
     let both = [(Named("before".to_owned()), &before), (Named("after".to_owned()), &after)];
     let overlaid = fields.into_iter().filter_map(|field| {
         let title = Some(field.to_string());
-        figures::draw(&FigureSpec { title, fields: vec![field], ..FigureSpec::new(Kind::Fields) }, &both).ok()
+        figures::draw(&FigureSpec { title, fields: vec![field], ..FigureSpec::new(&figures::FIELDS) }, &both).ok()
     });
-    let asks = KINDS.map(|kind| FigureSpec { width_mm: HALF_MM, quantity: Quantity::Torque, ..FigureSpec::new(kind) });
-    let pairs = asks.iter().filter_map(|ask| {
-        let pair = both.each_ref().map(|side| figures::draw(ask, std::slice::from_ref(side)).ok());
+    let specs = KINDS.map(|kind| FigureSpec { width_mm: HALF_MM, quantity: Quantity::Torque, ..FigureSpec::new(kind) });
+    let pairs = specs.iter().filter_map(|spec| {
+        let pair = both.each_ref().map(|side| figures::draw(spec, std::slice::from_ref(side)).ok());
         let [Some(before), Some(after)] = pair else { return None };
-        // What looks the same tells nothing.
+        // Equal figures are omitted.
         (!before.looks_like(&after)).then_some([before, after])
     });
     Ok(Shown { log, period_s: before.period_s(), channels, overlaid: overlaid.collect(), pairs: pairs.collect() })

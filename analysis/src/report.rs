@@ -1,63 +1,62 @@
-//! The report of a log, or of several side by side: a directory of figures, tables, numbers and one page that shows them.
+//! The report of one log or several: a folder with figures, tables, metrics and an HTML page.
 
 use std::path::{Path, PathBuf};
 
 use serde_json::json;
 
-use crate::figures::{self, Figure, Lacking, Named};
+use crate::figures::{self, Figure, Named, NotDrawn};
 use crate::html::{Content, Part};
 use crate::metrics::Metrics;
 use crate::numeric_table::NumericTable;
 use crate::plots::Plots;
 use crate::run::Run;
-use crate::timeline::{TimelineEntry, happenings};
+use crate::timeline::{self, TimelineEntry};
 use crate::{Error, Progress, Stage, animation, html, tables};
 
-/// What was written, and what it says.
+/// A report that was written.
 #[derive(Clone, Debug)]
 pub struct Report {
-    /// The page, `report.html`.
+    /// Path of the page, `report.html`.
     pub html: PathBuf,
-    /// `metrics.json`.
+    /// Path of `metrics.json`.
     pub metrics_json: PathBuf,
-    /// Every file written, the two above included.
+    /// All files written, including the two above.
     pub files: Vec<PathBuf>,
-    /// The numbers of the first log.
+    /// Metrics of the first log.
     pub metrics: Metrics,
-    /// Names and numbers of all logs.
+    /// Names and metrics of all logs.
     pub runs: Vec<(String, Metrics)>,
-    /// What happened in each log.
-    pub happenings: Vec<Vec<TimelineEntry>>,
-    /// Figures that these logs could not give.
-    pub lacking: Vec<Lacking>,
+    /// Timeline of each log.
+    pub timelines: Vec<Vec<TimelineEntry>>,
+    /// Figures that could not be drawn.
+    pub not_drawn: Vec<NotDrawn>,
 }
 
-/// Choices of a report.
+/// Options of a report.
 #[derive(Clone, Debug, Default)]
 pub struct ReportOptions {
-    /// Figures.
+    /// Figures to draw.
     pub plots: Plots,
-    /// What figures and tables call the logs; their file names where none is given.
+    /// Names of the logs in figures and tables; missing names are the file names.
     pub names: Vec<String>,
 }
 
-/// Writes the report of a log into a directory, which is made if need be: `report.html` (self-contained), `metrics.json`, `happenings.json`, tables as
-/// text, CSV, LaTeX and JSON, each figure as SVG, PDF and PNG, and `walk.svg`, which moves.
+/// Writes the report of a log into a folder, which is created if missing: `report.html` (self-contained), `metrics.json`, `happenings.json` (the timeline),
+/// tables as text, CSV, LaTeX and JSON, each figure as SVG, PDF and PNG, and the animation `walk.svg`.
 ///
-/// A log that lacks channels, is cut or damaged is reported as far as it goes, and the report says so. The same log gives the same bytes.
+/// A log with missing channels, a cut or damage is reported as far as possible, and the report lists what is missing. Equal logs give equal bytes.
 ///
 /// # Errors
-/// [`Error::Log`] if it cannot be read, [`Error::NothingToReport`] if it holds no tick, [`Error::Write`] or [`Error::Figure`] if the
-/// directory cannot be written.
+/// [`Error::Log`] if the log cannot be read, [`Error::NothingToReport`] if it has no tick, [`Error::Write`] or [`Error::Figure`] if a file cannot be
+/// written.
 pub fn report(log: &Path, out_dir: &Path, progress: &mut dyn FnMut(Progress)) -> Result<Report, Error> {
     report_with(&[log.to_owned()], out_dir, &ReportOptions::default(), progress)
 }
 
-/// As [`report`], with choices, of one log or several: figures lay several over each other, tables set them side by side, and `metrics.json` is a
-/// list `runs` then.
+/// As [`report`], with options, for one log or several. Several logs are overlaid in figures and compared in tables, and `metrics.json` has a list `runs`.
 ///
 /// # Errors
-/// As [`report`], of the first log that has one; [`Error::NoLog`] without a log.
+/// As [`report`]; [`Error::NoLog`] without a log.
 pub fn report_with(
     logs: &[PathBuf],
     out_dir: &Path,
@@ -71,23 +70,20 @@ pub fn report_with(
     let names = names_of(&runs, &options.names);
     let numbers: Vec<(String, Metrics)> = names.iter().cloned().zip(runs.iter().map(Metrics::of)).collect();
     let Some(metrics) = numbers.first().map(|(_, metrics)| metrics.clone()) else { return Err(Error::NoLog) };
-    let happened: Vec<Vec<TimelineEntry>> = runs.iter().map(happenings).collect();
+    let timelines: Vec<Vec<TimelineEntry>> = runs.iter().map(timeline::entries).collect();
     let mut out = Output::new(out_dir)?;
-    let (drawn, lacking) = draw(&runs, &names, options, &mut out, progress)?;
+    let (drawn, not_drawn) = draw(&runs, &names, options, &mut out, progress)?;
 
     let metrics_json = match &runs[..] {
         [_] => out.write("metrics.json", metrics.to_json())?,
         _ => {
             let each: Vec<_> =
                 numbers.iter().map(|(name, metrics)| json!({ "name": name, "metrics": metrics })).collect();
-            out.write_json("metrics.json", &json!({ "schema": 1, "runs": each }))?
+            out.write_json("metrics.json", &json!({ "schema": metrics.schema, "runs": each }))?
         }
     };
-    let each: Vec<_> = names
-        .iter()
-        .zip(&happened)
-        .map(|(name, happenings)| json!({ "name": name, "happenings": happenings }))
-        .collect();
+    let each: Vec<_> =
+        names.iter().zip(&timelines).map(|(name, timeline)| json!({ "name": name, "happenings": timeline })).collect();
     out.write_json("happenings.json", &json!({ "runs": each }))?;
     let mut text = String::new();
     for (run, (name, metrics)) in runs.iter().zip(&numbers) {
@@ -113,28 +109,28 @@ pub fn report_with(
     let parts: Vec<Part> = runs
         .iter()
         .zip(&numbers)
-        .zip(&happened)
-        .map(|((run, (name, metrics)), happenings)| Part {
+        .zip(&timelines)
+        .map(|((run, (name, metrics)), timeline)| Part {
             name: name.clone(),
             path: run.path.display().to_string(),
             metrics,
             channels: &run.channels,
-            happenings,
+            timeline,
         })
         .collect();
     let content = Content {
         figures: &drawn,
         formats: &options.plots.formats,
-        lacking: &lacking,
+        not_drawn: &not_drawn,
         walk: walk.as_deref(),
         files: &out.tables,
     };
     let page = html::page(&parts, &content);
     let html = out.write("report.html", page)?;
-    Ok(Report { html, metrics_json, files: out.files, metrics, runs: numbers, happenings: happened, lacking })
+    Ok(Report { html, metrics_json, files: out.files, metrics, runs: numbers, timelines, not_drawn })
 }
 
-/// The same numbers, borrowed.
+/// Borrows the metrics.
 fn borrowed(numbers: &[(String, Metrics)]) -> Vec<(String, &Metrics)> {
     numbers.iter().map(|(name, metrics)| (name.clone(), metrics)).collect()
 }
@@ -145,42 +141,42 @@ fn draw(
     options: &ReportOptions,
     out: &mut Output,
     progress: &mut dyn FnMut(Progress),
-) -> Result<(Vec<Figure>, Vec<Lacking>), Error> {
+) -> Result<(Vec<Figure>, Vec<NotDrawn>), Error> {
     let named: Vec<(Named, &Run)> = names.iter().map(|name| Named(name.clone())).zip(runs).collect();
-    let (mut drawn, mut lacking) = (Vec::new(), Vec::new());
+    let (mut drawn, mut not_drawn) = (Vec::new(), Vec::new());
     let total = options.plots.figures.len() as u64;
-    for (done, ask) in (0..).zip(&options.plots.figures) {
+    for (done, spec) in (0..).zip(&options.plots.figures) {
         progress(Progress { stage: Stage::Draw, done, total });
-        match figures::draw(ask, &named) {
+        match figures::draw(spec, &named) {
             Ok(figure) => {
                 out.files.extend(figure.write(&out.dir, &options.plots.formats, options.plots.png_dpi)?);
                 drawn.push(figure);
             }
-            Err(lack) => lacking.push(lack),
+            Err(missing) => not_drawn.push(missing),
         }
     }
     progress(Progress { stage: Stage::Draw, done: total, total });
-    Ok((drawn, lacking))
+    Ok((drawn, not_drawn))
 }
 
-/// Names given, else file names without ending; of equal ones each gets its number.
+/// The given names, else file names without extension. Equal names get a number appended.
 fn names_of(runs: &[Run], given: &[String]) -> Vec<String> {
     let own = |run: &Run| run.path.file_stem().map_or_else(|| run.name(), |stem| stem.to_string_lossy().into_owned());
-    let wanted: Vec<String> =
+    let names: Vec<String> =
         runs.iter().enumerate().map(|(k, run)| given.get(k).cloned().unwrap_or_else(|| own(run))).collect();
-    let twice = |name: &String| wanted.iter().filter(|other| *other == name).count() > 1;
-    wanted
+    let is_duplicate = |name: &String| names.iter().filter(|other| *other == name).count() > 1;
+    names
         .iter()
         .enumerate()
-        .map(|(k, name)| if twice(name) { format!("{name} {}", k + 1) } else { name.clone() })
+        .map(|(k, name)| if is_duplicate(name) { format!("{name} {}", k + 1) } else { name.clone() })
         .collect()
 }
 
-/// The directory of a report, and what has been written to it.
+/// The folder of a report.
 struct Output {
     dir: PathBuf,
     files: Vec<PathBuf>,
-    /// Names of files that the page links to, figures apart.
+    /// Names of the files that the page links to, without figures.
     tables: Vec<String>,
 }
 
@@ -202,7 +198,7 @@ impl Output {
         self.write(name, format!("{value:#}\n"))
     }
 
-    /// A table in every form but text; nothing for a table without rows.
+    /// Writes a table as CSV, LaTeX and JSON. A table without rows is not written.
     fn write_table(&mut self, name: &str, table: &NumericTable, run: &Run) -> Result<(), Error> {
         if table.rows.is_empty() {
             return Ok(());

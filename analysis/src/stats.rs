@@ -1,15 +1,15 @@
-//! Summary figures of a list of samples.
+//! Statistics of a list of samples.
 
 use serde::Serialize;
 
-/// Summary of an error signal, in the unit of the signal.
+/// Statistics of an error signal, in the unit of the signal.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct ErrorStats {
-    /// Samples.
+    /// Number of samples.
     pub count: u64,
     /// Mean of the signed error.
     pub mean: f64,
-    /// Standard deviation about that mean, over `count`.
+    /// Standard deviation, normalized by `count`.
     pub std: f64,
     /// `sqrt(mean² + std²)`.
     pub rms: f64,
@@ -20,7 +20,7 @@ pub struct ErrorStats {
 }
 
 impl ErrorStats {
-    /// `None` without a sample. NaN samples are left out.
+    /// `None` without samples. NaN samples are ignored.
     pub fn of(samples: impl IntoIterator<Item = f64>) -> Option<Self> {
         let samples: Vec<f64> = samples.into_iter().filter(|e| !e.is_nan()).collect();
         if samples.is_empty() {
@@ -39,14 +39,14 @@ impl ErrorStats {
     }
 }
 
-/// Summary of a duration or a count, in the unit of the samples.
+/// Distribution of samples, in the unit of the samples.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Distribution {
-    /// Samples.
+    /// Number of samples.
     pub count: u64,
     /// Mean.
     pub mean: f64,
-    /// Standard deviation, over `count`.
+    /// Standard deviation, normalized by `count`.
     pub std: f64,
     /// Smallest.
     pub min: f64,
@@ -61,7 +61,7 @@ pub struct Distribution {
 }
 
 impl Distribution {
-    /// `None` without a sample. NaN samples are left out.
+    /// `None` without samples. NaN samples are ignored.
     pub fn of(samples: impl IntoIterator<Item = f64>) -> Option<Self> {
         let mut sorted: Vec<f64> = samples.into_iter().filter(|x| !x.is_nan()).collect();
         sorted.sort_by(f64::total_cmp);
@@ -79,7 +79,7 @@ impl Distribution {
     }
 }
 
-/// Mean and standard deviation about it, over the number of samples; `None` without a sample.
+/// Mean and standard deviation, normalized by the number of samples; `None` without samples.
 pub fn mean_and_std(samples: &[f64]) -> Option<(f64, f64)> {
     let n = samples.len() as f64;
     let mean = samples.iter().sum::<f64>() / n;
@@ -87,7 +87,7 @@ pub fn mean_and_std(samples: &[f64]) -> Option<(f64, f64)> {
     (!samples.is_empty()).then(|| (mean, variance.sqrt()))
 }
 
-/// The smallest sample that is not exceeded by a share `p` of all (nearest rank); `sorted` is not empty.
+/// Quantile by nearest rank: the smallest sample that is greater than or equal to a fraction `p` of all samples. `sorted` must not be empty.
 fn quantile(sorted: &[f64], p: f64) -> f64 {
     let rank = (p * sorted.len() as f64).ceil() as usize;
     sorted[rank.clamp(1, sorted.len()) - 1]
@@ -98,7 +98,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn errors_of_one_and_three() {
+    fn error_statistics_of_two_samples() {
         let stats = ErrorStats::of([-1.0, 3.0, f64::NAN]).unwrap();
         let expected = ErrorStats { count: 2, mean: 1.0, std: 2.0, rms: 5.0_f64.sqrt(), mean_abs: 2.0, max_abs: 3.0 };
         assert_eq!(stats, expected);

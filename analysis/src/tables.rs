@@ -1,4 +1,4 @@
-//! Tables of a report: tracking errors beside the published ones, statistics of times, several logs side by side.
+//! Tables of a report: tracking errors with published values, statistics of times, comparison of logs.
 
 use crate::metrics::{Metrics, Reference};
 use crate::numeric_table::{NumericTable, Row};
@@ -6,37 +6,37 @@ use crate::run::LEGS;
 use crate::stats::{Distribution, ErrorStats, mean_and_std};
 use crate::table::{Column, Table};
 
-/// Mean and standard deviation of an error as a source prints them.
+/// Published mean and standard deviation of an error.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Published {
-    /// Mean; the source does not say whether of the error or of its absolute value.
+    /// Mean. The source does not define whether of the error or of the absolute error.
     pub mean: f64,
     /// Standard deviation.
     pub std: f64,
 }
 
 impl Published {
-    /// `sqrt(mean² + std²)`, the same in both readings of the mean.
+    /// `sqrt(mean² + std²)`, equal for both definitions of the mean.
     pub fn rms(&self) -> f64 {
         self.mean.hypot(self.std)
     }
 }
 
-/// One line of the tracking table.
+/// One row of the tracking table.
 #[derive(Clone, Debug, PartialEq)]
 pub struct TrackingRow {
-    /// Quantity, such as `roll` or `LF x`.
+    /// Name of the quantity, such as `roll` or `LF x`.
     pub name: String,
-    /// Its unit.
+    /// Unit.
     pub unit: &'static str,
-    /// What the log gives.
+    /// Error in the log.
     pub measured: Option<ErrorStats>,
     /// The entry of [`PUBLISHED_TRACKING`], if there is one.
     pub published: Option<Published>,
 }
 
 impl TrackingRow {
-    /// Measured rms over the published one: at most 1 is as good.
+    /// Measured rms / published rms; at most 1 if tracking is as good as published.
     pub fn rms_ratio(&self) -> Option<f64> {
         Some(self.measured?.rms / self.published?.rms())
     }
@@ -62,7 +62,7 @@ fn published(name: &str) -> Option<Published> {
     PUBLISHED_TRACKING.iter().find(|(quantity, _)| *quantity == name).map(|(_, published)| *published)
 }
 
-/// Base first, then the feet in the order LF RF LH RH.
+/// Rows of the base, then of the feet in the order LF RF LH RH.
 pub fn tracking_rows(metrics: &Metrics) -> Vec<TrackingRow> {
     let tracking = &metrics.tracking;
     let base = [
@@ -78,7 +78,7 @@ pub fn tracking_rows(metrics: &Metrics) -> Vec<TrackingRow> {
     rows.map(|(name, unit, measured)| TrackingRow { published: published(&name), name, unit, measured }).collect()
 }
 
-/// What the errors are: a line above the table.
+/// Definition of the errors, for the line above the table.
 pub fn tracking_heading(metrics: &Metrics) -> &'static str {
     match metrics.measured_against {
         Reference::GroundTruth => "Tracking error: reference - ground truth",
@@ -86,7 +86,7 @@ pub fn tracking_heading(metrics: &Metrics) -> &'static str {
     }
 }
 
-/// The tracking table, with the published figures in its last four columns.
+/// The tracking table, with the published values and the ratio in the last four columns.
 pub fn tracking(metrics: &Metrics) -> NumericTable {
     let head = ["", "mean", "std", "rms", "mean|e|", "max|e|", "publ. mean", "publ. std", "publ. rms", "ratio"];
     let rows = tracking_rows(metrics).into_iter().map(|row| {
@@ -115,7 +115,7 @@ pub fn tracking_text(metrics: &Metrics) -> String {
     format!("{}\n{}", table.caption, table.text())
 }
 
-/// Statistics of times: the tick, its stages, and of a live run wake-up latency and period.
+/// Statistics of times: the tick and its stages; for a live run also latency after wake-up and period.
 pub fn timing(metrics: &Metrics) -> NumericTable {
     let row = |name: String, d: Distribution| {
         let values = [d.mean, d.std, d.p50, d.p99, d.p999, d.max].map(Some).to_vec();
@@ -125,17 +125,17 @@ pub fn timing(metrics: &Metrics) -> NumericTable {
     if let Some(timing) = &metrics.timing {
         rows.extend(timing.tick_us.map(|d| row("tick".to_owned(), d)));
         rows.extend(timing.stages.iter().filter_map(|s| Some(row(s.stage.to_owned(), s.us?))));
-        // A lockstep run does not wake: its latency says nothing.
+        // A lockstep run has no wake-ups.
         if timing.period_error_us.is_some() {
             rows.extend(timing.start_latency_us.map(|d| row("wake-up to start".to_owned(), d)));
-            rows.extend(timing.period_error_us.map(|d| row("period - nominal".to_owned(), d)));
+            rows.extend(timing.period_error_us.map(|d| row("period - control period".to_owned(), d)));
         }
     }
     let head = ["", "mean", "std", "p50", "p99", "p99.9", "max"].map(str::to_owned).to_vec();
-    NumericTable { caption: "Times by the wall clock".to_owned(), head, rows }
+    NumericTable { caption: "Durations by the wall clock".to_owned(), head, rows }
 }
 
-/// Figures of merit of several logs side by side, with mean and standard deviation over the logs.
+/// Metrics of several logs side by side, with mean and standard deviation over the logs.
 pub fn comparison(runs: &[(String, &Metrics)]) -> NumericTable {
     let mut rows = Vec::new();
     let mut add = |name: &str, unit: &str, decimals: usize, value: &dyn Fn(&Metrics) -> Option<f64>| {
@@ -155,7 +155,7 @@ pub fn comparison(runs: &[(String, &Metrics)]) -> NumericTable {
         add(&format!("{name} error, rms"), unit, 4, &|m| tracking_rows(m)[k].measured.map(|e| e.rms));
     }
     let touchdowns = |m: &Metrics| m.contact.as_ref().map(|c| c.touchdowns.clone());
-    add("touchdowns judged late by, median", "ms", 1, &|m| touchdowns(m)?.delay_ms.map(|d| d.p50));
+    add("touchdown delay, median", "ms", 1, &|m| touchdowns(m)?.delay_ms.map(|d| d.p50));
     add("false touchdowns", "", 0, &|m| touchdowns(m).map(|t| t.false_count as f64));
     add("missed touchdowns", "", 0, &|m| touchdowns(m).map(|t| t.missed_count as f64));
     add("slip, all feet", "m", 3, &|m| m.slip.as_ref().map(|feet| feet.iter().map(|f| f.travel_m).sum()));
@@ -168,12 +168,12 @@ pub fn comparison(runs: &[(String, &Metrics)]) -> NumericTable {
     let deadlines = |m: &Metrics| m.timing.as_ref().filter(|t| t.with_deadline > 0).map(|t| t.missed_deadlines as f64);
     add("missed deadlines", "", 0, &deadlines);
     let head = std::iter::once("").chain(runs.iter().map(|(name, _)| name.as_str())).chain(["mean", "std"]);
-    NumericTable { caption: "Several logs side by side".to_owned(), head: head.map(str::to_owned).collect(), rows }
+    NumericTable { caption: "Comparison of the logs".to_owned(), head: head.map(str::to_owned).collect(), rows }
 }
 
-/// A few lines on how the run went: robot, length, way, falls, speed, contact, QP. Pairs of what and how much.
+/// Summary of a run as pairs of name and text: robot, duration, distance walked, falls, speed, contact, QP.
 pub fn summary_rows(metrics: &Metrics) -> Vec<(&'static str, String)> {
-    let (run, way, safety) = (&metrics.run, &metrics.locomotion, &metrics.safety);
+    let (run, locomotion, safety) = (&metrics.run, &metrics.locomotion, &metrics.safety);
     let or_unknown = |text: &str| if text.is_empty() { "not in the log".to_owned() } else { text.to_owned() };
     let mut rows = vec![
         ("robot", or_unknown(&run.robot)),
@@ -185,20 +185,24 @@ pub fn summary_rows(metrics: &Metrics) -> Vec<(&'static str, String)> {
         ("revision", or_unknown(&run.revision) + if run.dirty { ", with uncommitted changes" } else { "" }),
         ("duration", format!("{:.2} s, {} ticks of {:.3} ms", run.duration_s, run.ticks, run.period_s * 1e3)),
     ];
-    if let Some((distance, displacement)) = way.distance_m.zip(way.displacement_m) {
+    if let Some((distance, displacement)) = locomotion.distance_m.zip(locomotion.displacement_m) {
         rows.push(("distance walked", format!("{distance:.2} m ({displacement:.2} m from start to end)")));
     }
-    if let Some([x, y]) = way.commanded_velocity {
-        let realised =
-            way.true_velocity.map_or(String::new(), |[x, y]| format!(", realised {x:.3} forward, {y:.3} leftward"));
+    if let Some([x, y]) = locomotion.commanded_velocity {
+        let measured = locomotion
+            .true_velocity
+            .map_or(String::new(), |[x, y]| format!(", measured {x:.3} forward, {y:.3} leftward"));
         rows.push((
             "mean velocity",
-            format!("commanded {x:.3} forward, {y:.3} leftward{realised} m/s, over {:.1} s of walking", way.walking_s),
+            format!(
+                "commanded {x:.3} forward, {y:.3} leftward{measured} m/s, in {:.1} s of walking",
+                locomotion.walking_s
+            ),
         ));
     }
     rows.push(("fell", safety.fell_at_s.map_or("no".to_owned(), |t| format!("yes, at {t:.2} s"))));
     if let Some((height, tilt)) = safety.min_height_m.zip(safety.max_tilt_rad) {
-        rows.push(("extremes", format!("base height at least {height:.3} m, tilt at most {tilt:.3} rad")));
+        rows.push(("extremes", format!("lowest base height {height:.3} m, largest tilt {tilt:.3} rad")));
     }
     for fault in &safety.faults {
         rows.push((
@@ -207,22 +211,20 @@ pub fn summary_rows(metrics: &Metrics) -> Vec<(&'static str, String)> {
         ));
     }
     if let Some(ticks) = safety.clamped_ticks {
-        rows.push(("limited torques", format!("in {ticks} ticks")));
+        rows.push(("clamped torques", format!("in {ticks} ticks")));
     }
     if let Some(contact) = &metrics.contact {
         let downs = &contact.touchdowns;
         let delay = downs.delay_ms.map_or(String::new(), |d| {
-            format!(", judged {:.1} ms after contact (median; 99 %: {:.1} ms)", d.p50, d.p99)
+            format!(", detected {:.1} ms after contact (median; p99 {:.1} ms)", d.p50, d.p99)
         });
         let missed = downs.missed_count;
         rows.push(("touchdowns", format!("{}, {} false, {missed} missed{delay}", downs.count, downs.false_count)));
     }
     if let Some(energy) = &metrics.energy {
-        let transport = energy
-            .cost_of_transport
-            .map_or(String::new(), |c| format!(", {c:.3} per weight and way (cost of transport)"));
+        let transport = energy.cost_of_transport.map_or(String::new(), |c| format!(", cost of transport {c:.3}"));
         let (watts, joules) = (energy.mean_positive_power_w, energy.positive_work_j);
-        rows.push(("positive work", format!("{joules:.0} J, {watts:.1} W in the mean{transport}")));
+        rows.push(("positive work", format!("{joules:.0} J, mean {watts:.1} W{transport}")));
     }
     if let Some(feet) = &metrics.slip {
         let each: Vec<String> = feet.iter().map(|foot| format!("{} {:.3}", foot.leg, foot.travel_m)).collect();
@@ -232,20 +234,20 @@ pub fn summary_rows(metrics: &Metrics) -> Vec<(&'static str, String)> {
         let bad = qp.status.failed + qp.status.infeasible;
         let spread = qp
             .iterations
-            .map_or(String::new(), |d| format!("{:.1} iterations (p99 {:.0}, most {:.0}), ", d.mean, d.p99, d.max));
+            .map_or(String::new(), |d| format!("{:.1} iterations (p99 {:.0}, max {:.0}), ", d.mean, d.p99, d.max));
         rows.push(("QP", format!("{spread}{} almost solved, {bad} failed", qp.status.almost_solved)));
     }
     if let Some(timing) = &metrics.timing {
         let deadlines = match timing.with_deadline {
-            0 => format!("none set (lockstep); {} ticks took longer than the period", timing.longer_than_period),
-            n => format!("{} of {n} missed, {} ticks left out", timing.missed_deadlines, timing.left_out),
+            0 => format!("none (lockstep); {} ticks took longer than the period", timing.longer_than_period),
+            n => format!("{} of {n} missed, {} ticks skipped", timing.missed_deadlines, timing.left_out),
         };
         rows.push(("deadlines", deadlines));
     }
     rows
 }
 
-/// Summary, tracking and timing for a terminal: what `tables.txt` holds.
+/// Summary, tracking and timing for a terminal, as in `tables.txt`.
 pub fn text(metrics: &Metrics) -> String {
     let mut summary = Table::new([Column::left(""), Column::left("")]);
     for (name, value) in summary_rows(metrics) {

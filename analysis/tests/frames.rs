@@ -2,13 +2,13 @@
 
 mod common;
 
-use analysis::export::Table;
+use analysis::export::ExportFormat;
 use analysis::{Error, Frames};
 use common::{Plan, RPY_ERROR, scratch, write};
 use polars::prelude::{ParquetReader, SerReader};
 
 #[test]
-fn a_channel_is_a_frame_with_a_column_a_field() {
+fn a_channel_is_a_frame_with_one_column_per_field() {
     let log = scratch("frame").join("run.mcap");
     write(&log, &Plan { ticks: 50, ..Plan::default() });
     let frames = Frames::read(&log, |channel| channel != "TIMING", &mut |_| ()).unwrap();
@@ -29,18 +29,18 @@ fn a_channel_is_a_frame_with_a_column_a_field() {
 }
 
 #[test]
-fn joined_rows_meet_in_time_and_gaps_are_null() {
+fn joined_rows_have_equal_times_and_gaps_are_null() {
     let log = scratch("joined").join("run.lcmlog");
     write(&log, &Plan { ticks: 30, ..Plan::default() });
     let short = scratch("joined_gap").join("run.lcmlog");
     write(&short, &Plan { ticks: 30, gap: 10..12, ..Plan::default() });
     let frames = Frames::read(&log, |_| true, &mut |_| ()).unwrap();
     let joined = frames.joined(&["CONTROLLER_TICK", "GROUND_TRUTH", "EVENT"]);
-    assert!(matches!(joined, Err(Error::NoSuchChannel { .. })), "this log has no event yet");
+    assert!(matches!(joined, Err(Error::NoSuchChannel { .. })), "this log has no EVENT");
     let joined = frames.joined(&["CONTROLLER_TICK", "GROUND_TRUTH"]).unwrap();
     let times = |name: &str| joined.column(name).unwrap().i64().unwrap().iter().collect::<Vec<_>>();
     assert_eq!(times("CONTROLLER_TICK.t_ns"), times("GROUND_TRUTH.t_ns"));
-    // RUN_INFO stands at time 0 only: every other row of it is null.
+    // RUN_INFO has one message, at time 0: all other rows are null.
     let joined = frames.joined(&["GROUND_TRUTH", "RUN_INFO"]).unwrap();
     assert_eq!(joined.column("RUN_INFO.seed").unwrap().null_count(), 29);
     assert_eq!(Frames::read(&short, |_| true, &mut |_| ()).unwrap().get("GROUND_TRUTH").unwrap().height(), 28);
@@ -72,7 +72,7 @@ fn ticks_stand_side_by_side_with_their_units_in_the_file() {
     assert_eq!((unit("CONTROLLER_INPUT.op.v_H[1]"), unit("CONTROLLER_INPUT.op.roll")), (Some("m/s"), Some("rad")));
     let out = dir.join("ticks.parquet");
     let types = replay::log::Types::default();
-    analysis::export::export(&log, &out, Table::Ticks, types, |_| true, &mut |_| ()).unwrap();
+    analysis::export::export(&log, &out, ExportFormat::Ticks, types, |_| true, &mut |_| ()).unwrap();
     // A footer keeps its metadata as plain text: key, then value.
     let bytes = std::fs::read(&out).unwrap();
     let text = b"\"CONTROLLER_INPUT.state.qd[7]\":\"rad/s, m/s\"";

@@ -1,6 +1,6 @@
 //! Figures of merit of a run whose errors are chosen: see `common`.
 
-#![allow(clippy::unwrap_used, reason = "a test stops at the first surprise")]
+#![allow(clippy::unwrap_used, reason = "a test stops at the first error")]
 
 mod common;
 

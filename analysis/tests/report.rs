@@ -1,4 +1,4 @@
-//! The report of a synthetic run: complete, the same bytes twice, and honest about what is missing.
+//! Reports of synthetic runs: complete, repeatable, and with a list of what is missing.
 
 mod common;
 
@@ -8,7 +8,7 @@ use analysis::figures::{Format, Several};
 use analysis::{Error, Plots, ReportOptions, report, report_with};
 use common::{Plan, scratch, write};
 
-/// The built-in figures as SVG alone, which is quick.
+/// The built-in figures, as SVG only.
 fn quick() -> ReportOptions {
     let plots = Plots { formats: vec![Format::Svg], ..Plots::default() };
     ReportOptions { plots, ..ReportOptions::default() }
@@ -25,8 +25,8 @@ fn one_log_gives_one_report_byte_for_byte() {
     write(&log, &Plan::default());
     let first = report(&log, &dir.join("a"), &mut |_| ()).unwrap();
     let second = report(&log, &dir.join("b"), &mut |_| ()).unwrap();
-    assert!(first.lacking.is_empty());
-    // Figures in three forms; metrics, happenings, two tables in three forms, text, walk, page.
+    assert!(first.not_drawn.is_empty());
+    // Figures in three formats; metrics and timeline; two tables in three formats; text, animation and page.
     assert_eq!(first.files.len(), 15 * 3 + 2 + 2 * 3 + 3);
     for (a, b) in first.files.iter().zip(&second.files) {
         assert!(std::fs::read(a).unwrap() == std::fs::read(b).unwrap(), "{} differs from {}", a.display(), b.display());
@@ -38,7 +38,7 @@ fn one_log_gives_one_report_byte_for_byte() {
 }
 
 #[test]
-fn the_page_needs_no_other_file_and_escapes_what_it_quotes() {
+fn the_page_is_self_contained_and_escapes_text_from_the_log() {
     let dir = scratch("page");
     let log = dir.join("run.lcmlog");
     write(&log, &Plan::default());
@@ -55,12 +55,12 @@ fn the_page_needs_no_other_file_and_escapes_what_it_quotes() {
 }
 
 #[test]
-fn what_a_log_lacks_is_said_and_the_rest_is_drawn() {
-    let dir = scratch("lacking");
+fn figures_with_missing_channels_are_listed_and_the_others_are_drawn() {
+    let dir = scratch("not_drawn");
     let log = dir.join("run.lcmlog");
     write(&log, &Plan { without: &["GROUND_TRUTH", "TIMING"], gap: 1500..1600, ..Plan::default() });
     let report = report_with(&[log], &dir, &quick(), &mut |_| ()).unwrap();
-    let names: Vec<&str> = report.lacking.iter().map(|lack| lack.name.as_str()).collect();
+    let names: Vec<&str> = report.not_drawn.iter().map(|missing| missing.name.as_str()).collect();
     assert_eq!(names, ["path", "contact_estimation", "foot_slip", "timing", "timing_distribution"]);
     let page = std::fs::read_to_string(&report.html).unwrap();
     assert!(page.contains("Not in the log: TIMING, GROUND_TRUTH") && page.contains("Path from above"));
@@ -68,7 +68,7 @@ fn what_a_log_lacks_is_said_and_the_rest_is_drawn() {
 }
 
 #[test]
-fn a_cut_log_is_reported_as_far_as_it_goes() {
+fn a_cut_log_is_reported_up_to_the_cut() {
     let dir = scratch("cut");
     let log = dir.join("run.lcmlog");
     write(&log, &Plan { ticks: 1500, ..Plan::default() });
@@ -80,7 +80,7 @@ fn a_cut_log_is_reported_as_far_as_it_goes() {
 }
 
 #[test]
-fn an_empty_file_is_a_clear_error() {
+fn an_empty_file_is_an_error_of_the_log() {
     let dir = scratch("empty");
     let log = dir.join("run.lcmlog");
     std::fs::write(&log, b"").unwrap();
@@ -91,7 +91,7 @@ fn an_empty_file_is_a_clear_error() {
 }
 
 #[test]
-fn files_say_which_log_and_revision_they_are_of() {
+fn files_contain_hash_and_revision_of_the_log() {
     let dir = scratch("metadata");
     let log = dir.join("run.mcap");
     write(&log, &Plan { ticks: 1500, ..Plan::default() });
@@ -112,7 +112,7 @@ fn files_say_which_log_and_revision_they_are_of() {
 }
 
 #[test]
-fn several_logs_are_laid_over_each_other() {
+fn several_logs_are_overlaid() {
     let dir = scratch("several");
     let logs = ["before", "after"].map(|name| dir.join(format!("{name}.lcmlog")));
     write(&logs[0], &Plan { ticks: 2500, ..Plan::default() });
@@ -120,18 +120,18 @@ fn several_logs_are_laid_over_each_other() {
     for several in [Several::Lines, Several::Band] {
         let options = ReportOptions { plots: quick().plots.with_several(several), ..ReportOptions::default() };
         let report = report_with(&logs, &dir.join(format!("{several:?}")), &options, &mut |_| ()).unwrap();
-        assert_eq!(report.lacking, []);
+        assert_eq!(report.not_drawn, []);
         let json: serde_json::Value = serde_json::from_slice(&std::fs::read(&report.metrics_json).unwrap()).unwrap();
         assert_eq!(
             (json["runs"][1]["name"].as_str(), json["runs"][1]["metrics"]["run"]["seed"].as_i64()),
             (Some("after"), Some(8))
         );
         let svg = String::from_utf8(written(&report.html.with_file_name(""), "base_tracking.svg")).unwrap();
-        let words = match several {
+        let entries = match several {
             Several::Lines => ["before", "after", "reference of before"],
             Several::Band => ["mean of 2 logs", "± standard deviation", "smallest to largest"],
         };
-        for text in words {
+        for text in entries {
             assert!(svg.contains(&format!(">{text}</text>")), "{text}");
         }
         let csv = String::from_utf8(written(&report.html.with_file_name(""), "comparison.csv")).unwrap();
@@ -140,7 +140,7 @@ fn several_logs_are_laid_over_each_other() {
 }
 
 #[test]
-fn plots_choose_figures_fields_and_widths() {
+fn plots_select_figures_fields_and_widths() {
     let dir = scratch("plots");
     let log = dir.join("run.mcap");
     write(&log, &Plan { ticks: 1500, ..Plan::default() });
@@ -150,8 +150,8 @@ fn plots_choose_figures_fields_and_widths() {
                 [[figure]]\nkind = \"joint_tracking\"\njoints = [\"j1\", \"j7\"]\nfrom_s = 0.5\nto_s = 0.75\n";
     let options = ReportOptions { plots: Plots::parse(text, "plots.toml").unwrap(), ..ReportOptions::default() };
     let report = report_with(&[log], &dir, &options, &mut |_| ()).unwrap();
-    let [lack] = &report.lacking[..] else { panic!("{:?}", report.lacking) };
-    assert_eq!((lack.name.as_str(), lack.needs.as_str()), ("none", "field BASE_TRACKING.nothing"));
+    let [missing] = &report.not_drawn[..] else { panic!("{:?}", report.not_drawn) };
+    assert_eq!((missing.name.as_str(), missing.needs.as_str()), ("none", "field BASE_TRACKING.nothing"));
     let svg = String::from_utf8(written(&dir, "mine.svg")).unwrap();
     // 88 mm are 332.6 units of 1/96 inch.
     assert!(svg.contains("width=\"332.6\"") && svg.contains(">CONTROLLER_INPUT.state.q[3]</text>"));
@@ -161,7 +161,7 @@ fn plots_choose_figures_fields_and_widths() {
 }
 
 #[test]
-fn other_robots_and_logs_of_few_channels_are_drawn_as_far_as_they_go() {
+fn other_robots_and_logs_with_few_channels_give_the_possible_figures() {
     for (name, joints, without) in [
         ("arm", 19, &["LEG_STATE", "CONTACT_ESTIMATE", "GROUND_TRUTH", "WBC_SOLUTION", "BASE_TRACKING"] as &[_]),
         ("no_joints", 0, &[]),
@@ -218,18 +218,18 @@ fn other_robots_and_logs_of_few_channels_are_drawn_as_far_as_they_go() {
         for channel in without {
             assert!(report.metrics.missing_channels.contains(channel), "{name}: {channel}");
         }
-        for lack in &report.lacking {
-            assert!(page.contains(&format!("No figure “{}”", lack.title)), "{name}: {}", lack.title);
+        for missing in &report.not_drawn {
+            assert!(page.contains(&format!("Figure “{}” is not drawn", missing.title)), "{name}: {}", missing.title);
         }
         assert_eq!(
             page.matches("<svg ").count(),
-            15 - report.lacking.len() + usize::from(dir.join("walk.svg").exists()),
+            15 - report.not_drawn.len() + usize::from(dir.join("walk.svg").exists()),
             "{name}"
         );
         assert!(!page.contains("NaN") && !page.contains(">inf"), "{name}");
-        let drawn = |figure: &str| report.lacking.iter().all(|lack| lack.name != figure);
+        let drawn = |figure: &str| report.not_drawn.iter().all(|missing| missing.name != figure);
         assert_eq!(drawn("joint_torque"), joints > 0 && !["truth", "timing"].contains(&name), "{name}");
         assert_eq!(drawn("timing"), !["inputs", "truth"].contains(&name), "{name}");
-        assert!(page.contains("100 ticks are missing from the log"), "{name}");
+        assert!(page.contains("100 ticks are missing in the log"), "{name}");
     }
 }

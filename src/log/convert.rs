@@ -3,7 +3,7 @@
 use super::{Channels, LogTypes, loss, print_copy_report};
 use crate::progress::Progress;
 use crate::{Outcome, say, say_json};
-use analysis::export::{Exported, Table, export};
+use analysis::export::{ExportFormat, Exported, export};
 use clap::ValueEnum;
 use replay::log::ros2::{self, BaseSource};
 use replay::log::{CopyOptions, EventFilter};
@@ -90,10 +90,10 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
     let bar = Progress::new("convert");
     let mut progress = |part| bar.set(part);
     let table = match to {
-        To::Csv => Table::Csv,
-        To::Parquet => Table::Parquet,
-        To::Ticks => Table::Ticks,
-        To::Mat => Table::Mat,
+        To::Csv => ExportFormat::Csv,
+        To::Parquet => ExportFormat::Parquet,
+        To::Ticks => ExportFormat::Ticks,
+        To::Mat => ExportFormat::Mat,
         To::Mcap if args.encoding == Encoding::Ros2 => {
             let exported = ros2::to_ros2(&args.log, &out, filter, types, &mut progress)?;
             drop(bar);

@@ -1,8 +1,11 @@
-//! MATLAB files of Level 5, uncompressed: what MATLAB, Octave and scipy read without a toolbox.
+//! Uncompressed MATLAB files of Level 5, readable by MATLAB, Octave and scipy without a toolbox.
 //!
-//! A channel is a struct; its fields are those of the message, with structs inside structs, and `log_t_ns`. A field of n messages is a
-//! matrix of n rows: `q` of 12 joints is n x 12, `f_F_W[4][3]` is n x 4 x 3; texts are cells. Integers are int64, flags logical; what
-//! a message does not have (arrays may differ in length) is NaN, and makes integers double.
+//! A channel is a struct with the fields of the message, nested structs included, and `log_t_ns`. A field of n messages is a matrix of n rows: `q` of 12
+//! joints is n x 12, `f_F_W[4][3]` is n x 4 x 3; strings are cells. Integers are int64, booleans logical. Missing values (arrays may differ in length) are
+//! NaN, and the field is double then.
+//!
+//! This writer is our own: the crates of pure Rust that were found either only read MAT files (matfile 0.5) or write the current time into the file
+//! (matrw 0.1), so that equal logs would not give equal bytes.
 //!
 //! Source: The MathWorks, *MAT-File Format* (R2024a), "Level 5 MAT-Files".
 
@@ -28,13 +31,13 @@ const CHAR: u32 = 4;
 const DOUBLE: u32 = 6;
 const UINT8: u32 = 9;
 const INT64: u32 = 14;
-/// Bit of the flags that makes an array of bytes one of truth values.
+/// Flag of an array of bytes that contains logical values.
 const LOGICAL: u32 = 0x200;
 
-/// Longest name, with its NUL.
+/// Length of a name with its terminating NUL.
 const NAME: usize = 64;
 
-/// Writes every frame as a variable of the name of its channel.
+/// Writes each frame as a variable with the name of its channel.
 pub(super) fn write(path: &Path, frames: &mut Frames) -> Result<(), Error> {
     let io = |source| Error::Write { path: path.to_owned(), source };
     let file = std::fs::File::create(path).map_err(io)?;
@@ -60,7 +63,7 @@ pub(super) fn write(path: &Path, frames: &mut Frames) -> Result<(), Error> {
     out.flush().map_err(io)
 }
 
-/// `state.legs[2].q[3]` is the field `state`, `legs`, `q` at the place 2, 3.
+/// Splits a path: `state.legs[2].q[3]` has the fields `state`, `legs`, `q` and the indices 2, 3.
 fn split(path: &str) -> (Vec<String>, Vec<usize>) {
     let (mut fields, mut indices) = (Vec::new(), Vec::new());
     for step in path.split('.') {
@@ -71,7 +74,7 @@ fn split(path: &str) -> (Vec<String>, Vec<usize>) {
     (fields, indices)
 }
 
-/// A name that MATLAB takes, other than those in use.
+/// A valid MATLAB name that is not in use.
 fn name(wanted: &str, used: &mut Vec<String>) -> String {
     let plain = |c: char| if c.is_ascii_alphanumeric() { c } else { '_' };
     let mut base: String = wanted.chars().map(plain).take(NAME - 5).collect();
@@ -94,14 +97,14 @@ enum Node {
     Field(Field),
 }
 
-/// The columns of one field, each with its place in it.
+/// The columns of one field, each with its indices.
 #[derive(Default)]
 struct Field {
     parts: Vec<(Vec<usize>, Column)>,
 }
 
 impl Struct {
-    /// The field at a path, made if it is new.
+    /// The field at a path, added if missing.
     fn field(&mut self, path: &[String]) -> &mut Field {
         let (first, rest) = path.split_first().map_or((String::new(), path), |(first, rest)| (first.clone(), rest));
         let place = self
@@ -119,7 +122,7 @@ impl Struct {
         }
     }
 
-    /// `None` if a part is longer than a file can say.
+    /// `None` if an element exceeds the size limit of the format.
     fn matrix(&self, called: &str, rows: usize) -> Option<Vec<u8>> {
         let mut body = head(STRUCT, &[1, 1], called)?;
         let mut used = Vec::new();
@@ -151,7 +154,7 @@ impl Field {
         if dims.len() == 1 {
             dims.push(1);
         }
-        // Columns first: the place of a column in the matrix.
+        // Column-major order: index of a column in the matrix.
         let place = |indices: &[usize]| {
             let (mut at, mut stride) = (0, 1);
             for (level, extent) in dims[1..].iter().enumerate() {
@@ -243,7 +246,7 @@ fn wrapped(body: &[u8]) -> Option<Vec<u8>> {
     Some(out)
 }
 
-/// A data element: kind, length, bytes, and zeros up to a multiple of eight.
+/// Appends a data element: type, length, bytes, and zeros up to a multiple of eight bytes.
 fn element(out: &mut Vec<u8>, kind: u32, data: &[u8]) -> Option<()> {
     out.extend_from_slice(&kind.to_le_bytes());
     out.extend_from_slice(&u32::try_from(data.len()).ok()?.to_le_bytes());

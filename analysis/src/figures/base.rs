@@ -1,21 +1,22 @@
-//! Base orientation and height over the whole run, alone or with two feet below: reference, truth, estimate.
+//! Orientation and height of the base over the whole run (reference, ground truth, estimate), alone or above two feet.
 
+use super::feet;
+use super::figure_spec::FigureSpec;
 use super::style::{DAMPING, Mark, PUSH};
 use super::trace::{Role, Timeline, Trace, Traces};
-use super::{FigureSpec, feet};
 use crate::math::unwrap_angles;
 use crate::run::{Run, Tick};
 
 /// LF and RH, the feet of Figure 9 of Raiola et al. 2020.
 const FEET_OF_FIGURE_9: [usize; 2] = [0, 3];
-/// Least extent of the vertical axes, rad and m.
+/// Minimum range of the vertical axes, rad and m.
 const LEAST_SPAN: f64 = 0.04;
 
-pub(super) fn traces(run: &Run, ask: &FigureSpec) -> Result<Traces, String> {
+pub(super) fn traces(run: &Run, spec: &FigureSpec) -> Result<Traces, String> {
     if !run.has("BASE_TRACKING") && !run.has("GROUND_TRUTH") {
         return Err("BASE_TRACKING or GROUND_TRUTH".to_owned());
     }
-    let window = ask.whole(run);
+    let window = spec.whole(run);
     let timeline = Timeline::new(run, window);
     let mut panels = vec![
         angle(&timeline, "roll [rad]", 0),
@@ -41,16 +42,17 @@ pub(super) fn traces(run: &Run, ask: &FigureSpec) -> Result<Traces, String> {
         }
     }
     let caption =
-        "Roll, pitch and yaw of the base, and its height above the mean contact point of the stance feet.".to_owned();
+        "Roll, pitch and yaw of the base, and height of the base above the mean contact point of the stance feet."
+            .to_owned();
     Ok(Traces { sections: vec![(1, panels)], window, caption, marks })
 }
 
-/// Base above, two feet below, over the same time.
-pub(super) fn with_feet(run: &Run, ask: &FigureSpec) -> Result<Traces, String> {
-    let mut base = traces(run, ask)?;
-    let legs = if ask.legs.len() == 4 { FEET_OF_FIGURE_9.to_vec() } else { ask.legs.clone() };
+/// Figure of base and feet in the same window. Source: Raiola et al. 2020, Figure 9.
+pub(super) fn with_feet(run: &Run, spec: &FigureSpec) -> Result<Traces, String> {
+    let mut base = traces(run, spec)?;
+    let legs = if spec.legs.len() == 4 { FEET_OF_FIGURE_9.to_vec() } else { spec.legs.clone() };
     let window_s = Some((base.window.min, base.window.max));
-    let feet = feet::traces(run, &FigureSpec { legs, window_s, ..ask.clone() })?;
+    let feet = feet::traces(run, &FigureSpec { legs, window_s, ..spec.clone() })?;
     for trace in &mut base.sections[0].1 {
         trace.height = 66.0;
     }
@@ -59,7 +61,7 @@ pub(super) fn with_feet(run: &Run, ask: &FigureSpec) -> Result<Traces, String> {
     base.sections.extend(feet.sections.into_iter().map(|(columns, mut panels)| {
         for panel in &mut panels {
             panel.height = 66.0;
-            // Over a whole walk swings are too many to be told apart.
+            // In a whole walk there are too many swings to distinguish.
             panel.shades.clear();
         }
         (columns, panels)

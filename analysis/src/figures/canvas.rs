@@ -1,31 +1,30 @@
-//! A drawing as data.
+//! A drawing as a list of lines, areas, discs and texts, in units of 1/96 inch.
 //!
-//! A figure is a list of lines, areas, dots and words in units of 1/96 inch, so that the code that lays a figure out has no back-end
-//! and no error in it. `svg`, `pdf` and `png` render the list, each the same bytes for the same drawing.
+//! Layout code needs no renderer and cannot fail. `svg`, `pdf` and `png` render the list; equal drawings give equal bytes.
 
 pub use plotters::style::RGBAColor;
 
-/// Where a text stands from its point.
+/// Position of a text relative to its point.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Align {
-    /// It begins there.
+    /// The text begins at the point.
     Left,
-    /// It is centred there.
+    /// The text is centered on the point.
     Middle,
-    /// It ends there.
+    /// The text ends at the point.
     Right,
 }
 
-/// Colour and width of a line, width in units of 1/96 inch.
+/// Color and width of a line.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Stroke {
-    /// Colour, with its opacity.
+    /// Color with opacity.
     pub color: RGBAColor,
-    /// Width.
+    /// Width, units of 1/96 inch.
     pub width: f64,
 }
 
-/// One thing to draw; points are `(x right, y down)` from the upper left corner.
+/// One shape or text. Points are `(x right, y down)` from the upper left corner.
 #[derive(Clone, Debug)]
 pub(super) enum Item {
     Line { points: Vec<(f64, f64)>, stroke: Stroke },
@@ -35,7 +34,7 @@ pub(super) enum Item {
     Text { baseline: (f64, f64), text: String, em: f64, align: Align, upward: bool, color: RGBAColor },
 }
 
-/// A figure as data: lengths in units of 1/96 inch (one CSS pixel).
+/// A drawing. Lengths are in units of 1/96 inch (one CSS pixel).
 #[derive(Clone, Debug)]
 pub struct Drawing {
     pub(super) width: f64,
@@ -44,7 +43,7 @@ pub struct Drawing {
 }
 
 impl Drawing {
-    /// An empty, white drawing of this size.
+    /// An empty white drawing.
     pub fn new(width: f64, height: f64) -> Self {
         Self { width, height, items: Vec::new() }
     }
@@ -54,41 +53,41 @@ impl Drawing {
         self.width
     }
 
-    /// A polyline; fewer than two points draw nothing.
+    /// Adds a polyline; fewer than two points are ignored.
     pub fn line(&mut self, points: Vec<(f64, f64)>, stroke: Stroke) {
         if points.len() > 1 {
             self.items.push(Item::Line { points, stroke });
         }
     }
 
-    /// A filled polygon; fewer than three points draw nothing.
+    /// Adds a filled polygon; fewer than three points are ignored.
     pub fn area(&mut self, points: Vec<(f64, f64)>, color: RGBAColor) {
         if points.len() > 2 {
             self.items.push(Item::Area { points, color });
         }
     }
 
-    /// A filled rectangle from its upper left corner.
+    /// Adds a filled rectangle; `corner` is the upper left.
     pub fn rect(&mut self, corner: (f64, f64), size: (f64, f64), color: RGBAColor) {
         self.items.push(Item::Rect { corner, size, color });
     }
 
-    /// A filled disc.
+    /// Adds a filled disc.
     pub fn dot(&mut self, center: (f64, f64), radius: f64, color: RGBAColor) {
         self.items.push(Item::Dot { center, radius, color });
     }
 
-    /// A line of text, its baseline through the point; `em` is the font size.
+    /// Adds a line of text with its baseline through the point; `em` is the font size.
     pub fn text(&mut self, baseline: (f64, f64), text: impl Into<String>, em: f64, align: Align, color: RGBAColor) {
         self.items.push(Item::Text { baseline, text: text.into(), em, align, upward: false, color });
     }
 
-    /// A line of text that reads upward, centred on the point.
+    /// Adds a line of text that reads upward, centered on the point.
     pub fn text_upward(&mut self, baseline: (f64, f64), text: impl Into<String>, em: f64, color: RGBAColor) {
         self.items.push(Item::Text { baseline, text: text.into(), em, align: Align::Middle, upward: true, color });
     }
 
-    /// The same drawing with every length multiplied.
+    /// The drawing with every length multiplied by a factor.
     #[must_use]
     pub fn scaled(mut self, by: f64) -> Self {
         let scale = |(x, y): (f64, f64)| (x * by, y * by);

@@ -1,7 +1,6 @@
-//! A figure as panels with layers, laid out for any width.
+//! A chart: panels with layers, laid out for any width.
 //!
-//! Panels stand in sections, column by column; a sheet too narrow for columns stacks them. So one description serves the text width of a page and a
-//! column of it.
+//! Panels are arranged in sections, column by column. On a narrow sheet the columns are stacked, so the same chart fits the width of a page and of a column.
 
 use std::rc::Rc;
 
@@ -12,66 +11,66 @@ use super::style::{
     legend_rows,
 };
 
-/// Sheets narrower than this have one column.
+/// Sheets narrower than this use one column.
 const ONE_COLUMN: f64 = 450.0;
-/// Between panels one above the other.
+/// Vertical space between panels.
 const GAP: f64 = 12.0;
-/// Between columns, room for the numbers of the right one included.
+/// Space between columns, including the numbers of the right column.
 const COLUMN_GAP: f64 = 62.0;
-/// A line of words above a panel.
+/// Height of the text above a panel.
 const HEADING: f64 = 16.0;
-/// A strip above a panel.
+/// Height of a strip above a panel.
 const STRIP: f64 = 4.0;
 
-/// Begin and end of stretches of time.
+/// Begin and end of intervals.
 pub type Spans = Vec<(f64, f64)>;
 
-/// A figure to be laid out.
+/// A figure before its layout.
 #[derive(Clone, Debug, Default)]
 pub struct Chart {
-    /// What is to be seen, one or two sentences.
+    /// One or two sentences about the content.
     pub caption: String,
-    /// Groups of panels, one below the other.
+    /// Groups of panels, from the top.
     pub sections: Vec<Section>,
-    /// Marks and their words.
+    /// Legend entries: text and mark.
     pub legend: Vec<(String, Mark)>,
 }
 
-/// Panels side by side.
+/// Columns of panels.
 #[derive(Clone, Debug)]
 pub struct Section {
-    /// Share of the width of each column.
+    /// Relative width of each column.
     pub columns: Vec<f64>,
-    /// Column by column, from the top.
+    /// Panels column by column, from the top.
     pub plots: Vec<Plot>,
-    /// The panels of a column have one horizontal axis, numbered below the last.
+    /// True: the panels of a column share their horizontal axis, with numbers below the last panel only.
     pub shared_x: bool,
 }
 
 /// One panel.
 #[derive(Clone, Debug)]
 pub struct Plot {
-    /// Words above it.
+    /// Text above the panel.
     pub heading: Option<String>,
-    /// Below the horizontal axis.
+    /// Label of the horizontal axis.
     pub x_label: String,
-    /// Left of the vertical axis.
+    /// Label of the vertical axis.
     pub y_label: String,
     /// Horizontal axis.
     pub x: Range,
     /// Vertical axis.
     pub y: Range,
-    /// Axes that map by the logarithm: horizontal, vertical.
+    /// Logarithmic axes: horizontal, vertical.
     pub logarithmic: [bool; 2],
     /// Height.
     pub height: f64,
-    /// Names of equal rows from the top, instead of numbers along the vertical axis.
+    /// Names of rows of equal height from the top, instead of numbers at the vertical axis.
     pub rows: Vec<String>,
-    /// Names of two equal columns, instead of numbers along the horizontal axis.
+    /// Names of two columns of equal width, instead of numbers at the horizontal axis.
     pub categories: Option<[String; 2]>,
-    /// Drawn in this order.
+    /// Layers in drawing order.
     pub layers: Vec<Layer>,
-    /// Lines of words in the upper right corner.
+    /// Lines of text in the upper left corner.
     pub notes: Vec<String>,
 }
 
@@ -94,37 +93,37 @@ impl Default for Plot {
     }
 }
 
-/// What is drawn in a panel, in units of its axes.
+/// Content of a panel, in units of its axes.
 #[derive(Clone, Debug)]
 pub enum Layer {
-    /// Background of stretches.
+    /// Shaded background of intervals.
     Shade(Spans, RGBAColor),
-    /// Bars above the panel, one strip a layer.
+    /// Bars above the panel; each layer has its own strip.
     Strip(Spans, RGBAColor),
-    /// Bars inside the panel: top and height as shares of the panel's height.
+    /// Bars inside the panel; top and height are fractions of the height of the panel.
     Bars(Spans, (f64, f64), RGBAColor),
-    /// A line, thinned to the width it is drawn at.
+    /// A line, thinned to the resolution of the layout.
     Line { xs: Rc<[f64]>, ys: Vec<f64>, stroke: Stroke, dashed: bool },
-    /// The same between two lines.
+    /// Filled area between two lines, thinned in the same way.
     Band { xs: Rc<[f64]>, low: Vec<f64>, high: Vec<f64>, color: RGBAColor },
-    /// Median, and maximum in a paler colour, of short stretches.
+    /// Median, and maximum in a paler color, of short intervals.
     Spread { xs: Rc<[f64]>, ys: Vec<f64>, stroke: Stroke },
-    /// A polyline as it is.
+    /// A polyline, not thinned.
     Path(Vec<(f64, f64)>, Stroke),
-    /// A filled box between two corners.
+    /// A filled rectangle between two corners.
     Box((f64, f64), (f64, f64), RGBAColor),
     /// Discs.
     Dots(Vec<(f64, f64)>, f64, RGBAColor),
-    /// Words centred on a point.
-    Words((f64, f64), String, RGBAColor),
-    /// A dashed line across at a value.
+    /// Text centered on a point.
+    Text((f64, f64), String, RGBAColor),
+    /// A dashed horizontal line at a value.
     Level(f64, Stroke),
-    /// A dashed line up at an abscissa.
+    /// A dashed vertical line at a value.
     Upright(f64, Stroke),
 }
 
 impl Chart {
-    /// The figure on a sheet of this width.
+    /// The drawing for a sheet of this width.
     pub fn draw(&self, width: f64) -> Drawing {
         let entries: Vec<(&str, Mark)> = self.legend.iter().map(|(text, mark)| (text.as_str(), *mark)).collect();
         let rows = legend_rows(&entries, width - LEFT_MARGIN);
@@ -146,12 +145,12 @@ impl Chart {
 }
 
 impl Section {
-    /// A section of one column whose panels share their axis.
+    /// A section of one column with a shared horizontal axis.
     pub fn column(plots: Vec<Plot>) -> Self {
         Self { columns: vec![1.0], plots, shared_x: true }
     }
 
-    /// Finds a place for every panel and says whether its horizontal axis is numbered; returns the lower end.
+    /// Adds the frame of each panel and whether its horizontal axis has numbers; returns the lower end.
     fn lay_out<'a>(&'a self, width: f64, top: f64, places: &mut Vec<(&'a Plot, Frame, bool)>) -> f64 {
         let columns: &[f64] = if width < ONE_COLUMN { &[1.0] } else { &self.columns };
         let per_column = self.plots.len().div_ceil(columns.len()).max(1);
@@ -251,7 +250,7 @@ impl Layer {
             Self::Dots(points, radius, color) => {
                 points.iter().for_each(|&(x, y)| drawing.dot(panel.at(x, y), *radius, *color));
             }
-            Self::Words((x, y), text, color) => {
+            Self::Text((x, y), text, color) => {
                 let (x, y) = panel.at(*x, *y);
                 drawing.text((x, y + 0.36 * TICK_EM), text, TICK_EM, Align::Middle, *color);
             }

@@ -1,4 +1,4 @@
-//! A plot of points: one quantity over another, one line a series. For sweeps, where a figure is not of one run.
+//! A plot of one quantity over another, with one line per series; for sweeps.
 
 use super::Figure;
 use super::canvas::Stroke;
@@ -8,23 +8,23 @@ use super::style::{Mark, REFERENCE_LINE, RUN_COLORS};
 
 const HEIGHT: f64 = 230.0;
 
-/// What to plot.
+/// Content of the plot.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Curves {
     /// Label of the horizontal axis, with its unit.
     pub x: String,
     /// Label of the vertical axis, with its unit.
     pub y: String,
-    /// The vertical axis goes by the logarithm; all values are positive.
+    /// True: the vertical axis is logarithmic, and all values are positive.
     pub logarithmic: bool,
-    /// Names and points, in the order of their abscissae.
+    /// Names and points of the series, points in order of x.
     pub series: Vec<(String, Vec<(f64, f64)>)>,
-    /// A level to be marked, with its name.
+    /// Name and value of a dashed horizontal line.
     pub limit: Option<(String, f64)>,
 }
 
 impl Curves {
-    /// The plot; the same points give the same bytes.
+    /// The plot as a figure. Equal points give equal bytes.
     pub fn figure(&self, name: &str) -> Figure {
         let points = || self.series.iter().flat_map(|(_, points)| points);
         let xs: Vec<f64> = points().map(|p| p.0).collect();

@@ -1,22 +1,22 @@
-//! Fields that a `plots.toml` names, of any channel, in one panel.
+//! Fields of any channels, selected in a `plots.toml`, in one panel.
 
-use super::FigureSpec;
+use super::figure_spec::FigureSpec;
 use super::trace::{Curve, Role, Trace, Traces};
 use crate::run::Run;
 
-pub(super) fn traces(run: &Run, ask: &FigureSpec) -> Result<Traces, String> {
+pub(super) fn traces(run: &Run, spec: &FigureSpec) -> Result<Traces, String> {
     let mut curves = Vec::new();
-    for (k, field) in ask.fields.iter().enumerate() {
+    for (k, field) in spec.fields.iter().enumerate() {
         let name = field.to_string();
         let samples = run.fields.get(&name).ok_or_else(|| format!("field {name}"))?;
         curves.push(Curve { role: Role::Number(k), name, xs: samples.t_s.clone().into(), ys: samples.values.clone() });
     }
-    let label = if ask.label.is_empty() {
-        ask.fields.first().map(|f| f.path.clone()).unwrap_or_default()
+    let label = if spec.label.is_empty() {
+        spec.fields.first().map(|f| f.path.clone()).unwrap_or_default()
     } else {
-        ask.label.clone()
+        spec.label.clone()
     };
     let trace = Trace { height: 150.0, ..Trace::new(label, 1e-9, curves) };
-    let caption = ask.fields.iter().map(ToString::to_string).collect::<Vec<_>>().join(", ") + ".";
-    Ok(Traces { sections: vec![(1, vec![trace])], window: ask.whole(run), caption, marks: Vec::new() })
+    let caption = spec.fields.iter().map(ToString::to_string).collect::<Vec<_>>().join(", ") + ".";
+    Ok(Traces { sections: vec![(1, vec![trace])], window: spec.whole(run), caption, marks: Vec::new() })
 }

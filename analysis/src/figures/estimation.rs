@@ -1,19 +1,19 @@
-//! The contact estimator against the simulator: shares of right and wrong flags, and how late touchdowns were judged.
+//! Contact estimate compared with ground truth: confusion matrices, and delays of touchdowns.
 
-use super::Named;
 use super::chart::{Chart, Layer, Plot, Section};
+use super::figure_spec::{FigureSpec, Named};
 use super::panel::Range;
 use super::style::{BLUE, Mark, TEXT, VERMILLION, pale};
 use super::trace::run_stroke;
 use crate::metrics::{ContactMetrics, touchdown_delays_ms};
 use crate::run::{LEGS, Run};
 
-/// True contact and flag of each square of a confusion matrix.
+/// True contact and estimated flag of each cell of a confusion matrix.
 const CELLS: [(usize, usize); 4] = [(0, 0), (0, 1), (1, 0), (1, 1)];
-/// Delays beyond these stand in the outermost bins, ms.
+/// Range of the histogram of delays, ms. The outermost bins contain all delays outside.
 const DELAYS: (i32, i32) = (-10, 30);
 
-pub(super) fn chart(runs: &[(Named, &Run)]) -> Result<Chart, String> {
+pub(super) fn chart(runs: &[(Named, &Run)], _: &FigureSpec) -> Result<Chart, String> {
     let mut sections = Vec::new();
     let mut delays = Vec::new();
     for (name, run) in runs {
@@ -29,14 +29,14 @@ pub(super) fn chart(runs: &[(Named, &Run)]) -> Result<Chart, String> {
     }
     sections.push(Section::column(vec![histogram(&delays)]));
     let mut legend = vec![
-        ("flag agrees with truth".to_owned(), Mark::Fill(pale(BLUE, 0.45))),
-        ("it does not".to_owned(), Mark::Fill(pale(VERMILLION, 0.45))),
+        ("flag equals true contact".to_owned(), Mark::Fill(pale(BLUE, 0.45))),
+        ("flag differs".to_owned(), Mark::Fill(pale(VERMILLION, 0.45))),
     ];
     if runs.len() > 1 {
         legend.extend(runs.iter().enumerate().map(|(k, (name, _))| (name.0.clone(), Mark::Line(run_stroke(k)))));
     }
-    let caption = "Share of ticks by true contact (rows) and contact flag (columns), with the number of touchdowns that were judged without contact (false) or more \
-                   than 20 ms late (missed); below, the time from first true contact to the judgement (the outermost bins hold all beyond)."
+    let caption = "Fraction of ticks by true contact (rows) and estimated contact flag (columns), with the number of touchdowns that were detected without contact \
+                   (false) or more than 20 ms late (missed). Below: time from first true contact to its detection; the outermost bins contain all delays outside."
         .to_owned();
     Ok(Chart { caption, sections, legend })
 }
@@ -48,15 +48,15 @@ fn confusion(counts: [[u64; 2]; 2], heading: String, downs: &crate::metrics::Tou
         let share = counts[truth][flag] as f64 / total;
         let (x, y) = (flag as f64, truth as f64);
         let color = if truth == flag { BLUE } else { VERMILLION };
-        // A wrong flag in one of a thousand ticks is to be seen.
+        // A wrong flag in 0.1 % of the ticks must be visible.
         let opacity = if share > 0.0 { 0.1 + 0.5 * share.powf(0.3) } else { 0.03 };
         layers.push(Layer::Box((x + 0.03, y + 0.03), (x + 0.97, y + 0.97), pale(color, opacity)));
-        layers.push(Layer::Words((x + 0.5, y + 0.5), format!("{:.2} %", 100.0 * share), TEXT));
+        layers.push(Layer::Text((x + 0.5, y + 0.5), format!("{:.2} %", 100.0 * share), TEXT));
     }
     let range = Range { min: 0.0, max: 2.0 };
     Plot {
         heading: Some(heading),
-        x_label: format!("{} steps: {} false, {} missed", downs.count, downs.false_count, downs.missed_count),
+        x_label: format!("{} touchdowns: {} false, {} missed", downs.count, downs.false_count, downs.missed_count),
         x: range,
         y: range,
         categories: Some(["no flag".to_owned(), "flag".to_owned()]),
@@ -85,7 +85,7 @@ fn histogram(delays: &[Vec<f64>]) -> Plot {
         layers.push(Layer::Path(outline, run_stroke(k)));
     }
     Plot {
-        x_label: "delay of the judgement [ms]".to_owned(),
+        x_label: "delay of detection [ms]".to_owned(),
         y_label: "touchdowns [%]".to_owned(),
         x: Range { min: f64::from(DELAYS.0), max: f64::from(DELAYS.1) },
         y: Range { min: 0.0, max: 1.1 * most },

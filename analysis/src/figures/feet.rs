@@ -1,26 +1,26 @@
-//! Feet relative to the base: swing reference against truth.
+//! Feet relative to the base: swing reference, and ground truth or estimate.
 
 use lcmtypes::LegState;
 
+use super::figure_spec::{FigureSpec, window_text};
 use super::style::{Mark, SWING};
 use super::trace::{Role, Timeline, Trace, Traces};
-use super::{FigureSpec, window_text};
 use crate::run::{LEGS, Run, Tick};
 
 const AXES: [&str; 3] = ["x [m]", "y [m]", "z [m]"];
 
-pub(super) fn traces(run: &Run, ask: &FigureSpec) -> Result<Traces, String> {
+pub(super) fn traces(run: &Run, spec: &FigureSpec) -> Result<Traces, String> {
     if !run.has("LEG_STATE") {
         return Err("LEG_STATE".to_owned());
     }
-    let window = ask.detail(run);
+    let window = spec.detail(run);
     let timeline = Timeline::new(run, window);
     let known = run.has("GROUND_TRUTH");
     let mut panels = Vec::new();
-    for &leg in &ask.legs {
+    for &leg in &spec.legs {
         let swings = timeline.spans(|tick| airborne(tick, leg));
         for (k, label) in AXES.into_iter().enumerate() {
-            // A thinner line than truth has beside an estimate: here the reference lies over it, and nothing else.
+            // Role::Measured is a thinner line than Role::Truth: only the reference is drawn on top of it.
             let measured = if known {
                 timeline.curve(Role::Measured, "truth", |t| t.truth.as_ref().map(|w| w.p_BF_H(leg)[k]))
             } else {
@@ -37,12 +37,12 @@ pub(super) fn traces(run: &Run, ask: &FigureSpec) -> Result<Traces, String> {
     }
     let caption = format!("Contact points relative to the base, in the horizontal frame, {}.", window_text(window));
     let marks = vec![("swing".to_owned(), Mark::Fill(SWING))];
-    // Two legs a row.
+    // Two legs per row.
     let sections = panels.chunks(2 * AXES.len()).map(|rows| (rows.len() / AXES.len(), rows.to_vec()));
     Ok(Traces { sections: sections.collect(), window, caption, marks })
 }
 
-/// The leg is off the ground by command: swinging, reaching or holding.
+/// The leg is in a state other than `STANCE`.
 pub(super) fn airborne(tick: &Tick, leg: usize) -> bool {
     tick.legs.as_ref().is_some_and(|l| l.state[leg] != LegState::STATE_STANCE)
 }

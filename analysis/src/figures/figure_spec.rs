@@ -1,5 +1,6 @@
-//! What a figure is asked for: kind, size, and which part of a run it shows.
+//! Specification of a figure: kind, size, and the part of a run that it shows.
 
+use super::chart::Chart;
 use super::panel::Range;
 use super::style::{self, POINTS_PER_UNIT, UNITS_PER_MM};
 use crate::fields::Field;
@@ -8,90 +9,33 @@ use serde::Deserialize;
 
 /// Length of the window of detailed figures, s.
 const DETAIL_S: f64 = 5.0;
-/// Width of a figure across a page, mm.
+/// Width of a figure that is as wide as a page, mm.
 pub const PAGE_MM: f64 = 180.0;
 
-/// What a figure shows; its name in a `plots.toml` and the name of its files.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum Kind {
-    /// Orientation and height of the base.
-    BaseTracking,
-    /// Feet relative to the base.
-    FeetTracking,
-    /// Base and feet as in Figure 9 of Raiola et al. 2020.
-    Figure9,
-    /// Position, velocity or torque of joints.
-    JointTracking,
-    /// Contact forces: estimate, truth, command.
-    ContactForces,
-    /// Tangential over normal force, and the friction coefficient.
-    FrictionUse,
-    /// Contact flags against truth: confusion, delays of touchdowns.
-    ContactEstimation,
-    /// Stance and contact as bars.
-    Gait,
-    /// The way from above.
-    Path,
-    /// Travel of feet that touch the ground.
-    FootSlip,
-    /// Torque and power.
-    Power,
-    /// The quadratic programs.
-    Qp,
-    /// Period and computation time over the run, as in Figure 4.2 of Laurenzi 2020.
-    Timing,
-    /// Histogram and cumulated share of tick, solve and wake-up times.
-    TimingDistribution,
-    /// Fields that the file names.
-    Fields,
+/// Name of a run in legends.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Named(pub String);
+
+/// Lays out a figure of one run or several; the error names the channels that are missing.
+pub(super) type ChartFn = fn(&[(Named, &Run)], &FigureSpec) -> Result<Chart, String>;
+
+/// A kind of figure: one line of the table in [`crate::figures`].
+#[derive(Debug)]
+pub struct Kind {
+    /// Name in a `plots.toml` and default name of the files.
+    pub name: &'static str,
+    /// Default title.
+    pub title: &'static str,
+    pub(super) chart: ChartFn,
 }
 
-impl Kind {
-    /// Name in files.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::BaseTracking => "base_tracking",
-            Self::FeetTracking => "feet_tracking",
-            Self::Figure9 => "figure9",
-            Self::JointTracking => "joint_tracking",
-            Self::ContactForces => "contact_forces",
-            Self::FrictionUse => "friction_use",
-            Self::ContactEstimation => "contact_estimation",
-            Self::Gait => "gait",
-            Self::Path => "path",
-            Self::FootSlip => "foot_slip",
-            Self::Power => "power",
-            Self::Qp => "qp",
-            Self::Timing => "timing",
-            Self::TimingDistribution => "timing_distribution",
-            Self::Fields => "fields",
-        }
-    }
-
-    /// A few words for a reader.
-    pub fn title(self) -> &'static str {
-        match self {
-            Self::BaseTracking => "Base orientation and height",
-            Self::FeetTracking => "Swing feet",
-            Self::Figure9 => "Base and feet",
-            Self::JointTracking => "Joints",
-            Self::ContactForces => "Contact forces",
-            Self::FrictionUse => "Friction cone use",
-            Self::ContactEstimation => "Contact estimation",
-            Self::Gait => "Gait diagram",
-            Self::Path => "Path from above",
-            Self::FootSlip => "Foot slip",
-            Self::Power => "Torque and power",
-            Self::Qp => "Quadratic program",
-            Self::Timing => "Period and computation time",
-            Self::TimingDistribution => "Distribution of times",
-            Self::Fields => "Fields",
-        }
+impl PartialEq for Kind {
+    fn eq(&self, other: &Self) -> bool {
+        self.name == other.name
     }
 }
 
-/// Which signal of a joint.
+/// Signal of a joint.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Quantity {
@@ -104,52 +48,52 @@ pub enum Quantity {
     Torque,
 }
 
-/// How several logs share a panel.
+/// How the curves of several logs are drawn in one panel.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Several {
-    /// A line each.
+    /// One line per log.
     #[default]
     Lines,
-    /// Their mean, its standard deviation and the extremes.
+    /// Mean, standard deviation and extremes.
     Band,
 }
 
-/// A figure that is asked for.
+/// What to draw, and how large.
 #[derive(Clone, Debug, PartialEq)]
 pub struct FigureSpec {
-    /// What it shows.
-    pub kind: Kind,
-    /// Name of its files, without ending.
+    /// Kind of figure.
+    pub kind: &'static Kind,
+    /// File name without extension.
     pub name: String,
-    /// Title; that of its kind if `None`.
+    /// Title; `None`: the title of the kind.
     pub title: Option<String>,
     /// Width on paper, mm.
     pub width_mm: f64,
-    /// Size of its words on paper, points.
+    /// Font size on paper, points.
     pub font_pt: f64,
-    /// Begin and end of what is shown, s since the start of the run; chosen from the run if `None`.
+    /// Begin and end of the window shown, s since the first tick; `None`: chosen from the run.
     pub window_s: Option<(f64, f64)>,
     /// Legs shown, 0 to 3.
     pub legs: Vec<usize>,
-    /// Joints shown, by name; all if empty.
+    /// Names of the joints shown; empty: all joints.
     pub joints: Vec<String>,
-    /// Signal of joints.
+    /// Signal shown in figures of joints.
     pub quantity: Quantity,
-    /// Fields shown.
+    /// Fields shown in figures of fields.
     pub fields: Vec<Field>,
-    /// Words beside the vertical axis of a figure of fields.
+    /// Label of the vertical axis in figures of fields.
     pub label: String,
-    /// How several logs share a panel.
+    /// How the curves of several logs are drawn in one panel.
     pub several: Several,
 }
 
 impl FigureSpec {
-    /// A figure of a kind, across the page.
-    pub fn new(kind: Kind) -> Self {
+    /// A figure as wide as a page, with default choices.
+    pub fn new(kind: &'static Kind) -> Self {
         Self {
             kind,
-            name: kind.name().to_owned(),
+            name: kind.name.to_owned(),
             title: None,
             width_mm: PAGE_MM,
             font_pt: style::LABEL_EM * POINTS_PER_UNIT,
@@ -164,31 +108,31 @@ impl FigureSpec {
     }
 
     pub(super) fn title(&self) -> String {
-        self.title.clone().unwrap_or_else(|| self.kind.title().to_owned())
+        self.title.clone().unwrap_or_else(|| self.kind.title.to_owned())
     }
 
-    /// How much larger than the layout the paper is.
+    /// Size on paper divided by size in the layout.
     pub(super) fn scale(&self) -> f64 {
         self.font_pt / (style::LABEL_EM * POINTS_PER_UNIT)
     }
 
-    /// Width of the layout, in units of a drawing.
+    /// Width of the layout, in drawing units.
     pub(super) fn sheet(&self) -> f64 {
         self.width_mm * UNITS_PER_MM / self.scale()
     }
 
-    /// The window, or the whole run.
+    /// The window of the specification, or the whole run.
     pub(super) fn whole(&self, run: &Run) -> Range {
         self.window_s.map_or_else(|| whole(run), |(min, max)| Range { min, max })
     }
 
-    /// The window, or the part of the run where most is to be seen.
+    /// The window of the specification, or the most informative part of the run.
     pub(super) fn detail(&self, run: &Run) -> Range {
         self.window_s.map_or_else(|| detail_window(run), |(min, max)| Range { min, max })
     }
 }
 
-/// The part of the run that detailed figures show.
+/// The part of the run shown by detailed figures: around a fall, else a change of gait, else the middle of the walk.
 fn detail_window(run: &Run) -> Range {
     let end = whole(run).max;
     let fell_at_s = crate::metrics::Safety::of_run(run).fell_at_s;
@@ -205,16 +149,21 @@ fn detail_window(run: &Run) -> Range {
     Range { min: from, max: (from + DETAIL_S).min(end) }
 }
 
-/// The whole run, its last tick included.
+/// The whole run, including the period of its last tick.
 pub(super) fn whole(run: &Run) -> Range {
     let begin = run.begin_s();
     Range { min: begin, max: (run.end_s() + run.period_s()).max(begin + 1e-3) }
 }
 
-/// Time of the first change of gait after the first swing: before it, the gait is only being chosen.
+/// Time of the first change of gait after the first swing, s. Earlier changes only select the gait.
 fn gait_change(run: &Run) -> Option<f64> {
     let walking = run.ticks.iter().skip_while(|tick| !(0..4).any(|leg| tick.swings(leg)));
     let mut gaits = walking.filter_map(|tick| tick.legs.as_ref().map(|l| (tick.t_s, l.gait)));
     let first = gaits.next()?.1;
     gaits.find(|(_, gait)| *gait != first).map(|(t_s, _)| t_s)
+}
+
+/// "12.0 s to 17.0 s of the run", for captions of detailed figures.
+pub(super) fn window_text(window: Range) -> String {
+    format!("{:.1} s to {:.1} s of the run", window.min, window.max)
 }

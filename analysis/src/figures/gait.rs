@@ -1,18 +1,18 @@
-//! Gait diagram: commanded stance, estimated and true contact of each leg; of several logs the first bar of each.
+//! Gait diagram: commanded stance, estimated and true contact of each leg. For several logs, commanded stance of each log.
 
 use super::chart::{Chart, Layer, Plot, Section};
+use super::figure_spec::{FigureSpec, Named, window_text};
 use super::style::{BLUE, FRAME, Mark, RUN_COLORS, VERMILLION};
 use super::trace::Timeline;
-use super::{FigureSpec, Named, window_text};
 use crate::run::{LEGS, Run, Tick};
 
-/// Height of a leg's row, and of a bar in it.
+/// Height of the row of a leg, and of a bar.
 const ROW: f64 = 40.0;
 const BAR: f64 = 8.0;
 
 type Holds = fn(&Tick, usize) -> bool;
 
-/// Name of a bar, its colour, and when it is drawn.
+/// Name and color of a bar, and the condition in which it is drawn.
 struct Bar<'a> {
     name: String,
     color: super::canvas::RGBAColor,
@@ -20,11 +20,11 @@ struct Bar<'a> {
     timeline: &'a Timeline<'a>,
 }
 
-pub(super) fn chart(runs: &[(Named, &Run)], ask: &FigureSpec) -> Result<Chart, String> {
+pub(super) fn chart(runs: &[(Named, &Run)], spec: &FigureSpec) -> Result<Chart, String> {
     if let Some((name, _)) = runs.iter().find(|(_, run)| !run.has("LEG_STATE")) {
         return Err(if runs.len() == 1 { "LEG_STATE".to_owned() } else { format!("LEG_STATE in {}", name.0) });
     }
-    let window = runs.first().map(|(_, run)| ask.detail(run)).ok_or("a log")?;
+    let window = runs.first().map(|(_, run)| spec.detail(run)).ok_or("a log")?;
     let timelines: Vec<Timeline> = runs.iter().map(|(_, run)| Timeline::new(run, window)).collect();
     let stands: Holds = |t, leg| t.stands(leg) == Some(true);
     let bars: Vec<Bar> = if let ([(_, run)], [timeline]) = (runs, &timelines[..]) {
@@ -50,18 +50,18 @@ pub(super) fn chart(runs: &[(Named, &Run)], ask: &FigureSpec) -> Result<Chart, S
         timelines.iter().zip(runs).enumerate().map(of_run).collect()
     };
     let row = ROW.max(bars.len() as f64 * (BAR + 2.0) + 8.0);
-    let height = row * ask.legs.len() as f64;
+    let height = row * spec.legs.len() as f64;
     let mut layers = Vec::new();
-    for (place, &leg) in ask.legs.iter().enumerate() {
+    for (place, &leg) in spec.legs.iter().enumerate() {
         let first = place as f64 * row + 0.5 * (row - bars.len() as f64 * (BAR + 2.0) + 2.0);
         for (k, bar) in bars.iter().enumerate() {
             let spans = bar.timeline.spans(|tick| (bar.holds)(tick, leg));
             layers.push(Layer::Bars(spans, ((first + k as f64 * (BAR + 2.0)) / height, BAR / height), bar.color));
         }
     }
-    let rows = ask.legs.iter().map(|&leg| LEGS[leg].to_owned()).collect();
+    let rows = spec.legs.iter().map(|&leg| LEGS[leg].to_owned()).collect();
     let plot = Plot { x: window, height, rows, layers, ..Plot::default() };
-    let caption = format!("Stance as commanded, and contact as estimated and as it was, {}.", window_text(window));
+    let caption = format!("Commanded stance, estimated contact and true contact of each leg, {}.", window_text(window));
     let legend = bars.into_iter().map(|bar| (bar.name, Mark::Fill(bar.color))).collect();
     Ok(Chart { caption, sections: vec![Section::column(vec![plot])], legend })
 }

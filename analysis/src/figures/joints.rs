@@ -1,23 +1,20 @@
-//! Joints: command against measurement, one panel a joint.
+//! Joints: command and measurement, one panel per joint.
 
+use super::figure_spec::{FigureSpec, Quantity, window_text};
 use super::trace::{Role, Timeline, Trace, Traces};
-use super::{FigureSpec, Quantity, window_text};
 use crate::run::{JointSample, Run};
 
-/// Joints side by side, those of one leg.
+/// Panels per row: the joints of one leg.
 const COLUMNS: usize = 3;
 
-pub(super) fn traces(run: &Run, ask: &FigureSpec) -> Result<Traces, String> {
+pub(super) fn traces(run: &Run, spec: &FigureSpec) -> Result<Traces, String> {
     let names = &run.joints.names;
-    let shown: Vec<usize> = match ask.joints.as_slice() {
+    let shown: Vec<usize> = match spec.joints.as_slice() {
         [] => (0..names.len()).collect(),
         wanted => {
             let place = |name: &String| {
                 let known = names.join(", ");
-                names
-                    .iter()
-                    .position(|n| n == name)
-                    .ok_or_else(|| format!("joint {name}; the log's joints are {known}"))
+                names.iter().position(|n| n == name).ok_or_else(|| format!("joint {name} (joints of the log: {known})"))
             };
             wanted.iter().map(place).collect::<Result<_, _>>()?
         }
@@ -25,12 +22,12 @@ pub(super) fn traces(run: &Run, ask: &FigureSpec) -> Result<Traces, String> {
     if shown.is_empty() {
         return Err("CONTROLLER_INPUT, ROBOT_STATE or ROBOT_COMMAND".to_owned());
     }
-    let (value, label, least_span): (fn(JointSample) -> f64, _, _) = match ask.quantity {
+    let (value, label, least_span): (fn(JointSample) -> f64, _, _) = match spec.quantity {
         Quantity::Position => (|s| s.q, "q [rad]", 0.05),
         Quantity::Velocity => (|s| s.qd, "dq/dt [rad/s]", 0.5),
         Quantity::Torque => (|s| s.tau, "torque [N m]", 5.0),
     };
-    let window = ask.detail(run);
+    let window = spec.detail(run);
     let timeline = Timeline::new(run, window);
     let trace = |&joint: &usize| {
         let measured = timeline.curve(Role::Measured, "measured", |t| run.joints.measured(t, joint).map(value));
@@ -40,11 +37,11 @@ pub(super) fn traces(run: &Run, ask: &FigureSpec) -> Result<Traces, String> {
         trace.height = 62.0;
         trace
     };
-    // Panels come column by column, joints row by row.
+    // Panels are listed by column, joints by row.
     let columns = COLUMNS.min(shown.len());
     let panels = (0..columns).flat_map(|column| shown.iter().skip(column).step_by(columns)).map(trace).collect();
     let caption =
-        format!("{} of each joint, measured and commanded, {}.", capitalized(ask.quantity), window_text(window));
+        format!("{} of each joint, measured and commanded, {}.", capitalized(spec.quantity), window_text(window));
     Ok(Traces { sections: vec![(columns, panels)], window, caption, marks: Vec::new() })
 }
 
@@ -52,6 +49,6 @@ fn capitalized(quantity: Quantity) -> &'static str {
     match quantity {
         Quantity::Position => "Position",
         Quantity::Velocity => "Velocity",
-        Quantity::Torque => "Torque (of the command its feed-forward)",
+        Quantity::Torque => "Torque (feed-forward torque of the command)",
     }
 }

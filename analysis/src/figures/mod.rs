@@ -1,20 +1,23 @@
-//! Figures: each a function of one run or several, laid out for a width, written as SVG, PDF and PNG.
+//! Figures of one run or several, laid out for a paper width and written as SVG, PDF and PNG.
 //!
-//! What a report draws is a list of [`FigureSpec`]s, from a `plots.toml` ([`crate::plots`]). Base, power, timing and path show the whole run. Feet, joints,
-//! contact forces and gait show a window of a few seconds, since a step of half a second cannot be seen in a minute: around the change of gait, before a fall,
-//! or in the middle of the walk.
+//! A report draws a list of [`FigureSpec`]s, read from a `plots.toml` ([`crate::plots`]). Figures of base, power, timing and path show the whole run. Figures
+//! of feet, joints, contact forces and gait show a window of a few seconds, because single steps are not visible in a minute: the window is around a fall, a
+//! change of gait, or the middle of the walk.
 //!
-//! | module              | what it holds                                                |
-//! |---------------------|--------------------------------------------------------------|
-//! | `canvas`            | a drawing as data                                            |
-//! | `svg`, `pdf`, `png` | its renderings                                               |
-//! | `panel`             | axes, ticks, lines thinned to the width they are drawn at    |
-//! | `chart`             | panels with layers, laid out for a width                     |
-//! | `trace`             | quantities over time, of one run or of several               |
-//! | `style`             | colours, widths, type sizes, legend                          |
-//! | `text`              | the embedded font: widths and pixels                         |
-//! | `ask`               | what is asked for, and the window that it shows              |
-//! | the rest            | one figure each, or two that belong together                 |
+//! A new figure is a new module beside this file and one line in the table [`KINDS`]. To draw it in every report, add it to `plots.toml`.
+//!
+//! | module              | content                                                       |
+//! |---------------------|---------------------------------------------------------------|
+//! | `canvas`            | a drawing as a list of shapes and texts                       |
+//! | `svg`, `pdf`, `png` | renderers of a drawing                                        |
+//! | `panel`             | axes, ticks, lines thinned to the width at which they appear  |
+//! | `chart`             | panels with layers, laid out for a width                      |
+//! | `trace`             | quantities over time, of one run or of several                |
+//! | `style`             | colors, line widths, font sizes, legend                       |
+//! | `text`              | the embedded font: widths and pixels                          |
+//! | `figure_spec`       | what to draw, and the window shown                            |
+//! | `curve`, `what_if`  | figures that do not show one run: sweeps, what-if replays     |
+//! | other modules       | one figure each, or two related ones                          |
 
 mod base;
 mod canvas;
@@ -47,62 +50,85 @@ use serde::Deserialize;
 
 use crate::Error;
 use crate::run::Run;
-use canvas::{Drawing, Stroke};
+use canvas::Drawing;
 use chart::Chart;
 pub use curve::Curves;
-pub use figure_spec::{FigureSpec, Kind, PAGE_MM, Quantity, Several};
-use panel::Range;
+pub use figure_spec::{FigureSpec, Kind, Named, PAGE_MM, Quantity, Several};
 use style::UNITS_PER_MM;
 pub(crate) use svg::escape;
 pub(crate) use text::FONT;
-use trace::Traces;
 pub use what_if::what_if;
 
-/// Density of bitmaps outside reports.
+/// Resolution of bitmaps outside reports, dots per inch.
 const FILE_DPI: f64 = 288.0;
-/// What a figure calls a run.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Named(pub String);
 
-/// A figure, drawn.
+/// Defines a constant for each kind of figure, and the list of all of them. Columns: constant, name, title, layout.
+macro_rules! kinds {
+    ($($kind:ident, $name:literal, $title:literal, $chart:expr;)*) => {
+        $(#[doc = $title] pub static $kind: Kind = Kind { name: $name, title: $title, chart: $chart };)*
+
+        /// Every kind of figure.
+        pub static KINDS: &[&Kind] = &[$(&$kind),*];
+    };
+}
+
+kinds! {
+    BASE_TRACKING, "base_tracking", "Base orientation and height", |runs, spec| trace::chart(base::traces, runs, spec);
+    FEET_TRACKING, "feet_tracking", "Swing feet", |runs, spec| trace::chart(feet::traces, runs, spec);
+    FIGURE_9, "figure9", "Base and feet", |runs, spec| trace::chart(base::with_feet, runs, spec);
+    JOINT_TRACKING, "joint_tracking", "Joints", |runs, spec| trace::chart(joints::traces, runs, spec);
+    CONTACT_FORCES, "contact_forces", "Contact forces", |runs, spec| trace::chart(contact::forces, runs, spec);
+    FRICTION_USE, "friction_use", "Friction cone use", |runs, spec| trace::chart(contact::friction, runs, spec);
+    CONTACT_ESTIMATION, "contact_estimation", "Contact estimation", estimation::chart;
+    GAIT, "gait", "Gait diagram", gait::chart;
+    PATH, "path", "Path from above", path::chart;
+    FOOT_SLIP, "foot_slip", "Foot slip", |runs, spec| trace::chart(slip::traces, runs, spec);
+    POWER, "power", "Torque and power", |runs, spec| trace::chart(power::traces, runs, spec);
+    QP, "qp", "Quadratic program", |runs, spec| trace::chart(qp::traces, runs, spec);
+    TIMING, "timing", "Period and computation time", timing::over_time;
+    TIMING_DISTRIBUTION, "timing_distribution", "Distribution of times", timing::distribution;
+    FIELDS, "fields", "Fields", |runs, spec| trace::chart(custom::traces, runs, spec);
+}
+
+/// A figure that was drawn.
 #[derive(Clone, Debug)]
 pub struct Figure {
-    /// Name of its files, without ending.
+    /// File name without extension.
     pub name: String,
     /// Title, a few words.
     pub title: String,
-    /// What is to be seen, one or two sentences.
+    /// One or two sentences about the content.
     pub caption: String,
     drawing: Drawing,
     metadata: Vec<(&'static str, String)>,
 }
 
-/// A figure that these logs cannot give.
+/// A figure that cannot be drawn from these logs.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Lacking {
+pub struct NotDrawn {
     /// Name of the figure.
     pub name: String,
-    /// Its title.
+    /// Title of the figure.
     pub title: String,
-    /// What the log would have to hold.
+    /// Channels or fields that are missing in the log.
     pub needs: String,
 }
 
-/// A kind of file.
+/// A file format.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Format {
-    /// For screens.
+    /// Scalable Vector Graphics.
     Svg,
-    /// For LaTeX.
+    /// Portable Document Format, one page.
     Pdf,
-    /// For everything else.
+    /// Portable Network Graphics.
     Png,
 }
 
 impl Format {
-    /// Ending of its files.
-    pub fn ending(self) -> &'static str {
+    /// File name extension, without a dot.
+    pub fn extension(self) -> &'static str {
         match self {
             Self::Svg => "svg",
             Self::Pdf => "pdf",
@@ -112,7 +138,7 @@ impl Format {
 }
 
 impl Figure {
-    /// A figure that is of no run in particular, across the page.
+    /// A figure that does not show one run, as wide as a page.
     fn of_chart(name: &str, title: &str, chart: &Chart) -> Self {
         let (name, title) = (name.to_owned(), title.to_owned());
         let drawing = chart.draw(PAGE_MM * UNITS_PER_MM);
@@ -120,17 +146,17 @@ impl Figure {
         Self { name, title, caption: chart.caption.clone(), drawing, metadata }
     }
 
-    /// The figure as an SVG document. The same run gives the same bytes.
+    /// The figure as an SVG document. Equal logs give equal bytes.
     pub fn svg(&self) -> String {
         svg::svg(&self.drawing, &self.metadata)
     }
 
-    /// Whether another figure has the same lines, areas and words, whatever log it is of.
+    /// True if another figure has the same shapes and texts; metadata is not compared.
     pub fn looks_like(&self, other: &Figure) -> bool {
         svg::svg(&self.drawing, &[]) == svg::svg(&other.drawing, &[])
     }
 
-    /// The figure as a file: title, hash of the log, revision and caption are in its metadata.
+    /// The figure as the bytes of a file. Its metadata contains title, caption, revision and the hash of the log.
     ///
     /// # Errors
     /// [`Error::Figure`] if a bitmap cannot be drawn.
@@ -143,29 +169,29 @@ impl Figure {
         }
     }
 
-    /// Writes one file, its kind chosen by the name's ending.
+    /// Writes one file in the format of the extension of `path`.
     ///
     /// # Errors
-    /// As [`Figure::bytes`], [`Error::Write`], or [`Error::Figure`] for another ending.
+    /// As [`Figure::bytes`], [`Error::Write`], or [`Error::Figure`] for an unknown extension.
     pub fn write_file(&self, path: &Path) -> Result<(), Error> {
-        let ending = path.extension().and_then(|e| e.to_str());
-        let format = [Format::Svg, Format::Pdf, Format::Png].into_iter().find(|f| Some(f.ending()) == ending);
+        let extension = path.extension().and_then(|e| e.to_str());
+        let format = [Format::Svg, Format::Pdf, Format::Png].into_iter().find(|f| Some(f.extension()) == extension);
         let format = format.ok_or_else(|| Error::Figure {
             figure: self.name.clone(),
-            reason: format!("{}: the name of a figure ends with .svg, .pdf or .png", path.display()),
+            reason: format!("file {}: unknown extension, expected .svg, .pdf or .png", path.display()),
         })?;
         let bytes = self.bytes(format, FILE_DPI)?;
         std::fs::write(path, bytes).map_err(|source| Error::Write { path: path.to_owned(), source })
     }
 
-    /// Writes `NAME.ENDING` into a directory for each format, and returns the files.
+    /// Writes `NAME.EXTENSION` into a directory for each format, and returns the paths.
     ///
     /// # Errors
     /// As [`Figure::bytes`], or [`Error::Write`].
     pub fn write(&self, dir: &Path, formats: &[Format], dpi: f64) -> Result<Vec<PathBuf>, Error> {
         let mut files = Vec::new();
         for &format in formats {
-            let path = dir.join(format!("{}.{}", self.name, format.ending()));
+            let path = dir.join(format!("{}.{}", self.name, format.extension()));
             let bytes = self.bytes(format, dpi)?;
             std::fs::write(&path, bytes).map_err(|source| Error::Write { path: path.clone(), source })?;
             files.push(path);
@@ -174,15 +200,17 @@ impl Figure {
     }
 }
 
-/// Draws a figure of one run or several, such as a run and its replay with other parameters. Runs are named in the legend.
+/// Draws a figure of one run or several, such as a run and its replay with other parameters. The legend contains the names of the runs.
 ///
 /// # Errors
-/// What the runs would have to hold.
-pub fn draw(ask: &FigureSpec, runs: &[(Named, &Run)]) -> Result<Figure, Lacking> {
-    let chart = chart_of(ask, runs).map_err(|needs| Lacking { name: ask.name.clone(), title: ask.title(), needs })?;
-    let drawing = chart.draw(ask.sheet()).scaled(ask.scale());
-    let mut metadata = vec![("Title", ask.title()), ("Description", chart.caption.clone()), ("Software", software())];
-    let of_each = |what: &dyn Fn(&Run) -> String| runs.iter().map(|(_, run)| what(run)).collect::<Vec<_>>().join(", ");
+/// [`NotDrawn`] with the channels or fields that are missing.
+pub fn draw(spec: &FigureSpec, runs: &[(Named, &Run)]) -> Result<Figure, NotDrawn> {
+    let not_drawn = |needs| NotDrawn { name: spec.name.clone(), title: spec.title(), needs };
+    let chart = (spec.kind.chart)(runs, spec).map_err(not_drawn)?;
+    let drawing = chart.draw(spec.sheet()).scaled(spec.scale());
+    let mut metadata = vec![("Title", spec.title()), ("Description", chart.caption.clone()), ("Software", software())];
+    let of_each =
+        |value: &dyn Fn(&Run) -> String| runs.iter().map(|(_, run)| value(run)).collect::<Vec<_>>().join(", ");
     metadata.push(("Log", of_each(&Run::name)));
     metadata.push(("LogSHA256", of_each(&|run| run.sha256.clone())));
     let revision = |run: &Run| {
@@ -190,39 +218,10 @@ pub fn draw(ask: &FigureSpec, runs: &[(Named, &Run)]) -> Result<Figure, Lacking>
         info.map_or("unknown".to_owned(), |i| format!("{}{}", i.revision, if i.dirty { " with changes" } else { "" }))
     };
     metadata.push(("Revision", of_each(&revision)));
-    Ok(Figure { name: ask.name.clone(), title: ask.title(), caption: chart.caption, drawing, metadata })
+    Ok(Figure { name: spec.name.clone(), title: spec.title(), caption: chart.caption, drawing, metadata })
 }
 
-/// What made a figure.
+/// Name and version of this program, for metadata.
 fn software() -> String {
     format!("hoofprint {}", env!("CARGO_PKG_VERSION"))
-}
-
-fn chart_of(ask: &FigureSpec, runs: &[(Named, &Run)]) -> Result<Chart, String> {
-    let traced = |traces: fn(&Run, &FigureSpec) -> Result<Traces, String>| {
-        let each = runs.iter().map(|(name, run)| traces(run, ask).map(|t| (name.clone(), t)));
-        Ok(trace::chart(each.collect::<Result<_, String>>()?, ask.several))
-    };
-    match ask.kind {
-        Kind::BaseTracking => traced(base::traces),
-        Kind::FeetTracking => traced(feet::traces),
-        Kind::Figure9 => traced(base::with_feet),
-        Kind::JointTracking => traced(joints::traces),
-        Kind::ContactForces => traced(contact::forces),
-        Kind::FrictionUse => traced(contact::friction),
-        Kind::FootSlip => traced(slip::traces),
-        Kind::Power => traced(power::traces),
-        Kind::Qp => traced(qp::traces),
-        Kind::Fields => traced(custom::traces),
-        Kind::ContactEstimation => estimation::chart(runs),
-        Kind::Gait => gait::chart(runs, ask),
-        Kind::Path => path::chart(runs, ask),
-        Kind::Timing => timing::over_time(runs, ask),
-        Kind::TimingDistribution => timing::distribution(runs),
-    }
-}
-
-/// "12.0 s to 17.0 s of the run", for captions of detailed figures.
-fn window_text(window: Range) -> String {
-    format!("{:.1} s to {:.1} s of the run", window.min, window.max)
 }

@@ -1,4 +1,4 @@
-//! One pair of axes: ranges, ticks, lines and shading.
+//! A pair of axes: ranges, ticks, lines and shading.
 
 use super::canvas::{Align, Drawing, RGBAColor, Stroke};
 use super::style::{FRAME, GRID, LABEL_EM, TEXT, TICK_EM};
@@ -7,14 +7,14 @@ use super::text::text_width;
 /// A closed interval of values.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Range {
-    /// Least value.
+    /// Smallest value.
     pub min: f64,
-    /// Greatest value.
+    /// Largest value.
     pub max: f64,
 }
 
 impl Range {
-    /// The finite values with a margin of 6 %, at least `least_span` wide; `0 ± least_span / 2` without any.
+    /// Range of the finite values with a margin of 6 %, at least `least_span` wide; `0 ± least_span / 2` without finite values.
     pub fn covering<'a>(values: impl IntoIterator<Item = &'a f64>, least_span: f64) -> Self {
         let finite = values.into_iter().copied().filter(|v| v.is_finite());
         let (min, max) = finite.fold((f64::INFINITY, f64::NEG_INFINITY), |(lo, hi), v| (lo.min(v), hi.max(v)));
@@ -28,7 +28,7 @@ impl Range {
     }
 }
 
-/// Where a panel stands in its drawing, units of 1/96 inch.
+/// Position and size of a panel in its drawing, units of 1/96 inch.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Frame {
     /// Left edge.
@@ -47,23 +47,23 @@ pub struct Panel {
     frame: Frame,
     x: Range,
     y: Range,
-    /// Axes that map by the logarithm (their values are positive): horizontal, vertical.
+    /// Logarithmic axes: horizontal, vertical. Their values are positive.
     logarithmic: [bool; 2],
 }
 
-/// What is written along the axes.
+/// Labels and ticks of the axes.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Labels<'a> {
-    /// Below the panel, with the numbers of the horizontal axis; without it the ticks stay unnumbered.
+    /// Label of the horizontal axis; `None`: ticks without numbers.
     pub x: Option<&'a str>,
-    /// Left of the panel, with the numbers of the vertical axis; without it the ticks stay unnumbered.
+    /// Label of the vertical axis; `None`: ticks without numbers.
     pub y: Option<&'a str>,
-    /// The axes have ticks: horizontal, vertical.
+    /// Whether axes have ticks: horizontal, vertical.
     pub ticks: [bool; 2],
 }
 
 impl Panel {
-    /// Axes over these ranges.
+    /// Axes with these ranges.
     pub fn new(frame: Frame, x: Range, y: Range, logarithmic: [bool; 2]) -> Self {
         Self { frame, x, y, logarithmic }
     }
@@ -78,7 +78,7 @@ impl Panel {
         self.y
     }
 
-    /// Where a point of the data lies in the drawing; heights outside the panel come to its edge.
+    /// Position of a data point in the drawing. Values outside the vertical range are moved to the edge.
     pub fn at(&self, x: f64, y: f64) -> (f64, f64) {
         let Frame { left, top, width, height } = self.frame;
         let share = |value: f64, range: Range, logarithmic: bool| {
@@ -92,7 +92,7 @@ impl Panel {
         (left + share(x, self.x, self.logarithmic[0]) * width, top + (1.0 - up) * height)
     }
 
-    /// Fills between two abscissae, cut to the panel, at a place `(top, height)` of the drawing.
+    /// Fills the interval between two values of x, clipped to the panel, at `(top, height)` in the drawing.
     pub fn strip(&self, drawing: &mut Drawing, (from, to): (f64, f64), (top, height): (f64, f64), color: RGBAColor) {
         let (from, to) = (from.max(self.x.min), to.min(self.x.max));
         if from < to {
@@ -101,8 +101,7 @@ impl Panel {
         }
     }
 
-    /// A line through the samples, broken at NaN and thinned to the extremes of each unit of width, so that a long log looks as it would
-    /// with every sample drawn.
+    /// Draws a line through the samples, interrupted at NaN and thinned to the extremes of each unit of width. It looks like a line through all samples.
     pub fn line(&self, drawing: &mut Drawing, xs: &[f64], ys: &[f64], stroke: Stroke) {
         for points in self.thinned(xs, ys) {
             drawing.line(points, stroke);
@@ -141,7 +140,7 @@ impl Panel {
         }
     }
 
-    /// A dashed line through a point of the drawing that lies on the panel's left or upper edge, across the panel.
+    /// Draws a dashed line across the panel, from a point on its left or upper edge.
     pub fn rule(&self, drawing: &mut Drawing, (x, y): (f64, f64), stroke: &Stroke) {
         let Frame { left, top, width, height } = self.frame;
         let end = if x <= left && y > top { (left + width, y) } else { (x, top + height) };
@@ -150,7 +149,7 @@ impl Panel {
         }
     }
 
-    /// Median and maximum of the samples in each stretch of `width` units, as two series of points. NaN is left out.
+    /// Median and maximum of the samples in each interval of `width` units, as two series of points. NaN is ignored.
     pub fn median_and_max(&self, xs: &[f64], ys: &[f64], width: f64) -> [Vec<(f64, f64)>; 2] {
         let finite: Vec<(f64, f64)> = xs.iter().copied().zip(ys.iter().copied()).filter(|p| p.1.is_finite()).collect();
         let stretch = |p: &(f64, f64)| ((self.at(p.0, self.y.max).0 - self.frame.left) / width).floor();
@@ -174,7 +173,7 @@ impl Panel {
         points.split(|p| p.1.is_nan()).filter(|piece| piece.len() > 1).map(thin).collect()
     }
 
-    /// Frame, ticks, numbers and labels; call it last, so that the frame lies over the data.
+    /// Draws frame, ticks, numbers and labels. Call it last, so that the frame is on top of the data.
     pub fn axes(&self, drawing: &mut Drawing, labels: Labels) {
         let Frame { left, top, width, height } = self.frame;
         let (right, bottom) = (left + width, top + height);
@@ -212,7 +211,7 @@ impl Panel {
         if self.logarithmic[1] { decades(self.y, self.frame.height / 13.0) } else { ticks(self.y, count) }
     }
 
-    /// Pale lines at the numbers of the vertical axis; call it first.
+    /// Draws grid lines at the numbers of the vertical axis. Call it first.
     pub fn grid(&self, drawing: &mut Drawing) {
         for (value, _) in self.y_ticks() {
             drawing.line(vec![self.at(self.x.min, value), self.at(self.x.max, value)], GRID);
@@ -220,7 +219,7 @@ impl Panel {
     }
 }
 
-/// First, extremes and last of each unit of width, in the order in which they came.
+/// First point, extremes and last point of each unit of width, in their order.
 fn thin(points: &[(f64, f64)]) -> Vec<(f64, f64)> {
     let mut out = Vec::new();
     for column in points.chunk_by(|a, b| a.0.floor() == b.0.floor()) {
@@ -234,7 +233,7 @@ fn thin(points: &[(f64, f64)]) -> Vec<(f64, f64)> {
     out
 }
 
-/// Pieces of a polyline, `on` long with gaps of `off`, by length along it.
+/// Dashes of a polyline, `on` long with gaps of `off`, by arc length.
 fn dashes(points: &[(f64, f64)], on: f64, off: f64) -> Vec<Vec<(f64, f64)>> {
     let mut out = Vec::new();
     let mut dash = vec![points[0]];
@@ -266,7 +265,7 @@ fn dashes(points: &[(f64, f64)], on: f64, off: f64) -> Vec<Vec<(f64, f64)>> {
     out
 }
 
-/// At most about `count` round values in the range (steps of 1, 2 or 5 times a power of ten), with their texts.
+/// About `count` or fewer round values in the range (steps of 1, 2 or 5 times a power of ten), with their texts.
 fn ticks(range: Range, count: usize) -> Vec<(f64, String)> {
     let raw = range.span() / count as f64;
     let power = 10_f64.powf(raw.log10().floor());
@@ -276,7 +275,7 @@ fn ticks(range: Range, count: usize) -> Vec<(f64, String)> {
     (first..=last).map(|k| (k as f64 * step, number(k as f64 * step, decimals))).collect()
 }
 
-/// The numbers 1, 2 and 5 of each power of ten in the range, or the powers alone where there is no room for so many.
+/// The multiples 1, 2 and 5 of each power of ten in the range, or the powers alone if there are too many.
 fn decades(range: Range, room: f64) -> Vec<(f64, String)> {
     let (first, last) = (range.min.log10().floor() as i32, range.max.log10().ceil() as i32);
     let of_each = |multiples: &[f64], powers: usize| -> Vec<(f64, String)> {
@@ -292,7 +291,7 @@ fn decades(range: Range, room: f64) -> Vec<(f64, String)> {
     choices.into_iter().nth(fits.unwrap_or(2)).unwrap_or_default()
 }
 
-/// A number with a true minus sign, and no sign for zero.
+/// A number with the sign U+2212 for minus, and no sign for zero.
 fn number(value: f64, decimals: usize) -> String {
     let text = format!("{:.decimals$}", value.abs());
     if value < 0.0 && text.bytes().any(|b| (b'1'..=b'9').contains(&b)) { format!("\u{2212}{text}") } else { text }
@@ -323,9 +322,9 @@ mod tests {
         ys[5001] = 1.0;
         let pieces = panel.thinned(&xs, &ys);
         assert_eq!(pieces.len(), 1);
-        assert!(pieces[0].len() <= 40 && pieces[0].iter().any(|p| p.1 == 0.0), "the spike reaches the top");
+        assert!(pieces[0].len() <= 40 && pieces[0].iter().any(|p| p.1 == 0.0), "the spike is drawn up to the top");
         ys[3000] = f64::NAN;
-        assert_eq!(panel.thinned(&xs, &ys).len(), 2, "a gap in the data is a gap in the line");
+        assert_eq!(panel.thinned(&xs, &ys).len(), 2, "NaN interrupts the line");
     }
 
     #[test]

@@ -1,29 +1,30 @@
-//! The way of the base from above, with the places where feet were set down; of several logs the ways alone.
+//! Path of the base from above, with footholds. For several logs, the paths only.
 
 use lcmtypes::LegState;
 
+use super::canvas::Stroke;
 use super::chart::{Chart, Layer, Plot, Section};
+use super::figure_spec::{FigureSpec, Named};
 use super::panel::Range;
 use super::style::{BLUE, LEFT_MARGIN, LEG_COLORS, Mark, RIGHT_MARGIN, TRUE_LINE};
 use super::trace::run_stroke;
-use super::{FigureSpec, Named, Stroke};
 use crate::run::{LEGS, Run};
 
-/// Heights that a panel may have.
+/// Valid heights of the panel.
 const HEIGHTS: std::ops::RangeInclusive<f64> = 110.0..=420.0;
 /// Free space around the data, m.
 const MARGIN: f64 = 0.15;
 
-pub(super) fn chart(runs: &[(Named, &Run)], ask: &FigureSpec) -> Result<Chart, String> {
-    let ways: Vec<Vec<(f64, f64)>> = runs
+pub(super) fn chart(runs: &[(Named, &Run)], spec: &FigureSpec) -> Result<Chart, String> {
+    let paths: Vec<Vec<(f64, f64)>> = runs
         .iter()
         .map(|(_, run)| {
-            let window = ask.whole(run);
+            let window = spec.whole(run);
             let inside = run.ticks.iter().filter(|t| t.t_s >= window.min && t.t_s <= window.max);
             inside.filter_map(|t| t.truth.as_ref().map(|w| (w.p_WB[0], w.p_WB[1]))).collect()
         })
         .collect();
-    if ways.iter().any(Vec::is_empty) {
+    if paths.iter().any(Vec::is_empty) {
         return Err("GROUND_TRUTH".to_owned());
     }
     let alone = runs.len() == 1;
@@ -32,13 +33,13 @@ pub(super) fn chart(runs: &[(Named, &Run)], ask: &FigureSpec) -> Result<Chart, S
         _ => Vec::new(),
     };
     let extent = |axis: fn(&(f64, f64)) -> f64| {
-        let values = ways.iter().chain(&footholds).flatten().map(axis);
+        let values = paths.iter().chain(&footholds).flatten().map(axis);
         let (min, max) = values.fold((f64::INFINITY, f64::NEG_INFINITY), |(lo, hi), v| (lo.min(v), hi.max(v)));
         (0.5 * (min + max), max - min + 2.0 * MARGIN)
     };
     let ((x_middle, x_span), (y_middle, y_span)) = (extent(|p| p.0), extent(|p| p.1));
-    // One scale for both axes: the wider need decides, the other axis shows more ground.
-    let width = ask.sheet() - LEFT_MARGIN - RIGHT_MARGIN;
+    // Both axes have one scale, so that the larger extent fits.
+    let width = spec.sheet() - LEFT_MARGIN - RIGHT_MARGIN;
     let height = (width * y_span / x_span).clamp(*HEIGHTS.start(), *HEIGHTS.end());
     let metres_per_unit = (x_span / width).max(y_span / height);
     let around = |middle: f64, units: f64| Range {
@@ -53,11 +54,11 @@ pub(super) fn chart(runs: &[(Named, &Run)], ask: &FigureSpec) -> Result<Chart, S
             layers.push(Layer::Dots(points, 2.1, color));
         }
     }
-    for (k, (way, (name, _))) in ways.into_iter().zip(runs).enumerate() {
+    for (k, (path_points, (name, _))) in paths.into_iter().zip(runs).enumerate() {
         let stroke = if alone { Stroke { width: 1.3, ..TRUE_LINE } } else { run_stroke(k) };
-        legend.insert(k, (if alone { "base; disc: end".to_owned() } else { name.0.clone() }, Mark::Line(stroke)));
-        let end = way.last().copied().into_iter().collect();
-        layers.push(Layer::Path(apart(way, 0.5 * metres_per_unit), stroke));
+        legend.insert(k, (if alone { "base (disc: end)".to_owned() } else { name.0.clone() }, Mark::Line(stroke)));
+        let end = path_points.last().copied().into_iter().collect();
+        layers.push(Layer::Path(apart(path_points, 0.5 * metres_per_unit), stroke));
         layers.push(Layer::Dots(end, 3.2, if alone { BLUE } else { stroke.color }));
     }
     let plot = Plot {
@@ -69,12 +70,11 @@ pub(super) fn chart(runs: &[(Named, &Run)], ask: &FigureSpec) -> Result<Chart, S
         layers,
         ..Plot::default()
     };
-    let caption =
-        "True path of the base in the world, and of one log the foothold of each step; both axes have one scale.";
+    let caption = "True path of the base in the world, and for a single log the foothold of each step. Both axes have the same scale.";
     Ok(Chart { caption: caption.to_owned(), sections: vec![Section::column(vec![plot])], legend })
 }
 
-/// True contact point at each change of a leg from swing to stance.
+/// True contact point at each touchdown of a leg.
 fn footholds(run: &Run, leg: usize) -> Vec<(f64, f64)> {
     let state = |i: usize| run.ticks[i].legs.as_ref().map(|l| l.state[leg]);
     (1..run.ticks.len())
@@ -85,7 +85,7 @@ fn footholds(run: &Run, leg: usize) -> Vec<(f64, f64)> {
         .collect()
 }
 
-/// Points at least a distance apart: more cannot be seen.
+/// Removes points closer than a distance to the last one kept.
 fn apart(points: Vec<(f64, f64)>, distance: f64) -> Vec<(f64, f64)> {
     let mut out: Vec<(f64, f64)> = Vec::new();
     for p in points {

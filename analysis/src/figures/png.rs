@@ -1,7 +1,7 @@
-//! A drawing as PNG, drawn by plotters.
+//! A drawing as PNG, rendered by plotters.
 //!
-//! Its coordinates are whole pixels, so the drawing is made larger and averaged down. The image has a palette of the 256 most frequent colours: line
-//! art has few, and the file is a third of the size.
+//! plotters uses integer pixels, so the drawing is rendered at a higher resolution and averaged. The image has a palette of the 256 most frequent colors,
+//! which is enough for line art and reduces the file to a third.
 
 use std::collections::BTreeMap;
 
@@ -11,10 +11,10 @@ use plotters::prelude::*;
 use super::canvas::{Drawing, Item};
 use super::text::rasterize;
 
-/// Pixels drawn per pixel of the image, in each direction.
+/// Rendered pixels per pixel of the image, in each direction.
 const OVERSAMPLING: u32 = 2;
 
-/// The drawing as a PNG file with metadata as `tEXt` (or `iTXt` outside Latin-1).
+/// The drawing as a PNG file, with metadata as `tEXt` (or `iTXt` outside Latin-1). The error is that of the renderer.
 pub fn png(drawing: &Drawing, dpi: f64, metadata: &[(&str, String)]) -> Result<Vec<u8>, String> {
     let scale = dpi / 96.0;
     let size = ((drawing.width * scale).ceil() as u32, (drawing.height * scale).ceil() as u32);
@@ -72,11 +72,11 @@ fn draw_item(
             let points: Vec<_> = points.iter().map(|&p| at(p)).collect();
             let width = grid(stroke.width).max(1) as u32;
             let style = ShapeStyle { color: stroke.color, filled: false, stroke_width: width };
-            // plotters fills a wide polyline as one even-odd polygon, with holes where it crosses itself: draw it piece by piece.
+            // plotters fills a wide polyline as one even-odd polygon, with holes at self-intersections, so each segment is drawn alone.
             for pair in points.windows(2) {
                 root.draw(&PathElement::new(pair.to_vec(), style))?;
             }
-            // Discs at the joints of a see-through line would show.
+            // On a transparent line, discs at the joints would be visible.
             if stroke.color.3 >= 1.0 {
                 for &joint in points.get(1..points.len() - 1).unwrap_or_default() {
                     root.draw(&Circle::new(joint, width / 2, stroke.color.filled()))?;
@@ -120,7 +120,7 @@ fn average(fine: &[u8], (fine_width, fine_height): (u32, u32), n: u32) -> Vec<u8
     out
 }
 
-/// The 256 most frequent colours of an RGB image, and the nearest of them for each pixel.
+/// The 256 most frequent colors of an RGB image, and the index of the nearest one for each pixel.
 fn indexed(image: &[u8]) -> (Vec<u8>, Vec<u8>) {
     let pixels = || image.chunks_exact(3).map(|p| [p[0], p[1], p[2]]);
     let mut counts: BTreeMap<[u8; 3], u32> = BTreeMap::new();
@@ -147,7 +147,7 @@ mod tests {
     use super::indexed;
 
     #[test]
-    fn a_palette_keeps_the_frequent_colours_and_rounds_the_rare() {
+    fn the_palette_has_the_most_frequent_colors() {
         let frequent = (0..=255_u8).flat_map(|v| [v, 0, 0, v, 0, 0]);
         let image: Vec<u8> = frequent.chain([17, 3, 0]).collect();
         let (palette, indices) = indexed(&image);

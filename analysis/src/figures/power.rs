@@ -1,15 +1,15 @@
-//! How much of the joints' torque is used, and the mechanical power.
+//! Use of torque limits, mechanical power and positive work.
 
-use super::FigureSpec;
+use super::figure_spec::FigureSpec;
 use super::trace::{Role, Timeline, Trace, Traces};
 use crate::metrics::{joint_powers, torque_use};
 use crate::run::Run;
 
-pub(super) fn traces(run: &Run, ask: &FigureSpec) -> Result<Traces, String> {
+pub(super) fn traces(run: &Run, spec: &FigureSpec) -> Result<Traces, String> {
     if !run.has("CONTROLLER_INPUT") && !run.has("ROBOT_STATE") {
         return Err("CONTROLLER_INPUT or ROBOT_STATE".to_owned());
     }
-    let window = ask.whole(run);
+    let window = spec.whole(run);
     let timeline = Timeline::new(run, window);
     let sum = |t: &_, part: fn(f64) -> f64| Some(joint_powers(run, t)?.map(part).sum());
     let positive = timeline.curve(Role::Measured, "", |t| sum(t, |p| p.max(0.0)));
@@ -31,7 +31,7 @@ pub(super) fn traces(run: &Run, ask: &FigureSpec) -> Result<Traces, String> {
     panels.push(Trace::new("power [W]", 10.0, vec![total]));
     panels.push(Trace::new("positive work [J]", 10.0, vec![work]));
     let caption =
-        "Largest share of its torque limit that any joint uses; mechanical power of all joints; work of those joints that do positive work, summed over time."
+        "Largest ratio of torque to torque limit of any joint; mechanical power of all joints; time integral of the positive power of each joint."
             .to_owned();
     Ok(Traces { sections: vec![(1, panels)], window, caption, marks: Vec::new() })
 }

@@ -1,30 +1,30 @@
-//! Travel of feet while they touch the ground.
+//! Slip: travel of feet in contact with the ground.
 
-use super::FigureSpec;
+use super::figure_spec::FigureSpec;
 use super::trace::{Role, Timeline, Trace, Traces};
 use crate::run::{LEGS, Run};
 
-pub(super) fn traces(run: &Run, ask: &FigureSpec) -> Result<Traces, String> {
+pub(super) fn traces(run: &Run, spec: &FigureSpec) -> Result<Traces, String> {
     if !run.has("GROUND_TRUTH") {
         return Err("GROUND_TRUTH".to_owned());
     }
-    let window = ask.whole(run);
+    let window = spec.whole(run);
     let timeline = Timeline::new(run, window);
     let period_s = run.period_s();
-    let (mut speeds, mut ways) = (Vec::new(), Vec::new());
-    for &leg in &ask.legs {
+    let (mut speeds, mut travels) = (Vec::new(), Vec::new());
+    for &leg in &spec.legs {
         let speed = timeline.curve(Role::Number(leg), LEGS[leg], |t| t.truth.as_ref().and_then(|w| w.slip_speed(leg)));
-        let mut way = speed.clone();
+        let mut travel = speed.clone();
         let mut sum = 0.0;
-        for y in &mut way.ys {
+        for y in &mut travel.ys {
             sum += if y.is_finite() { *y * period_s } else { 0.0 };
             *y = sum;
         }
         speeds.push(speed);
-        ways.push(way);
+        travels.push(travel);
     }
-    let panels = vec![Trace::new("slip [m/s]", 0.1, speeds), Trace::new("travel [m]", 0.05, ways)];
+    let panels = vec![Trace::new("slip [m/s]", 0.1, speeds), Trace::new("travel [m]", 0.05, travels)];
     let caption =
-        "Horizontal speed of each foot's centre while the foot truly touches the ground, and its sum over time. Rolling of the foot counts.".to_owned();
+        "Horizontal speed of the center of each foot during true contact, and its time integral. Rolling of the foot is included.".to_owned();
     Ok(Traces { sections: vec![(1, panels)], window, caption, marks: Vec::new() })
 }

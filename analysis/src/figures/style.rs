@@ -1,7 +1,6 @@
-//! Colours, line widths and type sizes of all figures.
+//! Colors, line widths and font sizes of all figures, and legends.
 //!
-//! The colours are those of Okabe and Ito (*Color Universal Design*, 2008), told apart with every common colour blindness;
-//! one quantity has one colour in every figure.
+//! Colors: Okabe and Ito, *Color Universal Design* (2008), distinguishable with every common color blindness. A quantity has the same color in all figures.
 
 use super::canvas::{Align, Drawing, RGBAColor, Stroke};
 use super::text::text_width;
@@ -10,70 +9,70 @@ const fn rgb(hex: u32) -> RGBAColor {
     RGBAColor((hex >> 16) as u8, (hex >> 8) as u8, hex as u8, 1.0)
 }
 
-/// The same colour, see-through.
+/// The color with another opacity.
 pub const fn pale(color: RGBAColor, opacity: f64) -> RGBAColor {
     RGBAColor(color.0, color.1, color.2, opacity)
 }
 
-/// Words and numbers.
+/// Text.
 pub const TEXT: RGBAColor = rgb(0x22_22_22);
-/// What the simulator knows.
+/// Ground truth.
 pub const BLUE: RGBAColor = rgb(0x00_72_B2);
-/// What the controller believes.
+/// Estimate.
 pub const VERMILLION: RGBAColor = rgb(0xD5_5E_00);
-/// What it is asked for.
+/// Reference.
 pub const BLACK: RGBAColor = rgb(0x00_00_00);
-/// One colour a leg: LF RF LH RH.
+/// Legs LF RF LH RH.
 pub const LEG_COLORS: [RGBAColor; 4] = [rgb(0x00_9E_73), rgb(0xE6_9F_00), rgb(0xCC_79_A7), rgb(0x56_B4_E9)];
 
 /// Background of a swing.
 pub const SWING: RGBAColor = pale(BLACK, 0.08);
 /// Background of a push.
 pub const PUSH: RGBAColor = pale(LEG_COLORS[2], 0.35);
-/// Background of time spent neither standing nor walking.
+/// Background of the modes other than `STANCE` and `WALK`.
 pub const DAMPING: RGBAColor = pale(LEG_COLORS[1], 0.25);
 
 /// Frame and ticks.
 pub const FRAME: Stroke = Stroke { color: rgb(0x44_44_44), width: 0.7 };
 /// Grid lines.
 pub const GRID: Stroke = Stroke { color: rgb(0xE4_E4_E4), width: 0.6 };
-/// Truth: wide enough to be seen under an estimate that agrees with it.
+/// Ground truth: wide enough to be visible below an equal estimate.
 pub const TRUE_LINE: Stroke = Stroke { color: BLUE, width: 2.0 };
 /// Estimate.
 pub const ESTIMATED_LINE: Stroke = Stroke { color: VERMILLION, width: 0.9 };
 /// Reference, dashed.
 pub const REFERENCE_LINE: Stroke = Stroke { color: BLACK, width: 0.9 };
 
-/// Font size of numbers along axes.
+/// Font size of the numbers at axes.
 pub const TICK_EM: f64 = 9.5;
 /// Font size of labels and legends.
 pub const LABEL_EM: f64 = 10.5;
 
-/// Colours of several logs in one figure.
+/// Colors of logs in figures of several logs.
 pub const RUN_COLORS: [RGBAColor; 7] =
     [BLUE, VERMILLION, LEG_COLORS[0], LEG_COLORS[1], LEG_COLORS[2], LEG_COLORS[3], rgb(0x77_77_77)];
 
-/// Units of a drawing in a millimetre.
+/// Drawing units per millimeter.
 pub const UNITS_PER_MM: f64 = 96.0 / 25.4;
-/// Points (1/72 inch) in a unit of a drawing.
+/// Points (1/72 inch) per drawing unit.
 pub const POINTS_PER_UNIT: f64 = 0.75;
-/// Room for numbers and label of a vertical axis.
+/// Space for numbers and label of a vertical axis.
 pub const LEFT_MARGIN: f64 = 56.0;
-/// Room at the right edge.
+/// Space at the right edge.
 pub const RIGHT_MARGIN: f64 = 10.0;
-/// Room for the legend.
+/// Space for the legend.
 pub const TOP_MARGIN: f64 = 24.0;
-/// Room for numbers and label of a horizontal axis.
+/// Space for numbers and label of a horizontal axis.
 pub const BOTTOM_MARGIN: f64 = 34.0;
 
-/// How an entry of a legend is drawn.
+/// Symbol of a legend entry.
 #[derive(Clone, Copy, Debug)]
 pub enum Mark {
     /// A line.
     Line(Stroke),
     /// A dashed line.
     Dashed(Stroke),
-    /// A filled box.
+    /// A filled rectangle.
     Fill(RGBAColor),
     /// A disc.
     Dot(RGBAColor),
@@ -98,7 +97,7 @@ fn entry_width(text: &str, mark: &Mark) -> f64 {
     mark.width() + 4.0 + text_width(text, LABEL_EM) + 16.0
 }
 
-/// The entries in rows that fit into a width.
+/// Distributes the entries to rows that fit into a width.
 pub fn legend_rows<'a>(entries: &[(&'a str, Mark)], width: f64) -> Vec<Vec<(&'a str, Mark)>> {
     let mut rows: Vec<Vec<(&str, Mark)>> = Vec::new();
     let mut used = f64::INFINITY;
@@ -116,7 +115,7 @@ pub fn legend_rows<'a>(entries: &[(&'a str, Mark)], width: f64) -> Vec<Vec<(&'a 
     rows
 }
 
-/// A row of marks and words from `left`, its baseline at `baseline`, above the data.
+/// Draws a row of legend entries from `left`, with the text at `baseline`.
 pub fn legend(drawing: &mut Drawing, left: f64, baseline: f64, entries: &[(&str, Mark)]) {
     let mut x = left;
     let y = baseline - 0.35 * LABEL_EM;

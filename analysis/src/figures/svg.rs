@@ -5,7 +5,7 @@ use std::fmt::Write as _;
 use super::canvas::{Align, Drawing, Item, RGBAColor};
 use super::text::FONT_FAMILY;
 
-/// The drawing as an SVG document with its metadata, pairs of key and value.
+/// The drawing as an SVG document. `metadata`: pairs of key and value.
 pub fn svg(drawing: &Drawing, metadata: &[(&str, String)]) -> String {
     let (width, height) = (number(drawing.width), number(drawing.height));
     let mut out = format!(
@@ -68,7 +68,7 @@ fn write_item(out: &mut String, item: &Item) {
     };
 }
 
-/// Absolute first point, then steps, in whole hundredths: rounding does not add up.
+/// Path data: first point absolute, then differences of points rounded to 0.01, so that rounding errors do not accumulate.
 fn path(points: &[(f64, f64)]) -> String {
     let grid = |v: f64| (v * 100.0).round() as i64;
     let mut out = String::new();
@@ -84,18 +84,19 @@ fn path(points: &[(f64, f64)]) -> String {
 }
 
 fn paint(what: &str, RGBAColor(r, g, b, opacity): RGBAColor) -> String {
-    let see_through = if opacity < 1.0 { format!(" {what}-opacity=\"{}\"", number(opacity)) } else { String::new() };
-    format!(" {what}=\"#{r:02x}{g:02x}{b:02x}\"{see_through}")
+    let opacity_attribute =
+        if opacity < 1.0 { format!(" {what}-opacity=\"{}\"", number(opacity)) } else { String::new() };
+    format!(" {what}=\"#{r:02x}{g:02x}{b:02x}\"{opacity_attribute}")
 }
 
-/// At most two decimals, none that says nothing.
+/// A number with at most two decimals and no trailing zeros.
 pub(super) fn number(value: f64) -> String {
     let text = format!("{value:.2}");
     let text = text.trim_end_matches('0').trim_end_matches('.');
     if text == "-0" { "0".to_owned() } else { text.to_owned() }
 }
 
-/// Text for XML: markup escaped, characters that XML does not know left out.
+/// Text for XML: markup escaped, invalid characters removed.
 pub fn escape(text: &str) -> String {
     let mut out = String::with_capacity(text.len());
     for c in text.chars() {
@@ -116,7 +117,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn steps_of_a_path_do_not_drift() {
+    fn rounding_errors_of_a_path_do_not_accumulate() {
         let points: Vec<(f64, f64)> = (0..1000).map(|k| (f64::from(k) * 0.333_333, 1.0)).collect();
         let d = path(&points);
         let steps = d.replace(['M', 'l'], " ");
@@ -125,7 +126,7 @@ mod tests {
     }
 
     #[test]
-    fn markup_is_escaped_and_control_characters_go() {
+    fn markup_is_escaped_and_control_characters_are_removed() {
         assert_eq!(escape("a<b & \"c\"\u{1}"), "a&lt;b &amp; &quot;c&quot;");
     }
 }

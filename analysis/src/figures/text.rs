@@ -1,13 +1,13 @@
-//! Words: the embedded font, how wide it sets a text, and its pixels.
+//! The embedded font: width and pixels of a text.
 //!
-//! plotters leaves out the room that a glyph keeps on its left, so that letters touch; bitmaps are set here instead. An SVG
-//! carries its words as text, in a family whose widths are those of the embedded font.
+//! Bitmaps are typeset here because plotters ignores the left side bearing of glyphs, so that letters touch. An SVG contains text in a font family with the
+//! widths of the embedded font.
 
 use ab_glyph::{Font, FontRef, Glyph, PxScale, ScaleFont, point};
 
 use super::canvas::Align;
 
-/// Families that an SVG asks for: the embedded font, which a report carries, and others of its widths.
+/// Font families in an SVG: the embedded font, which reports contain, and fonts of the same widths.
 pub const FONT_FAMILY: &str = "Hoofprint Sans, Arial, Helvetica, Liberation Sans, sans-serif";
 
 /// The embedded font, a TrueType file.
@@ -18,26 +18,26 @@ pub fn text_width(text: &str, em: f64) -> f64 {
     set(text, em).1
 }
 
-/// Measures of the embedded font, in thousandths of its size.
+/// Metrics of the embedded font, in 1/1000 of its size.
 pub struct FontFacts {
-    /// Its PostScript name.
+    /// PostScript name.
     pub name: &'static str,
     /// Height above the baseline.
     pub ascent: f64,
-    /// Depth below it, negative.
+    /// Depth below the baseline, negative.
     pub descent: f64,
     font: FontRef<'static>,
     per_em: f64,
 }
 
 impl FontFacts {
-    /// Width of a glyph.
+    /// Advance width of a glyph.
     pub fn advance(&self, glyph: u16) -> f64 {
         f64::from(self.font.h_advance_unscaled(ab_glyph::GlyphId(glyph))) * self.per_em
     }
 }
 
-/// What a PDF says of the font.
+/// Metrics of the font for a PDF.
 pub fn font_facts() -> FontFacts {
     let font = font();
     let per_em = 1000.0 / f64::from(font.units_per_em().unwrap_or(1000.0));
@@ -45,14 +45,14 @@ pub fn font_facts() -> FontFacts {
     FontFacts { name: "HoofprintSans-Regular", ascent, descent, font, per_em }
 }
 
-/// Every character of a text with its glyph and its place along the baseline, and the width of all.
+/// Each character of a text with its glyph and its position along the baseline, and the width of the text.
 pub fn placed(text: &str, em: f64) -> (Vec<(char, u16, f64)>, f64) {
     let (glyphs, width) = set(text, em);
     (text.chars().zip(glyphs).map(|(c, g)| (c, g.id.0, f64::from(g.position.x))).collect(), width)
 }
 
-/// Calls `pixel` with place and coverage (0 to 1) of every pixel that a text touches. Place: `(x right, y down)` from its point on the baseline, or
-/// turned so that the text reads upward.
+/// Calls `pixel` with position and coverage (0 to 1) of every pixel of a text. Positions are `(x right, y down)` from the point on the baseline; with `upward`
+/// they are rotated so that the text reads upward.
 pub fn rasterize<E>(
     text: &str,
     em: f64,
@@ -80,13 +80,13 @@ pub fn rasterize<E>(
 }
 
 fn font() -> FontRef<'static> {
-    FontRef::try_from_slice(FONT).expect("the embedded file is a font: every figure of the tests is set in it")
+    FontRef::try_from_slice(FONT).expect("the embedded file is a font: the tests use it")
 }
 
-/// The glyphs of a text from the origin along the baseline, and its width.
+/// The glyphs of a text along the baseline, and its width.
 fn set(text: &str, em: f64) -> (Vec<Glyph>, f64) {
     let font = font();
-    // A scale is a height from descent to ascent, not an em.
+    // The scale of ab_glyph is the height from descent to ascent, not the em.
     let height_per_em = font.height_unscaled() / font.units_per_em().unwrap_or(font.height_unscaled());
     let scale = PxScale::from(em as f32 * height_per_em);
     let scaled = font.as_scaled(scale);
@@ -104,15 +104,15 @@ fn set(text: &str, em: f64) -> (Vec<Glyph>, f64) {
 mod tests {
     use super::*;
 
-    /// Advance widths of Arial are public: digits 1139, space 569 of 2048 units.
+    /// Advance widths of Arial: digits 1139, space 569 of 2048 units.
     #[test]
-    fn digits_are_as_wide_as_those_of_arial() {
+    fn digits_have_the_widths_of_arial() {
         assert!((text_width("0000000000", 2048.0) - 11390.0).abs() < 1.0);
         assert!((text_width("0 0", 2048.0) - (2.0 * 1139.0 + 569.0)).abs() < 1.0);
     }
 
     #[test]
-    fn a_text_that_reads_upward_is_the_same_turned() {
+    fn an_upward_text_is_the_rotated_text() {
         let pixels = |upward| {
             let mut out = Vec::new();
             rasterize("Fy", 20.0, Align::Left, upward, |p, c| -> Result<(), ()> {

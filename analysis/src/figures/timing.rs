@@ -1,12 +1,13 @@
-//! Times by the wall clock: period and computation over the run, and their distributions.
+//! Durations by the wall clock: period and computation time over the run, and their distributions.
 
 use std::rc::Rc;
 
+use super::canvas::Stroke;
 use super::chart::{Chart, Layer, Plot, Section};
+use super::figure_spec::{FigureSpec, Named, whole};
 use super::panel::Range;
 use super::style::{BLUE, LEG_COLORS, Mark, REFERENCE_LINE, VERMILLION, pale};
 use super::trace::{Timeline, run_stroke};
-use super::{FigureSpec, Named, Stroke};
 use crate::metrics::{period_us, qp_us, tick_us};
 use crate::run::Run;
 use crate::stats::Distribution;
@@ -17,7 +18,7 @@ const PALE_LINE: Stroke = Stroke { color: pale(VERMILLION, 0.35), width: 1.1 };
 const QP_LINE: Stroke = Stroke { color: LEG_COLORS[0], width: 1.1 };
 const PERIOD_LINE: Stroke = Stroke { color: BLUE, width: 0.6 };
 
-/// One quantity of a run: its name, line and samples in µs, NaN where there is none.
+/// One quantity of a run: name, line style and samples in µs; NaN if missing.
 struct Times {
     name: &'static str,
     stroke: Stroke,
@@ -25,7 +26,7 @@ struct Times {
     us: Vec<f64>,
 }
 
-/// Period (of a live run), tick and solve of one run. A clock that did not move between two stamps has no logarithm: such samples are left out.
+/// Computation time, time of the QP and, for a live run, period. Durations of 0 have no logarithm and are ignored.
 fn times(run: &Run, window: Range) -> Result<Vec<Times>, String> {
     if !run.has("TIMING") {
         return Err("TIMING".to_owned());
@@ -44,12 +45,12 @@ fn times(run: &Run, window: Range) -> Result<Vec<Times>, String> {
         all.insert(0, Times { name: "period", stroke: PERIOD_LINE, xs: at, us });
     }
     if all.iter().all(|times| times.us.iter().all(|us| us.is_nan())) {
-        return Err("TIMING with durations above zero".to_owned());
+        return Err("TIMING with durations above 0".to_owned());
     }
     Ok(all)
 }
 
-/// Times between the wake-ups of neighbouring ticks, µs, at the time of the later.
+/// Times between the wake-ups of consecutive ticks, µs, at the time of the later tick.
 fn periods(ticks: &[crate::run::Tick]) -> (Rc<[f64]>, Vec<f64>) {
     let pairs = ticks.windows(2).filter_map(|pair| {
         let us = period_us(pair[0].timing.as_ref()?, pair[1].timing.as_ref()?)?;
@@ -59,7 +60,7 @@ fn periods(ticks: &[crate::run::Tick]) -> (Rc<[f64]>, Vec<f64>) {
     (xs.into(), us)
 }
 
-/// A run with deadlines woke by a clock; lockstep has neither.
+/// True if the run has deadlines; lockstep has none.
 fn is_live(run: &Run) -> bool {
     run.ticks.iter().any(|tick| tick.timing.as_ref().is_some_and(|t| t.deadline_ns > 0))
 }
@@ -68,19 +69,19 @@ fn deadline_us(run: &Run) -> f64 {
     if run.period_s() > 0.0 { run.period_s() * 1e6 } else { 1000.0 }
 }
 
-/// What all samples lie in, the deadline too; µs.
+/// Range of all samples and the deadline, µs.
 fn range<'a>(all: impl Iterator<Item = &'a Times>, deadline: f64) -> Range {
     let finite = all.flat_map(|times| times.us.iter().copied()).filter(|us| us.is_finite());
     let (least, most) = finite.fold((deadline, deadline), |(lo, hi), us| (lo.min(us), hi.max(us)));
     Range { min: 0.8 * least, max: 1.25 * most }
 }
 
-/// Period and computation time over the run, a panel a log, with their histograms at the side.
-pub(super) fn over_time(runs: &[(Named, &Run)], ask: &FigureSpec) -> Result<Chart, String> {
+/// Period and computation time over the run, one panel per log, with histograms at the side. Source: Laurenzi 2020, Figure 4.2.
+pub(super) fn over_time(runs: &[(Named, &Run)], spec: &FigureSpec) -> Result<Chart, String> {
     let mut sections = Vec::new();
     let (mut live, mut lockstep) = (false, false);
     for (name, run) in runs {
-        let window = ask.whole(run);
+        let window = spec.whole(run);
         let all = times(run, window)?;
         let deadline = deadline_us(run);
         let us = range(all.iter(), deadline);
@@ -109,9 +110,9 @@ pub(super) fn over_time(runs: &[(Named, &Run)], ask: &FigureSpec) -> Result<Char
         let shares: Vec<(Vec<f64>, Stroke)> = all.iter().map(|t| (histogram(&t.us, us), t.stroke)).collect();
         let most = shares.iter().flat_map(|(share, _)| share).copied().fold(1.0, f64::max);
         let mut layers: Vec<Layer> =
-            shares.into_iter().map(|(share, stroke)| Layer::Path(lying(&share, us), stroke)).collect();
+            shares.into_iter().map(|(share, stroke)| Layer::Path(sideways(&share, us), stroke)).collect();
         layers.push(Layer::Level(deadline, REFERENCE_LINE));
-        let lying = Plot {
+        let sideways = Plot {
             heading,
             x_label: "share of ticks [%]".to_owned(),
             y_label,
@@ -122,7 +123,7 @@ pub(super) fn over_time(runs: &[(Named, &Run)], ask: &FigureSpec) -> Result<Char
             layers,
             ..Plot::default()
         };
-        sections.push(Section { columns: vec![0.7, 0.3], plots: vec![over_time, lying], shared_x: false });
+        sections.push(Section { columns: vec![0.7, 0.3], plots: vec![over_time, sideways], shared_x: false });
         *if is_live(run) { &mut live } else { &mut lockstep } = true;
     }
     let mut legend = Vec::new();
@@ -131,35 +132,33 @@ pub(super) fn over_time(runs: &[(Named, &Run)], ask: &FigureSpec) -> Result<Char
     }
     legend.extend([
         ("computation: median".to_owned(), Mark::Line(TICK_LINE)),
-        ("largest".to_owned(), Mark::Line(PALE_LINE)),
+        ("computation: maximum".to_owned(), Mark::Line(PALE_LINE)),
         ("QP".to_owned(), Mark::Line(QP_LINE)),
         ("control period".to_owned(), Mark::Dashed(REFERENCE_LINE)),
     ]);
-    let remark =
-        if lockstep { " A lockstep run waits for nobody: it has no period of its own, and no deadline." } else { "" };
+    let remark = if lockstep { " A lockstep run has no wake-ups and no deadlines." } else { "" };
     let caption = format!(
-        "Wall-clock time of each tick and of its quadratic program, median and largest over short stretches, and histogram; logarithmic axes.{remark}"
+        "Wall-clock time of each tick and of its quadratic program: median and maximum of short intervals, and histogram. Time axes are logarithmic.{remark}"
     );
     Ok(Chart { caption, sections, legend })
 }
 
-/// Histogram and cumulated share of computation, solve, and jitter of the period; several logs in one figure, as before and after.
-pub(super) fn distribution(runs: &[(Named, &Run)]) -> Result<Chart, String> {
-    let all: Vec<Vec<Times>> =
-        runs.iter().map(|(_, run)| times(run, super::figure_spec::whole(run))).collect::<Result<_, _>>()?;
+/// Histogram and complementary cumulative distribution of the durations, and jitter of the period. Several logs are overlaid.
+pub(super) fn distribution(runs: &[(Named, &Run)], _: &FigureSpec) -> Result<Chart, String> {
+    let all: Vec<Vec<Times>> = runs.iter().map(|(_, run)| times(run, whole(run))).collect::<Result<_, _>>()?;
     let deadline = runs.first().map_or(1000.0, |(_, run)| deadline_us(run));
     let us = range(all.iter().flatten(), deadline);
     let alone = runs.len() == 1;
-    let (mut histograms, mut cumulated, mut legend, mut most) = (Vec::new(), Vec::new(), Vec::new(), 1.0_f64);
+    let (mut histograms, mut tails, mut legend, mut most) = (Vec::new(), Vec::new(), Vec::new(), 1.0_f64);
     let mut notes = Vec::new();
     for (k, ((name, _), times)) in runs.iter().zip(&all).enumerate() {
-        // Of several logs only what the robot waits for.
+        // For several logs, only the computation time.
         for times in times.iter().filter(|t| alone || t.name == "computation") {
             let stroke = if alone { Stroke { width: 1.1, ..times.stroke } } else { run_stroke(k) };
             let share = histogram(&times.us, us);
             most = share.iter().copied().fold(most, f64::max);
-            histograms.push(Layer::Path(lying(&share, us).into_iter().map(|(x, y)| (y, x)).collect(), stroke));
-            cumulated.push(Layer::Path(tail(&times.us), stroke));
+            histograms.push(Layer::Path(sideways(&share, us).into_iter().map(|(x, y)| (y, x)).collect(), stroke));
+            tails.push(Layer::Path(tail(&times.us), stroke));
             let label = if alone { times.name.to_owned() } else { format!("computation, {}", name.0) };
             if let Some(d) = Distribution::of(times.us.iter().copied()) {
                 notes.push(format!(
@@ -171,7 +170,7 @@ pub(super) fn distribution(runs: &[(Named, &Run)]) -> Result<Chart, String> {
         }
     }
     legend.push((format!("control period, {deadline:.0} µs"), Mark::Dashed(REFERENCE_LINE)));
-    for layers in [&mut histograms, &mut cumulated] {
+    for layers in [&mut histograms, &mut tails] {
         layers.push(Layer::Upright(deadline, REFERENCE_LINE));
     }
     let x_label = "time [µs]".to_owned();
@@ -194,19 +193,19 @@ pub(super) fn distribution(runs: &[(Named, &Run)]) -> Result<Chart, String> {
             y: Range { min: 100.0 / longest(&all), max: 100.0 },
             logarithmic: [true, true],
             height: 130.0,
-            layers: cumulated,
+            layers: tails,
             ..Plot::default()
         },
     ];
     let mut sections = vec![Section { columns: vec![1.0], plots, shared_x: true }];
     sections.extend(jitter(runs));
-    let caption = "Histogram of times, and below it the share of ticks that took longer (one minus the cumulated distribution), both axes logarithmic, so that the \
-                   rare long ticks are seen. Of a live run also wake-up times about the control period."
+    let caption = "Histogram of durations. Below: fraction of ticks that took longer (complementary cumulative distribution), with logarithmic axes to show rare long \
+                   ticks. For a live run also the deviation of the period from the control period."
         .to_owned();
     Ok(Chart { caption, sections, legend })
 }
 
-/// How far wake-ups were off the control period, of live runs.
+/// Deviation of the period from the control period, of live runs.
 fn jitter(runs: &[(Named, &Run)]) -> Option<Section> {
     let mut layers = Vec::new();
     let (mut widest, mut notes) = (10.0_f64, Vec::new());
@@ -220,7 +219,7 @@ fn jitter(runs: &[(Named, &Run)]) -> Option<Section> {
         let sizes = Distribution::of(errors.iter().map(|e: &f64| e.abs()));
         widest = sizes.map_or(widest, |d| widest.max(1.2 * d.p999));
     }
-    // Half a sample: the floor on which empty bins stand.
+    // Empty bins are drawn at half a sample.
     let least = 50.0 / each.iter().map(|(_, errors)| errors.len()).max().unwrap_or(1).max(1) as f64;
     for (k, errors) in &each {
         let mut shares = vec![0.0; BINS];
@@ -238,7 +237,7 @@ fn jitter(runs: &[(Named, &Run)]) -> Option<Section> {
         }
     }
     let plot = Plot {
-        x_label: "period less control period [µs]; the last bins hold what is beyond".to_owned(),
+        x_label: "period - control period [µs]; the outermost bins contain all values outside".to_owned(),
         y_label: "share of ticks [%]".to_owned(),
         x: Range { min: -widest, max: widest },
         y: Range { min: least, max: 100.0 },
@@ -251,7 +250,7 @@ fn jitter(runs: &[(Named, &Run)]) -> Option<Section> {
     (!each.is_empty()).then(|| Section::column(vec![plot]))
 }
 
-/// Share of the samples in each of `BINS` logarithmic bins, %.
+/// Fraction of the samples in each of `BINS` logarithmic bins, %.
 fn histogram(samples: &[f64], range: Range) -> Vec<f64> {
     let mut counts = vec![0.0; BINS];
     let finite = || samples.iter().filter(|us| us.is_finite());
@@ -263,8 +262,8 @@ fn histogram(samples: &[f64], range: Range) -> Vec<f64> {
     counts
 }
 
-/// The steps of a histogram that lies on its side: share, then time.
-fn lying(shares: &[f64], range: Range) -> Vec<(f64, f64)> {
+/// Outline of a histogram with time on the vertical axis: points of fraction and time.
+fn sideways(shares: &[f64], range: Range) -> Vec<(f64, f64)> {
     let edge = |k: usize| range.min * (range.max / range.min).powf(k as f64 / BINS as f64);
     let filled = |k: usize| shares[k] > 0.0;
     let Some((first, last)) = (0..BINS).find(|&k| filled(k)).zip((0..BINS).rev().find(|&k| filled(k))) else {
@@ -276,7 +275,7 @@ fn lying(shares: &[f64], range: Range) -> Vec<(f64, f64)> {
     points
 }
 
-/// Time, and the share of samples above it in %: at most about a thousand points, denser towards the end.
+/// Complementary cumulative distribution: time, and fraction of samples above it in %. About 1000 points, denser towards the end.
 fn tail(samples: &[f64]) -> Vec<(f64, f64)> {
     let mut sorted: Vec<f64> = samples.iter().copied().filter(|us| us.is_finite()).collect();
     sorted.sort_by(f64::total_cmp);

@@ -1,28 +1,28 @@
 //! Quantities over time, of one log or of several.
 //!
-//! A figure of this kind says for one run what its panels hold: reference, truth, estimate. One run is drawn with all of them; of several, each panel shows
-//! what is known best of every run, in a colour a run, or their mean with a band.
+//! A figure of this kind provides the panels of one run: curves of reference, truth and estimate. One run is drawn with all its curves. Several runs are drawn
+//! with one curve each, ground truth if present, else measurement, else estimate; or as their mean with a band.
 
 use std::rc::Rc;
 
 use super::canvas::{RGBAColor, Stroke};
 use super::chart::{Chart, Layer, Plot, Section, Spans};
+use super::figure_spec::{FigureSpec, Named, Several};
 use super::panel::Range;
 use super::style::{ESTIMATED_LINE, Mark, REFERENCE_LINE, RUN_COLORS, TRUE_LINE, pale};
-use super::{Named, Several};
 use crate::run::{Run, Tick};
 use crate::stats::mean_and_std;
 
-/// A step between ticks longer than this many periods is a gap: lines break there.
+/// A step between ticks longer than this many periods is a gap. Lines are interrupted at gaps.
 const GAP_PERIODS: f64 = 2.5;
-/// The same between neighbours by number: a live run leaves out the ticks that it is too late for, and nothing is missing.
+/// The same for ticks with consecutive numbers: there the live run skipped ticks, and no message is missing in the log.
 const STILL_PERIODS: f64 = 25.0;
 
-/// The ticks of a run inside a window, and where lines over them break.
+/// The ticks of a run inside a window, and its gaps.
 pub struct Timeline<'a> {
     /// The ticks.
     pub ticks: &'a [Tick],
-    /// Indices of ticks that come after a gap.
+    /// Indices of the ticks that follow a gap.
     after_gap: Vec<usize>,
     xs: Rc<[f64]>,
 }
@@ -37,7 +37,7 @@ impl<'a> Timeline<'a> {
         let is_gap = |i: &usize| ticks[*i].t_s - ticks[i - 1].t_s > longest(*i) * run.period_s();
         let after_gap: Vec<usize> = (1..ticks.len()).filter(is_gap).collect();
         let timeline = Self { ticks, after_gap, xs: Rc::new([]) };
-        let xs = timeline.broken(|tick| Some(tick.t_s), |i| 0.5 * (ticks[i - 1].t_s + ticks[i].t_s));
+        let xs = timeline.with_gaps(|tick| Some(tick.t_s), |i| 0.5 * (ticks[i - 1].t_s + ticks[i].t_s));
         Self { xs: xs.into(), ..timeline }
     }
 
@@ -46,12 +46,12 @@ impl<'a> Timeline<'a> {
         Rc::clone(&self.xs)
     }
 
-    /// One value a tick, NaN where the log has none and in the middle of each gap.
+    /// One value per tick; NaN if the log has none, and one NaN in the middle of each gap.
     pub fn series(&self, value: impl Fn(&Tick) -> Option<f64>) -> Vec<f64> {
-        self.broken(value, |_| f64::NAN)
+        self.with_gaps(value, |_| f64::NAN)
     }
 
-    fn broken(&self, value: impl Fn(&Tick) -> Option<f64>, in_gap: impl Fn(usize) -> f64) -> Vec<f64> {
+    fn with_gaps(&self, value: impl Fn(&Tick) -> Option<f64>, in_gap: impl Fn(usize) -> f64) -> Vec<f64> {
         let mut out = Vec::with_capacity(self.ticks.len() + self.after_gap.len());
         let mut gaps = self.after_gap.iter().copied().peekable();
         for (i, tick) in self.ticks.iter().enumerate() {
@@ -63,7 +63,7 @@ impl<'a> Timeline<'a> {
         out
     }
 
-    /// Begin and end of every stretch of ticks for which a condition holds, s. A gap ends a stretch.
+    /// Begin and end of each interval in which a condition holds, s. A gap ends an interval.
     pub fn spans(&self, holds: impl Fn(&Tick) -> bool) -> Spans {
         let mut spans = Vec::new();
         let mut begin: Option<f64> = None;
@@ -87,24 +87,24 @@ impl<'a> Timeline<'a> {
         spans
     }
 
-    /// A curve of one value a tick.
+    /// A curve of one value per tick.
     pub fn curve(&self, role: Role, name: &str, value: impl Fn(&Tick) -> Option<f64>) -> Curve {
         Curve { role, name: name.to_owned(), xs: self.xs(), ys: self.series(value) }
     }
 }
 
-/// What a curve is: it decides colour, and which curve stands for a run among several.
+/// Origin of a curve. It determines line style, and which curve represents a run in a figure of several runs.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Role {
-    /// What is asked for.
+    /// Reference or command.
     Reference,
-    /// What the simulator knows.
+    /// Ground truth of the simulator.
     Truth,
-    /// What the controller believes.
+    /// Estimate of the controller.
     Estimate,
-    /// What a sensor says.
+    /// Sensor measurement.
     Measured,
-    /// One of several of its kind.
+    /// One of several equal quantities, with its index.
     Number(usize),
 }
 
@@ -119,7 +119,7 @@ impl Role {
         }
     }
 
-    /// Which curve stands for a run: the lowest.
+    /// The curve with the lowest rank represents a run.
     fn rank(self) -> usize {
         match self {
             Self::Truth => 0,
@@ -134,9 +134,9 @@ impl Role {
 /// Values over time.
 #[derive(Clone, Debug)]
 pub struct Curve {
-    /// What it is.
+    /// Origin.
     pub role: Role,
-    /// Words of the legend.
+    /// Text in the legend; empty: no entry.
     pub name: String,
     /// Times, s.
     pub xs: Rc<[f64]>,
@@ -147,23 +147,23 @@ pub struct Curve {
 /// A panel of a run.
 #[derive(Clone, Debug)]
 pub struct Trace {
-    /// Words above the panel.
+    /// Text above the panel.
     pub heading: Option<String>,
-    /// Words left of it.
+    /// Label of the vertical axis.
     pub label: String,
-    /// Least extent of the vertical axis, so that noise does not fill the panel.
+    /// Minimum range of the vertical axis, so that noise does not fill the panel.
     pub least_span: f64,
-    /// The vertical axis includes these.
+    /// Values that the vertical axis includes.
     pub includes: Vec<f64>,
     /// Height of the panel.
     pub height: f64,
-    /// Drawn in this order; the reference lies over the rest.
+    /// Curves in drawing order. The reference is last, on top of the others.
     pub curves: Vec<Curve>,
-    /// Behind the curves.
+    /// Shaded intervals behind the curves.
     pub shades: Vec<(Spans, RGBAColor)>,
-    /// Above the panel.
+    /// Bars above the panel.
     pub strips: Vec<(Spans, RGBAColor)>,
-    /// Dashed lines across.
+    /// Values of dashed horizontal lines.
     pub levels: Vec<f64>,
 }
 
@@ -190,18 +190,24 @@ pub struct Traces {
     pub sections: Vec<(usize, Vec<Trace>)>,
     /// Window of time.
     pub window: Range,
-    /// What is to be seen.
+    /// One or two sentences about the content.
     pub caption: String,
-    /// Marks beside those of the curves.
+    /// Legend entries in addition to those of the curves.
     pub marks: Vec<(String, Mark)>,
 }
 
-/// One run with all its curves, or several with one curve each.
-pub fn chart(mut runs: Vec<(Named, Traces)>, several: Several) -> Chart {
-    if runs.len() == 1 {
-        return runs.pop().map(|(_, traces)| single(traces)).unwrap_or_default();
+/// Lays out one run with all its curves, or several runs with one curve each.
+pub fn chart(
+    traces: fn(&Run, &FigureSpec) -> Result<Traces, String>,
+    runs: &[(Named, &Run)],
+    spec: &FigureSpec,
+) -> Result<Chart, String> {
+    let each = runs.iter().map(|(name, run)| traces(run, spec).map(|traces| (name.clone(), traces)));
+    let mut each: Vec<(Named, Traces)> = each.collect::<Result<_, _>>()?;
+    if each.len() > 1 {
+        return Ok(overlay(each, spec.several));
     }
-    overlay(runs, several)
+    Ok(each.pop().map(|(_, traces)| single(traces)).unwrap_or_default())
 }
 
 fn single(traces: Traces) -> Chart {
@@ -301,16 +307,16 @@ fn overlay(runs: Vec<(Named, Traces)>, several: Several) -> Chart {
     let first = all.swap_remove(0);
     legend.extend(first.marks.into_iter().filter(|(_, mark)| matches!(mark, Mark::Fill(_))));
     let caption =
-        format!("{} Of each log the best that is known: truth, else measurement, else estimate.", first.caption);
+        format!("{} Shown for each log: ground truth if present, else measurement, else estimate.", first.caption);
     Chart { caption, sections, legend }
 }
 
-/// The colour of a run among several.
+/// Line style of run `k` in a figure of several runs.
 pub fn run_stroke(k: usize) -> Stroke {
     Stroke { color: RUN_COLORS[k % RUN_COLORS.len()], width: 1.1 }
 }
 
-/// Mean over runs at the times of the first, with one standard deviation and the extremes.
+/// Mean over the runs, standard deviation and extremes, at the times of the first run.
 fn band(curves: Vec<Curve>) -> Vec<Layer> {
     let Some(first) = curves.first() else { return Vec::new() };
     let xs = Rc::clone(&first.xs);
@@ -358,7 +364,7 @@ mod tests {
     }
 
     #[test]
-    fn a_band_is_mean_and_deviation_of_the_runs_that_have_a_value() {
+    fn a_band_is_the_mean_and_deviation_of_the_finite_values() {
         let curves = vec![curve(&[0.0, 1.0, 2.0], &[1.0, 2.0, 3.0]), curve(&[0.1, 1.1], &[3.0, f64::NAN])];
         let layers = band(curves);
         let [Layer::Band { low: least, high: most, .. }, Layer::Band { low, high, .. }, Layer::Line { ys, .. }] =

@@ -1,4 +1,4 @@
-//! Torques of what-if replays over those of the record, grey where the recorded inputs no longer stand for the changed controller.
+//! Torques of what-if replays compared with the record. Curves are gray after the tick from which the recorded inputs are no longer valid for the changed controller.
 
 use super::Figure;
 use super::canvas::{RGBAColor, Stroke};
@@ -8,25 +8,25 @@ use super::style::{BLACK, BLUE, LEG_COLORS, Mark, TRUE_LINE, VERMILLION, pale};
 use replay::engine::{Sample, WhatIf};
 
 const PANEL_HEIGHT: f64 = 150.0;
-/// Longest stretch that is drawn; a longer log is shown around the first departure.
+/// Longest interval shown, s; of a longer log, the interval around the first departure.
 const SHOWN_S: f64 = 4.0;
-/// Part of that which lies before the departure.
+/// Fraction of the interval before the departure.
 const BEFORE: f64 = 0.75;
 const COLORS: [RGBAColor; 6] = [VERMILLION, BLUE, LEG_COLORS[0], LEG_COLORS[1], LEG_COLORS[2], LEG_COLORS[3]];
 const GREY_LINE: Stroke = Stroke { color: RGBAColor(0xB8, 0xB8, 0xB8, 1.0), width: 0.9 };
 const BOUND: Stroke = Stroke { color: BLACK, width: 0.8 };
 const RECORDED: Stroke = Stroke { color: BLACK, ..TRUE_LINE };
-/// Background of what no longer counts for any of the curves.
-const GONE: RGBAColor = pale(BLACK, 0.06);
+/// Background of the interval in which no curve is valid.
+const INVALID: RGBAColor = pale(BLACK, 0.06);
 
-/// Draws replays of one log, each with its name: above the torque of the joint that departs first (or most), recorded and replayed, below the
-/// largest difference of any joint with the bound.
+/// Draws replays of one log, each with its name. Upper panel: recorded and replayed torque of the joint that departs first, or else differs most. Lower panel:
+/// largest difference of any joint, with the bound.
 pub fn what_if(replays: &[(String, &WhatIf)]) -> Figure {
     let samples = replays.iter().map(|(_, what_if)| &what_if.samples).find(|samples| !samples.is_empty());
     let departures = || replays.iter().filter_map(|(_, what_if)| what_if.departure);
     let first = departures().min_by_key(|departure| departure.t_ns);
     let last = departures().max_by_key(|departure| departure.t_ns);
-    let all_gone = replays.iter().all(|(_, what_if)| what_if.departure.is_some());
+    let all_depart = replays.iter().all(|(_, what_if)| what_if.departure.is_some());
     let joint = first.map_or_else(|| largest(replays), |departure| departure.joint);
 
     let begin = samples.and_then(|samples| samples.first()).map_or(0.0, |sample| sample.t_s);
@@ -54,19 +54,19 @@ pub fn what_if(replays: &[(String, &WhatIf)]) -> Figure {
         match (row, &recorded) {
             (0, Some((_, ys))) => seen.extend(ys),
             (0, None) => {}
-            // Far beyond the bound nothing is left to be read.
+            // Differences far above the bound are cut off.
             _ => seen = seen.into_iter().map(|y| y.min(4.0 * bound)).chain([0.0, bound]).collect(),
         }
         let mut layers = Vec::new();
-        if let (Some(last), true) = (last, all_gone) {
-            layers.push(Layer::Shade(vec![(last.t_s, time.max)], GONE));
+        if let (Some(last), true) = (last, all_depart) {
+            layers.push(Layer::Shade(vec![(last.t_s, time.max)], INVALID));
         }
         if let (0, Some((xs, ys))) = (row, &recorded) {
             layers.push(line(xs, ys, RECORDED));
         }
         for (k, ((_, what_if), (xs, ys))) in replays.iter().zip(&curves).enumerate() {
-            let gone = what_if.departure.map_or(f64::INFINITY, |departure| departure.t_s);
-            let split = xs.partition_point(|x| *x <= gone);
+            let departure_s = what_if.departure.map_or(f64::INFINITY, |departure| departure.t_s);
+            let split = xs.partition_point(|x| *x <= departure_s);
             layers.push(line(&xs[split..], &ys[split..], GREY_LINE));
             layers.push(line(&xs[..split], &ys[..split], stroke_of(k)));
         }
@@ -80,12 +80,12 @@ pub fn what_if(replays: &[(String, &WhatIf)]) -> Figure {
     let mut legend = vec![("recorded".to_owned(), Mark::Line(RECORDED))];
     legend.extend(replays.iter().enumerate().map(|(k, (name, _))| (name.clone(), Mark::Line(stroke_of(k)))));
     if first.is_some() {
-        legend.push(("left the record".to_owned(), Mark::Line(GREY_LINE)));
+        legend.push(("no longer valid".to_owned(), Mark::Line(GREY_LINE)));
     }
     legend.push(("bound".to_owned(), Mark::Dashed(BOUND)));
     let caption = format!(
-        "Torque of joint {joint} (URDF order), recorded and as other parameters would have had it on the same inputs. Grey: a joint's torque has \
-         left the recorded one by more than the bound, so the recorded inputs answer another robot."
+        "Torque of joint {joint} (URDF order): recorded, and replayed with other parameters on the same inputs. Gray: a torque has differed from the record by \
+         more than the bound, so the recorded inputs are no longer valid for the changed controller."
     );
     Figure::of_chart("what_if", "What if", &Chart { caption, sections: vec![Section::column(plots)], legend })
 }
@@ -94,7 +94,7 @@ fn stroke_of(k: usize) -> Stroke {
     Stroke { color: COLORS[k % COLORS.len()], width: 1.0 }
 }
 
-/// The joint whose torques differ most.
+/// The joint with the largest difference of torque.
 fn largest(replays: &[(String, &WhatIf)]) -> usize {
     let mut most = (0.0, 0);
     for sample in replays.iter().flat_map(|(_, what_if)| &what_if.samples) {

@@ -1,63 +1,68 @@
-//! The page of a report: one file that needs no other. [`replay_comparison`] is that of logs that have changed.
+//! The HTML page of a report, self-contained in one file. [`replay_comparison`] is the page of replayed golden logs.
 
 pub(crate) mod replay_comparison;
 
 use std::fmt::Write as _;
 
-use crate::figures::{FONT, Figure, Format, Lacking, escape};
+use crate::figures::{FONT, Figure, Format, NotDrawn, escape};
 use crate::metrics::Metrics;
 use crate::numeric_table::NumericTable;
 use crate::tables;
 use crate::timeline::TimelineEntry;
 
-/// Happenings shown of each log; a bad hour holds thousands.
-const HAPPENINGS_SHOWN: usize = 300;
+/// Timeline entries shown per log; a long log may have thousands.
+const ENTRIES_SHOWN: usize = 300;
 
 const STYLE: &str = include_str!("page.css");
 const SCRIPT: &str = include_str!("page.js");
 
 /// A log on the page.
 pub(crate) struct Part<'a> {
-    /// Its name on the page.
+    /// Name of the log.
     pub name: String,
-    /// The log, as the command was given it.
+    /// Path of the log.
     pub path: String,
-    /// Its numbers.
+    /// Metrics of the log.
     pub metrics: &'a Metrics,
     /// Messages per channel.
     pub channels: &'a std::collections::BTreeMap<String, u64>,
-    /// What happened in it.
-    pub happenings: &'a [TimelineEntry],
+    /// Timeline of the log.
+    pub timeline: &'a [TimelineEntry],
 }
 
-/// What the page shows beside the logs.
+/// Content of the page in addition to the logs.
 pub(crate) struct Content<'a> {
-    /// Figures, in their order.
+    /// Figures in order.
     pub figures: &'a [Figure],
-    /// Files of each.
+    /// File formats of each figure.
     pub formats: &'a [Format],
     /// Figures that could not be drawn.
-    pub lacking: &'a [Lacking],
-    /// The walk of the first log, from the side.
+    pub not_drawn: &'a [NotDrawn],
+    /// Animation of the first log, as SVG.
     pub walk: Option<&'a str>,
     /// Other files of the report.
     pub files: &'a [String],
 }
 
-/// The page: what happened, tables, figures.
+/// The page: remarks, timelines, tables, figures, channels.
 pub(crate) fn page(parts: &[Part], content: &Content) -> String {
     let title = parts.iter().map(|part| part.name.as_str()).collect::<Vec<_>>().join(", ");
-    let what = if parts.len() == 1 {
-        "Report of a run, made from its log alone."
+    let subtitle = if parts.len() == 1 {
+        "Report of a run, computed from its log alone."
     } else {
-        "Report of several runs, made from their logs alone."
+        "Report of several runs, computed from their logs alone."
     };
-    let mut page = head(&title, what);
+    let mut page = head(&title, subtitle);
     for part in parts {
         remarks(&mut page, part, parts.len() > 1);
     }
-    for lack in content.lacking {
-        let _ = writeln!(page, "<p>No figure “{}”: it needs {}.</p>", escape(&lack.title), escape(&lack.needs));
+    for missing in content.not_drawn {
+        let _ = writeln!(
+            page,
+            "<p>Figure “{}” is not drawn: the log lacks {}.</p>",
+            escape(&missing.title),
+            escape(&missing.needs)
+        );
     }
     if parts.len() > 1 {
         page.push_str("<h2>Side by side</h2>\n");
@@ -67,14 +72,14 @@ pub(crate) fn page(parts: &[Part], content: &Content) -> String {
     if let Some(walk) = content.walk {
         let _ = writeln!(
             page,
-            "<figure>{walk}<figcaption>The walk from the side, from the log's joint positions and true base. <a href=\"walk.svg\">SVG</a></figcaption></figure>"
+            "<figure>{walk}<figcaption>Side view, from joint positions and base pose in the log. <a href=\"walk.svg\">SVG</a></figcaption></figure>"
         );
     }
     for part in parts {
         let of_name = if parts.len() > 1 { format!(", {}", escape(&part.name)) } else { String::new() };
         let _ = writeln!(page, "<h2>Run{of_name}</h2>");
         run(&mut page, part);
-        happenings(&mut page, part);
+        timeline(&mut page, part);
         if parts.len() == 1 {
             tracking(&mut page, part.metrics);
             contact(&mut page, part.metrics);
@@ -85,11 +90,11 @@ pub(crate) fn page(parts: &[Part], content: &Content) -> String {
             numbers(&mut page, &times);
         }
     }
-    page.push_str("<h2>Figures</h2>\n<p class=\"soft\">Ctrl and the wheel or a double click zoom, a drag moves, Escape shows the whole again.</p>\n");
+    page.push_str("<h2>Figures</h2>\n<p class=\"soft\">Zoom: Ctrl and mouse wheel, or double click. Move: drag. Reset: Escape.</p>\n");
     for figure in content.figures {
         let links = content.formats.iter().map(|format| {
-            let ending = format.ending();
-            format!("<a href=\"{}.{ending}\">{}</a>", figure.name, ending.to_uppercase())
+            let extension = format.extension();
+            format!("<a href=\"{}.{extension}\">{}</a>", figure.name, extension.to_uppercase())
         });
         let _ = writeln!(
             page,
@@ -104,24 +109,24 @@ pub(crate) fn page(parts: &[Part], content: &Content) -> String {
     let links: Vec<String> = content.files.iter().map(|name| format!("<a href=\"{name}\">{name}</a>")).collect();
     let _ = write!(
         page,
-        "<p class=\"soft\">Files beside this page: {}.</p>\n<script>{SCRIPT}</script>\n</body></html>\n",
+        "<p class=\"soft\">Files in the same folder: {}.</p>\n<script>{SCRIPT}</script>\n</body></html>\n",
         links.join(", ")
     );
     page
 }
 
-/// The beginning of a page, its title and what it is.
-fn head(title: &str, what: &str) -> String {
+/// Head of a page, title and subtitle.
+fn head(title: &str, subtitle: &str) -> String {
     format!(
         "<!doctype html>\n<html lang=\"en\"><head><meta charset=\"utf-8\">\n\
          <meta name=\"viewport\" content=\"width=device-width,initial-scale=1\">\n<title>{0}</title>\n<style>{STYLE}\
-         @font-face{{font-family:\"Hoofprint Sans\";src:url(data:font/ttf;base64,{1})}}</style></head><body>\n<h1>{0}</h1>\n<p class=\"soft\">{what}</p>\n",
+         @font-face{{font-family:\"Hoofprint Sans\";src:url(data:font/ttf;base64,{1})}}</style></head><body>\n<h1>{0}</h1>\n<p class=\"soft\">{subtitle}</p>\n",
         escape(title),
         base64(FONT)
     )
 }
 
-/// What a reader must know before trusting a number.
+/// Notes of the log and missing channels.
 fn remarks(page: &mut String, part: &Part, several: bool) {
     let of = if several { format!("{}: ", escape(&part.name)) } else { String::new() };
     for note in &part.metrics.notes {
@@ -153,28 +158,30 @@ fn run(page: &mut String, part: &Part) {
     page.push_str("</table>\n");
 }
 
-fn happenings(page: &mut String, part: &Part) {
-    page.push_str("<h2>What happened</h2>\n");
-    if part.happenings.is_empty() {
-        page.push_str("<p>Nothing: no change of gait or mode, no fall, fault, loss or missed deadline.</p>\n");
+fn timeline(page: &mut String, part: &Part) {
+    page.push_str("<h2>Timeline</h2>\n");
+    if part.timeline.is_empty() {
+        page.push_str(
+            "<p>No entries: no change of gait or mode, no fall, fault, loss, missed deadline or event.</p>\n",
+        );
         return;
     }
     let path = escape(&part.path);
     let _ = writeln!(
         page,
-        "<p class=\"soft\">Times are seconds since the first tick. <code>hoof debug {path} --at T</code> goes there, \
-         <code>hoof log trim {path} cut.mcap --around T</code> cuts it out.</p>"
+        "<p class=\"soft\">Times are in seconds since the first tick. <code>hoof debug {path} --at T</code> shows the state at a time, \
+         <code>hoof log trim {path} cut.mcap --around T</code> copies the part of the log around it.</p>"
     );
     page.push_str(
-        "<div class=\"wide tall\"><table><tr><th class=\"n\">t [s]</th><th class=\"n\">tick</th><th></th><th>what</th><th>look at it</th></tr>\n",
+        "<div class=\"wide tall\"><table><tr><th class=\"n\">t [s]</th><th class=\"n\">tick</th><th>kind</th><th>description</th><th>replay</th></tr>\n",
     );
-    for TimelineEntry { t_s, tick, what, text } in part.happenings.iter().take(HAPPENINGS_SHOWN) {
-        let class = if what.is_bad() { " class=\"bad\"" } else { "" };
+    for TimelineEntry { t_s, tick, what, text } in part.timeline.iter().take(ENTRIES_SHOWN) {
+        let class = if what.is_problem() { " class=\"bad\"" } else { "" };
         let tick = tick.map_or(String::new(), |tick| tick.to_string());
         let _ = writeln!(
             page,
             "<tr><td class=\"n\">{t_s:.3}</td><td class=\"n\">{tick}</td><td{class}>{}</td><td{class}>{}</td><td><code>hoof replay {} --from {:.3} --to {:.3}</code></td></tr>",
-            what.word(),
+            what.name(),
             escape(text),
             path,
             (t_s - 1.0).max(0.0),
@@ -182,17 +189,17 @@ fn happenings(page: &mut String, part: &Part) {
         );
     }
     page.push_str("</table></div>\n");
-    if part.happenings.len() > HAPPENINGS_SHOWN {
-        let more = part.happenings.len() - HAPPENINGS_SHOWN;
-        let _ = writeln!(page, "<p class=\"soft\">and {more} more in happenings.json.</p>");
+    if part.timeline.len() > ENTRIES_SHOWN {
+        let more = part.timeline.len() - ENTRIES_SHOWN;
+        let _ = writeln!(page, "<p class=\"soft\">{more} more entries are in happenings.json.</p>");
     }
 }
 
 fn tracking(page: &mut String, metrics: &Metrics) {
     let _ = writeln!(
         page,
-        "<h2>Tracking</h2>\n<p class=\"soft\">{}, while the controller stands or walks; feet during swing, relative to the base, in the \
-         horizontal frame. Published: Raiola et al. 2020, Table 3, HyQ in simulation; ratio is measured over published rms.</p>",
+        "<h2>Tracking</h2>\n<p class=\"soft\">{}, in the modes STANCE and WALK; feet during swing, relative to the base, in the horizontal \
+         frame. Published: Raiola et al. 2020, Table 3, HyQ in simulation. Ratio: measured rms / published rms.</p>",
         escape(tables::tracking_heading(metrics))
     );
     numbers(page, &tables::tracking(metrics));
@@ -201,7 +208,7 @@ fn tracking(page: &mut String, metrics: &Metrics) {
 fn contact(page: &mut String, metrics: &Metrics) {
     let Some(contact) = &metrics.contact else { return };
     page.push_str(
-        "<h2>Contact</h2>\n<div class=\"wide\"><table><tr><th></th><th class=\"n\">flag right</th><th class=\"n\">missed ticks</th>\
+        "<h2>Contact</h2>\n<div class=\"wide\"><table><tr><th></th><th class=\"n\">correct flags</th><th class=\"n\">missed ticks</th>\
          <th class=\"n\">false ticks</th><th class=\"n\">touchdowns</th><th class=\"n\">false</th><th class=\"n\">missed</th>\
          <th class=\"n\">delay p50 [ms]</th><th class=\"n\">p99 [ms]</th><th class=\"n\">force rms [N]</th></tr>\n",
     );
@@ -228,7 +235,7 @@ fn contact(page: &mut String, metrics: &Metrics) {
     page.push_str("</table></div>\n");
 }
 
-/// A table of numbers. A column `ratio` is good up to one.
+/// A table of numbers. Values up to 1 in a column `ratio` are marked as good.
 fn numbers(page: &mut String, table: &NumericTable) {
     page.push_str("<div class=\"wide\"><table><tr>");
     for (k, heading) in table.head.iter().enumerate() {

@@ -1,5 +1,5 @@
-// Figures zoom: a drag across a figure that is zoomed moves it, Ctrl and the wheel (or a pinch) zoom about the pointer, a double click
-// zooms in, Escape or a double click with Shift shows the whole again. A click on the walk halts it.
+// Zoom of figures: Ctrl and mouse wheel (or pinch) zoom at the pointer, double click zooms in, drag moves a zoomed figure, Escape or Shift and double click
+// reset. A click on the animation pauses it.
 for (const svg of document.querySelectorAll("figure svg")) {
   if (svg.classList.contains("walk")) {
     svg.addEventListener("click", () => (svg.animationsPaused() ? svg.unpauseAnimations() : svg.pauseAnimations()));

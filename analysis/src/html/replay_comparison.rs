@@ -1,17 +1,17 @@
-//! The page of logs that have changed.
+//! The HTML page of golden logs whose replay differs from the record.
 
 use super::{SCRIPT, head};
 use crate::figures::{Figure, escape};
 use crate::replay_comparison::{Log, Shown};
 use std::fmt::Write as _;
 
-/// The page: every log in a line, then each that has changed.
+/// The page: a table of all logs, then a section for each log whose replay differs.
 pub(crate) fn page(logs: &[Log], shown: &[Shown]) -> String {
     let mut page = head(
         "Golden logs",
-        "Before: as recorded. After: what the controller at hand makes of the same inputs. Made by hoof corpus check.",
+        "Before: as recorded. After: replay of the same inputs by the current controller. Written by hoof corpus check.",
     );
-    page.push_str("<div class=\"wide\"><table><tr><th>log</th><th>what it is for</th><th>verdict</th></tr>\n");
+    page.push_str("<div class=\"wide\"><table><tr><th>log</th><th>purpose</th><th>verdict</th></tr>\n");
     for log in logs {
         let name = match log.sides {
             Some(_) => format!("<a href=\"#{0}\">{0}</a>", escape(&log.name)),
@@ -33,7 +33,7 @@ fn section(page: &mut String, shown: &Shown) {
         writeln!(page, "<h2 id=\"{0}\">{0}</h2>\n<pre>{1}</pre>", escape(&shown.log.name), escape(&shown.log.verdict));
     let _ = writeln!(
         page,
-        "<p class=\"soft\">What the log keeps of the outputs, every {:.0} ms, beside the same of today.</p>",
+        "<p class=\"soft\">Outputs kept in the log, every {:.0} ms, and the replayed outputs at the same ticks.</p>",
         1e3 * shown.period_s
     );
     page.push_str(

@@ -1,4 +1,4 @@
-//! The contact estimator against the simulator: flags, touchdowns, forces.
+//! Contact estimate compared with ground truth: flags, touchdowns, forces.
 
 use lcmtypes::LegState;
 use serde::Serialize;
@@ -6,12 +6,12 @@ use serde::Serialize;
 use crate::run::{LEGS, Run, Tick};
 use crate::stats::{Distribution, ErrorStats};
 
-/// True contact after a touchdown that is still counted as its cause: the foot was judged down a little early, s.
+/// A touchdown is not false if true contact follows within this time, s.
 const EARLY_S: f64 = 0.05;
-/// A touchdown judged later than this after true contact counts as missed, ms.
+/// A touchdown detected later than this after true contact counts as missed, ms.
 const MISSED_MS: f64 = 20.0;
 
-/// Estimated against true contact.
+/// Estimated and true contact.
 #[derive(Clone, Debug, Serialize)]
 pub struct ContactMetrics {
     /// Legs in the order LF RF LH RH.
@@ -20,44 +20,44 @@ pub struct ContactMetrics {
     pub touchdowns: Touchdowns,
 }
 
-/// Contact of one leg. Counts are ticks; "found" is the estimated flag, "true" the simulator's.
+/// Contact of one leg. Counts are ticks; "found" is the estimated flag, "true" is the flag of the simulator.
 #[derive(Clone, Debug, Serialize)]
 pub struct LegContact {
     /// Name of the leg.
     pub leg: &'static str,
-    /// True contact, found.
+    /// True contact, detected.
     pub true_found: u64,
-    /// True contact, not found.
+    /// True contact, not detected.
     pub true_missed: u64,
-    /// No contact, none found.
+    /// No contact, none detected.
     pub none_none: u64,
-    /// No contact, one found.
+    /// No contact, but contact detected.
     pub none_found: u64,
-    /// Share of ticks in which flag and truth agree.
+    /// Fraction of ticks in which estimate and ground truth agree.
     pub accuracy: Option<f64>,
-    /// Estimated − true normal force while the foot truly touches, N.
+    /// Estimated − true normal force during true contact, N.
     pub force_error_contact_n: Option<ErrorStats>,
-    /// Estimated − true normal force while it does not, N: what the estimator makes of a swinging leg.
+    /// Estimated − true normal force without contact, N.
     pub force_error_air_n: Option<ErrorStats>,
-    /// Its touchdowns.
+    /// Touchdowns of the leg.
     pub touchdowns: Touchdowns,
 }
 
-/// Ends of swings, against the first true contact of the second half of the swing.
+/// Ends of swings, compared with the first true contact in the second half of the swing.
 #[derive(Clone, Debug, Default, Serialize)]
 pub struct Touchdowns {
     /// Swings that ended in stance.
     pub count: u64,
-    /// Of these, those without true contact before or within 50 ms after: false touchdowns.
+    /// False touchdowns: without true contact before the end of the swing or within 50 ms after it.
     pub false_count: u64,
-    /// Of these, those judged more than 20 ms after true contact: missed when they came.
+    /// Missed touchdowns: detected more than 20 ms after true contact.
     pub missed_count: u64,
-    /// Stance − first true contact, ms, of the others; negative = judged early.
+    /// Start of stance − first true contact, ms, of all but the false ones; negative: detected early.
     pub delay_ms: Option<Distribution>,
 }
 
 impl ContactMetrics {
-    /// `None` without truth or without estimate.
+    /// `None` without ground truth or without estimate.
     pub(crate) fn of(run: &Run) -> Option<Self> {
         if !run.has("GROUND_TRUTH") || !run.has("CONTACT_ESTIMATE") {
             return None;
@@ -102,9 +102,9 @@ fn summarize(delays_ms: &[Option<f64>]) -> Touchdowns {
     }
 }
 
-/// One entry a swing that ended in stance: the delay of that end, or `None` for a false touchdown.
+/// One entry per swing that ended in stance: the delay of the touchdown, ms, or `None` for a false touchdown.
 ///
-/// The first half of a swing is left out, as the controller leaves it out: a foot that scuffs while it lifts is not landing.
+/// Contact in the first half of a swing is ignored, as in the controller: it is no landing.
 pub(crate) fn touchdown_delays_ms(ticks: &[Tick], leg: usize) -> Vec<Option<f64>> {
     let mut delays = Vec::new();
     let mut descending = false;

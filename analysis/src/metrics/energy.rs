@@ -1,4 +1,4 @@
-//! Torque, mechanical power and tracking of the joints, from measured torque and velocity.
+//! Torque, mechanical power and tracking errors of the joints, from measured torque and velocity.
 
 use serde::Serialize;
 
@@ -9,21 +9,21 @@ use crate::stats::ErrorStats;
 /// Standard gravity, m/s².
 const G: f64 = 9.806_65;
 
-/// Power of all joints, and each joint.
+/// Mechanical power and work of all joints, and metrics of each joint.
 #[derive(Clone, Debug, Serialize)]
 pub struct Energy {
     /// Mean over time of `Σ τ q̇`, W.
     pub mean_power_w: f64,
-    /// Mean over time of the power of those joints that do positive work, W.
+    /// Mean over time of `Σ max(τ q̇, 0)`, W.
     pub mean_positive_power_w: f64,
-    /// Positive work over the run, J.
+    /// Time integral of `Σ max(τ q̇, 0)`, J.
     pub positive_work_j: f64,
-    /// Positive work over `m g` times the length of the base's true path (body sway included); `null` without truth, without a URDF, or for
-    /// less than 0.5 m.
+    /// Cost of transport: positive work divided by `m g` times [`Locomotion::path_m`](super::Locomotion::path_m). `null` without ground truth, without a URDF, or
+    /// if the path is not longer than 0.5 m.
     pub cost_of_transport: Option<f64>,
-    /// Largest share of a torque limit that any joint used; `null` without limits in the URDF.
+    /// Largest ratio of torque to torque limit of any joint; `null` without limits in the URDF.
     pub max_torque_use: Option<f64>,
-    /// Each joint, in the order of the URDF.
+    /// Joints in the order of the URDF.
     pub joints: Vec<JointMetrics>,
 }
 
@@ -36,7 +36,7 @@ pub struct JointMetrics {
     pub position: Option<ErrorStats>,
     /// Commanded − measured velocity, rad/s or m/s.
     pub velocity: Option<ErrorStats>,
-    /// Measured torque, N m or N: its rms and largest are those of an error from zero.
+    /// Measured torque, N m or N, as statistics of the deviation from zero.
     pub torque: Option<ErrorStats>,
 }
 
@@ -84,13 +84,13 @@ impl Energy {
     }
 }
 
-/// `τ q̇` of each joint at a tick, W; `None` if it was not measured.
+/// `τ q̇` of each joint at a tick, W; `None` without a measurement.
 pub(crate) fn joint_powers<'a>(run: &'a Run, tick: &'a Tick) -> Option<impl Iterator<Item = f64> + 'a> {
     run.joints.measured(tick, 0)?;
     Some((0..run.joints.count()).filter_map(|joint| run.joints.measured(tick, joint).map(|s| s.tau * s.qd)))
 }
 
-/// Largest share of its torque limit that a joint uses at a tick.
+/// Largest ratio of torque to torque limit of any joint at a tick; `None` without a measurement or limits.
 pub(crate) fn torque_use(run: &Run, tick: &Tick) -> Option<f64> {
     let robot = run.robot.as_ref().filter(|robot| robot.nj() == run.joints.count())?;
     let shares = (0..robot.nj()).filter_map(|k| Some(run.joints.measured(tick, k)?.tau.abs() / robot.effort(k)?));

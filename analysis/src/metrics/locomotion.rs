@@ -1,25 +1,25 @@
-//! Where the robot went, how fast, and whether it stayed on its feet.
+//! Speed, distance walked, falls and faults.
 
 use lcm_idl::ast::ConstantValue;
 use lcmtypes::{ControllerTick, Message};
 use serde::Serialize;
 
-use super::Reference;
+use super::reference::Reference;
 use crate::math::from_w_to_h;
 use crate::run::{Run, Tick};
 use controller::math::WalkedDistance;
 
-/// Roll or pitch beyond which a robot counts as fallen, rad.
+/// Roll or pitch above which a robot counts as fallen, rad.
 const FALLEN_TILT: f64 = 0.6;
-/// Share of the first height reference below which it counts as fallen.
+/// Fraction of the first height reference below which it counts as fallen.
 const FALLEN_HEIGHT_SHARE: f64 = 0.5;
-/// Height below which it counts as fallen when the log holds no reference, m.
+/// Height below which it counts as fallen if the log has no height reference, m.
 const FALLEN_HEIGHT: f64 = 0.3;
 
-/// Speeds while the controller walks, and the way covered. Without truth only the commands are known.
+/// Speeds in walking mode, and distance walked. Without ground truth, only the commands are known.
 #[derive(Clone, Debug, Serialize)]
 pub struct Locomotion {
-    /// Time in the walking mode, s.
+    /// Time in walking mode, s.
     pub walking_s: f64,
     /// Mean commanded velocity in H (forward, leftward), m/s.
     pub commanded_velocity: Option<[f64; 2]>,
@@ -40,35 +40,35 @@ pub struct Locomotion {
 /// Falls, faults and limits reached.
 #[derive(Clone, Debug, Serialize)]
 pub struct Safety {
-    /// The robot fell: roll or pitch beyond 0.6 rad, or, while it stands or walks, the base below half of its first height reference. One without
-    /// torque (`IDLE`) lies as it was put; one that gets up, sits down or is damped is low.
+    /// The robot fell: roll or pitch above 0.6 rad in any mode except `IDLE`, or the base below half of its first height reference in the modes `STANCE` and
+    /// `WALK`. In the other modes the base may be low.
     pub fell: bool,
-    /// When, s since the start of the run.
+    /// Time of the fall, s since the first tick.
     pub fell_at_s: Option<f64>,
-    /// Lowest height of the base above the mean of all four feet (true) or above its stance feet (estimated), m.
+    /// Lowest height of the base above the mean of all four feet (ground truth) or above the stance feet (estimate), m.
     pub min_height_m: Option<f64>,
-    /// Largest of roll and pitch, rad.
+    /// Largest absolute roll or pitch, rad.
     pub max_tilt_rad: Option<f64>,
     /// Faults that the controller entered, in order of time.
     pub faults: Vec<Fault>,
-    /// Ticks in which at least one torque was limited after the solve.
+    /// Ticks in which at least one torque was clamped after the solve.
     pub clamped_ticks: Option<u64>,
-    /// Limited torques, summed over joints and ticks.
+    /// Clamped torques, summed over joints and ticks.
     pub clamped_torques: Option<u64>,
 }
 
-/// A fault of the controller: it went into damping, or could not follow an input.
+/// A fault of the controller, as in `controller_tick_t`.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Fault {
-    /// When, s since the start of the run.
+    /// Time, s since the first tick.
     pub t_s: f64,
-    /// Tick.
+    /// Number of the tick.
     pub tick: i64,
-    /// What, in words.
+    /// Name of the fault: the constant of `controller_tick_t` without its prefix, such as "state stale".
     pub fault: String,
-    /// Joint, leg or row, -1 = none.
+    /// Index of joint, leg or row; -1: none.
     pub index: i32,
-    /// Value that was found.
+    /// Value that violated the check.
     pub value: f64,
 }
 
@@ -76,7 +76,7 @@ impl Locomotion {
     pub(super) fn of(run: &Run, against: Reference) -> Self {
         let walking = || run.ticks.iter().filter(|tick| walks(tick));
         let commanded = |k: usize| mean(walking().filter_map(|t| t.base.as_ref().map(|b| b.v_H_des[k])));
-        let realised =
+        let measured =
             |k: usize| mean(walking().filter_map(|t| t.truth.as_ref().map(|w| from_w_to_h(w.rpy[2], w.v_WB)[k])));
         let positions: Vec<_> = run.ticks.iter().filter_map(|t| t.truth.as_ref().map(|w| (t.t_ns, w.p_WB))).collect();
         let mut walked = WalkedDistance::default();
@@ -84,7 +84,7 @@ impl Locomotion {
         Self {
             walking_s: walking().count() as f64 * run.period_s(),
             commanded_velocity: commanded(0).zip(commanded(1)).map(|(x, y)| [x, y]),
-            true_velocity: realised(0).zip(realised(1)).map(|(x, y)| [x, y]),
+            true_velocity: measured(0).zip(measured(1)).map(|(x, y)| [x, y]),
             commanded_yaw_rate: mean(walking().filter_map(|t| t.base.as_ref().map(|b| b.yaw_rate_des))),
             true_yaw_rate: mean(walking().filter_map(|t| t.truth.as_ref().map(|w| w.w_WB_W[2]))),
             distance_m: walked.get(),
@@ -93,7 +93,7 @@ impl Locomotion {
         }
     }
 
-    /// Horizontal length of the base's true path, m; `None` without truth.
+    /// Horizontal length of the true path of the base with every tick, m; `None` without ground truth.
     pub(super) fn path_m(run: &Run) -> Option<f64> {
         let mut positions = run.ticks.iter().filter_map(|t| t.truth.as_ref().map(|w| w.p_WB));
         let mut last = positions.next()?;
@@ -147,7 +147,7 @@ impl Safety {
     }
 }
 
-/// Tilt and height of the base. Above all four feet, not only those in stance: a robot on its belly may have none.
+/// Tilt (rad) and height (m) of the base. The height is above all four feet, because a robot that lies on its belly may have no stance foot.
 fn posture(tick: &Tick, against: Reference) -> Option<(f64, f64)> {
     let (rpy, height) = match against {
         Reference::GroundTruth => {
@@ -171,7 +171,7 @@ fn mean(samples: impl Iterator<Item = f64>) -> Option<f64> {
     (count > 0).then(|| sum / count as f64)
 }
 
-/// Every change of the fault code to another fault.
+/// Every change of the fault code to a fault.
 fn faults(run: &Run) -> Vec<Fault> {
     let mut last = ControllerTick::FAULT_NONE;
     let mut faults = Vec::new();
@@ -191,7 +191,7 @@ fn faults(run: &Run) -> Vec<Fault> {
     faults
 }
 
-/// The constant of that value in `controller_tick_t`, in words: `FAULT_STATE_STALE` is "state stale".
+/// Name of a fault code, from the constants of `controller_tick_t`: `FAULT_STATE_STALE` is "state stale".
 pub(crate) fn fault_name(code: i32) -> String {
     let tick = lcmtypes::types().by_name(ControllerTick::TYPE);
     let constants = tick.iter().flat_map(|ty| &ty.def().constants);

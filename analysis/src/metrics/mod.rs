@@ -1,11 +1,12 @@
-//! Figures of merit of a run, from the log alone: the content of `metrics.json`.
+//! Metrics of a run, computed from the log alone: the content of `metrics.json`.
 //!
-//! The structure is stable: keys are only added, and a change of meaning raises [`Metrics::schema`]. Units stand in the keys, or in the comment of the
-//! structure they belong to. A quantity that the log cannot give is `null`.
+//! The structure is stable: keys are only added, and a changed meaning increments [`Metrics::schema`]. Units are in the keys, or in the documentation of the
+//! structure. A quantity that cannot be computed from the log is `null`.
 
 mod contact;
 mod energy;
 mod locomotion;
+mod reference;
 mod slip;
 mod timing;
 mod tracking;
@@ -17,61 +18,46 @@ pub use contact::{ContactMetrics, LegContact, Touchdowns};
 pub use energy::{Energy, JointMetrics};
 pub(crate) use energy::{joint_powers, torque_use};
 pub use locomotion::{Fault, Locomotion, Safety};
+pub use reference::Reference;
 pub use slip::FootSlip;
 pub use timing::{Qp, QpStatus, StageTime, TimingMetrics};
-pub(crate) use timing::{left_out, period_us, qp_us, tick_us};
+pub(crate) use timing::{period_us, qp_us, skipped, tick_us};
 pub use tracking::{FootTracking, Tracking};
 
 use crate::run::Run;
 
-/// Everything measured in a run.
+/// All metrics of a run.
 #[derive(Clone, Debug, Serialize)]
 pub struct Metrics {
     /// Version of this structure: 2. In version 1, `locomotion.distance_m` was what is now `displacement_m`.
     pub schema: u32,
-    /// What ran.
+    /// Robot, controller, build and length of the run.
     pub run: RunSummary,
-    /// What the errors are measured against.
+    /// Signal that errors are computed against.
     pub measured_against: Reference,
-    /// Channels of a full report that the log does not hold.
+    /// Channels of a full report that are not in the log.
     pub missing_channels: Vec<&'static str>,
-    /// Remarks on the log: damage, unreadable messages, further runs.
+    /// Remarks on the log: damage, messages that could not be decoded, further runs.
     pub notes: Vec<String>,
-    /// Errors of base and swing feet.
+    /// Tracking errors of the base and the swing feet.
     pub tracking: Tracking,
-    /// Estimated against true contact; `null` without truth or without estimate.
+    /// Estimated and true contact; `null` without ground truth or without estimate.
     pub contact: Option<ContactMetrics>,
     /// Speeds and distance.
     pub locomotion: Locomotion,
-    /// Falls, faults, limits reached.
+    /// Falls, faults and limits reached.
     pub safety: Safety,
     /// Torque, power and tracking of joints; `null` without joint states.
     pub energy: Option<Energy>,
-    /// Travel of feet on the ground, in the order LF RF LH RH; `null` without truth.
+    /// Slip of the feet, in the order LF RF LH RH; `null` without ground truth.
     pub slip: Option<[FootSlip; 4]>,
-    /// Durations of ticks; `null` without TIMING.
+    /// Durations of the ticks; `null` without TIMING.
     pub timing: Option<TimingMetrics>,
     /// The quadratic program; `null` without WBC_SOLUTION.
     pub qp: Option<Qp>,
 }
 
-/// What an error is measured against.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
-#[serde(rename_all = "snake_case")]
-pub enum Reference {
-    /// GROUND_TRUTH of the simulator.
-    GroundTruth,
-    /// The controller's own estimates: the log holds no truth, so estimator errors are not seen.
-    Estimate,
-}
-
-impl Reference {
-    fn of(run: &Run) -> Self {
-        if run.has("GROUND_TRUTH") { Self::GroundTruth } else { Self::Estimate }
-    }
-}
-
-/// What ran, as RUN_INFO says; texts are empty when the log does not say.
+/// Content of RUN_INFO, and length of the run. Texts are empty if the log has no RUN_INFO.
 #[derive(Clone, Debug, Default, Serialize)]
 pub struct RunSummary {
     /// SHA-256 of the log.
@@ -86,7 +72,7 @@ pub struct RunSummary {
     pub seed: i64,
     /// Git commit of the build.
     pub revision: String,
-    /// The build's tree had uncommitted changes.
+    /// The working tree of the build had uncommitted changes.
     pub dirty: bool,
     /// Compiler.
     pub toolchain: String,
@@ -94,7 +80,7 @@ pub struct RunSummary {
     pub build: String,
     /// Host, kernel, CPU.
     pub host: String,
-    /// How the loop was run.
+    /// Real-time settings of the loop.
     pub realtime: String,
     /// Ticks in the log.
     pub ticks: u64,
@@ -105,7 +91,7 @@ pub struct RunSummary {
 }
 
 impl Metrics {
-    /// Measures a run.
+    /// Computes the metrics of a run.
     pub fn of(run: &Run) -> Self {
         let measured_against = Reference::of(run);
         Self {

@@ -1,16 +1,16 @@
-//! Travel of feet while they touch the ground.
+//! Slip: travel of feet in contact with the ground.
 
 use serde::Serialize;
 
 use crate::run::{LEGS, Run};
 use crate::stats::Distribution;
 
-/// Travel of one foot's centre while the foot truly touches the ground; rolling of the foot counts.
+/// Travel of the center of one foot during true contact. Rolling of the foot is included.
 #[derive(Clone, Debug, Serialize)]
 pub struct FootSlip {
     /// Name of the leg.
     pub leg: &'static str,
-    /// Length of the horizontal travel, m.
+    /// Horizontal travel, m.
     pub travel_m: f64,
     /// Horizontal speed, m/s.
     pub speed: Option<Distribution>,

@@ -1,4 +1,4 @@
-//! How long ticks took, and what the quadratic program did.
+//! Durations of ticks, deadlines, and the quadratic program.
 
 use lcmtypes::{Timing, WbcSolution};
 use serde::Serialize;
@@ -11,24 +11,24 @@ const STAGES: [&str; 6] = ["input", "estimation", "gait", "tasks", "QP", "output
 /// Index of the quadratic program among them.
 const QP_STAGE: usize = 4;
 
-/// Durations in µs of wall clock.
+/// Durations by the wall clock, µs.
 #[derive(Clone, Debug, Serialize)]
 pub struct TimingMetrics {
-    /// From the begin of a tick to its command.
+    /// From the begin of a tick to its command, µs.
     pub tick_us: Option<Distribution>,
     /// Stages: input, estimation, gait, tasks, QP, output.
     pub stages: Vec<StageTime>,
-    /// From the executor's wake-up to the begin of the tick.
+    /// From the wake-up of the executor to the begin of the tick, µs.
     pub start_latency_us: Option<Distribution>,
-    /// Time between wake-ups less the control period: jitter. `null` in lockstep, which does not wake.
+    /// Jitter: time between wake-ups − control period, µs. `null` in lockstep, which has no wake-ups.
     pub period_error_us: Option<Distribution>,
-    /// Ticks that had a deadline (none in lockstep).
+    /// Ticks with a deadline; 0 in lockstep.
     pub with_deadline: u64,
-    /// Of these, ticks that ended after it.
+    /// Ticks that ended after their deadline.
     pub missed_deadlines: u64,
-    /// Ticks that a live run left out, since it was woken too late or the tick before took too long.
+    /// Ticks skipped by a live run, because it was woken too late or the previous tick took too long.
     pub left_out: u64,
-    /// Ticks that took longer than the control period, deadline or not.
+    /// Ticks that took longer than the control period.
     pub longer_than_period: u64,
 }
 
@@ -37,33 +37,33 @@ pub struct TimingMetrics {
 pub struct StageTime {
     /// Name of the stage.
     pub stage: &'static str,
-    /// Its duration.
+    /// Duration of the stage, µs.
     pub us: Option<Distribution>,
 }
 
 /// The quadratic program over the run.
 #[derive(Clone, Debug, Serialize)]
 pub struct Qp {
-    /// Iterations of the solver, in ticks in which it ran.
+    /// Iterations of the solver, in the ticks in which it ran.
     pub iterations: Option<Distribution>,
     /// Largest number of variables, equality rows and inequality rows.
     pub size: [i32; 3],
-    /// Ticks by outcome.
+    /// Number of ticks by outcome.
     pub status: QpStatus,
 }
 
-/// Ticks by outcome of the quadratic program.
+/// Number of ticks by outcome of the quadratic program.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
 pub struct QpStatus {
     /// Solved to tolerance.
     pub solved: u64,
-    /// Solved to the looser tolerance.
+    /// Solved to the reduced tolerance.
     pub almost_solved: u64,
-    /// The solver gave up.
+    /// The solver failed.
     pub failed: u64,
     /// No point satisfies the constraints.
     pub infeasible: u64,
-    /// Not asked for in this tick.
+    /// The solver did not run.
     pub not_run: u64,
 }
 
@@ -82,8 +82,8 @@ pub(crate) fn period_us(before: &Timing, after: &Timing) -> Option<f64> {
     (after.tick == before.tick + 1).then(|| (after.wake_ns - before.wake_ns) as f64 * 1e-3)
 }
 
-/// Ticks that the clock was due for between a tick and the next, and that were left out; 0 if ticks between them are missing from the log.
-pub(crate) fn left_out(before: &Timing, after: &Timing, period_us: f64) -> u64 {
+/// Ticks skipped between two consecutive messages; 0 if messages between them are missing in the log.
+pub(crate) fn skipped(before: &Timing, after: &Timing, period_us: f64) -> u64 {
     let due = before.deadline_ns > 0 && after.tick == before.tick + 1 && period_us > 0.0;
     let periods = (after.deadline_ns - before.deadline_ns) as f64 * 1e-3 / period_us;
     if due { (periods.round() - 1.0).max(0.0) as u64 } else { 0 }
@@ -110,7 +110,7 @@ impl TimingMetrics {
             period_error_us: live.then(|| Distribution::of(period_errors)).flatten(),
             with_deadline: timings.iter().filter(|t| t.deadline_ns > 0).count() as u64,
             missed_deadlines: timings.iter().filter(|t| t.deadline_ns > 0 && t.end_ns > t.deadline_ns).count() as u64,
-            left_out: timings.windows(2).map(|pair| left_out(pair[0], pair[1], nominal_us)).sum(),
+            left_out: timings.windows(2).map(|pair| skipped(pair[0], pair[1], nominal_us)).sum(),
             longer_than_period: timings.iter().filter(|t| nominal_us > 0.0 && tick_us(t) > nominal_us).count() as u64,
         })
     }

@@ -1,32 +1,31 @@
-//! Errors of base and swing feet: the quantities of Table 3 of Raiola et al. 2020.
+//! Tracking errors of the base and the swing feet. Source: Raiola et al. 2020, Table 3.
 //!
-//! The source does not say whether its mean is that of the error or of its absolute value; both are reported, and the
-//! rms, which is the same in both readings.
+//! The source does not define whether its mean is that of the error or of the absolute error. Both are reported, and the rms, which is equal for both.
 
 use serde::Serialize;
 
-use super::Reference;
+use super::reference::Reference;
 use crate::math::Vec3;
 use crate::run::{LEGS, Run, Tick};
 use crate::stats::ErrorStats;
 use controller::math::wrap_angle;
 
-/// Error = reference − measured, over the ticks in which the controller stands or walks. Angles in rad, lengths in m.
+/// Error = reference − measured, in the ticks of the modes `STANCE` and `WALK`. Angles in rad, lengths in m.
 #[derive(Clone, Debug, Serialize)]
 pub struct Tracking {
     /// Roll, rad.
     pub roll: Option<ErrorStats>,
     /// Pitch, rad.
     pub pitch: Option<ErrorStats>,
-    /// Yaw, rad, the shorter way round.
+    /// Yaw, wrapped to (-π, π], rad.
     pub yaw: Option<ErrorStats>,
-    /// Height of the base above the mean contact point of its stance feet, m.
+    /// Height of the base above the mean contact point of the stance feet, m.
     pub height: Option<ErrorStats>,
     /// Feet in the order LF RF LH RH.
     pub feet: [FootTracking; 4],
 }
 
-/// Error of one foot during its swings (up and down, not reaching), relative to the base, in H, m.
+/// Error of one foot relative to the base during its swings (states `SWING_UP` and `SWING_DOWN`), in H, m.
 #[derive(Clone, Debug, Serialize)]
 pub struct FootTracking {
     /// Name of the leg.

@@ -1,71 +1,71 @@
-//! Joint signals of a run: what was measured and what was commanded, tick by tick.
+//! Measured and commanded joint signals of a run, by tick.
 
 use lcmtypes::{RobotCommand, RobotState};
 
 use super::Tick;
 
-/// Signals of each joint: position, velocity, torque.
+/// Number of signals of a joint: position, velocity, torque.
 const SIGNALS: usize = 3;
 
-/// Joint signals of every tick, in the order of the URDF.
+/// Joint signals of all ticks, in the order of the URDF.
 ///
-/// Kept as `f32`, 24 bits: more than an encoder gives, and ten minutes of twelve joints take 170 MB.
+/// Values are `f32`, which has more bits than an encoder: ten minutes of twelve joints take 170 MB.
 #[derive(Clone, Debug, Default)]
 pub struct Joints {
-    /// Names: those of the URDF when it has as many movable joints as the messages, else `joint 0`, `joint 1`, …
+    /// Names from the URDF if it has as many movable joints as the messages, else `joint 0`, `joint 1`, …
     pub names: Vec<String>,
-    pub(super) measured: Table,
-    pub(super) commanded: Table,
+    pub(super) measured: Rows,
+    pub(super) commanded: Rows,
 }
 
-/// One joint at one tick; rad, rad/s, N m (or m, m/s, N).
+/// Signals of one joint at one tick; rad, rad/s, N m (or m, m/s, N).
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct JointSample {
     /// Position.
     pub q: f64,
     /// Velocity.
     pub qd: f64,
-    /// Torque: measured, or the command's feed-forward.
+    /// Torque: measured, or the feed-forward torque of the command.
     pub tau: f64,
 }
 
 /// Rows of `q…, qd…, tau…`.
 #[derive(Clone, Debug, Default)]
-pub(super) struct Table {
-    /// Joints of every row, once there is one.
+pub(super) struct Rows {
+    /// Joints per row; `None` before the first row.
     joints: Option<usize>,
     values: Vec<f32>,
 }
 
 impl Joints {
-    /// Number of joints; 0 when the log holds none.
+    /// Number of joints; 0 if the log has no joint signals.
     pub fn count(&self) -> usize {
         self.names.len()
     }
 
-    /// What was measured of a joint at a tick.
+    /// Measured signals of a joint at a tick.
     pub fn measured(&self, tick: &Tick, joint: usize) -> Option<JointSample> {
         self.measured.sample(tick.joint_rows[0]?, joint)
     }
 
-    /// What was commanded of a joint at a tick.
+    /// Commanded signals of a joint at a tick.
     pub fn commanded(&self, tick: &Tick, joint: usize) -> Option<JointSample> {
         self.commanded.sample(tick.joint_rows[1]?, joint)
     }
 
-    /// Joints that the messages have.
+    /// Number of joints in the messages.
     pub(super) fn in_messages(&self) -> usize {
         self.measured.joints.or(self.commanded.joints).unwrap_or(0)
     }
 }
 
-impl Table {
-    /// Number of the row of a state; the error says why there is none.
+impl Rows {
+    /// Appends a state and returns its row; the error is the reason why it is rejected.
     pub fn push_state(&mut self, m: &RobotState) -> Result<u32, String> {
         self.push([&m.q, &m.qd, &m.tau])
     }
 
-    /// Number of the row of a command; the error says why there is none.
+    /// Appends a command and returns its row; the error is the reason why it is rejected.
     pub fn push_command(&mut self, m: &RobotCommand) -> Result<u32, String> {
         self.push([&m.q_des, &m.qd_des, &m.tau])
     }

@@ -1,8 +1,7 @@
-//! One run as a list of ticks: every message that a figure or a metric is made of, joined by time.
+//! One run as a list of ticks: the messages that figures and metrics use, joined by time.
 //!
-//! Messages of the controller carry the time of their tick and meet on it exactly. Ground truth comes from the simulator's clock;
-//! a tick takes the nearest one within half a control period. Whatever is missing is `None`: a log without truth, with a
-//! channel filtered out or with gaps is drawn as far as it goes.
+//! Messages of the controller have the time of their tick, which joins them exactly. Ground truth has the time of the simulator: a tick uses the nearest
+//! message within half a control period. Missing messages are `None`, so logs without ground truth, with fewer channels or with gaps are usable.
 
 mod joints;
 mod read;
@@ -22,7 +21,7 @@ use crate::{Error, Progress};
 
 pub use lcmtypes::enum_names::LEGS;
 
-/// Channels that a report is made of, one of which a log must hold.
+/// Channels that a report uses. A log must have at least one of them.
 pub const TICK_CHANNELS: [&str; 9] = [
     "BASE_TRACKING",
     "LEG_STATE",
@@ -35,16 +34,16 @@ pub const TICK_CHANNELS: [&str; 9] = [
     "GROUND_TRUTH",
 ];
 
-/// A log, read and joined.
+/// A log, decoded and joined.
 #[derive(Clone, Debug)]
 pub struct Run {
-    /// The log.
+    /// Path of the log.
     pub path: PathBuf,
-    /// SHA-256 of the log's bytes, in hexadecimal digits, as `sha256sum` prints it.
+    /// SHA-256 of the file in hexadecimal digits, as printed by `sha256sum`.
     pub sha256: String,
-    /// Time zero of all `t_s`: `t_ns` of the run's first tick, or of the first in the log where the run's is unknown.
+    /// Time zero of all `t_s`: `t_ns` of the first tick of the run, or of the first tick in the log if that is unknown.
     pub first_tick_ns: i64,
-    /// What the log says of itself; `None` when it has no RUN_INFO.
+    /// RUN_INFO; `None` if the log has none.
     pub info: Option<RunInfo>,
     /// The robot, from the URDF in RUN_INFO; `None` without RUN_INFO, or if the model rejects the URDF: then a note gives the reason.
     pub robot: Option<Robot>,
@@ -54,47 +53,52 @@ pub struct Run {
     pub ticks: Vec<Tick>,
     /// Joint signals of the ticks.
     pub joints: Joints,
-    /// Fields that were asked for, by their texts such as `ROBOT_STATE.q[3]`.
+    /// Time series of the requested fields, by name such as `ROBOT_STATE.q[3]`.
     pub fields: BTreeMap<String, Samples>,
-    /// Messages per channel, of every channel.
+    /// Number of messages of each channel.
     pub channels: BTreeMap<String, u64>,
-    /// Anything a reader should know: damage, messages that could not be read, a second run in the same log.
+    /// Remarks: damage, messages that could not be decoded, a rejected URDF, a second run in the same log.
     pub notes: Vec<String>,
 }
 
 impl Run {
-    /// Reads a log of any format. Damage and undecodable messages become notes, not errors; a log without any channel of
-    /// ticks is [`Error::NothingToReport`]. A log of several runs yields the first.
+    /// Reads a log of any format. Damage and messages that cannot be decoded become notes. Of a log with several runs, the first is read.
+    ///
+    /// # Errors
+    /// [`Error::Log`] or [`Error::ReadFile`] if the log cannot be read, [`Error::NothingToReport`] if it has none of [`TICK_CHANNELS`].
     pub fn read(path: &Path, progress: &mut dyn FnMut(Progress)) -> Result<Self, Error> {
         Self::read_with(path, &[], progress)
     }
 
-    /// As [`Run::read`], with samples of some fields of any channels.
+    /// As [`Run::read`], with time series of `fields`.
+    ///
+    /// # Errors
+    /// As [`Run::read`].
     pub fn read_with(path: &Path, fields: &[Field], progress: &mut dyn FnMut(Progress)) -> Result<Self, Error> {
         read::read(path, fields, progress)
     }
 
-    /// Name of the log's file, without its folder.
+    /// File name of the log, without its folder.
     pub fn name(&self) -> String {
         self.path.file_name().map_or_else(|| self.path.display().to_string(), |n| n.to_string_lossy().into_owned())
     }
 
-    /// One value a tick, NaN where the log has none.
+    /// One value per tick; NaN if the log has none.
     pub fn series(&self, value: impl Fn(&Tick) -> Option<f64>) -> Vec<f64> {
         self.ticks.iter().map(|tick| value(tick).unwrap_or(f64::NAN)).collect()
     }
 
-    /// Times of the ticks, s since the run's first tick.
+    /// Times of the ticks, s since the first tick of the run.
     pub fn times(&self) -> Vec<f64> {
         self.ticks.iter().map(|tick| tick.t_s).collect()
     }
 
-    /// Time of the first tick in the log, s since the run's first tick: 0 unless the log begins later.
+    /// Time of the first tick in the log, s since the first tick of the run; 0 unless the log starts later.
     pub fn begin_s(&self) -> f64 {
         self.ticks.first().map_or(0.0, |tick| tick.t_s)
     }
 
-    /// Time of the last tick in the log, s since the run's first tick.
+    /// Time of the last tick in the log, s since the first tick of the run.
     pub fn end_s(&self) -> f64 {
         self.ticks.last().map_or(0.0, |tick| tick.t_s)
     }
@@ -104,22 +108,22 @@ impl Run {
         self.end_s() - self.begin_s()
     }
 
-    /// Median time between ticks, s; 0 for a single tick.
+    /// Median time between ticks, s; 0 for one tick.
     pub fn period_s(&self) -> f64 {
         read::period_ns(&self.ticks) as f64 / 1e9
     }
 
-    /// At least one message of the channel was read.
+    /// True if the log has a message on the channel.
     pub fn has(&self, channel: &str) -> bool {
         self.channels.contains_key(channel)
     }
 
-    /// Channels of a full report that this log does not hold.
+    /// Channels of a full report that are not in the log.
     pub fn missing(&self) -> Vec<&'static str> {
         ["RUN_INFO"].into_iter().chain(TICK_CHANNELS).filter(|channel| !self.has(channel)).collect()
     }
 
-    /// A number in the parameters of RUN_INFO, by its dotted key.
+    /// A number in the parameters of RUN_INFO, by dotted key.
     pub fn parameter(&self, key: &str) -> Option<f64> {
         let table: toml::Table = self.info.as_ref()?.params.parse().ok()?;
         let mut parts = key.split('.');

@@ -1,4 +1,4 @@
-//! From the events of a log to a [`Run`], in one pass.
+//! Reads a log into a [`Run`] in one pass.
 
 use std::collections::BTreeMap;
 use std::io::Read;
@@ -11,32 +11,32 @@ use lcmtypes::{
 use replay::log::{Health, LogReader, RunClockFinder};
 use sha2::{Digest, Sha256};
 
-use super::joints::Table;
+use super::joints::Rows;
 use super::{Consumed, Joints, Run, TICK_CHANNELS, Tick, Truth};
 use crate::fields::{Field, FieldReader};
 use crate::robot::Robot;
 use crate::{Error, Progress, Stage};
 
-/// What became of a message.
+/// Result of a message.
 enum Taken {
     Yes,
-    /// It announces another run: reading stops.
+    /// The message is the RUN_INFO of another run: reading stops.
     AnotherRun,
 }
 
-/// What has been read so far.
+/// Messages read so far.
 #[derive(Default)]
 struct Gathered {
     info: Option<RunInfo>,
     events: Vec<lcmtypes::Event>,
     /// In the order of time.
     ticks: Vec<Tick>,
-    /// Ticks whose messages came after those of later ticks.
+    /// Ticks with messages after those of later ticks.
     stray: Vec<Tick>,
     truth: Vec<Truth>,
     joints: Joints,
-    /// Joints by the driver's clock: time and row, for a log without CONTROLLER_INPUT.
-    raw: (Vec<(i64, u32)>, Table),
+    /// Joint states by the clock of the driver: time and row. Used for a log without CONTROLLER_INPUT.
+    raw: (Vec<(i64, u32)>, Rows),
 }
 
 pub(super) fn read(path: &Path, fields: &[Field], progress: &mut dyn FnMut(Progress)) -> Result<Run, Error> {
@@ -48,7 +48,7 @@ pub(super) fn read(path: &Path, fields: &[Field], progress: &mut dyn FnMut(Progr
     let mut field_reader = FieldReader::new(fields);
     let mut channels: BTreeMap<String, u64> = BTreeMap::new();
     let mut notes = Vec::new();
-    let mut unreadable: BTreeMap<String, (u64, String)> = BTreeMap::new();
+    let mut undecodable: BTreeMap<String, (u64, String)> = BTreeMap::new();
     while let Some(item) = reader.read().map_err(log_error)? {
         let Some(event) = health.note(item) else { continue };
         number += 1;
@@ -65,25 +65,28 @@ pub(super) fn read(path: &Path, fields: &[Field], progress: &mut dyn FnMut(Progr
                 }
             }
             Ok(Taken::AnotherRun) => {
-                notes.push(format!("another run begins at byte {}; only the first is reported", event.offset));
+                notes.push(format!("another run starts at byte {}; only the first run is reported", event.offset));
                 break;
             }
-            Err(why) => unreadable.entry(event.channel.to_string()).or_insert((0, why)).0 += 1,
+            Err(why) => undecodable.entry(event.channel.to_string()).or_insert((0, why)).0 += 1,
         }
     }
     progress(Progress { stage: Stage::Read, done: total, total });
     if let Some(first) = health.damaged.first() {
-        let (stretches, bytes) = (health.damaged.len(), health.bytes_skipped());
+        let (places, bytes) = (health.damaged.len(), health.bytes_skipped());
         notes.push(format!(
-            "the log is damaged: {bytes} bytes in {stretches} places are lost; the first, at byte {}: {}",
+            "the log is damaged: {bytes} bytes in {places} places are lost; the first at byte {}: {}",
             first.offset, first.why
         ));
     }
     if let Some(cut) = &health.cut {
-        notes.push(format!("the log is cut at byte {}: its last {} bytes are no whole message", cut.offset, cut.bytes));
+        notes.push(format!(
+            "the log is cut at byte {}: the last {} bytes are an incomplete message",
+            cut.offset, cut.bytes
+        ));
     }
-    for (channel, (count, why)) in unreadable {
-        notes.push(format!("{count} messages on {channel} could not be read; the first: {why}"));
+    for (channel, (count, why)) in undecodable {
+        notes.push(format!("{count} messages on {channel} could not be decoded; the first: {why}"));
     }
     let clock = clock.clock();
     let (ticks, mut joints, info, events) = gathered.join(clock.first_tick_ns());
@@ -95,7 +98,10 @@ pub(super) fn read(path: &Path, fields: &[Field], progress: &mut dyn FnMut(Progr
         });
     };
     let robot = info.as_ref().and_then(|info| {
-        let rejected = |error| notes.push(format!("no joint names, torque limits and drawing of the robot: {error}"));
+        if info.urdf.is_empty() {
+            return None;
+        }
+        let rejected = |error| notes.push(format!("no joint names, torque limits and animation: {error}"));
         Robot::parse(&info.urdf).map_err(rejected).ok()
     });
     let count = joints.in_messages();
@@ -122,7 +128,7 @@ pub(super) fn read(path: &Path, fields: &[Field], progress: &mut dyn FnMut(Progr
 }
 
 impl Gathered {
-    /// Takes one message in; the error says why it could not be decoded.
+    /// Adds a message; the error is the reason why it cannot be decoded.
     fn take(&mut self, channel: &str, data: &[u8]) -> Result<Taken, String> {
         match channel {
             "RUN_INFO" => {
@@ -192,7 +198,7 @@ impl Gathered {
         Ok(Taken::Yes)
     }
 
-    /// The tick of a time, made if need be.
+    /// The tick at a time, added if missing.
     fn at(&mut self, t_ns: i64) -> &mut Tick {
         let fresh = || Tick { t_ns, ..Tick::default() };
         let last = self.ticks.last().map(|tick| tick.t_ns);
@@ -213,8 +219,8 @@ impl Gathered {
         }
     }
 
-    /// Ticks at every time that a message of the controller carries, or at the times of truth when there is none.
-    /// Their `t_s` counts from `first_tick_ns`, or from the first of them if it is `None`.
+    /// Ticks at the times of all messages of the controller, or at the times of ground truth if there are none. Their `t_s` is relative to `first_tick_ns`,
+    /// or to the first of them if it is `None`.
     fn join(mut self, first_tick_ns: Option<i64>) -> (Vec<Tick>, Joints, Option<RunInfo>, Vec<lcmtypes::Event>) {
         self.truth.sort_by_key(|m| m.t_ns);
         let mut ticks = self.ticks;
@@ -236,7 +242,7 @@ impl Gathered {
         let t0_ns = first_tick_ns.or(ticks.first().map(|tick| tick.t_ns)).unwrap_or(0);
         let tolerance_ns = period_ns(&ticks) / 2;
         let consumed = ticks.iter().any(|tick| tick.joint_rows[0].is_some());
-        let (mut raw, table) = self.raw;
+        let (mut raw, rows) = self.raw;
         raw.sort_unstable();
         for tick in &mut ticks {
             tick.t_s = (tick.t_ns - t0_ns) as f64 / 1e9;
@@ -246,7 +252,7 @@ impl Gathered {
             }
         }
         if !consumed {
-            self.joints.measured = table;
+            self.joints.measured = rows;
         }
         (ticks, self.joints, self.info, self.events)
     }
@@ -256,7 +262,7 @@ fn decode<M: Message>(data: &[u8]) -> Result<M, String> {
     M::decode(data).map_err(|e| e.to_string())
 }
 
-/// The message nearest in time, if it is within the tolerance; `messages` are in the order of time.
+/// The message nearest in time, if it is within the tolerance. `messages` are in order of time.
 fn nearest<T>(messages: &[T], time: impl Fn(&T) -> i64, t_ns: i64, tolerance_ns: i64) -> Option<&T> {
     let after = messages.partition_point(|m| time(m) < t_ns);
     let candidates = messages.get(after.saturating_sub(1)..)?.iter().take(2);
@@ -264,7 +270,7 @@ fn nearest<T>(messages: &[T], time: impl Fn(&T) -> i64, t_ns: i64, tolerance_ns:
     candidates.min_by_key(distance).filter(|m| distance(m) <= tolerance_ns.unsigned_abs())
 }
 
-/// Median step of ticks in the order of time, ns; 0 for fewer than two.
+/// Median step between ticks, ns; 0 for fewer than two ticks.
 pub(super) fn period_ns(ticks: &[Tick]) -> i64 {
     let mut steps: Vec<i64> = ticks.windows(2).map(|pair| pair[1].t_ns - pair[0].t_ns).collect();
     let middle = steps.len() / 2;

@@ -1,13 +1,13 @@
-//! One control period: what the log holds of it, cut down to what figures and metrics are made of.
+//! One control tick: the fields of its messages that figures and metrics use.
 //!
-//! Ten minutes are 600 000 of these, so digests, repeated numbers of the tick and what nobody draws are left out.
+//! Ten minutes have 600 000 ticks, so fields without a user, such as digests, are omitted.
 
 use lcmtypes::{BaseTracking, ContactEstimate, ControllerTick, GroundTruth, LegState, Timing, WbcSolution};
 
 use crate::math::{Vec3, from_w_to_h};
 use controller::math::quaternion;
 
-/// What the simulator knew at a tick; frames and units as in `ground_truth_t`.
+/// Ground truth at a tick; frames and units as in `ground_truth_t`.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Truth {
     /// Simulation time, ns.
@@ -28,12 +28,12 @@ pub struct Truth {
     pub f_F_W: [Vec3; 4],
     /// The foot touches the ground.
     pub contact: [bool; 4],
-    /// A scenario pushes the base.
+    /// The scenario pushes the base.
     pub pushed: bool,
 }
 
 impl Truth {
-    /// `None` when the message has fewer than four feet.
+    /// `None` if the message has fewer than four feet.
     pub(super) fn of(message: &GroundTruth) -> Option<Self> {
         let four = |v: &[[f64; 3]]| Some([*v.first()?, *v.get(1)?, *v.get(2)?, *v.get(3)?]);
         let contact = &message.contact;
@@ -51,12 +51,12 @@ impl Truth {
         })
     }
 
-    /// Horizontal speed of a foot's centre, m/s, while the foot touches the ground.
+    /// Horizontal speed of the center of a foot, m/s; `None` without contact.
     pub fn slip_speed(&self, leg: usize) -> Option<f64> {
         self.contact[leg].then(|| self.v_WF[leg][0].hypot(self.v_WF[leg][1]))
     }
 
-    /// Foot relative to the base in H: the base's origin, z up, the base's heading.
+    /// Foot relative to the base in H (origin of the base, z up, heading of the base), m.
     pub fn p_BF_H(&self, leg: usize) -> Vec3 {
         let p_BF_W = std::array::from_fn(|k| self.p_WF[leg][k] - self.p_WB[k]);
         from_w_to_h(self.rpy[2], p_BF_W)
@@ -89,7 +89,7 @@ pub struct Contact {
     pub f_F_W: [Vec3; 4],
     /// Its component along the terrain normal, N.
     pub f_normal: [f64; 4],
-    /// The foot is judged to touch the ground.
+    /// Estimated contact flag of each foot.
     pub contact: [bool; 4],
     /// Terrain normal in W.
     pub n_W: Vec3,
@@ -101,12 +101,12 @@ impl From<ContactEstimate> for Contact {
     }
 }
 
-/// Record of the quadratic program; as in `wbc_solution_t`.
+/// Result of the quadratic program; as in `wbc_solution_t`.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Wbc {
     /// `STATUS_*`.
     pub status: i8,
-    /// Iterations of all levels.
+    /// Iterations, summed over all levels.
     pub iterations: i32,
     /// Variables.
     pub n_var: i32,
@@ -116,7 +116,7 @@ pub struct Wbc {
     pub n_ineq: i32,
     /// Inequality rows that hold with equality.
     pub n_active: i32,
-    /// Torques limited after the solve.
+    /// Number of torques clamped after the solve.
     pub n_clamped: i32,
     /// Residual of contact (m/s²), trunk (rad/s²) and posture (rad/s²).
     pub residual: [f64; 3],
@@ -154,9 +154,9 @@ pub struct Status {
     pub mode: i8,
     /// `FAULT_*`.
     pub fault: i32,
-    /// Joint, leg or row, -1 = none.
+    /// Index of joint, leg or row; -1: none.
     pub fault_index: i32,
-    /// What the fault found.
+    /// Value that violated the check.
     pub fault_value: f64,
 }
 
@@ -166,18 +166,18 @@ impl From<ControllerTick> for Status {
     }
 }
 
-/// What the controller consumed, joints apart.
+/// Input that the controller consumed, without joint signals.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Consumed {
     /// Number of the tick.
     pub tick: i64,
-    /// `seq` of the robot's state: the same twice is a state that came late, a jump one that was lost.
+    /// `seq` of the robot state: equal in two ticks if a state was late, with a jump if one was lost.
     pub seq: i64,
-    /// Age of the state, s.
+    /// Age of the robot state, s.
     pub age_s: f64,
 }
 
-/// One control period: whatever the log holds of it.
+/// One control tick.
 #[derive(Clone, Debug, Default)]
 pub struct Tick {
     /// Time of the tick, controller clock, ns.
@@ -186,26 +186,26 @@ pub struct Tick {
     pub t_s: f64,
     /// References and estimates of the base.
     pub base: Option<BaseTracking>,
-    /// What the simulator knew.
+    /// Ground truth of the simulator.
     pub truth: Option<Truth>,
     /// Gait and swing.
     pub legs: Option<Legs>,
     /// Contact estimate.
     pub contact: Option<Contact>,
-    /// The quadratic program's record.
+    /// Result of the quadratic program.
     pub wbc: Option<Wbc>,
     /// Mode and fault of the controller.
     pub status: Option<Status>,
     /// Wall-clock times.
     pub timing: Option<Timing>,
-    /// What the controller consumed.
+    /// Input that the controller consumed.
     pub consumed: Option<Consumed>,
     /// Rows of [`Joints`](super::Joints): measured, commanded.
     pub(super) joint_rows: [Option<u32>; 2],
 }
 
 impl Tick {
-    /// Fills what is missing from another record of the same period.
+    /// Fills missing fields from another record of the same tick.
     pub(super) fn absorb(&mut self, other: Self) {
         let Self { t_ns: _, t_s: _, base, truth, legs, contact, wbc, status, timing, consumed, joint_rows } = other;
         self.base = self.base.take().or(base);
@@ -221,36 +221,36 @@ impl Tick {
         }
     }
 
-    /// Number of the tick; `None` when no message of it tells.
+    /// Number of the tick; `None` if none of its messages contains it.
     pub fn number(&self) -> Option<i64> {
-        let told = self.status.map(|s| s.tick).or_else(|| self.consumed.map(|c| c.tick));
-        told.or_else(|| self.base.as_ref().map(|b| b.tick)).or_else(|| self.timing.as_ref().map(|t| t.tick))
+        let number = self.status.map(|s| s.tick).or_else(|| self.consumed.map(|c| c.tick));
+        number.or_else(|| self.base.as_ref().map(|b| b.tick)).or_else(|| self.timing.as_ref().map(|t| t.tick))
     }
 
-    /// The leg swings along its ellipse (going up or down).
+    /// The leg is in state `SWING_UP` or `SWING_DOWN`.
     pub fn swings(&self, leg: usize) -> bool {
         self.legs
             .as_ref()
             .is_some_and(|l| matches!(l.state[leg], LegState::STATE_SWING_UP | LegState::STATE_SWING_DOWN))
     }
 
-    /// The controller commands the leg to stand; `None` when the log does not say.
+    /// The leg is in state `STANCE`; `None` without LEG_STATE.
     pub fn stands(&self, leg: usize) -> Option<bool> {
         self.legs.as_ref().map(|l| l.state[leg] == LegState::STATE_STANCE)
     }
 
-    /// By its number it is the next after `before`, however much later it came.
+    /// True if the number of this tick is the next after that of `before`, at any time.
     pub fn follows(&self, before: &Self) -> bool {
         self.number().zip(before.number()).is_some_and(|(number, last)| number == last + 1)
     }
 
-    /// The controller balances: it stands or walks. A log without controller status counts as balancing throughout.
+    /// The mode is `STANCE` or `WALK`; true without CONTROLLER_TICK.
     pub fn balances(&self) -> bool {
         self.status.as_ref().is_none_or(|s| matches!(s.mode, ControllerTick::MODE_STANCE | ControllerTick::MODE_WALK))
     }
 
-    /// True height of the base above the mean contact point of its stance feet, along the vertical, m. Stance is what the controller
-    /// commands, or true contact where the log does not say; `None` without truth or without a stance foot.
+    /// True vertical height of the base above the mean contact point of the stance feet, m. Stance is the state of the leg, or true contact without
+    /// LEG_STATE. `None` without ground truth or without a stance foot.
     pub fn true_height(&self) -> Option<f64> {
         let truth = self.truth.as_ref()?;
         let stance = (0..4).filter(|&leg| self.stands(leg).unwrap_or(truth.contact[leg]));
@@ -258,7 +258,7 @@ impl Tick {
         (count > 0).then(|| truth.p_WB[2] - sum / f64::from(count))
     }
 
-    /// Normal component of the true force on a foot, N, along the normal that the controller believes in (vertical if it is not logged).
+    /// Component of the true force on a foot along the estimated terrain normal (vertical without CONTACT_ESTIMATE), N; `None` without ground truth.
     pub fn true_normal_force(&self, leg: usize) -> Option<f64> {
         let f = self.truth.as_ref()?.f_F_W[leg];
         let n = self.contact.as_ref().map_or([0.0, 0.0, 1.0], |c| c.n_W);

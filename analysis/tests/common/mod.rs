@@ -1,9 +1,9 @@
-//! A synthetic run: a trot whose every error is chosen, written as a log.
+//! A log of a synthetic trot with known errors.
 //!
-//! Diagonal pairs (LF RH, then RF LH) swing for 0.25 s in turn, a stride is 0.6 s. The robot stands for 1 s, then walks forward; its heading turns, so that
-//! a frame mistaken for another shows. All errors below are constant, so that means are known and deviations are zero.
+//! Diagonal pairs (LF RH, then RF LH) swing for 0.25 s alternately; a stride is 0.6 s. The robot stands for 1 s, then walks forward along a curve, so that
+//! confused frames give wrong results. All errors are constant, so that means are known and deviations are 0.
 
-#![allow(clippy::unwrap_used, reason = "a test stops at the first surprise")]
+#![allow(clippy::unwrap_used, reason = "a test stops at the first error")]
 #![allow(dead_code, reason = "each test binary uses a part")]
 #![allow(non_snake_case, reason = "names of quantities carry frames")]
 
@@ -25,7 +25,7 @@ pub const FOOT_ERROR: [f64; 3] = [0.02, -0.01, 0.001];
 pub const FORCE_ERROR: f64 = 12.0;
 /// Ticks from true contact to the stance that the controller enters, and to its contact flag.
 pub const TOUCHDOWN_DELAY: i64 = 4;
-/// Forward speed, m/s, and heading rate, rad/s, of the walk; the command asks for 0.02 m/s more.
+/// Forward speed, m/s, and yaw rate, rad/s, of the walk. The commanded speed is 0.02 m/s higher.
 pub const SPEED: f64 = 0.3;
 pub const YAW_RATE: f64 = 0.2;
 /// First tick of the walk.
@@ -44,26 +44,26 @@ const SWING: i64 = 250;
 const HEIGHT: f64 = 0.55;
 const HIPS: [[f64; 2]; 4] = [[0.37, 0.33], [0.37, -0.33], [-0.37, 0.33], [-0.37, -0.33]];
 
-/// What the log holds.
+/// Content of the log.
 pub struct Plan {
     pub ticks: i64,
-    /// Channels left out.
+    /// Channels that are not written.
     pub without: &'static [&'static str],
-    /// Ticks of which no message is written.
+    /// Ticks without messages.
     pub gap: std::ops::Range<i64>,
-    /// Ticks of which no truth is written.
+    /// Ticks without ground truth.
     pub truth_gap: std::ops::Range<i64>,
-    /// How much later than its tick the truth is stamped, ns.
+    /// Time of the ground truth after its tick, ns.
     pub truth_late_ns: i64,
-    /// Tick from which the robot lies on its side; the controller's fault follows 10 ticks later.
+    /// Tick at which the robot falls on its side. The fault of the controller follows 10 ticks later.
     pub fall: i64,
-    /// Seed that RUN_INFO names.
+    /// Seed in RUN_INFO.
     pub seed: i64,
-    /// Joints of the robot.
+    /// Number of joints.
     pub joints: usize,
-    /// Tick whose state never came: its tick was computed from the one before.
+    /// Tick whose robot state was lost: the tick used the previous state.
     pub stale: i64,
-    /// A live run: deadlines of 1 ms, wake-ups 10 µs early and late in turn.
+    /// A live run: deadlines of 1 ms, wake-ups alternately 10 µs early and late.
     pub live: bool,
 }
 
@@ -84,14 +84,14 @@ impl Default for Plan {
     }
 }
 
-/// Ticks since lift-off of a leg; `None` in stance. Every swing is complete at a multiple of the stride after the start.
+/// Ticks since lift-off of a leg; `None` in stance.
 fn swing_ticks(leg: usize, tick: i64) -> Option<i64> {
     let offset = if leg == 0 || leg == 3 { 0 } else { STRIDE / 2 };
     let phase = tick - WALK - offset;
     Some(phase).filter(|phase| *phase >= 0).map(|phase| phase % STRIDE).filter(|t| *t < SWING)
 }
 
-/// Writes the log; its format is that of the name.
+/// Writes the log in the format of the extension.
 pub fn write(path: &Path, plan: &Plan) {
     let mut log = LogWriter::create(path).unwrap();
     let mut put = |channel: &str, t_ns: i64, message: &dyn Fn(&mut Vec<u8>)| {
@@ -159,7 +159,7 @@ struct Moment {
     live: bool,
 }
 
-/// A chain a joint: thighs of 0.5 m that hang from one trunk, in the order of the legs.
+/// A URDF with one thigh of 0.5 m per joint below the base, in the order of the legs.
 fn urdf(joints: usize) -> String {
     let mut text =
         format!("<robot name=\"sticks\"><link name=\"base\"><inertial><mass value=\"{MASS}\"/></inertial></link>");
@@ -179,13 +179,13 @@ impl Moment {
         self.t_ns as f64 * 1e-9
     }
 
-    /// Small, smooth tilts that both reference and truth follow.
+    /// Small, smooth tilts of reference and ground truth.
     fn rpy(&self) -> [f64; 3] {
         let t = self.t_s();
         [0.05 * (1.3 * t).sin(), 0.08 * (0.9 * t).sin(), self.yaw]
     }
 
-    /// Feet in H. In swing the foot rises 0.1 m; its last `TOUCHDOWN_DELAY` ticks are on the ground already.
+    /// Feet in H. In swing the foot rises by 0.1 m; in the last `TOUCHDOWN_DELAY` ticks of the swing it is on the ground.
     fn p_BF_H(&self, leg: usize) -> [f64; 3] {
         let [x, y] = HIPS[leg];
         let share = swing_ticks(leg, self.tick).map_or(0.0, |t| (t as f64 / (SWING - TOUCHDOWN_DELAY) as f64).min(1.0));
@@ -328,7 +328,7 @@ impl Moment {
         }
     }
 
-    /// Ticks of 200 to 219 µs, one of 1500; the QP takes half.
+    /// Ticks of 200 to 219 µs, one of 1500 µs. The QP takes half of the time.
     fn timing(&self) -> Timing {
         let tick_ns = if self.tick == 777 { 1_500_000 } else { 200_000 + 1000 * (self.tick * 7 % 20) };
         let late_ns = if self.live { 10_000 * (self.tick % 2 * 2 - 1) } else { 0 };
@@ -354,7 +354,7 @@ fn quaternion([roll, pitch, yaw]: [f64; 3]) -> [f64; 4] {
     [cr * cp * cy + sr * sp * sy, sr * cp * cy - cr * sp * sy, cr * sp * cy + sr * cp * sy, cr * cp * sy - sr * sp * cy]
 }
 
-/// The controller wakes two periods late for a tick of a live run, and leaves out what was due meanwhile.
+/// Changes a live run so that the controller wakes up two periods late for a tick and skips the ticks before it.
 pub fn late_by_two_from(run: &mut analysis::Run, tick: usize) {
     for tick in &mut run.ticks[tick..] {
         (tick.t_ns, tick.t_s) = (tick.t_ns + 2_000_000, tick.t_s + 0.002);
@@ -363,7 +363,7 @@ pub fn late_by_two_from(run: &mut analysis::Run, tick: usize) {
     }
 }
 
-/// A directory of its own for a test, emptied.
+/// An empty folder for a test.
 pub fn scratch(name: &str) -> std::path::PathBuf {
     let dir = std::path::Path::new(env!("CARGO_TARGET_TMPDIR")).join(name);
     let _ = std::fs::remove_dir_all(&dir);

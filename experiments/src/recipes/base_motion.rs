@@ -3,7 +3,7 @@
 use super::{falls, speed};
 use crate::bench::{Bench, RunSpec};
 use crate::{Experiment, Row};
-use analysis::figures::{FigureSpec, Kind, Named, draw};
+use analysis::figures::{FIGURE_9, FigureSpec, Named, draw};
 use analysis::tables::tracking_rows;
 
 pub(super) const EXPERIMENT: Experiment = Experiment {
@@ -19,7 +19,7 @@ pub(super) const EXPERIMENT: Experiment = Experiment {
 /// Judges the rms of every quantity of Table 3, and draws Figure 9.
 pub(super) fn table3(bench: &Bench, prefix: &str) -> anyhow::Result<Vec<Row>> {
     let sample = bench.one_with(RunSpec::of("base_motion"), |run| {
-        draw(&FigureSpec::new(Kind::Figure9), &[(Named("run".to_owned()), run)])
+        draw(&FigureSpec::new(&FIGURE_9), &[(Named("run".to_owned()), run)])
     })?;
     let mut rows = Vec::new();
     for row in tracking_rows(&sample.metrics) {
@@ -33,7 +33,7 @@ pub(super) fn table3(bench: &Bench, prefix: &str) -> anyhow::Result<Vec<Row>> {
     }
     match &sample.measured {
         Ok(figure) => bench.write(figure)?,
-        Err(lacking) => bench.note(format!("Figure 9 is not drawn: it needs {}", lacking.needs)),
+        Err(missing) => bench.note(format!("Figure 9 is not drawn: the log lacks {}", missing.needs)),
     }
     rows.push(falls(prefix, std::slice::from_ref(&sample)));
     rows.extend(speed(prefix, std::slice::from_ref(&sample)));
