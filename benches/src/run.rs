@@ -1,4 +1,4 @@
-//! The rounds: every process in turn, and again.
+//! The rounds: starts every process in turn, several times.
 
 use crate::export;
 use crate::inputs::Stack;
@@ -9,41 +9,41 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::process::{Command, ExitCode, Stdio};
 
-/// How to run, and where to leave the result.
+/// Arguments of `bench run`.
 #[derive(clap::Args)]
 pub struct Args {
-    /// Rounds; each takes everything once.
+    /// Number of rounds; each round starts every process once.
     #[arg(long, default_value_t = 7, value_parser = clap::value_parser!(u32).range(1..))]
     rounds: u32,
-    /// Folder of the peers, as scripts/bench_peers.sh leaves it; without it ours are timed alone.
+    /// Folder of the peers, written by scripts/bench_peers.sh. If it does not exist, only this project is timed.
     #[arg(long, default_value = "target/peers")]
     peers: PathBuf,
     /// Files for the peers.
     #[command(flatten)]
     export: export::Args,
-    /// A longer log to replay; else the one whose programs are taken.
+    /// Log to replay [default: the log of the programs].
     #[arg(long)]
     replay: Option<PathBuf>,
-    /// Processor that single-threaded processes are bound to.
+    /// CPU to which single-threaded processes are bound.
     #[arg(long, default_value_t = 1)]
     cpu: usize,
-    /// Give all processes real-time priority, as a controller has: needs the right to. Nothing else then runs beside them.
+    /// Run all processes at real-time priority (SCHED_FIFO), as a controller; needs the permission. Other processes do not run meanwhile.
     #[arg(long)]
     fifo: bool,
     /// Write every line of every round as JSON.
     #[arg(long)]
     json: Option<PathBuf>,
-    /// Put the tables between the lines `<!-- bench -->` and `<!-- end of bench -->` of a file.
+    /// Write the tables between the lines `<!-- bench -->` and `<!-- end of bench -->` of a file.
     #[arg(long)]
     into: Option<PathBuf>,
 }
 
-/// How often the items of a file are used in one round.
+/// Number of passes over the items of a file in one round.
 const PASSES: [(&str, &str); 3] = [("states", "20"), ("programs", "2"), ("ticks", "2")];
-/// Largest difference between ours and a rigid-body peer, and between ours and a solver, relative.
+/// Largest relative difference of results: from a rigid-body peer, and from a solver.
 const SAME: [f64; 2] = [1e-9, 1e-6];
 
-/// A process that times something.
+/// A process that measures.
 struct Contender {
     group: String,
     who: Who,
@@ -52,19 +52,19 @@ struct Contender {
     bound: bool,
 }
 
-/// Whose figures a process prints.
+/// Origin of the figures that a process prints.
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum Who {
     Ours,
     Pinocchio,
-    /// Whose name is in the case.
+    /// A solver; its name is the name of the case.
     Solver,
 }
 
-/// What was measured, by group (a robot, a set of programs, a stack, a replay), whose it is, and case; a line a round.
+/// Results by group (a robot, a set of programs, a stack, a replay), origin and case; one line per round.
 pub type Measured = BTreeMap<(String, String, String), Vec<Line>>;
 
-/// Runs everything and prints the tables. Exit code 1 if ours and the peers' results differ.
+/// Runs all processes and prints the tables. Exit code 1 if the results of this project and of the peers differ.
 pub fn run(args: &Args) -> Result<ExitCode> {
     export::export(&args.export)?;
     let contenders = contenders(args)?;
@@ -104,12 +104,12 @@ pub fn run(args: &Args) -> Result<ExitCode> {
     Ok(ExitCode::from(u8::from(!differing.is_empty())))
 }
 
-/// In the order in which they run: what is set against each other stands next to each other.
+/// The processes in the order in which they run; those to be compared are adjacent.
 fn contenders(args: &Args) -> Result<Vec<Contender>> {
     let ours = std::env::current_exe()?;
     let there = args.peers.is_dir();
     if !there {
-        eprintln!("{}: not there, so ours are timed alone; scripts/bench_peers.sh builds it", args.peers.display());
+        eprintln!("{} does not exist: only this project is timed; scripts/bench_peers.sh builds the peers", args.peers.display());
     }
     let passes = |what: &str| PASSES.iter().find(|(name, _)| *name == what).map_or("1", |(_, n)| *n).to_owned();
     let text = |path: &Path| path.display().to_string();
@@ -170,7 +170,7 @@ impl Contender {
         let mut command = Command::new(&words[0]);
         command.args(&words[1..]);
         let output = command.args(&self.arguments).stderr(Stdio::inherit()).output();
-        let output = output.with_context(|| format!("{}: {} cannot be started", self.text(), words[0]))?;
+        let output = output.with_context(|| format!("{}: cannot start {}", self.text(), words[0]))?;
         if !output.status.success() {
             bail!("{} ended with {}", self.text(), output.status);
         }
@@ -179,7 +179,7 @@ impl Contender {
     }
 }
 
-/// Where results differ by more than rounding. A solver that stops early is off by itself; if all are, we are.
+/// Results that differ by more than rounding. A solver alone may differ because it stops early; if all differ, the error is ours.
 fn differing(measured: &Measured) -> Vec<String> {
     let mut differing = Vec::new();
     let mut nearest: BTreeMap<&str, f64> = BTreeMap::new();
@@ -202,7 +202,7 @@ fn differing(measured: &Measured) -> Vec<String> {
     differing
 }
 
-/// Versions of everything, as one line of text each.
+/// CPU, compiler and versions of the peers, one text each.
 fn versions(args: &Args) -> Result<Vec<String>> {
     let mut versions = Vec::new();
     let cpu = std::fs::read_to_string("/proc/cpuinfo").unwrap_or_default();
@@ -220,7 +220,7 @@ fn versions(args: &Args) -> Result<Vec<String>> {
     Ok(versions)
 }
 
-/// Replaces what stands between the two marks of a file.
+/// Replaces the text between the two marks of a file.
 fn put_into(path: &Path, tables: &str) -> Result<()> {
     const MARKS: [&str; 2] = ["<!-- bench -->\n", "<!-- end of bench -->"];
     let text = std::fs::read_to_string(path).with_context(|| path.display().to_string())?;
