@@ -109,7 +109,10 @@ fn contenders(args: &Args) -> Result<Vec<Contender>> {
     let ours = std::env::current_exe()?;
     let there = args.peers.is_dir();
     if !there {
-        eprintln!("{} does not exist: only this project is timed; scripts/bench_peers.sh builds the peers", args.peers.display());
+        eprintln!(
+            "{} does not exist: only this project is timed; scripts/bench_peers.sh builds the peers",
+            args.peers.display()
+        );
     }
     let passes = |what: &str| PASSES.iter().find(|(name, _)| *name == what).map_or("1", |(_, n)| *n).to_owned();
     let text = |path: &Path| path.display().to_string();

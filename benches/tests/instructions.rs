@@ -49,10 +49,7 @@ fn a_slow_down_and_another_compiler_are_reported() {
     let slower = judge(&Counts { replay: 206_000, ..stored.clone() }, &stored).unwrap_err();
     assert!(slower.contains("replay: 206000") && slower.contains("3.0 %") && slower.contains("200000"), "{slower}");
     let faster = judge(&Counts { step: 90_000, ..stored.clone() }, &stored).unwrap();
-    assert!(
-        faster.contains("step: 90000") && faster.contains("10.0 %") && faster.contains("ACCEPT=1"),
-        "{faster}"
-    );
+    assert!(faster.contains("step: 90000") && faster.contains("10.0 %") && faster.contains("ACCEPT=1"), "{faster}");
     let other = judge(&Counts { toolchain: "rustc 2".to_owned(), ..stored.clone() }, &stored).unwrap_err();
     assert!(other.contains("rustc 1") && other.contains("rustc 2"), "{other}");
 }

@@ -2,6 +2,7 @@
 #![allow(non_snake_case, clippy::unwrap_used, missing_docs)]
 
 use controller::model::*;
+use test_support::replace_once;
 
 const HYQ: &str = include_str!("../../robots/hyq/hyq.urdf");
 
@@ -14,8 +15,7 @@ fn two_links(from: &str, to: &str) -> Result<Model, ModelError> {
             <parent link="stand"/><child link="bar"/><axis xyz="0 0 2"/>
             <limit lower="-1" upper="1" effort="5" velocity="3"/>
         </joint></robot>"#;
-    assert!(text.contains(from), "{from} is not in the text");
-    Model::new(&UrdfTree::parse(&text.replacen(from, to, 1), "two.urdf")?, Base::Fixed)
+    Model::new(&UrdfTree::parse(&replace_once(text, from, to), "two.urdf")?, Base::Fixed)
 }
 
 #[track_caller]
@@ -95,7 +95,11 @@ fn numbers_out_of_range_are_errors() {
     for (from, to, expected) in [
         ("mass value=\"1\"", "mass value=\"-1\"", "link \"bar\": mass is -1, expected a finite number >= 0"),
         ("mass value=\"1\"", "mass value=\"inf\"", "link \"bar\": mass is inf"),
-        ("ixx=\"1\"", "ixx=\"NaN\"", "link \"stand\": inertia is NaN, expected a finite number"),
+        (
+            "value=\"2\"/><inertia ixx=\"1\"",
+            "value=\"2\"/><inertia ixx=\"NaN\"",
+            "link \"stand\": inertia is NaN, expected a finite number",
+        ),
         ("0 0 2", "0 0 0", "joint \"hinge\": axis is [0.0, 0.0, 0.0], expected a vector"),
         ("lower=\"-1\"", "lower=\"1.5\"", "joint \"hinge\": position range is [1.5, 1], expected lower <= upper"),
         ("lower=\"-1\"", "lower=\"NaN\"", "joint \"hinge\": position range is [NaN, 1]"),

@@ -13,6 +13,7 @@ use controller::{Controller, Outbox};
 use lcmtypes::{ContactEstimate, ControllerTick as Tick, Message, OperatorCommand as Op, RobotCommand, channels};
 use nalgebra::Vector3;
 use std::sync::LazyLock;
+use test_support::replace_once;
 
 /// A robot without noise that follows its references, and an operator that requests one mode at a time.
 struct Story {
@@ -442,7 +443,7 @@ fn a_lying_posture_out_of_range_and_legs_that_cannot_fold_are_refused_by_name() 
         error(&[("robot.lying.lf_kfe_joint", "0.0")]),
         "robot \"hyq\": robot.lying.lf_kfe_joint is 0, expected -2.44346095279 to -0.349065850399"
     );
-    let left_out = common::PARAMS.replace("lf_kfe_joint = -2.44\n", "");
+    let left_out = replace_once(common::PARAMS, "lf_kfe_joint = -2.44\n", "");
     let error = Quadruped::new(common::URDF, &left_out).err().unwrap().to_string();
     assert!(error.starts_with("robot \"hyq\": robot.lying.lf_kfe_joint is NaN"), "{error}");
 }

@@ -17,6 +17,7 @@ use controller::stack::{S1, S3};
 use controller::{Controller, Outbox};
 use lcmtypes::{OperatorCommand, WbcSolution};
 use nalgebra::{DVector, Matrix3, Vector3};
+use test_support::replace_once;
 
 const UNDER: &str = "<< base_dynamics << friction << joint_acceleration << force_bounds";
 
@@ -77,9 +78,9 @@ fn an_invalid_stack_is_rejected_with_the_name_of_the_entry() {
         ("[300.0, 300.0", "[300.0, -1.0", "stack.tasks.span.kp: found -1"),
         ("kd = [20.0, 20.0,", "kd = [", "invalid length 4"),
         ("\"cartesian\"\nlink = \"rf", "\"carthesian\"\nlink = \"rf", "unknown variant `carthesian`"),
-        ("relative_to", "relativ_to", "unknown field `relativ_to`"),
+        ("relative_to = \"lf", "relativ_to = \"lf", "unknown field `relativ_to`"),
     ] {
-        let error = loaded(&TASKS.replace(from, to), "contact / posture").err().unwrap();
+        let error = loaded(&replace_once(TASKS, from, to), "contact / posture").err().unwrap();
         assert!(error.contains(expected), "{to}: {error}");
     }
     let overrides = [("stack.formula".to_owned(), "contact &".to_owned())];
