@@ -46,7 +46,7 @@ const SAME: [f64; 2] = [1e-9, 1e-6];
 /// A process that measures.
 struct Contender {
     group: String,
-    who: Who,
+    origin: Origin,
     program: PathBuf,
     arguments: Vec<String>,
     bound: bool,
@@ -54,7 +54,7 @@ struct Contender {
 
 /// Origin of the figures that a process prints.
 #[derive(Clone, Copy, PartialEq, Eq)]
-enum Who {
+enum Origin {
     Ours,
     Pinocchio,
     /// A solver; its name is the name of the case.
@@ -73,13 +73,13 @@ pub fn run(args: &Args) -> Result<ExitCode> {
         for contender in &contenders {
             eprintln!("round {} of {}: {}", round + 1, args.rounds, contender.text());
             for line in contender.run(args)? {
-                let who = match contender.who {
-                    Who::Ours => "ours".to_owned(),
-                    Who::Pinocchio => "Pinocchio".to_owned(),
-                    Who::Solver => line.case.clone(),
+                let origin = match contender.origin {
+                    Origin::Ours => "ours".to_owned(),
+                    Origin::Pinocchio => "Pinocchio".to_owned(),
+                    Origin::Solver => line.case.clone(),
                 };
-                let case = if contender.who == Who::Solver { "solve".to_owned() } else { line.case.clone() };
-                measured.entry((contender.group.clone(), who, case)).or_default().push(line);
+                let case = if contender.origin == Origin::Solver { "solve".to_owned() } else { line.case.clone() };
+                measured.entry((contender.group.clone(), origin, case)).or_default().push(line);
             }
         }
     }
@@ -88,8 +88,8 @@ pub fn run(args: &Args) -> Result<ExitCode> {
     if let Some(path) = &args.json {
         let lines: Vec<_> = measured
             .iter()
-            .map(|((group, who, case), rounds)| {
-                serde_json::json!({"group": group, "who": who, "case": case, "rounds": rounds})
+            .map(|((group, origin, case), rounds)| {
+                serde_json::json!({"group": group, "who": origin, "case": case, "rounds": rounds})
             })
             .collect();
         std::fs::write(path, serde_json::to_string_pretty(&lines)?).with_context(|| path.display().to_string())?;
@@ -117,9 +117,9 @@ fn contenders(args: &Args) -> Result<Vec<Contender>> {
     let passes = |what: &str| PASSES.iter().find(|(name, _)| *name == what).map_or("1", |(_, n)| *n).to_owned();
     let text = |path: &Path| path.display().to_string();
     let mut all = Vec::new();
-    let mut add = |group: &str, who: Who, program: &Path, arguments: Vec<String>, bound: bool| {
+    let mut add = |group: &str, origin: Origin, program: &Path, arguments: Vec<String>, bound: bool| {
         let (group, program) = (group.to_owned(), program.to_owned());
-        all.push(Contender { group, who, program, arguments, bound });
+        all.push(Contender { group, origin, program, arguments, bound });
     };
     let dir = &args.export.dir;
     for robot in export::ROBOTS {
@@ -129,28 +129,34 @@ fn contenders(args: &Args) -> Result<Vec<Contender>> {
         if robot == "hyq" {
             for stack in [Stack::S1, Stack::S3] {
                 let rest = [text(&args.export.log), stack.name().to_lowercase(), passes("ticks")];
-                add(stack.name(), Who::Ours, &ours, one("ticks", &rest), true);
+                add(stack.name(), Origin::Ours, &ours, one("ticks", &rest), true);
             }
         }
-        add(robot, Who::Ours, &ours, one("rigid-body", &[states.clone(), urdf, passes("states")]), true);
+        add(robot, Origin::Ours, &ours, one("rigid-body", &[states.clone(), urdf, passes("states")]), true);
         if there {
             let model = text(&args.peers.join(format!("{robot}.txt")));
-            add(robot, Who::Pinocchio, &args.peers.join("bin/pinocchio"), vec![model, states, passes("states")], true);
+            add(
+                robot,
+                Origin::Pinocchio,
+                &args.peers.join("bin/pinocchio"),
+                vec![model, states, passes("states")],
+                true,
+            );
         }
     }
     for (name, programs) in export::programs_files(dir) {
         let rest = vec![text(&programs), passes("programs")];
         let group = format!("programs of {name}");
         let of_ours = [vec!["one".to_owned(), "programs".to_owned()], rest.clone()].concat();
-        add(&group, Who::Solver, &ours, of_ours, true);
+        add(&group, Origin::Solver, &ours, of_ours, true);
         for solver in ["daqp", "eiquadprog", "proxqp", "piqp"].into_iter().filter(|_| there) {
-            add(&group, Who::Solver, &args.peers.join("bin").join(solver), rest.clone(), true);
+            add(&group, Origin::Solver, &args.peers.join("bin").join(solver), rest.clone(), true);
         }
     }
     let log = args.replay.as_ref().unwrap_or(&args.export.log);
     for jobs in ["1", "2"] {
         let arguments = vec!["one".to_owned(), "replay".to_owned(), text(log), jobs.to_owned()];
-        add(&format!("replay, {jobs}"), Who::Ours, &ours, arguments, jobs == "1");
+        add(&format!("replay, {jobs}"), Origin::Ours, &ours, arguments, jobs == "1");
     }
     Ok(all)
 }
@@ -186,13 +192,13 @@ impl Contender {
 fn differing(measured: &Measured) -> Vec<String> {
     let mut differing = Vec::new();
     let mut nearest: BTreeMap<&str, f64> = BTreeMap::new();
-    for ((group, who, case), rounds) in measured {
+    for ((group, origin, case), rounds) in measured {
         let Some(off) = rounds.iter().filter_map(|line| line.off).reduce(f64::max) else { continue };
-        if who == "Pinocchio" {
+        if origin == "Pinocchio" {
             if off > SAME[0] {
                 differing.push(format!("{group}: {case} of Pinocchio differs from ours by {off:e}"));
             }
-        } else if crate::programs::NAMES.iter().all(|name| name != who) {
+        } else if crate::programs::NAMES.iter().all(|name| name != origin) {
             let nearest = nearest.entry(group).or_insert(f64::INFINITY);
             *nearest = nearest.min(off);
         }

@@ -59,8 +59,8 @@ impl Case<'_> {
 struct Lines<'a>(&'a Measured);
 
 impl<'a> Lines<'a> {
-    fn case(&self, group: &str, who: &str, case: &str) -> Option<Case<'a>> {
-        self.0.get(&(group.to_owned(), who.to_owned(), case.to_owned())).map(|lines| Case(lines))
+    fn case(&self, group: &str, origin: &str, case: &str) -> Option<Case<'a>> {
+        self.0.get(&(group.to_owned(), origin.to_owned(), case.to_owned())).map(|lines| Case(lines))
     }
 
     /// The faster one of Pinocchio's ways to compute the set.
@@ -111,9 +111,9 @@ impl<'a> Lines<'a> {
             groups.join(" | ")
         )?;
         writeln!(out, "|---|{}---|---|---|---|", "---|".repeat(groups.len()))?;
-        for who in self.solvers() {
-            write!(out, "| {who} |")?;
-            let cases: Vec<_> = groups.iter().map(|name| self.program(name, who)).collect();
+        for origin in self.solvers() {
+            write!(out, "| {origin} |")?;
+            let cases: Vec<_> = groups.iter().map(|name| self.program(name, origin)).collect();
             for case in &cases {
                 write!(out, " {} |", text(*case))?;
             }
@@ -131,10 +131,14 @@ impl<'a> Lines<'a> {
 
     /// Solvers of this project first, then the others by their time on the programs of S1.
     fn solvers(&self) -> Vec<&'a str> {
-        let mut names: Vec<&str> =
-            self.0.keys().filter(|(group, ..)| group == "programs of S1").map(|(_, who, _)| who.as_str()).collect();
-        let time = |who: &str| self.program("S1", who).map_or(0.0, |case| case.median(|line| line.median_ns));
-        let ours = |who: &str| programs::NAMES.contains(&who);
+        let mut names: Vec<&str> = self
+            .0
+            .keys()
+            .filter(|(group, ..)| group == "programs of S1")
+            .map(|(_, origin, _)| origin.as_str())
+            .collect();
+        let time = |origin: &str| self.program("S1", origin).map_or(0.0, |case| case.median(|line| line.median_ns));
+        let ours = |origin: &str| programs::NAMES.contains(&origin);
         names.sort_by(|a, b| ours(b).cmp(&ours(a)).then(time(a).total_cmp(&time(b))));
         names
     }
@@ -143,8 +147,8 @@ impl<'a> Lines<'a> {
         self.0.keys().any(|(group, ..)| *group == format!("programs of {name}"))
     }
 
-    fn program(&self, name: &str, who: &str) -> Option<Case<'a>> {
-        self.case(&format!("programs of {name}"), who, "solve")
+    fn program(&self, name: &str, origin: &str) -> Option<Case<'a>> {
+        self.case(&format!("programs of {name}"), origin, "solve")
     }
 
     fn ticks(&self, out: &mut String) -> std::fmt::Result {

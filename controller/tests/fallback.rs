@@ -69,7 +69,7 @@ fn torques_are_limited_to_the_effort_of_the_urdf_and_clamps_are_counted() {
     let (mut controller, mut puppet, mut out) = walking();
     let mut clamped = 0;
     for tick in 0..60 {
-        // Thrown about: the tasks ask for more than the joints can give.
+        // Large disturbances: the tasks require more than the effort limits.
         puppet.input.state.w_WI_I = [if tick % 20 < 10 { 6.0 } else { -6.0 }, 4.0, 0.0];
         controller.step(&puppet.input, &mut out);
         let command = command_of(&out);
@@ -84,11 +84,11 @@ fn torques_are_limited_to_the_effort_of_the_urdf_and_clamps_are_counted() {
         }
         puppet.react(&out);
     }
-    assert!(clamped > 0, "nothing was limited: the test is too gentle");
+    assert!(clamped > 0, "no torque was limited: the disturbances are too small");
 }
 
 #[test]
-fn snapshots_of_nonsense_are_refused_or_survived() {
+fn invalid_snapshots_are_rejected_or_handled() {
     let mut bytes = Vec::new();
     walking().0.snapshot(&mut bytes);
     let good = QuadrupedState::decode(&bytes).unwrap();
@@ -145,10 +145,10 @@ fn snapshots_of_nonsense_are_refused_or_survived() {
     }
 }
 
-/// A state whose numbers overflow in the tick: what comes of them is damped there, and neither command nor state keeps any of it.
+/// A state whose numbers overflow in the tick: the tick damps, and neither the command nor the next state contains a non-finite number.
 #[test]
-fn a_command_that_is_no_number_never_leaves() {
-    for spoil in [
+fn a_non_finite_command_is_never_published() {
+    for edit in [
         (|m| m.p_stance_H = [[f64::MAX; 2]; 4]) as fn(&mut QuadrupedState),
         |m| m.zeta = f64::MAX,
         |m| m.gradient_W = [f64::MAX; 2],
@@ -157,7 +157,7 @@ fn a_command_that_is_no_number_never_leaves() {
         let mut bytes = Vec::new();
         controller.snapshot(&mut bytes);
         let mut state = QuadrupedState::decode(&bytes).unwrap();
-        spoil(&mut state);
+        edit(&mut state);
         bytes.clear();
         state.encode(&mut bytes).unwrap();
         controller.restore(&bytes).unwrap();

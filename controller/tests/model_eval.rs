@@ -1,4 +1,4 @@
-//! `hoof robot eval` and `hoof robot info` as functions: JSON in, JSON out, against Pinocchio and against bad states.
+//! The functions behind `hoof robot eval` and `hoof robot info`: results compared with Pinocchio; invalid states.
 #![allow(non_snake_case, clippy::unwrap_used, missing_docs)]
 
 use controller::model::eval::{EvalRequest, RobotInfo, eval};
@@ -55,7 +55,7 @@ fn check(urdf: &str, fixture: &str) {
     }
 }
 
-/// The request of a stored state: base velocities turned into base axes.
+/// The request of a stored state; base velocities are transformed to base axes.
 fn request(joints: &Value, state: &Value) -> Value {
     let named = |key: &str| {
         let names = joints.as_array().unwrap().iter().map(|name| name.as_str().unwrap().to_owned());

@@ -1,4 +1,4 @@
-//! Bad input leads to the safe state in the same tick, with its reason, and never to a panic or a number that is none.
+//! Bad input leads to the safe state in the same tick with a fault code, and never to a panic or a non-finite command.
 #![allow(non_snake_case, clippy::unwrap_used, missing_docs)]
 
 mod common;

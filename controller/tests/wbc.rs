@@ -175,7 +175,7 @@ fn the_trunk_task_removes_a_tilt_at_any_heading() {
     }
     let left = norm(&log(&(trunk.R_WB * R_WB.transpose())));
     assert!(left < 0.01 * tilt, "{left} rad are left of {tilt}");
-    assert!(largest < 1.001 * tilt, "it leaned to {largest} rad on the way");
+    assert!(largest < 1.001 * tilt, "largest tilt {largest} rad");
 }
 
 #[test]

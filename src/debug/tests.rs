@@ -132,7 +132,7 @@ fn no_size_of_the_screen_shows_part_of_a_number() {
         let moment = moment(overview);
         let whole = numbers(&screen(&moment, (400, 100)));
         for width in 1..=160 {
-            for height in [1, 5, 10, 16, 20, 24, 25, 29, 30, 36, 50] {
+            for height in [1, 10, 24, 30, 50] {
                 let shown = screen(&moment, (width, height));
                 let partial: Vec<_> = numbers(&shown).difference(&whole).cloned().collect();
                 assert!(partial.is_empty(), "{width}x{height}: {partial:?} are not numbers of the tick\n{shown}");

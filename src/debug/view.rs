@@ -49,7 +49,7 @@ pub struct Screen<'a> {
 }
 
 impl Screen<'_> {
-    /// Draws the screen. A panel that has no room for all its lines says how many are missing; a line that is too long ends with `…`.
+    /// Draws the screen. A panel that has no room for all its lines gives the number of missing ones; a line that is too long ends with `…`.
     pub fn draw(&self, frame: &mut Frame) {
         let area = frame.area();
         let tall = u16::from(area.height >= TALL);

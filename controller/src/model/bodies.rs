@@ -145,7 +145,7 @@ impl Model {
 
         let mut bodies = Vec::with_capacity(joints.len() + 1);
         let mut inertias: Vec<SpatialInertia> = Vec::with_capacity(joints.len() + 1);
-        let mut carriers = Vec::with_capacity(joints.len() + 1);
+        let mut first_links = Vec::with_capacity(joints.len() + 1);
         let mut frames: Vec<FrameOnBody> = Vec::with_capacity(tree.links.len());
         let mut total_mass = 0.0;
         for (i, link) in tree.links.iter().enumerate() {
@@ -179,7 +179,7 @@ impl Model {
                         I_C: Matrix3::zeros(),
                     });
                     inertias.push(SpatialInertia::zero());
-                    carriers.push(i);
+                    first_links.push(i);
                     let X_BL = Pose { p: Vector3::zeros(), R: R_LB.transpose() };
                     FrameOnBody { name: link.name.clone(), body: bodies.len() - 1, X_BL }
                 }
@@ -204,7 +204,7 @@ impl Model {
         for (i, (body, inertia)) in bodies.iter_mut().zip(&inertias).enumerate() {
             (body.c, body.I_C) = inertia.about_com();
             body.m = inertia.m;
-            let link = &tree.links[carriers[i]];
+            let link = &tree.links[first_links[i]];
             if let (Some(joint), true) = (link.parent_joint, body.m == 0.0) {
                 warnings.push(ModelWarning::MasslessBody {
                     link: link.name.clone(),
