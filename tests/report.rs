@@ -5,6 +5,7 @@ mod common;
 
 use common::{folder, hoof};
 use std::path::Path;
+use test_support::replace_once;
 
 /// Simulates two seconds into `FOLDER/NAME.mcap`; returns the path of the log.
 fn run(folder: &Path, name: &str) -> String {
@@ -31,7 +32,7 @@ fn the_printed_plots_can_be_used() {
     let log = run(&folder, "flat_trot");
     let printed = hoof("report --print-plots").exits(0).stdout;
     assert_eq!(printed.matches("\n[[figure]]\n").count(), 15);
-    let quick = printed.replace("[\"svg\", \"pdf\", \"png\"]", "[\"svg\"]");
+    let quick = replace_once(&printed, "[\"svg\", \"pdf\", \"png\"]", "[\"svg\"]");
     let plots = file(&folder, "plots.toml", &quick);
     let out = folder.join("out");
     let ran = hoof(&format!("report {log} --plots {plots} --out {}", out.display())).exits(0);
@@ -39,7 +40,7 @@ fn the_printed_plots_can_be_used() {
     for name in ["report.html", "walk.svg", "joint_torque.svg", "timing.tex", "happenings.json"] {
         assert!(out.join(name).exists(), "{name}");
     }
-    let unknown = file(&folder, "unknown.toml", &quick.replace("png_dpi", "dpi"));
+    let unknown = file(&folder, "unknown.toml", &replace_once(&quick, "png_dpi", "dpi"));
     let ran = hoof(&format!("report {log} --plots {unknown} --out {}", out.display())).exits(2);
     assert!(ran.stderr.contains("unknown.toml") && ran.stderr.contains("unknown field `dpi`"), "{}", ran.stderr);
 }

@@ -6,6 +6,7 @@ mod common;
 use common::{folder, hoof};
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
+use test_support::replace_once;
 
 const PONY: &str = include_str!("data/pony.urdf");
 
@@ -85,7 +86,8 @@ fn errors_name_legs_and_joints() {
         hoof(&format!("robot init {}", path.display())).exits(2).stderr
     };
     let leg_fixed = ["abduct", "swing", "bend"].iter().fold(PONY.to_owned(), |urdf, joint| {
-        urdf.replace(
+        replace_once(
+            &urdf,
             &format!("\"rear_left_{joint}\" type=\"revolute\""),
             &format!("\"rear_left_{joint}\" type=\"fixed\""),
         )
@@ -94,24 +96,26 @@ fn errors_name_legs_and_joints() {
     assert!(three.contains("3") && three.contains("(rear_right_abduct, "), "{three}");
 
     let neck =
-        PONY.replace("<joint name=\"camera_mount\" type=\"fixed\">", "<joint name=\"neck\" type=\"continuous\">");
+        replace_once(PONY, "<joint name=\"camera_mount\" type=\"fixed\">", "<joint name=\"neck\" type=\"continuous\">");
     let neck = error("neck.urdf", &neck);
     assert!(neck.contains("legs: neck"), "{neck}");
 
-    let ankle = PONY.replace("\"front_left_toe_fixed\" type=\"fixed\"", "\"front_left_ankle\" type=\"continuous\"");
+    let ankle =
+        replace_once(PONY, "\"front_left_toe_fixed\" type=\"fixed\"", "\"front_left_ankle\" type=\"continuous\"");
     let ankle = error("ankle.urdf", &ankle);
     assert!(["front_left_bend, front_left_ankle", "4", "3"].iter().all(|fact| ankle.contains(fact)), "{ankle}");
 
     let stub = error(
         "stub.urdf",
-        &PONY.replace(
+        &replace_once(
+            PONY,
             "xyz=\"0 0 -0.2\"/>\n    <parent link=\"rear_right_lower\"",
             "/>\n    <parent link=\"rear_right_lower\"",
         ),
     );
     assert!(stub.contains("rear_right_bend"), "{stub}");
 
-    let turned = PONY.replace("xyz=\"-0.18 0.05 0\"", "xyz=\"0.19 0.05 0\"");
+    let turned = replace_once(PONY, "xyz=\"-0.18 0.05 0\"", "xyz=\"0.19 0.05 0\"");
     let turned = error("turned.urdf", &turned);
     assert!(["front_left_toe", "rear_left_toe", "left front"].iter().all(|fact| turned.contains(fact)), "{turned}");
 

@@ -1,5 +1,5 @@
-// eiquadprog, TSID's solver: Goldfarb and Idnani's dual method, always from scratch. It takes neither zero nor dependent equality rows and
-// no bounds, so the zero rows are left out and the bounds are rows, untimed.
+// eiquadprog, TSID's solver: Goldfarb and Idnani's dual method, always cold-started. It accepts neither zero nor dependent equality rows and
+// no bounds; zero rows are removed and bounds are converted to rows outside the timed call.
 #include "programs.hpp"
 
 #include <eiquadprog/eiquadprog-fast.hpp>

@@ -1,4 +1,4 @@
-// What the peers share: the files that `bench export` writes, the clock around a single call, one line of JSON a case.
+// Common code of the peers: reader of the files of `bench export`, timing of single calls, one line of JSON per case.
 #pragma once
 
 #include <algorithm>
@@ -58,7 +58,7 @@ inline double now_ns() {
     return std::chrono::duration<double, std::nano>(std::chrono::steady_clock::now().time_since_epoch()).count();
 }
 
-/// What reading the clock twice takes: it is taken off every sample, here as in `bench`.
+/// Time to read the clock twice; it is subtracted from every sample, as in `bench`.
 inline double clock_ns() {
     std::vector<double> pauses(10001);
     for (auto &pause : pauses) {
@@ -69,11 +69,11 @@ inline double clock_ns() {
     return pauses[5000];
 }
 
-/// Keeps a result that nobody reads.
+/// Prevents the compiler from removing an unused result.
 template <typename T> inline void keep(const T &value) { asm volatile("" : : "g"(&value) : "memory"); }
 
-/// Times `run(i)` for i in 0..items, `passes` times after one that does not count. `prepare(i)` comes before each call, untimed; `after(i)`
-/// behind each call, untimed.
+/// Times `run(i)` for i in 0..items, in `passes` passes after one untimed pass. `prepare(i)` runs before and `after(i)` after each call,
+/// untimed.
 template <typename Prepare, typename Run, typename After>
 std::vector<double> time_each(std::size_t items, std::size_t passes, Prepare prepare, Run run, After after) {
     const double clock = clock_ns();
@@ -92,7 +92,7 @@ std::vector<double> time_each(std::size_t items, std::size_t passes, Prepare pre
     return samples;
 }
 
-/// The line of a case: times in ns; `off` is how far the results are from ours, `unsolved` how many calls gave none.
+/// The line of a case: times in ns; `off`: relative difference of the results from ours; `unsolved`: number of calls without a solution.
 inline void print(const std::string &name, std::vector<double> samples, double off, std::size_t unsolved = 0) {
     std::sort(samples.begin(), samples.end());
     const auto at = [&](double part) { return samples[static_cast<std::size_t>(part * (samples.size() - 1))]; };

@@ -1,9 +1,9 @@
-// Pinocchio on the states of a file that `bench export` wrote: the same quantities as ours, each by its fastest call, and all of a tick.
+// Pinocchio on the states of a file that `bench export` wrote: the same quantities as in this project, each by its fastest call, and all quantities of a tick.
 //
 //     pinocchio MODEL.txt STATES PASSES
 //
-// MODEL.txt is Pinocchio's own archive of the robot, which scripts/bench_peers.sh makes of the URDF. The file holds our values too: each
-// quantity is compared with them, turned to our base velocity in W axes, and the largest difference, relative to its largest entry, is printed.
+// MODEL.txt is Pinocchio's archive of the robot; scripts/bench_peers.sh makes it from the URDF. The file of states also has our values: each
+// quantity is transformed to our base velocity in W axes and compared; the largest difference relative to the largest entry is printed.
 #include "peer.hpp"
 
 #include <pinocchio/multibody.hpp>
@@ -27,7 +27,7 @@ using Jacobian = Eigen::Matrix<double, 6, Eigen::Dynamic>;
 
 constexpr auto ALIGNED = pin::LOCAL_WORLD_ALIGNED;
 
-/// One state, and what we say of it.
+/// One state and our values.
 struct Case {
     VectorXd q, v;
     MatrixXd X;  // v = X v_ours
@@ -109,7 +109,7 @@ int main(int argc, char **argv) {
     };
     const auto time = [&](const char *name, auto run, auto check) {
         off = 0.0;
-        // getFrameJacobian writes the columns of the joints above the frame alone.
+        // getFrameJacobian writes only the columns of the joints above the frame.
         for (auto &j : J) j.setZero();
         auto samples = peer::time_each(
             cases.size(), passes, [](std::size_t) {}, [&](std::size_t i) { run(cases[i]); }, [&](std::size_t i) { check(cases[i]); });
@@ -138,7 +138,7 @@ int main(int argc, char **argv) {
              compare(data.Ag * c.X, c.A_G);
              compare(data.hg.toVector(), c.momentum);
          });
-    // All that a tick needs, by the two ways of getting there that share most; the faster one is the peer.
+    // All quantities that a tick needs, by the two ways that share most intermediate results; the faster one is the reference.
     const auto check_set = [&](const Case &c) {
         check_M(c);
         compare(c.X.transpose() * data.nle, c.h);
@@ -161,7 +161,7 @@ int main(int argc, char **argv) {
     time("set, crba in the world frame",
          [&](const Case &c) {
              pin::nonLinearEffects(model, data, c.q, c.v);
-             pin::crba(model, data, c.q, pin::Convention::WORLD);  // leaves the joints' Jacobians behind
+             pin::crba(model, data, c.q, pin::Convention::WORLD);  // also computes the joint Jacobians
              foot_jacobians();
              pin::forwardKinematics(model, data, c.q, c.v, zero);
              foot_accelerations();

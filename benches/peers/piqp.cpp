@@ -6,7 +6,7 @@
 int main(int argc, char **argv) {
     return peer::with_programs(argc, argv, [](const auto &programs, std::size_t passes) {
         piqp::DenseSolver<double> solver;
-        // Tighter ones it does not reach on three quarters of the programs of S1.
+        // It does not reach tighter tolerances on three quarters of the programs of S1.
         solver.settings().eps_abs = 1e-9;
         solver.settings().eps_duality_gap_abs = 1e-9;
         auto p = programs[0];

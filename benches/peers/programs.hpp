@@ -2,7 +2,7 @@
 //
 //     min ½ xᵀ H x + gᵀ x    subject to    A x = b,  C x <= d,  lower <= x <= upper
 //
-// Programs of one file have one size; rows that are switched off are zero.
+// All programs of a file have the same size; rows that are switched off are zero.
 #pragma once
 
 #include "peer.hpp"
@@ -44,10 +44,10 @@ inline std::vector<Program> read_programs(const char *path) {
     return programs;
 }
 
-/// Difference from our solution as part of its norm.
+/// Difference from our solution relative to its norm.
 inline double off(const Program &p, const Vector &x) { return (x - p.ours).norm() / p.ours.norm(); }
 
-/// What a solver is told and says: how far its worst solution is from ours, and how often it gave none.
+/// Results of a solver: largest difference of a solution from ours, and number of calls without a solution.
 struct Tally {
     double off = 0.0;
     std::size_t unsolved = 0;
@@ -57,7 +57,7 @@ struct Tally {
     }
 };
 
-/// `main` of a solver: PROGRAMS and PASSES, then what `run` does with them.
+/// `main` of a solver: reads the arguments PROGRAMS and PASSES and calls `run`.
 template <typename Run> int with_programs(int argc, char **argv, Run run) {
     if (argc != 3) {
         std::fprintf(stderr, "usage: %s PROGRAMS PASSES\n", argv[0]);

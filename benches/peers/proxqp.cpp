@@ -1,4 +1,4 @@
-// ProxQP, a proximal augmented Lagrangian solver, dense: from scratch, and from the solution before.
+// ProxQP, a proximal augmented Lagrangian solver, dense: cold-started, and warm-started with the solution before.
 #include "programs.hpp"
 
 #include <proxsuite/proxqp/dense/dense.hpp>
@@ -9,7 +9,7 @@ using peer::Vector;
 
 namespace {
 
-/// Bounds as rows behind C: a warm start takes no multipliers of bounds.
+/// Bounds as rows after C: a warm start has no multipliers of bounds.
 void with_bounds_as_rows(Program &p, Vector &low) {
     const auto n = p.g.size(), n_in = p.d.size();
     p.C.conservativeResize(n_in + n, n);

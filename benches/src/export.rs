@@ -1,7 +1,7 @@
-//! The files that peers read: states of the robots with the quantities as we compute them, and quadratic programs with our solutions.
+//! Files for the peers: states of the robots with the quantities that this project computes, and quadratic programs with its solutions.
 //!
-//! Little-endian u64 and f64, matrices by column, a text as its length and its bytes; the readers are `benches/peers/peer.hpp` and
-//! `programs.hpp`, and here.
+//! Format: little-endian u64 and f64, matrices by column, a text as length and bytes. Readers: `benches/peers/peer.hpp`, `programs.hpp`, and this
+//! file.
 
 use crate::inputs::{Run, Stack};
 use crate::rigid_body::{Body, State, states};
@@ -11,25 +11,25 @@ use controller::{Controller, Outbox};
 use nalgebra::{DMatrix, DVector};
 use std::path::{Path, PathBuf};
 
-/// What is written where.
+/// Arguments of `bench export`.
 #[derive(clap::Args)]
 pub struct Args {
     /// Folder of the files.
     pub dir: PathBuf,
-    /// Log whose quadratic programs are taken.
+    /// Log of which quadratic programs are written.
     #[arg(long, default_value = "logs/golden/flat_trot.mcap")]
     pub log: PathBuf,
-    /// First tick whose programs are taken, and how many.
+    /// First tick and number of ticks of which programs are written.
     #[arg(long, num_args = 2, default_values_t = [1000, 500])]
     pub ticks: Vec<usize>,
 }
 
-/// Robots whose quantities are timed, by their folder.
+/// Folders of the robots whose quantities are timed.
 pub const ROBOTS: [&str; 2] = ["hyq", "anymal_b"];
-/// States of each robot.
+/// Number of states per robot.
 const STATES: usize = 256;
 
-/// Where the URDF of a robot lies.
+/// Path of a robot's URDF.
 pub fn urdf(robot: &str) -> PathBuf {
     format!("robots/{robot}/{robot}.urdf").into()
 }
@@ -39,7 +39,7 @@ pub fn states_file(dir: &Path, robot: &str) -> PathBuf {
     dir.join(format!("{robot}.states"))
 }
 
-/// Files of quadratic programs, with the name of each in tables.
+/// Files of quadratic programs with their names in tables.
 pub fn programs_files(dir: &Path) -> Vec<(String, PathBuf)> {
     let level = |stack: Stack, k: usize| (stack, format!("{} level {}", stack.name(), k + 1), k);
     [(Stack::S1, "S1".to_owned(), 0), level(Stack::S3, 0), level(Stack::S3, 1), level(Stack::S3, 2)]
@@ -63,7 +63,7 @@ pub fn export(args: &Args) -> Result<()> {
     let ticks = args.ticks[0]..args.ticks[0] + args.ticks[1];
     ensure!(
         !ticks.is_empty() && ticks.end <= run.inputs.len(),
-        "{}: ticks {} to {} are asked for, it has {}",
+        "{}: ticks {} to {} requested, the log has {}",
         args.log.display(),
         ticks.start,
         ticks.end,
@@ -96,7 +96,7 @@ pub fn export(args: &Args) -> Result<()> {
     Ok(())
 }
 
-/// Programs and our solutions, read back.
+/// Reads programs and their solutions.
 pub fn read_programs(path: &Path) -> Result<Vec<(Qp, DVector<f64>)>> {
     let bytes = std::fs::read(path).with_context(|| path.display().to_string())?;
     let mut from = Reader { bytes: &bytes, path };
@@ -113,7 +113,7 @@ pub fn read_programs(path: &Path) -> Result<Vec<(Qp, DVector<f64>)>> {
     Ok(programs)
 }
 
-/// States read back, without the values.
+/// Reads states, without the values.
 pub fn read_states(path: &Path, body: &Body) -> Result<Vec<State>> {
     let bytes = std::fs::read(path).with_context(|| path.display().to_string())?;
     let mut from = Reader { bytes: &bytes, path };
@@ -202,7 +202,7 @@ struct Reader<'a> {
 
 impl Reader<'_> {
     fn take(&mut self, n: usize) -> Result<&[u8]> {
-        ensure!(n <= self.bytes.len(), "{} is too short: write it again by bench export", self.path.display());
+        ensure!(n <= self.bytes.len(), "{} is too short: write it again with `bench export`", self.path.display());
         let (taken, rest) = self.bytes.split_at(n);
         self.bytes = rest;
         Ok(taken)

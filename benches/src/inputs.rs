@@ -1,4 +1,4 @@
-//! What a log says: how to build its controller, and what to feed it.
+//! Controller and inputs of a log.
 
 use anyhow::{Context, Result, bail};
 use controller::params::apply_overrides;
@@ -18,7 +18,7 @@ pub enum Stack {
 }
 
 impl Stack {
-    /// As it stands in tables.
+    /// Name in tables.
     pub fn name(self) -> &'static str {
         match self {
             Stack::S1 => "S1",
@@ -34,11 +34,11 @@ impl Stack {
     }
 }
 
-/// A run as its log tells it.
+/// A run, read from its log.
 pub struct Run {
-    /// Robot and parameters.
+    /// Description of the run: robot and parameters.
     pub info: RunInfo,
-    /// What the controller consumed, tick by tick.
+    /// Inputs of the controller, tick by tick.
     pub inputs: Vec<ControllerInput>,
 }
 
@@ -57,14 +57,14 @@ impl Run {
                 _ => {}
             }
         }
-        let Some(info) = info else { bail!("{}: no RUN_INFO in it", path.display()) };
+        let Some(info) = info else { bail!("{}: the log has no RUN_INFO", path.display()) };
         if inputs.is_empty() {
-            bail!("{}: no CONTROLLER_INPUT in it", path.display());
+            bail!("{}: the log has no CONTROLLER_INPUT", path.display());
         }
         Ok(Run { info, inputs })
     }
 
-    /// The controller of the run, with this stack of tasks.
+    /// Builds the controller of the run with this stack of tasks.
     pub fn controller(&self, stack: Stack) -> Result<Quadruped> {
         let formula = [("stack.formula".to_owned(), stack.formula().to_owned())];
         let params = apply_overrides(&self.info.params, &formula)?;

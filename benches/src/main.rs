@@ -1,11 +1,11 @@
-//! How long things take, and how long the peers take for the same, in the same minutes: `make bench`.
+//! Execution times of this project and of peer libraries for the same problems: `make bench`.
 //!
-//! Every figure comes from a process of its own that times single calls and prints one line of JSON a case: `bench one ...` for ours, the
-//! programs that `scripts/bench_peers.sh` builds of `benches/peers/` for the others. `bench run` calls them in turn, round after round, so
-//! that what else the machine does meets all of them alike; of each case it takes the median of the rounds' medians, and of each
-//! ratio the median of the rounds' ratios. What both sides are given, and what is compared, is in the files of [`export`].
+//! Each figure comes from a separate process that times single calls and prints one line of JSON per case: `bench one ...` for this
+//! project, the programs that `scripts/bench_peers.sh` builds from `benches/peers/` for the peers. `bench run` starts the processes in turn,
+//! in rounds, so that other load on the machine affects all of them equally. For each case it reports the median of the rounds' medians, for
+//! each ratio the median of the rounds' ratios. The files of [`export`] contain the inputs of both sides and the results to compare.
 //!
-//! Where to read on: [`run`] has the rounds, [`rigid_body`], [`programs`], [`ticks`] and [`throughput`] what is timed, [`table`] the result.
+//! Rounds: [`run`]. Timed code: [`rigid_body`], [`programs`], [`ticks`], [`throughput`]. Result: [`table`].
 #![allow(non_snake_case, reason = "names carry frames: see ARCHITECTURE.md")]
 
 mod export;
@@ -23,7 +23,7 @@ use clap::{Parser, Subcommand};
 use std::path::PathBuf;
 use std::process::ExitCode;
 
-/// Times the controller beside its peers.
+/// Measures execution times of the controller and of peer libraries.
 ///
 /// Example: scripts/bench_peers.sh && cargo run --release -p benches --bin bench -- run
 #[derive(Parser)]
@@ -35,48 +35,48 @@ struct Cli {
 
 #[derive(Subcommand)]
 enum Command {
-    /// All of it, in rounds: prints the tables as Markdown.
+    /// Run all processes in rounds and print the tables as Markdown.
     Run(run::Args),
-    /// Writes states and quadratic programs for the peers.
+    /// Write states and quadratic programs for the peers.
     Export(export::Args),
-    /// Times one thing of ours and prints a line of JSON a case.
+    /// Time one part of this project and print one line of JSON per case.
     #[command(subcommand)]
     One(One),
 }
 
 #[derive(Subcommand)]
 enum One {
-    /// The quantities of the rigid-body model.
+    /// Time the quantities of the rigid-body model.
     RigidBody {
         /// File of states, written by `bench export`.
         states: PathBuf,
         /// URDF of the robot.
         urdf: PathBuf,
-        /// How often each state is used.
+        /// Number of passes over the states.
         passes: usize,
     },
-    /// The back-ends on quadratic programs.
+    /// Time the solver back-ends on quadratic programs.
     Programs {
         /// File of programs, written by `bench export`.
         programs: PathBuf,
-        /// How often each program is solved.
+        /// Number of passes over the programs.
         passes: usize,
     },
-    /// Whole ticks and their stages, fed with the inputs of a log.
+    /// Time ticks and their stages with the inputs of a log.
     Ticks {
-        /// The log.
+        /// Log.
         log: PathBuf,
         /// Stack of tasks.
         #[arg(value_enum)]
         stack: inputs::Stack,
-        /// How often the log is fed.
+        /// Number of passes over the log.
         passes: usize,
     },
-    /// A replay, digests compared.
+    /// Time a replay.
     Replay {
-        /// The log.
+        /// Log.
         log: PathBuf,
-        /// Threads.
+        /// Number of threads.
         jobs: usize,
     },
 }

@@ -1,4 +1,4 @@
-//! The back-ends on quadratic programs of a log, in the order of its ticks.
+//! Times the solver back-ends on quadratic programs of a log, in the order of its ticks.
 
 use crate::export::read_programs;
 use crate::sample::{Line, Samples, most_allocations};
@@ -7,11 +7,11 @@ use controller::qp::{Backend, Qp, QpSolver, QpStatus};
 use nalgebra::{DMatrix, DVector};
 use std::path::Path;
 
-/// Our back-ends by the names of their lines, that of the robot first.
+/// Names of the back-ends in tables, the robot's first.
 pub const NAMES: [&str; 2] = ["active set", "Clarabel"];
-/// Iterations that a back-end may take.
+/// Iteration limit of a back-end.
 const MAX_ITERATIONS: u32 = 100;
-/// Tolerance of Clarabel, that of the controller by default.
+/// Tolerance of Clarabel: the default of the controller.
 const TOLERANCE: f64 = 1e-8;
 
 /// Times every back-end on every program.

@@ -1,4 +1,4 @@
-//! The quantities of the rigid-body model, each alone with the pass over the tree that it needs, and all of a tick after one such pass.
+//! Times the quantities of the rigid-body model: each one with the kinematics pass that it needs, and all quantities of a tick after one pass.
 
 use crate::export::read_states;
 use crate::sample::time_each;
@@ -12,12 +12,12 @@ use controller::model::{
 use nalgebra::{DMatrix, DVector, Vector3, Vector6};
 use std::path::Path;
 
-/// State of a robot with a floating base. The base has no linear velocity: no quantity depends on it, and Pinocchio's base velocity, in
-/// base axes, turns into ours without a drift term.
+/// State of a robot with a floating base. The linear velocity of the base is zero: no quantity depends on it, and Pinocchio's base velocity, in
+/// base axes, can be transformed without a drift term.
 pub struct State {
     /// Pose and velocity of the base.
     pub base: BaseState,
-    /// Its orientation as it is handed over.
+    /// Orientation of the base as stored in the file.
     pub q_WB_wxyz: [f64; 4],
     /// Joint positions, rad.
     pub q: Vec<f64>,
@@ -26,7 +26,7 @@ pub struct State {
 }
 
 impl State {
-    /// From the numbers of a file.
+    /// Builds the state from the numbers of a file.
     pub fn new(p_WB: &DVector<f64>, q_wxyz: &DVector<f64>, w_WB_W: &DVector<f64>, q: &[f64], qd: &[f64]) -> Self {
         let vector = |v: &DVector<f64>| Vector3::new(v[0], v[1], v[2]);
         let q_WB_wxyz = [q_wxyz[0], q_wxyz[1], q_wxyz[2], q_wxyz[3]];
@@ -40,9 +40,9 @@ impl State {
     }
 }
 
-/// A robot and memory for its quantities.
+/// A robot with preallocated memory for its quantities.
 pub struct Body {
-    /// Its model, base floating.
+    /// Model with a floating base.
     pub model: Model,
     /// Joints in the order of `q`.
     pub joint_names: Vec<String>,
@@ -143,7 +143,7 @@ impl Body {
         self.momentum = centroidal_momentum(&self.kin);
     }
 
-    /// All that a tick needs: mass matrix, bias force, Jacobians and bias accelerations of the feet, centre of mass.
+    /// All quantities that a tick needs: mass matrix, bias force, Jacobians and bias accelerations of the feet, centre of mass.
     pub fn set(&mut self, state: &State) {
         self.pass(state);
         mass_matrix(&self.model, &self.kin, &mut self.M);
@@ -153,13 +153,13 @@ impl Body {
         (self.com, self.v_com) = (com(&self.kin), com_velocity(&self.kin));
     }
 
-    /// The feet's Jacobians one below the other.
+    /// Stacked Jacobians of the feet.
     pub fn stacked_jacobians(&self) -> DMatrix<f64> {
         DMatrix::from_fn(6 * self.J.len(), self.model.nv(), |row, col| self.J[row / 6][(row % 6, col)])
     }
 }
 
-/// Seeded states: any heading, tilted and turning, joints within their limits and half a turn.
+/// Seeded random states: any heading, tilt, angular velocity; joints within their limits and within ±π.
 pub fn states(body: &Body, n: usize) -> Vec<State> {
     let mut rng = SplitMix64(8);
     let mut state = || {
@@ -188,7 +188,7 @@ impl SplitMix64 {
     }
 }
 
-/// A quantity as it is called in tables, and what computes it.
+/// Name of a quantity in tables, and the function that computes it.
 type Case = (&'static str, fn(&mut Body, &State));
 
 /// Times every quantity at every state.

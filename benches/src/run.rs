@@ -1,4 +1,4 @@
-//! The rounds: every process in turn, and again.
+//! The rounds: starts every process in turn, several times.
 
 use crate::export;
 use crate::inputs::Stack;
@@ -9,62 +9,62 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::process::{Command, ExitCode, Stdio};
 
-/// How to run, and where to leave the result.
+/// Arguments of `bench run`.
 #[derive(clap::Args)]
 pub struct Args {
-    /// Rounds; each takes everything once.
+    /// Number of rounds; each round starts every process once.
     #[arg(long, default_value_t = 7, value_parser = clap::value_parser!(u32).range(1..))]
     rounds: u32,
-    /// Folder of the peers, as scripts/bench_peers.sh leaves it; without it ours are timed alone.
+    /// Folder of the peers, written by scripts/bench_peers.sh. If it does not exist, only this project is timed.
     #[arg(long, default_value = "target/peers")]
     peers: PathBuf,
     /// Files for the peers.
     #[command(flatten)]
     export: export::Args,
-    /// A longer log to replay; else the one whose programs are taken.
+    /// Log to replay [default: the log of the programs].
     #[arg(long)]
     replay: Option<PathBuf>,
-    /// Processor that single-threaded processes are bound to.
+    /// CPU to which single-threaded processes are bound.
     #[arg(long, default_value_t = 1)]
     cpu: usize,
-    /// Give all processes real-time priority, as a controller has: needs the right to. Nothing else then runs beside them.
+    /// Run all processes at real-time priority (SCHED_FIFO), as a controller; needs the permission. Other processes do not run meanwhile.
     #[arg(long)]
     fifo: bool,
     /// Write every line of every round as JSON.
     #[arg(long)]
     json: Option<PathBuf>,
-    /// Put the tables between the lines `<!-- bench -->` and `<!-- end of bench -->` of a file.
+    /// Write the tables between the lines `<!-- bench -->` and `<!-- end of bench -->` of a file.
     #[arg(long)]
     into: Option<PathBuf>,
 }
 
-/// How often the items of a file are used in one round.
+/// Number of passes over the items of a file in one round.
 const PASSES: [(&str, &str); 3] = [("states", "20"), ("programs", "2"), ("ticks", "2")];
-/// Largest difference between ours and a rigid-body peer, and between ours and a solver, relative.
+/// Largest relative difference of results: from a rigid-body peer, and from a solver.
 const SAME: [f64; 2] = [1e-9, 1e-6];
 
-/// A process that times something.
+/// A process that measures.
 struct Contender {
     group: String,
-    who: Who,
+    origin: Origin,
     program: PathBuf,
     arguments: Vec<String>,
     bound: bool,
 }
 
-/// Whose figures a process prints.
+/// Origin of the figures that a process prints.
 #[derive(Clone, Copy, PartialEq, Eq)]
-enum Who {
+enum Origin {
     Ours,
     Pinocchio,
-    /// Whose name is in the case.
+    /// A solver; its name is the name of the case.
     Solver,
 }
 
-/// What was measured, by group (a robot, a set of programs, a stack, a replay), whose it is, and case; a line a round.
+/// Results by group (a robot, a set of programs, a stack, a replay), origin and case; one line per round.
 pub type Measured = BTreeMap<(String, String, String), Vec<Line>>;
 
-/// Runs everything and prints the tables. Exit code 1 if ours and the peers' results differ.
+/// Runs all processes and prints the tables. Exit code 1 if the results of this project and of the peers differ.
 pub fn run(args: &Args) -> Result<ExitCode> {
     export::export(&args.export)?;
     let contenders = contenders(args)?;
@@ -73,13 +73,13 @@ pub fn run(args: &Args) -> Result<ExitCode> {
         for contender in &contenders {
             eprintln!("round {} of {}: {}", round + 1, args.rounds, contender.text());
             for line in contender.run(args)? {
-                let who = match contender.who {
-                    Who::Ours => "ours".to_owned(),
-                    Who::Pinocchio => "Pinocchio".to_owned(),
-                    Who::Solver => line.case.clone(),
+                let origin = match contender.origin {
+                    Origin::Ours => "ours".to_owned(),
+                    Origin::Pinocchio => "Pinocchio".to_owned(),
+                    Origin::Solver => line.case.clone(),
                 };
-                let case = if contender.who == Who::Solver { "solve".to_owned() } else { line.case.clone() };
-                measured.entry((contender.group.clone(), who, case)).or_default().push(line);
+                let case = if contender.origin == Origin::Solver { "solve".to_owned() } else { line.case.clone() };
+                measured.entry((contender.group.clone(), origin, case)).or_default().push(line);
             }
         }
     }
@@ -88,8 +88,8 @@ pub fn run(args: &Args) -> Result<ExitCode> {
     if let Some(path) = &args.json {
         let lines: Vec<_> = measured
             .iter()
-            .map(|((group, who, case), rounds)| {
-                serde_json::json!({"group": group, "who": who, "case": case, "rounds": rounds})
+            .map(|((group, origin, case), rounds)| {
+                serde_json::json!({"group": group, "who": origin, "case": case, "rounds": rounds})
             })
             .collect();
         std::fs::write(path, serde_json::to_string_pretty(&lines)?).with_context(|| path.display().to_string())?;
@@ -104,19 +104,22 @@ pub fn run(args: &Args) -> Result<ExitCode> {
     Ok(ExitCode::from(u8::from(!differing.is_empty())))
 }
 
-/// In the order in which they run: what is set against each other stands next to each other.
+/// The processes in the order in which they run; those to be compared are adjacent.
 fn contenders(args: &Args) -> Result<Vec<Contender>> {
     let ours = std::env::current_exe()?;
     let there = args.peers.is_dir();
     if !there {
-        eprintln!("{}: not there, so ours are timed alone; scripts/bench_peers.sh builds it", args.peers.display());
+        eprintln!(
+            "{} does not exist: only this project is timed; scripts/bench_peers.sh builds the peers",
+            args.peers.display()
+        );
     }
     let passes = |what: &str| PASSES.iter().find(|(name, _)| *name == what).map_or("1", |(_, n)| *n).to_owned();
     let text = |path: &Path| path.display().to_string();
     let mut all = Vec::new();
-    let mut add = |group: &str, who: Who, program: &Path, arguments: Vec<String>, bound: bool| {
+    let mut add = |group: &str, origin: Origin, program: &Path, arguments: Vec<String>, bound: bool| {
         let (group, program) = (group.to_owned(), program.to_owned());
-        all.push(Contender { group, who, program, arguments, bound });
+        all.push(Contender { group, origin, program, arguments, bound });
     };
     let dir = &args.export.dir;
     for robot in export::ROBOTS {
@@ -126,28 +129,34 @@ fn contenders(args: &Args) -> Result<Vec<Contender>> {
         if robot == "hyq" {
             for stack in [Stack::S1, Stack::S3] {
                 let rest = [text(&args.export.log), stack.name().to_lowercase(), passes("ticks")];
-                add(stack.name(), Who::Ours, &ours, one("ticks", &rest), true);
+                add(stack.name(), Origin::Ours, &ours, one("ticks", &rest), true);
             }
         }
-        add(robot, Who::Ours, &ours, one("rigid-body", &[states.clone(), urdf, passes("states")]), true);
+        add(robot, Origin::Ours, &ours, one("rigid-body", &[states.clone(), urdf, passes("states")]), true);
         if there {
             let model = text(&args.peers.join(format!("{robot}.txt")));
-            add(robot, Who::Pinocchio, &args.peers.join("bin/pinocchio"), vec![model, states, passes("states")], true);
+            add(
+                robot,
+                Origin::Pinocchio,
+                &args.peers.join("bin/pinocchio"),
+                vec![model, states, passes("states")],
+                true,
+            );
         }
     }
     for (name, programs) in export::programs_files(dir) {
         let rest = vec![text(&programs), passes("programs")];
         let group = format!("programs of {name}");
         let of_ours = [vec!["one".to_owned(), "programs".to_owned()], rest.clone()].concat();
-        add(&group, Who::Solver, &ours, of_ours, true);
+        add(&group, Origin::Solver, &ours, of_ours, true);
         for solver in ["daqp", "eiquadprog", "proxqp", "piqp"].into_iter().filter(|_| there) {
-            add(&group, Who::Solver, &args.peers.join("bin").join(solver), rest.clone(), true);
+            add(&group, Origin::Solver, &args.peers.join("bin").join(solver), rest.clone(), true);
         }
     }
     let log = args.replay.as_ref().unwrap_or(&args.export.log);
     for jobs in ["1", "2"] {
         let arguments = vec!["one".to_owned(), "replay".to_owned(), text(log), jobs.to_owned()];
-        add(&format!("replay, {jobs}"), Who::Ours, &ours, arguments, jobs == "1");
+        add(&format!("replay, {jobs}"), Origin::Ours, &ours, arguments, jobs == "1");
     }
     Ok(all)
 }
@@ -170,7 +179,7 @@ impl Contender {
         let mut command = Command::new(&words[0]);
         command.args(&words[1..]);
         let output = command.args(&self.arguments).stderr(Stdio::inherit()).output();
-        let output = output.with_context(|| format!("{}: {} cannot be started", self.text(), words[0]))?;
+        let output = output.with_context(|| format!("{}: cannot start {}", self.text(), words[0]))?;
         if !output.status.success() {
             bail!("{} ended with {}", self.text(), output.status);
         }
@@ -179,17 +188,17 @@ impl Contender {
     }
 }
 
-/// Where results differ by more than rounding. A solver that stops early is off by itself; if all are, we are.
+/// Results that differ by more than rounding. A solver alone may differ because it stops early; if all differ, the error is ours.
 fn differing(measured: &Measured) -> Vec<String> {
     let mut differing = Vec::new();
     let mut nearest: BTreeMap<&str, f64> = BTreeMap::new();
-    for ((group, who, case), rounds) in measured {
+    for ((group, origin, case), rounds) in measured {
         let Some(off) = rounds.iter().filter_map(|line| line.off).reduce(f64::max) else { continue };
-        if who == "Pinocchio" {
+        if origin == "Pinocchio" {
             if off > SAME[0] {
                 differing.push(format!("{group}: {case} of Pinocchio differs from ours by {off:e}"));
             }
-        } else if crate::programs::NAMES.iter().all(|name| name != who) {
+        } else if crate::programs::NAMES.iter().all(|name| name != origin) {
             let nearest = nearest.entry(group).or_insert(f64::INFINITY);
             *nearest = nearest.min(off);
         }
@@ -202,7 +211,7 @@ fn differing(measured: &Measured) -> Vec<String> {
     differing
 }
 
-/// Versions of everything, as one line of text each.
+/// CPU, compiler and versions of the peers, one text each.
 fn versions(args: &Args) -> Result<Vec<String>> {
     let mut versions = Vec::new();
     let cpu = std::fs::read_to_string("/proc/cpuinfo").unwrap_or_default();
@@ -220,7 +229,7 @@ fn versions(args: &Args) -> Result<Vec<String>> {
     Ok(versions)
 }
 
-/// Replaces what stands between the two marks of a file.
+/// Replaces the text between the two marks of a file.
 fn put_into(path: &Path, tables: &str) -> Result<()> {
     const MARKS: [&str; 2] = ["<!-- bench -->\n", "<!-- end of bench -->"];
     let text = std::fs::read_to_string(path).with_context(|| path.display().to_string())?;

@@ -1,14 +1,14 @@
-//! The clock around a single call, and the line that a case becomes. `benches/peers/peer.hpp` does the same for the peers.
+//! Times single calls, and prints one line per case. `benches/peers/peer.hpp` does the same for the peers.
 
 use serde::{Deserialize, Serialize};
 use std::time::Instant;
 
-/// A case as a process that times it prints it: one line of JSON.
+/// Result of a case, printed as one line of JSON.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Line {
-    /// What was timed.
+    /// Name of the case.
     pub case: String,
-    /// Calls that were timed.
+    /// Number of timed calls.
     pub calls: usize,
     /// Shortest call, ns.
     pub min_ns: f64,
@@ -16,16 +16,16 @@ pub struct Line {
     pub median_ns: f64,
     /// 99th percentile, ns.
     pub p99_ns: f64,
-    /// Peers: difference of the results from ours, relative.
+    /// Peers: relative difference of the results from ours.
     #[serde(default)]
     pub off: Option<f64>,
-    /// Solvers: calls without a solution.
+    /// Solvers: number of calls without a solution.
     #[serde(default)]
     pub unsolved: u64,
-    /// Ours: most allocations in one call.
+    /// Ours: largest number of allocations in one call.
     #[serde(default)]
     pub allocations: Option<u64>,
-    /// Replays: seconds of the log a second.
+    /// Replays: seconds of the log per second.
     #[serde(default)]
     pub real_time_factor: Option<f64>,
 }
@@ -37,7 +37,7 @@ pub struct Samples {
 }
 
 impl Samples {
-    /// None yet; room for `calls` of them.
+    /// No samples; memory for `calls` samples.
     pub fn new(calls: usize) -> Self {
         Samples { clock_ns: clock_ns(), ns: Vec::with_capacity(calls) }
     }
@@ -51,7 +51,7 @@ impl Samples {
         result
     }
 
-    /// Takes a pair of times, less what reading the clock takes.
+    /// Adds a sample: the difference of two times minus the time to read the clock.
     pub fn add(&mut self, begin: Instant, end: Instant) {
         self.ns.push(((end - begin).as_nanos() as f64 - self.clock_ns).max(0.0));
     }
@@ -75,19 +75,19 @@ impl Samples {
 }
 
 impl Line {
-    /// Prints it for whoever has started this process.
+    /// Prints the line to standard output.
     pub fn print(&self) -> anyhow::Result<()> {
         println!("{}", serde_json::to_string(self)?);
         Ok(())
     }
 }
 
-/// Most allocations in one of the calls.
+/// Largest number of allocations in one of the calls.
 pub fn most_allocations(calls: usize, mut call: impl FnMut(usize)) -> u64 {
     (0..calls).map(|i| allocation_counter::measure(|| call(i)).count_total).max().unwrap_or(0)
 }
 
-/// Times `call(i)` for i in 0..items, `passes` times after one that does not count, and counts allocations.
+/// Times `call(i)` for i in 0..items, in `passes` passes after one untimed pass, and counts allocations.
 pub fn time_each(case: &str, items: usize, passes: usize, mut call: impl FnMut(usize)) -> Line {
     (0..items).for_each(&mut call);
     let mut samples = Samples::new(items * passes);
@@ -99,7 +99,7 @@ pub fn time_each(case: &str, items: usize, passes: usize, mut call: impl FnMut(u
     Line { allocations: Some(most_allocations(items, call)), ..samples.line(case) }
 }
 
-/// What reading the clock twice takes, median, ns.
+/// Median time to read the clock twice, ns.
 fn clock_ns() -> f64 {
     let mut pauses: Vec<f64> = (0..10_001)
         .map(|_| {

@@ -1,4 +1,4 @@
-//! The tables, as Markdown.
+//! The result as Markdown tables.
 
 use crate::programs;
 use crate::run::Measured;
@@ -6,9 +6,9 @@ use crate::sample::Line;
 use controller::Stage;
 use std::fmt::Write;
 
-/// Quantities in the order of the table: their case, and in words.
+/// Quantities in the order of the table: case and description.
 const QUANTITIES: [(&str, &str); 8] = [
-    ("pass", "forward kinematics to accelerations; ours is the pass that feeds all below"),
+    ("pass", "forward kinematics up to accelerations; in this project the pass that all rows below use"),
     ("foot_jacobians", "Jacobians of four feet"),
     ("mass_matrix", "mass matrix"),
     ("bias_force", "bias force"),
@@ -17,22 +17,22 @@ const QUANTITIES: [(&str, &str); 8] = [
     ("centroidal", "centroidal momentum and its matrix"),
     ("set", "**all that a tick needs**"),
 ];
-/// Ways in which Pinocchio gets at the set; the faster one counts.
+/// Pinocchio's two ways to compute the set; the faster one is the reference.
 const SETS: [&str; 2] = ["set", "set, crba in the world frame"];
-/// What the whole tick may take, in Pinocchio's sets on the same robot: half of TSID's tick, and all of it.
-const ASKED: [(&str, f64); 2] = [("S1", 3.6), ("S3", 7.2)];
-/// Speed of a replay on two cores that is asked for, in real time.
-const ASKED_REPLAY: f64 = 40.0;
+/// Limit on the time of a tick in units of Pinocchio's set on the same robot: half of TSID's tick for S1, TSID's tick for S3.
+const TICK_LIMIT: [(&str, f64); 2] = [("S1", 3.6), ("S3", 7.2)];
+/// Required speed of a replay on two cores, as a multiple of real time.
+const REPLAY_SPEED: f64 = 40.0;
 
 /// All tables.
 pub fn markdown(measured: &Measured, versions: &[String]) -> String {
     let all = Lines(measured);
     let mut out = String::new();
-    all.write(&mut out, versions).expect("a String takes everything");
+    all.write(&mut out, versions).expect("writing to a String does not fail");
     out
 }
 
-/// One case through all rounds.
+/// One case in all rounds.
 #[derive(Clone, Copy)]
 struct Case<'a>(&'a [Line]);
 
@@ -59,11 +59,11 @@ impl Case<'_> {
 struct Lines<'a>(&'a Measured);
 
 impl<'a> Lines<'a> {
-    fn case(&self, group: &str, who: &str, case: &str) -> Option<Case<'a>> {
-        self.0.get(&(group.to_owned(), who.to_owned(), case.to_owned())).map(|lines| Case(lines))
+    fn case(&self, group: &str, origin: &str, case: &str) -> Option<Case<'a>> {
+        self.0.get(&(group.to_owned(), origin.to_owned(), case.to_owned())).map(|lines| Case(lines))
     }
 
-    /// Pinocchio's faster way to the set.
+    /// The faster one of Pinocchio's ways to compute the set.
     fn set(&self, robot: &str) -> Option<Case<'a>> {
         let sets = SETS.iter().filter_map(|set| self.case(robot, "Pinocchio", set));
         sets.min_by(|a, b| a.median(|line| line.median_ns).total_cmp(&b.median(|line| line.median_ns)))
@@ -72,7 +72,7 @@ impl<'a> Lines<'a> {
     fn write(&self, out: &mut String, versions: &[String]) -> std::fmt::Result {
         writeln!(
             out,
-            "Median (p99) of single calls, µs: medians of rounds in which all took turns. {}.\n",
+            "Median (p99) of single calls in µs: medians over rounds in which the processes ran in turn. {}.\n",
             versions.join("; ")
         )?;
         self.rigid_body(out)?;
@@ -84,8 +84,8 @@ impl<'a> Lines<'a> {
     fn rigid_body(&self, out: &mut String) -> std::fmt::Result {
         writeln!(out, "| rigid body | HyQ | Pinocchio | ratio | ANYmal B | Pinocchio | ratio | allocations |")?;
         writeln!(out, "|---|---|---|---|---|---|---|---|")?;
-        for (case, words) in QUANTITIES {
-            write!(out, "| {words} |")?;
+        for (case, description) in QUANTITIES {
+            write!(out, "| {description} |")?;
             let mut allocations = String::new();
             for robot in ["hyq", "anymal_b"] {
                 let ours = self.case(robot, "ours", case);
@@ -107,13 +107,13 @@ impl<'a> Lines<'a> {
         let ours = programs::NAMES[0];
         writeln!(
             out,
-            "| quadratic programs | {} | ours / it, S1 | off, worst | unsolved | allocations |",
+            "| quadratic programs | {} | time of ours / its time, S1 | largest error | unsolved | allocations |",
             groups.join(" | ")
         )?;
         writeln!(out, "|---|{}---|---|---|---|", "---|".repeat(groups.len()))?;
-        for who in self.solvers() {
-            write!(out, "| {who} |")?;
-            let cases: Vec<_> = groups.iter().map(|name| self.program(name, who)).collect();
+        for origin in self.solvers() {
+            write!(out, "| {origin} |")?;
+            let cases: Vec<_> = groups.iter().map(|name| self.program(name, origin)).collect();
             for case in &cases {
                 write!(out, " {} |", text(*case))?;
             }
@@ -129,12 +129,16 @@ impl<'a> Lines<'a> {
         writeln!(out)
     }
 
-    /// Ours first, then by their time on the programs of S1.
+    /// Solvers of this project first, then the others by their time on the programs of S1.
     fn solvers(&self) -> Vec<&'a str> {
-        let mut names: Vec<&str> =
-            self.0.keys().filter(|(group, ..)| group == "programs of S1").map(|(_, who, _)| who.as_str()).collect();
-        let time = |who: &str| self.program("S1", who).map_or(0.0, |case| case.median(|line| line.median_ns));
-        let ours = |who: &str| programs::NAMES.contains(&who);
+        let mut names: Vec<&str> = self
+            .0
+            .keys()
+            .filter(|(group, ..)| group == "programs of S1")
+            .map(|(_, origin, _)| origin.as_str())
+            .collect();
+        let time = |origin: &str| self.program("S1", origin).map_or(0.0, |case| case.median(|line| line.median_ns));
+        let ours = |origin: &str| programs::NAMES.contains(&origin);
         names.sort_by(|a, b| ours(b).cmp(&ours(a)).then(time(a).total_cmp(&time(b))));
         names
     }
@@ -143,8 +147,8 @@ impl<'a> Lines<'a> {
         self.0.keys().any(|(group, ..)| *group == format!("programs of {name}"))
     }
 
-    fn program(&self, name: &str, who: &str) -> Option<Case<'a>> {
-        self.case(&format!("programs of {name}"), who, "solve")
+    fn program(&self, name: &str, origin: &str) -> Option<Case<'a>> {
+        self.case(&format!("programs of {name}"), origin, "solve")
     }
 
     fn ticks(&self, out: &mut String) -> std::fmt::Result {
@@ -153,15 +157,15 @@ impl<'a> Lines<'a> {
         writeln!(out, "|---|---|---|")?;
         writeln!(out, "| **input to torques** | {} | {} |", text(s1), text(s3))?;
         let ratio = |stack: &str, tick: Option<Case>| {
-            let asked = ASKED.iter().find(|(name, _)| *name == stack).map_or(f64::NAN, |(_, asked)| *asked);
+            let limit = TICK_LIMIT.iter().find(|(name, _)| *name == stack).map_or(f64::NAN, |(_, limit)| *limit);
             tick.zip(self.set("hyq"))
-                .map_or("-".to_owned(), |(tick, set)| format!("{:.1} (asked: {asked})", tick.ratio(set)))
+                .map_or("-".to_owned(), |(tick, set)| format!("{:.1} (limit: {limit})", tick.ratio(set)))
         };
         writeln!(out, "| in Pinocchio's sets of HyQ | {} | {} |", ratio("S1", s1), ratio("S3", s3))?;
         let tail = |tick: Option<Case>| {
             tick.map_or("-".to_owned(), |tick| format!("{:.2}", tick.median(|line| line.p99_ns / line.median_ns)))
         };
-        writeln!(out, "| p99 / median (asked: 1.5) | {} | {} |", tail(s1), tail(s3))?;
+        writeln!(out, "| p99 / median (limit: 1.5) | {} | {} |", tail(s1), tail(s3))?;
         let allocations = |tick: Option<Case>| tick.map(Case::allocations).unwrap_or_default();
         writeln!(out, "| allocations | {} | {} |", allocations(s1), allocations(s3))?;
         for stage in Stage::ALL {
@@ -173,13 +177,13 @@ impl<'a> Lines<'a> {
     }
 
     fn replay(&self, out: &mut String) -> std::fmt::Result {
-        writeln!(out, "| replay of HyQ, S1, every message compared | times real time (asked: {ASKED_REPLAY}) |")?;
+        writeln!(out, "| replay of HyQ, S1, every message compared | times real time (required: {REPLAY_SPEED}) |")?;
         writeln!(out, "|---|---|")?;
-        for (jobs, words) in [("1", "one thread"), ("2", "two threads")] {
+        for (jobs, text) in [("1", "one thread"), ("2", "two threads")] {
             let factor = self
                 .case(&format!("replay, {jobs}"), "ours", "replay")
                 .map_or(f64::NAN, |case| case.median(|line| line.real_time_factor.unwrap_or(f64::NAN)));
-            writeln!(out, "| {words} | {factor:.1} |")?;
+            writeln!(out, "| {text} | {factor:.1} |")?;
         }
         Ok(())
     }
@@ -189,7 +193,7 @@ fn text(case: Option<Case>) -> String {
     case.map_or("-".to_owned(), Case::text)
 }
 
-/// Nanoseconds as µs, three digits.
+/// Nanoseconds as µs with three digits.
 fn us(ns: f64) -> String {
     let us = ns / 1e3;
     let digits = if us < 10.0 { 2 } else { usize::from(us < 100.0) };

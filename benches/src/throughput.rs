@@ -1,11 +1,11 @@
-//! Replays as users run them: read, decode, step, compare every message. One call is one whole log, so a line holds one sample.
+//! Times complete replays: read, decode, step, compare every message. A call is one log, so a line has one sample.
 
 use crate::sample::Line;
 use anyhow::{Result, ensure};
 use replay::engine::{Options, Replay};
 use std::path::Path;
 
-/// Replays a log and prints the time of one of its ticks, ns of wall time.
+/// Replays a log and prints the mean wall time per tick, ns.
 pub fn time(log: &Path, jobs: usize) -> Result<()> {
     let report = Replay::open(log)?.run(&Options { jobs, ..Options::default() }, &mut |_| ())?;
     ensure!(report.identical, "{}: the replay differs: {:?}", log.display(), report.first_divergence);

@@ -1,4 +1,4 @@
-//! Whole ticks, from the decoded input to the encoded outputs, on the inputs of a log; and the stages that they are made of.
+//! Times complete ticks, from the decoded input to the encoded outputs, and their stages, on the inputs of a log.
 
 use crate::inputs::{Run, Stack};
 use crate::sample::{Samples, most_allocations};
@@ -8,10 +8,10 @@ use lcmtypes::{ControllerTick, Message, channels};
 use std::path::Path;
 use std::time::Instant;
 
-/// Ticks that nobody times: the robot stands up and the gait starts.
+/// Ticks before timing starts: the robot stands and the gait starts.
 const WARM_UP: usize = 300;
 
-/// Notes the time when each stage is done.
+/// Records the time at which each stage is done.
 struct StageTimes([Option<Instant>; Stage::ALL.len()]);
 
 impl Probe for StageTimes {
@@ -20,10 +20,10 @@ impl Probe for StageTimes {
     }
 }
 
-/// Times the ticks of a log with a stack of tasks. Whole ticks and stages are timed in passes of their own: a probe reads the clock.
+/// Times the ticks of a log with a stack of tasks. Ticks and stages are timed in separate passes, because the probe reads the clock.
 pub fn time(log: &Path, stack: Stack, passes: usize) -> Result<()> {
     let run = Run::read(log)?;
-    ensure!(run.inputs.len() > WARM_UP, "{}: {} ticks, too few", log.display(), run.inputs.len());
+    ensure!(run.inputs.len() > WARM_UP, "{}: {} ticks, expected more than {WARM_UP}", log.display(), run.inputs.len());
     let timed = (run.inputs.len() - WARM_UP) * passes;
     let mut outbox = Outbox::new();
 
@@ -59,7 +59,7 @@ pub fn time(log: &Path, stack: Stack, passes: usize) -> Result<()> {
                 continue;
             }
             for (samples, end) in stages.iter_mut().zip(times.0) {
-                let end = end.context("a stage was left out: the controller does not operate")?;
+                let end = end.context("a stage was not computed: the controller does not operate")?;
                 samples.add(begin, end);
                 begin = end;
             }
@@ -71,9 +71,9 @@ pub fn time(log: &Path, stack: Stack, passes: usize) -> Result<()> {
     Ok(())
 }
 
-/// A controller that has given up is quick.
+/// Fails if the controller is in damping, whose ticks are short.
 fn must_operate(log: &Path, outbox: &Outbox) -> Result<()> {
-    let bytes = outbox.get(channels::CONTROLLER_TICK).context("the controller put out no CONTROLLER_TICK")?;
+    let bytes = outbox.get(channels::CONTROLLER_TICK).context("the controller published no CONTROLLER_TICK")?;
     let ControllerTick { tick, mode, fault, .. } = ControllerTick::decode(bytes)?;
     ensure!(mode != ControllerTick::MODE_DAMPING, "{}: damping in tick {tick}, fault {fault}", log.display());
     Ok(())

@@ -1,11 +1,11 @@
-//! HyQ stands for a second: the first thing to run.
+//! HyQ stands for one second. A good first example to run.
 //!
 //! ```text
 //! cargo run --release -p controller --example stand
 //! ```
-//! There is no simulator here. The sensors read what they would on a robot that stands level with its weight on all feet and whose
-//! joints follow their references; the controller answers with the torques that keep it there. Try `cargo run ... --example stand -- 0.01`:
-//! the base leans by 0.01 rad to the right, and the forces shift to push it upright.
+//! The example has no simulator. The sensor values are those of a level robot with its weight on all feet whose joints follow their
+//! references; the controller computes the torques that keep it there. With `cargo run ... --example stand -- 0.01` the base is rolled by
+//! 0.01 rad to the right, and the forces change to push it upright.
 #![allow(non_snake_case, reason = "names carry frames: see ARCHITECTURE.md")]
 
 use controller::math::{Rx, quaternion};
@@ -39,7 +39,11 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
 
     let tick = ControllerTick::decode(out.get(channels::CONTROLLER_TICK).ok_or("no tick")?)?;
     if tick.mode != ControllerTick::MODE_STANCE {
-        return Err(format!("the controller gave up: fault {}, value {}", tick.fault, tick.fault_value).into());
+        return Err(format!(
+            "the controller is in mode {}, expected STANCE: fault {}, value {}",
+            tick.mode, tick.fault, tick.fault_value
+        )
+        .into());
     }
     let wbc = WbcSolution::decode(out.get(channels::WBC_SOLUTION).ok_or("no solution")?)?;
     let contact = ContactEstimate::decode(out.get(channels::CONTACT_ESTIMATE).ok_or("no contact estimate")?)?;
@@ -47,7 +51,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     Ok(())
 }
 
-/// What the sensors read in the nominal posture, base rolled by `roll` rad.
+/// Sensor values in the nominal posture with the base rolled by `roll` rad.
 fn standing(robot: &Robot, roll: f64) -> ControllerInput {
     let mut input = ControllerInput::default();
     input.op.seq = -1;
@@ -56,7 +60,7 @@ fn standing(robot: &Robot, roll: f64) -> ControllerInput {
     state.q.clone_from(&robot.q_nominal);
     state.qd = vec![0.0; robot.nj()];
     state.tau = vec![0.0; robot.nj()];
-    // The IMU has axes of its own.
+    // The IMU axes differ from those of the base.
     let R_WI = Rx(roll) * robot.R_IB.transpose();
     state.q_WI_wxyz = quaternion::from_rotation(&R_WI);
     state.a_I = (R_WI.transpose() * Vector3::z() * GRAVITY).into();
@@ -64,7 +68,7 @@ fn standing(robot: &Robot, roll: f64) -> ControllerInput {
     input
 }
 
-/// Joint torques as the sensors read them with a quarter of the weight on each foot: `tau = h - Jᵀ F`.
+/// Writes the joint torques for a quarter of the weight on each foot: `tau = h - Jᵀ F`.
 fn carry_weight(robot: &Robot, input: &mut ControllerInput) {
     let mut estimate = Estimate::new(robot);
     estimate.update(robot, &input.state);
@@ -78,10 +82,10 @@ fn carry_weight(robot: &Robot, input: &mut ControllerInput) {
 
 fn print_tables(robot: &Robot, command: &RobotCommand, wbc: &WbcSolution, contact: &ContactEstimate) {
     println!("HyQ, {:.1} kg, after one second. Forces of the ground on the feet, N, z up:\n", robot.mass());
-    println!("  foot  measured z  touches    wanted x         y         z");
+    println!("  foot  measured z  contact   desired x         y         z");
     for (i, leg) in Leg::ALL.into_iter().enumerate() {
-        let ([x, y, z], touches) = (wbc.f_F_W[i], if contact.contact[i] { "yes" } else { "no" });
-        println!("  {:<4}  {:>10.1}  {touches:<7}  {x:>10.1} {y:>9.1} {z:>9.1}", leg.name(), contact.f_F_W[i][2]);
+        let ([x, y, z], contact_text) = (wbc.f_F_W[i], if contact.contact[i] { "yes" } else { "no" });
+        println!("  {:<4}  {:>10.1}  {contact_text:<7}  {x:>10.1} {y:>9.1} {z:>9.1}", leg.name(), contact.f_F_W[i][2]);
     }
     let sum: f64 = wbc.f_F_W.iter().map(|f| f[2]).sum();
     println!("  sum of z {sum:.1} N, weight {:.1} N\n", robot.mass() * GRAVITY);

@@ -1,7 +1,7 @@
-//! Loops over slices, in one fixed order of summation.
+//! Loops over slices with a fixed order of summation.
 
-/// `Σ a_i b_i`: four partial sums over every fourth product, then those. The order is fixed, so are the bits; and two lanes of a CPU of
-/// the baseline can run at once, which one sum in index order would not allow.
+/// `Σ a_i b_i`: four partial sums, each over every fourth product, then their sum. The order is fixed, so the bits are fixed. Two SIMD lanes
+/// of the baseline CPU can work in parallel, which a single sum in index order does not allow.
 #[inline]
 pub(crate) fn dot(a: &[f64], b: &[f64]) -> f64 {
     let n = a.len().min(b.len());

@@ -1,18 +1,89 @@
-//! What a controller computed in a tick, as a tree with names: for a person or a script that looks into one tick of a replay.
+//! What a controller computed in a tick, for people and scripts that inspect a tick of a replay: all quantities stage by stage
+//! ([`Dump::stages`]), and a typed summary for a screen ([`Overview`]).
 
+mod overview;
+mod serialize;
+
+pub use overview::{ContactSummary, GaitSummary, LevelSummary, Overview, Phase, PhaseKind, TermSummary};
+
+use lcmtypes::channels::Stage;
 use nalgebra::{DMatrix, DVector, Matrix3, Vector3};
-use serde::ser::{Serialize, SerializeMap, SerializeSeq, Serializer};
 
-/// A quantity of a tick, or a group of them.
-///
-/// As JSON, numbers that JSON does not have are the texts `"inf"`, `"-inf"` and `"nan"`.
+/// Every quantity of a tick.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Dump {
+    /// The stages that the tick reached, in the order of [`Stage::ALL`].
+    pub stages: Vec<(Stage, Group)>,
+    /// Summary for a screen.
+    pub overview: Overview,
+}
+
+impl Dump {
+    /// The quantities of a stage; `None` if the tick did not reach it.
+    pub fn stage(&self, stage: Stage) -> Option<&Group> {
+        self.stages.iter().find(|(s, _)| *s == stage).map(|(_, group)| group)
+    }
+}
+
+/// A quantity with its name and unit.
 #[derive(Clone, Debug, PartialEq)]
-pub enum Quantity {
+pub struct Quantity {
+    /// Name with frames, such as `v_H_des`: the key in JSON.
+    pub name: String,
+    /// Unit, such as `m/s`. Empty for a group and for a value without unit. Two units separated by a comma: linear, then angular rows.
+    pub unit: &'static str,
+    /// Value.
+    pub value: Value,
+}
+
+/// Quantities in the order in which they were computed. As JSON, an object; units are left out.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Group(Vec<Quantity>);
+
+impl Group {
+    /// An empty group.
+    pub fn new() -> Self {
+        Group::default()
+    }
+
+    /// Adds a value without unit.
+    #[must_use]
+    pub fn with(self, name: &str, value: impl Into<Value>) -> Self {
+        self.with_unit(name, "", value)
+    }
+
+    /// Adds a value with its unit.
+    #[must_use]
+    pub fn with_unit(mut self, name: &str, unit: &'static str, value: impl Into<Value>) -> Self {
+        self.0.push(Quantity { name: name.to_owned(), unit, value: value.into() });
+        self
+    }
+
+    /// Whether it has no quantity.
+    pub fn is_empty(&self) -> bool {
+        self.0.is_empty()
+    }
+
+    /// Its quantities.
+    pub fn iter(&self) -> impl ExactSizeIterator<Item = &Quantity> {
+        self.0.iter()
+    }
+}
+
+impl FromIterator<Quantity> for Group {
+    fn from_iter<I: IntoIterator<Item = Quantity>>(quantities: I) -> Self {
+        Group(quantities.into_iter().collect())
+    }
+}
+
+/// A value. As JSON, non-finite numbers are the strings `"inf"`, `"-inf"` and `"nan"`.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Value {
     /// Yes or no.
     Flag(bool),
-    /// A whole number.
+    /// An integer.
     Integer(i64),
-    /// A number.
+    /// A real number.
     Number(f64),
     /// A name.
     Text(String),
@@ -20,49 +91,15 @@ pub enum Quantity {
     Numbers(Vec<f64>),
     /// A matrix, row by row.
     Matrix(Vec<Vec<f64>>),
-    /// Several of a kind.
-    List(Vec<Quantity>),
-    /// Quantities by name, in the order in which they were computed.
-    Group(Vec<(String, Quantity)>),
-}
-
-impl Quantity {
-    /// An empty group.
-    pub fn group() -> Self {
-        Quantity::Group(Vec::new())
-    }
-
-    /// The group with one quantity more. What is no group becomes one.
-    #[must_use]
-    pub fn with(self, name: &str, quantity: impl Into<Quantity>) -> Self {
-        let mut members = if let Quantity::Group(members) = self { members } else { Vec::new() };
-        members.push((name.to_owned(), quantity.into()));
-        Quantity::Group(members)
-    }
-
-    /// The quantity at a path such as `tasks.levels.0.H`.
-    pub fn get(&self, path: &str) -> Option<&Quantity> {
-        path.split('.').try_fold(self, |at, step| match at {
-            Quantity::Group(members) => members.iter().find(|(name, _)| name == step).map(|(_, member)| member),
-            Quantity::List(items) => items.get(step.parse::<usize>().ok()?),
-            _ => None,
-        })
-    }
-}
-
-/// Every quantity of a tick, stage by stage: groups named as [`crate::Stage::name`], as far as the tick came.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Dump(pub Quantity);
-
-impl Default for Dump {
-    fn default() -> Self {
-        Dump(Quantity::group())
-    }
+    /// Values of the same kind.
+    List(Vec<Value>),
+    /// Named quantities.
+    Group(Group),
 }
 
 macro_rules! from {
     ($($t:ty, $v:ident => $made:expr;)*) => {$(
-        impl From<$t> for Quantity {
+        impl From<$t> for Value {
             fn from($v: $t) -> Self {
                 $made
             }
@@ -70,91 +107,32 @@ macro_rules! from {
     )*};
 }
 from! {
-    bool, v => Quantity::Flag(v);
-    i32, v => Quantity::Integer(v.into());
-    u32, v => Quantity::Integer(v.into());
-    i64, v => Quantity::Integer(v);
-    f64, v => Quantity::Number(v);
-    &str, v => Quantity::Text(v.to_owned());
-    String, v => Quantity::Text(v);
-    &[f64], v => Quantity::Numbers(v.to_vec());
-    &Vec<f64>, v => Quantity::Numbers(v.clone());
-    &DVector<f64>, v => Quantity::Numbers(v.as_slice().to_vec());
-    &Vector3<f64>, v => Quantity::Numbers(v.as_slice().to_vec());
-    &Matrix3<f64>, v => Quantity::Matrix(v.row_iter().map(|row| row.iter().copied().collect()).collect());
-    &DMatrix<f64>, v => Quantity::Matrix(v.row_iter().map(|row| row.iter().copied().collect()).collect());
-    Vec<Quantity>, v => Quantity::List(v);
+    bool, v => Value::Flag(v);
+    i32, v => Value::Integer(v.into());
+    u32, v => Value::Integer(v.into());
+    i64, v => Value::Integer(v);
+    usize, v => Value::Integer(i64::try_from(v).unwrap_or(i64::MAX));
+    f64, v => Value::Number(v);
+    &str, v => Value::Text(v.to_owned());
+    String, v => Value::Text(v);
+    &[f64], v => Value::Numbers(v.to_vec());
+    &Vec<f64>, v => Value::Numbers(v.clone());
+    &DVector<f64>, v => Value::Numbers(v.as_slice().to_vec());
+    &Vector3<f64>, v => Value::Numbers(v.as_slice().to_vec());
+    &Matrix3<f64>, v => Value::Matrix(v.row_iter().map(|row| row.iter().copied().collect()).collect());
+    &DMatrix<f64>, v => Value::Matrix(v.row_iter().map(|row| row.iter().copied().collect()).collect());
+    Vec<Value>, v => Value::List(v);
+    Group, v => Value::Group(v);
 }
 
-impl<const N: usize> From<[f64; N]> for Quantity {
+impl From<Vec<Group>> for Value {
+    fn from(groups: Vec<Group>) -> Self {
+        Value::List(groups.into_iter().map(Value::Group).collect())
+    }
+}
+
+impl<const N: usize> From<[f64; N]> for Value {
     fn from(v: [f64; N]) -> Self {
-        Quantity::Numbers(v.to_vec())
-    }
-}
-
-/// A number, or its name where JSON has no number.
-struct Number(f64);
-
-impl Serialize for Number {
-    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
-        match self.0 {
-            x if x.is_finite() => serializer.serialize_f64(x),
-            x if x.is_nan() => serializer.serialize_str("nan"),
-            x if x > 0.0 => serializer.serialize_str("inf"),
-            _ => serializer.serialize_str("-inf"),
-        }
-    }
-}
-
-/// A row of numbers.
-struct Numbers<'a>(&'a [f64]);
-
-impl Serialize for Numbers<'_> {
-    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
-        let mut items = serializer.serialize_seq(Some(self.0.len()))?;
-        self.0.iter().try_for_each(|x| items.serialize_element(&Number(*x)))?;
-        items.end()
-    }
-}
-
-impl Serialize for Quantity {
-    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
-        match self {
-            Quantity::Flag(v) => serializer.serialize_bool(*v),
-            Quantity::Integer(v) => serializer.serialize_i64(*v),
-            Quantity::Number(v) => Number(*v).serialize(serializer),
-            Quantity::Text(v) => serializer.serialize_str(v),
-            Quantity::Numbers(v) => Numbers(v).serialize(serializer),
-            Quantity::Matrix(rows) => serializer.collect_seq(rows.iter().map(|row| Numbers(row))),
-            Quantity::List(items) => serializer.collect_seq(items),
-            Quantity::Group(members) => {
-                let mut map = serializer.serialize_map(Some(members.len()))?;
-                members.iter().try_for_each(|(name, member)| map.serialize_entry(name, member))?;
-                map.end()
-            }
-        }
-    }
-}
-
-impl Serialize for Dump {
-    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
-        self.0.serialize(serializer)
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn a_tree_becomes_json_without_losing_a_number() {
-        let tree = Quantity::group()
-            .with("bounds", [f64::NEG_INFINITY, 1.5])
-            .with("rows", &DMatrix::from_row_slice(2, 2, &[1.0, 2.0, 3.0, f64::NAN]))
-            .with("levels", vec![Quantity::group().with("on", true)]);
-        let json = serde_json::to_string(&Dump(tree.clone())).unwrap();
-        assert_eq!(json, r#"{"bounds":["-inf",1.5],"rows":[[1.0,2.0],[3.0,"nan"]],"levels":[{"on":true}]}"#);
-        assert_eq!(tree.get("levels.0.on"), Some(&Quantity::Flag(true)));
-        assert_eq!(tree.get("levels.1.on"), None);
+        Value::Numbers(v.to_vec())
     }
 }

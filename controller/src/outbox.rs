@@ -1,9 +1,9 @@
-//! Where a tick leaves its messages: one buffer, kept from tick to tick, so that publishing does not allocate.
+//! Output messages of a tick, in one buffer that is reused from tick to tick: publishing does not allocate.
 
 use lcmtypes::{EncodeError, Message};
 use std::ops::Range;
 
-/// Encoded messages of one tick, in the order in which they were put in.
+/// Encoded messages of one tick, in the order in which they were added.
 #[derive(Default)]
 pub struct Outbox {
     bytes: Vec<u8>,
@@ -11,12 +11,12 @@ pub struct Outbox {
 }
 
 impl Outbox {
-    /// An empty outbox that holds a tick of a 45-joint robot without growing.
+    /// An empty outbox with enough memory for a tick of a 45-joint robot.
     pub fn new() -> Self {
         Outbox { bytes: Vec::with_capacity(64 << 10), index: Vec::with_capacity(32) }
     }
 
-    /// Forgets the messages, keeps the memory.
+    /// Removes the messages and keeps the memory.
     pub fn clear(&mut self) {
         self.bytes.clear();
         self.index.clear();
@@ -25,7 +25,7 @@ impl Outbox {
     /// Adds a message.
     ///
     /// # Errors
-    /// If an array of the message does not have the length that its length field says; nothing is added then.
+    /// If the length of an array differs from its length field; nothing is added.
     pub fn put<M: Message>(&mut self, channel: &'static str, message: &M) -> Result<(), EncodeError> {
         let start = self.bytes.len();
         if let Err(error) = message.encode(&mut self.bytes) {
@@ -36,7 +36,7 @@ impl Outbox {
         Ok(())
     }
 
-    /// Adds a message that is encoded already.
+    /// Adds an encoded message.
     pub fn put_bytes(&mut self, channel: &'static str, bytes: &[u8]) {
         let start = self.bytes.len();
         self.bytes.extend_from_slice(bytes);
@@ -48,7 +48,7 @@ impl Outbox {
         self.index.iter().map(|(channel, range)| (*channel, &self.bytes[range.clone()]))
     }
 
-    /// The bytes on a channel, if the tick put any there.
+    /// The first message on a channel, if there is one.
     pub fn get(&self, channel: &str) -> Option<&[u8]> {
         self.iter().find(|(c, _)| *c == channel).map(|(_, bytes)| bytes)
     }

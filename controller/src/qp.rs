@@ -1,10 +1,10 @@
-//! Quadratic programs: the problem as the tasks build it, the contract of a back-end, and two of them: [`ActiveSetSolver`] for the robot,
-//! [`ClarabelSolver`] as the reference. `[qp] solver` chooses.
+//! Quadratic programs: the problem, the interface of a solver back-end, and two back-ends: [`ActiveSetSolver`] for the robot and
+//! [`ClarabelSolver`] as the reference. The parameter `[qp] solver` selects one.
 //!
 //! ```text
 //! min  ½ xᵀ H x + gᵀ x     subject to   A x = b,   C x ≤ d,   l ≤ x ≤ u
 //! ```
-//! Sizes are constant for a controller: what is switched off keeps its rows and has its numbers released.
+//! Sizes are constant for a controller: a row that is switched off keeps its place and gets numbers that do not constrain.
 
 mod active_set;
 mod clarabel_backend;
@@ -24,11 +24,11 @@ pub(crate) use levels::{Levels, SquareRow};
 use nalgebra::{DMatrix, DVector};
 use serde::{Deserialize, Serialize};
 
-/// Which back-end solves: `[qp]` in the parameters.
+/// Parameters `[qp]`.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct QpParams {
-    /// The back-end.
+    /// Solver back-end.
     pub solver: Backend,
 }
 
@@ -38,7 +38,7 @@ impl Default for QpParams {
     }
 }
 
-/// A back-end, by its name in the parameters.
+/// Solver back-ends, by their names in the parameters.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Backend {
@@ -49,7 +49,7 @@ pub enum Backend {
 }
 
 impl Backend {
-    /// A solver for programs with the pattern of `pattern`; `tolerance` is Clarabel's, the active set needs none.
+    /// Builds a solver for programs with the sparsity pattern of `pattern`. `tolerance` is used by Clarabel only.
     pub fn build(self, pattern: &Qp, max_iterations: u32, tolerance: f64) -> Box<dyn QpSolver> {
         match self {
             Backend::ActiveSet => Box::new(ActiveSetSolver::new(pattern, max_iterations)),
@@ -67,20 +67,20 @@ pub struct Qp {
     pub g: DVector<f64>,
     /// Equality rows, `n_eq` x n.
     pub A: DMatrix<f64>,
-    /// Their right side.
+    /// Right side of the equality rows, `n_eq`.
     pub b: DVector<f64>,
     /// Inequality rows, `n_in` x n.
     pub C: DMatrix<f64>,
-    /// Their upper side.
+    /// Upper limit of the inequality rows, `n_in`.
     pub d: DVector<f64>,
-    /// Lower bounds, n; -∞ where there is none, for good.
+    /// Lower bounds, n; -∞ for a variable that never has one.
     pub lower: DVector<f64>,
-    /// Upper bounds, n; +∞ where there is none, for good.
+    /// Upper bounds, n; +∞ for a variable that never has one.
     pub upper: DVector<f64>,
 }
 
 impl Qp {
-    /// A program of `n` variables, `n_eq` equality and `n_in` inequality rows, all numbers 0 and all variables unbounded.
+    /// A program with `n` variables, `n_eq` equality and `n_in` inequality rows. All numbers are 0; no variable has a bound.
     pub fn zeros(n: usize, n_eq: usize, n_in: usize) -> Self {
         Qp {
             H: DMatrix::zeros(n, n),
@@ -116,7 +116,7 @@ impl Qp {
     }
 }
 
-/// How a solve went.
+/// Result of a solve.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum QpStatus {
     /// Within tolerance.
@@ -125,29 +125,41 @@ pub enum QpStatus {
     AlmostSolved,
     /// No point satisfies the constraints.
     Infeasible,
-    /// Out of iterations, or numerical trouble.
+    /// Iteration limit reached, non-finite data, or a numerical failure.
     Failed,
 }
 
-/// What a back-end says besides the solution.
+impl QpStatus {
+    /// Name, as in dumps.
+    pub fn name(self) -> &'static str {
+        match self {
+            QpStatus::Solved => "Solved",
+            QpStatus::AlmostSolved => "AlmostSolved",
+            QpStatus::Infeasible => "Infeasible",
+            QpStatus::Failed => "Failed",
+        }
+    }
+}
+
+/// What a back-end reports besides the solution.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct QpInfo {
-    /// How it went.
+    /// Result.
     pub status: QpStatus,
-    /// Iterations it took.
+    /// Number of iterations.
     pub iterations: u32,
-    /// Inequality rows and bounds that hold with equality.
+    /// Number of inequality rows and bounds that hold with equality.
     pub n_active: usize,
-    /// Of an infeasible program, the row that contradicts others, if the back-end knows it.
+    /// For an infeasible program: a row that contradicts others, if the back-end knows it.
     pub row: Option<QpRow>,
 }
 
-/// A row or bound of a program, by its index there.
+/// A row or bound of a program, by its index.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum QpRow {
-    /// Of `A x = b`.
+    /// Row of `A x = b`.
     Equality(usize),
-    /// Of `C x ≤ d`.
+    /// Row of `C x ≤ d`.
     Inequality(usize),
     /// Lower bound of a variable.
     Lower(usize),
@@ -155,8 +167,8 @@ pub enum QpRow {
     Upper(usize),
 }
 
-/// A back-end. What it remembers between calls must not change a bit of a solution.
+/// Interface of a back-end. Memory from earlier calls must not change a bit of a solution.
 pub trait QpSolver: Send {
-    /// Writes the minimizer to `x`, n; `x` is to be used only if the status says so.
+    /// Writes the minimizer to `x`, n. `x` is valid only with status `Solved` or `AlmostSolved`.
     fn solve(&mut self, qp: &Qp, x: &mut DVector<f64>) -> QpInfo;
 }

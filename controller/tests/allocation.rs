@@ -1,12 +1,9 @@
-//! A tick allocates nothing, whatever it does.
+//! A tick does not allocate.
 //!
-//! Unless the reference solver is asked for: Clarabel 0.11 makes [`PER_SOLVE`] allocations in each solve, for the names of its timers; that
-//! number is pinned here, so that a new version or a second solve shows.
+//! Exception: with the reference solver, Clarabel 0.11 makes [`PER_SOLVE`] allocations per solve, for the names of its timers. The test asserts
+//! this number, so that a new version or a second solve is noticed.
 #![allow(non_snake_case, clippy::unwrap_used, missing_docs)]
-#![allow(
-    unsafe_code,
-    reason = "counting allocations means being the allocator; it passes everything on to the system's"
-)]
+#![allow(unsafe_code, reason = "a global allocator that counts; it forwards every call to the system allocator")]
 
 mod common;
 
@@ -32,23 +29,23 @@ fn count() {
     COUNT.with(|c| c.set(c.get() + 1));
 }
 
-// SAFETY: every call goes to the system's allocator with the same arguments. The counter is a plain cell of the thread, made without
-// allocation and never dropped, so counting does not come back here.
+// SAFETY: every call is forwarded to the system allocator with the same arguments. The counter is a thread-local cell with a constant initial
+// value and no destructor, so counting does not allocate.
 unsafe impl GlobalAlloc for Counting {
     unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
         count();
-        // SAFETY: the caller's promises are the ones asked for.
+        // SAFETY: the caller guarantees the same conditions.
         unsafe { System.alloc(layout) }
     }
 
     unsafe fn dealloc(&self, ptr: *mut u8, layout: Layout) {
-        // SAFETY: the caller's promises are the ones asked for.
+        // SAFETY: the caller guarantees the same conditions.
         unsafe { System.dealloc(ptr, layout) }
     }
 
     unsafe fn realloc(&self, ptr: *mut u8, layout: Layout, new_size: usize) -> *mut u8 {
         count();
-        // SAFETY: the caller's promises are the ones asked for.
+        // SAFETY: the caller guarantees the same conditions.
         unsafe { System.realloc(ptr, layout, new_size) }
     }
 }
@@ -62,7 +59,7 @@ fn allocations(f: impl FnOnce()) -> u64 {
     COUNT.with(Cell::get) - before
 }
 
-/// Allocations of each tick, with what the tick was.
+/// Every tick after the warm-up: CONTROLLER_TICK, WBC_SOLUTION and the number of allocations.
 fn counted(
     mut controller: Quadruped,
     ticks: i64,
@@ -81,7 +78,7 @@ fn counted(
 }
 
 #[test]
-fn the_counter_counts() {
+fn the_counter_counts_allocations() {
     assert_eq!(allocations(|| drop(std::hint::black_box(Box::new(1)))), 1);
     assert_eq!(allocations(|| drop(std::hint::black_box(vec![1u8; 100]))), 1);
     assert_eq!(allocations(|| ()), 0);
@@ -92,7 +89,7 @@ const CLARABEL: (&str, &str) = ("qp.solver", "\"clarabel\"");
 
 #[test]
 fn standing_and_walking_allocate_nothing() {
-    // Past tick 1000, whose outbox holds the snapshot too.
+    // Includes tick 1000, which publishes a snapshot.
     let ticks = counted(hyq(), 1100, |_| ());
     for mode in [ControllerTick::MODE_STANCE, ControllerTick::MODE_WALK] {
         assert!(ticks.iter().any(|(tick, ..)| tick.mode == mode));
@@ -104,7 +101,7 @@ fn standing_and_walking_allocate_nothing() {
 }
 
 #[test]
-fn every_level_of_a_hierarchy_allocates_what_its_solver_does() {
+fn a_hierarchy_allocates_only_in_clarabel() {
     let s3 = ("stack.formula", controller::stack::S3);
     for (overrides, expected) in [(&[s3][..], 0), (&[s3, CLARABEL], 3 * PER_SOLVE)] {
         for (tick, wbc, n) in counted(hyq_with(overrides), 300, |_| ()) {
@@ -127,7 +124,7 @@ fn the_safe_state_allocates_nothing() {
 }
 
 #[test]
-fn a_bad_input_and_a_failed_solve_allocate_no_more() {
+fn a_bad_input_and_a_failed_solve_allocate_nothing_more() {
     let bad = counted(hyq(), 60, |puppet| {
         if puppet.input.tick == 55 {
             puppet.input.state.q[3] = f64::NAN;
@@ -140,7 +137,7 @@ fn a_bad_input_and_a_failed_solve_allocate_no_more() {
     for (tick, wbc, n) in starved {
         assert_eq!((wbc.status, n), (WbcSolution::STATUS_FAILED, PER_SOLVE), "tick {}", tick.tick);
     }
-    // The active set fails where the robot is pushed and a second row is violated.
+    // The active-set solver fails when the robot is pushed and a second row is violated.
     let pushed = counted(hyq_with(&never), 300, |puppet| {
         if puppet.input.tick > 100 {
             puppet.input.state.w_WI_I[0] += 3.0;

@@ -1,4 +1,4 @@
-//! Cartesian tasks against differences of the pose, and against dense linear algebra.
+//! Cartesian tasks compared with numerical differences of the pose and with dense linear algebra.
 #![allow(non_snake_case, clippy::unwrap_used, missing_docs)]
 
 mod common;
@@ -33,7 +33,7 @@ fn inverse(A: &DMatrix<f64>) -> DMatrix<f64> {
     A.clone().try_inverse().unwrap()
 }
 
-/// Pose of one link in the frame of another as rows of the stack see it, and what its differences say.
+/// Rows of the relative pose of two links compared with its numerical derivatives.
 #[test]
 fn a_relative_task_is_the_second_derivative_of_the_relative_pose() {
     let robot = robot();
@@ -63,7 +63,7 @@ fn a_relative_task_is_the_second_derivative_of_the_relative_pose() {
     for _ in 0..10 {
         let q: Vec<f64> = robot.q_nominal.iter().map(|q| q + 0.3 * rng.symmetric()).collect();
         let qd: Vec<f64> = q.iter().map(|_| rng.symmetric()).collect();
-        // The base turns about a fixed axis, so that it can be moved on exactly.
+        // The base rotates about a fixed axis, so its motion can be computed exactly.
         let (angle, rate) = (rng.symmetric(), rng.symmetric());
         let at_time = |t: f64| {
             let mut kin = Kinematics::new(model);
@@ -85,11 +85,11 @@ fn a_relative_task_is_the_second_derivative_of_the_relative_pose() {
         let h = 1e-5;
         let difference = (twist(&at_time(h)) - twist(&at_time(-h))) / (2.0 * h);
         assert!((&rows.b + &difference).norm() < 1e-8, "{} {difference}", rows.b);
-        // Moving both feet together says nothing: the base has no part in it.
+        // A motion of the base moves both feet together: it does not enter.
         assert!(rows.A.columns(0, 3).norm() < 1e-12);
     }
 
-    // At home the pose is the reference; a little off it, stiffness pulls back.
+    // At home the pose is the reference; after a small displacement, the stiffness acts against it.
     let mut stiff = Cartesian::new("span", &config(100.0), model, &home).unwrap();
     stiff.fill(model, &home, &M, 0.0, &mut rows);
     assert!(rows.b.norm() < 1e-10);

@@ -1,4 +1,4 @@
-//! Same parameters, state and inputs: same bytes. Each check has a mutant that it must see.
+//! Same parameters, state and inputs give the same bytes. Each check has a mutant that it must detect.
 #![allow(non_snake_case, clippy::unwrap_used, missing_docs)]
 
 mod common;
@@ -13,7 +13,7 @@ use lcmtypes::{ControllerInput, ControllerTick, LegState, Message, OperatorComma
 use std::cell::RefCell;
 use std::collections::BTreeSet;
 
-/// Enough for snapshots at ticks 0, 1000 and 2000.
+/// Long enough for snapshots at ticks 0, 1000 and 2000.
 const TICKS: usize = 2100;
 const SEED: u64 = 7;
 
@@ -52,7 +52,7 @@ fn first_difference(a: &[Messages], b: &[Messages]) -> Option<(usize, String)> {
 }
 
 #[test]
-fn two_controllers_agree_and_the_inputs_visit_every_state_of_a_leg() {
+fn two_controllers_agree_and_the_inputs_reach_every_leg_phase() {
     let run = recorded();
     assert_eq!(first_difference(&run.outputs, &replay(&mut hyq(), &run.inputs)), None);
 
@@ -69,7 +69,7 @@ fn two_controllers_agree_and_the_inputs_visit_every_state_of_a_leg() {
 }
 
 #[test]
-fn poisoned_scratch_changes_nothing() {
+fn poisoned_workspace_changes_no_bit() {
     let run = recorded();
     let (mut controller, mut out) = (hyq(), Outbox::new());
     let mut outputs = Vec::new();
@@ -82,7 +82,7 @@ fn poisoned_scratch_changes_nothing() {
 }
 
 #[test]
-fn poisoned_scratch_changes_nothing_in_a_hierarchy_or_with_another_solver_either() {
+fn poisoned_workspace_changes_no_bit_with_a_hierarchy_or_another_solver() {
     for (formula, solver) in [(S3, "active_set"), (S3, "clarabel"), (S1, "clarabel")] {
         let build = || hyq_with(&[("stack.formula", formula), ("qp.solver", &format!("\"{solver}\""))]);
         let run = run_with_puppet(&mut build(), SEED, 300);
@@ -98,10 +98,10 @@ fn poisoned_scratch_changes_nothing_in_a_hierarchy_or_with_another_solver_either
 }
 
 #[test]
-fn a_run_restarted_from_any_of_its_snapshots_is_the_same_run() {
+fn restart_from_any_snapshot_gives_the_same_run() {
     let run = recorded();
     let mut restarts = 0;
-    // One that has done something else before, and is now in the safe state.
+    // A controller with another history, now in the safe state.
     let mut used = run_to(hyq(), &run.inputs[..300]);
     used.step(&damped(&run.inputs[300]), &mut Outbox::new());
     for (tick, outputs) in run.outputs.iter().enumerate() {
@@ -112,7 +112,7 @@ fn a_run_restarted_from_any_of_its_snapshots_is_the_same_run() {
             controller.restore(snapshot).unwrap();
             written.clear();
             controller.snapshot(&mut written);
-            assert_eq!(written, *snapshot, "a snapshot that was read is written again as it was");
+            assert_eq!(written, *snapshot, "a restored snapshot is written unchanged");
             let tail = replay(controller, &run.inputs[tick + 1..]);
             assert_eq!(first_difference(&run.outputs[tick + 1..], &tail), None, "restart after tick {tick}");
         }
@@ -121,7 +121,7 @@ fn a_run_restarted_from_any_of_its_snapshots_is_the_same_run() {
 }
 
 #[test]
-fn a_restart_in_the_safe_state_is_the_same_run() {
+fn restart_in_the_safe_state_gives_the_same_run() {
     let run = recorded();
     let mut controller = run_to(hyq(), &run.inputs[..300]);
     controller.step(&damped(&run.inputs[300]), &mut Outbox::new());
@@ -134,9 +134,9 @@ fn a_restart_in_the_safe_state_is_the_same_run() {
 }
 
 #[test]
-fn programs_that_could_not_be_solved_leave_no_trace() {
+fn unsolved_programs_do_not_change_later_ticks() {
     let run = recorded();
-    // Steps of the solver that are enough to trot, and not to make sense of joints at 1e6 rad/s.
+    // An iteration limit that is sufficient to trot, but not for joints at 1e6 rad/s.
     let hyq = || hyq_with(&[("wbc.max_iterations", "30"), ("safety.velocity_factor", "1e6")]);
     let mut controller = run_to(hyq(), &run.inputs[..300]);
     let mut failures = 0;
@@ -146,7 +146,7 @@ fn programs_that_could_not_be_solved_leave_no_trace() {
         controller.step(&wild, &mut Outbox::new());
         failures = failures.max(controller.state().qp_failures);
     }
-    assert!(failures > 0, "every program was solved: the inputs are not wild enough");
+    assert!(failures > 0, "every program was solved: the inputs are not extreme enough");
     let mut snapshot = Vec::new();
     controller.snapshot(&mut snapshot);
     let mut fresh = hyq();
@@ -178,23 +178,25 @@ fn mutant_one_parameter() {
     let tick = |outputs: &[Messages]| ControllerTick::decode(message(&outputs[at], channels::CONTROLLER_TICK)).unwrap();
     let (a, b) = (tick(&run.outputs), tick(&outputs));
     assert_eq!((a.digest_estimation, a.digest_gait), (b.digest_estimation, b.digest_gait));
-    assert_ne!(a.digest_tasks, b.digest_tasks, "the trunk gain stands in the tasks");
+    assert_ne!(a.digest_tasks, b.digest_tasks, "the trunk gain is part of the tasks");
 }
 
-/// A state to go on from, and what comes in then.
+/// A state and the inputs that follow.
 struct Situation {
-    /// Takes one state after the other: nothing but the state may matter.
+    /// Name, for failure messages.
+    name: String,
+    /// Restores one state after the other: only the state may matter.
     controller: RefCell<Quadruped>,
     snapshot: Vec<u8>,
     inputs: Vec<ControllerInput>,
 }
 
 impl Situation {
-    fn new(overrides: &[(&str, &str)], snapshot: Vec<u8>, inputs: Vec<ControllerInput>) -> Self {
-        Situation { controller: RefCell::new(hyq_with(overrides)), snapshot, inputs }
+    fn new(name: &str, overrides: &[(&str, &str)], snapshot: Vec<u8>, inputs: Vec<ControllerInput>) -> Self {
+        Situation { name: name.to_owned(), controller: RefCell::new(hyq_with(overrides)), snapshot, inputs }
     }
 
-    /// What the controller says from here on, but for snapshots: those would show any field.
+    /// Outputs of the controller from this state on, without snapshots, which contain every field.
     fn outputs(&self, snapshot: &[u8]) -> Option<Vec<Messages>> {
         let mut controller = self.controller.borrow_mut();
         controller.restore(snapshot).ok()?;
@@ -206,41 +208,46 @@ impl Situation {
     }
 }
 
-/// Fields that nothing may depend on, with the reason.
+/// Fields on which the outputs do not depend, with the reason.
 fn is_exempt(path: &str) -> bool {
     // The tick takes its number from the input.
     path == "tick"
-        // The length of the arrays: another one is refused.
+        // The length of the arrays: another length is rejected.
         || path == "nj"
 }
 
 #[test]
 fn mutant_every_field_of_the_state() {
     let situations = situations();
-    let expected: Vec<_> = situations.iter().map(|s| s.outputs(&s.snapshot).unwrap()).collect();
+    let outputs =
+        |s: &Situation| s.outputs(&s.snapshot).unwrap_or_else(|| panic!("{}: the snapshot is rejected", s.name));
+    let expected: Vec<_> = situations.iter().map(outputs).collect();
     let state_type = lcmtypes::types().by_name(QuadrupedState::TYPE).unwrap();
     let leaves: Vec<String> =
         state_type.leaves(&situations[0].snapshot).unwrap().into_iter().map(|(path, _)| path).collect();
     assert!(leaves.len() > 80, "{} leaves", leaves.len());
 
-    let matters = |path: &str| {
-        situations.iter().zip(&expected).any(|(situation, expected)| {
+    let differs = |path: &str| {
+        let found = situations.iter().zip(&expected).find(|(situation, expected)| {
             let state = state_type.decode(&situation.snapshot).unwrap();
-            otherwise(state.get(path).unwrap()).into_iter().any(|value| {
+            other_values(state.get(path).unwrap()).into_iter().any(|value| {
                 let mut mutant = state.clone();
                 mutant.set(path, value).unwrap();
                 let Ok(mutant) = state_type.encode(&mutant) else { return false };
                 situation.outputs(&mutant).is_some_and(|outputs| first_difference(expected, &outputs).is_some())
             })
-        })
+        });
+        found.map(|(situation, _)| situation.name.as_str())
     };
+    let names: Vec<&str> = situations.iter().map(|situation| situation.name.as_str()).collect();
     for path in &leaves {
-        assert_eq!(matters(path), !is_exempt(path), "whether {path} makes a difference");
+        let found = differs(path);
+        assert_eq!(found.is_some(), !is_exempt(path), "{path} changes the outputs in {found:?}; situations: {names:?}");
     }
 }
 
-/// Standing, trotting, crawling, searching for the ground; with legs that count as stretched, with contacts that only last, with no foot down, coming to stand, without a QP solution, in
-/// the safe state.
+/// States in which different fields matter: walking, stretched legs, contact events, stopping, no QP solution, safe state, stand/sit
+/// transitions.
 fn situations() -> Vec<Situation> {
     const HORIZON: usize = 25;
     let run = recorded();
@@ -252,32 +259,33 @@ fn situations() -> Vec<Situation> {
             let mut snapshot = Vec::new();
             controller.snapshot(&mut snapshot);
             let inputs = run.inputs[tick + 1..][..HORIZON].to_vec();
-            situations.push(Situation::new(&[], snapshot, inputs));
+            situations.push(Situation::new(&format!("tick {tick} of the recorded run"), &[], snapshot, inputs));
         }
     }
     let (snapshot, inputs) = (situations[2].snapshot.clone(), situations[2].inputs.clone());
 
     let overrides = &[("contact.min_jacobian_det", "1.0")];
-    situations.push(Situation::new(overrides, snapshot.clone(), inputs.clone()));
+    situations.push(Situation::new("all legs count as stretched", overrides, snapshot.clone(), inputs.clone()));
 
     let mut in_the_air = QuadrupedState::decode(&snapshot).unwrap();
     in_the_air.leg_state = [LegState::STATE_SWING_UP; 4];
     in_the_air.t_leg = [0.0; 4];
     let mut bytes = Vec::new();
     in_the_air.encode(&mut bytes).unwrap();
-    situations.push(Situation::new(&[], bytes, inputs.clone()));
+    situations.push(Situation::new("all feet in swing", &[], bytes, inputs.clone()));
 
-    // Feet that have just run into something, whichever way they go.
+    // Feet in swing with a step reflex, for two directions of the step.
     for heading in [0.0, std::f64::consts::PI] {
         in_the_air.t_leg = [0.06; 4];
         (in_the_air.step_heading, in_the_air.reflexes) = ([heading; 4], [1; 4]);
         let mut bytes = Vec::new();
         in_the_air.encode(&mut bytes).unwrap();
         let overrides = &[("recovery.reflex_load", "1e-9"), ("recovery.step_reflex", "true")];
-        situations.push(Situation::new(overrides, bytes, inputs.clone()));
+        let name = format!("step reflex, heading {heading:.1} rad");
+        situations.push(Situation::new(&name, overrides, bytes, inputs.clone()));
     }
 
-    // Feet that are about to be missed.
+    // Stance feet whose contact is about to be declared lost.
     let mut missing = QuadrupedState::decode(&snapshot).unwrap();
     (missing.leg_state, missing.t_unloaded, missing.t_leg) = ([LegState::STATE_STANCE; 4], [0.045; 4], [1.0; 4]);
     let mut bytes = Vec::new();
@@ -287,11 +295,11 @@ fn situations() -> Vec<Situation> {
         input.state.tau.fill(0.0);
         input
     });
-    situations.push(Situation::new(overrides, bytes, idle.collect()));
+    situations.push(Situation::new("contact about to be lost", overrides, bytes, idle.collect()));
 
     let overrides = &[("contact.touch_load", "1.0")];
     let (standing, then) = (situations[0].snapshot.clone(), situations[0].inputs.clone());
-    situations.push(Situation::new(overrides, standing, then));
+    situations.push(Situation::new("standing, no new contact detected", overrides, standing, then));
 
     let mut about_to_stop = QuadrupedState::decode(&snapshot).unwrap();
     about_to_stop.leg_state = [LegState::STATE_STANCE; 4];
@@ -301,18 +309,18 @@ fn situations() -> Vec<Situation> {
         let op = OperatorCommand { mode: OperatorCommand::MODE_STAND, ..input.op.clone() };
         ControllerInput { op, ..input.clone() }
     };
-    situations.push(Situation::new(&[], bytes, inputs.iter().map(stand).collect()));
+    situations.push(Situation::new("stopping to stand", &[], bytes, inputs.iter().map(stand).collect()));
 
     let overrides = &[("qp.solver", "\"clarabel\""), ("wbc.max_iterations", "1")];
-    situations.push(Situation::new(overrides, snapshot.clone(), inputs.clone()));
+    situations.push(Situation::new("no QP solution", overrides, snapshot.clone(), inputs.clone()));
 
     let mut damping = hyq();
     damping.restore(&snapshot).unwrap();
     damping.step(&damped(&inputs[0]), &mut out);
     let mut snapshot = Vec::new();
     damping.snapshot(&mut snapshot);
-    situations.push(Situation::new(&[], snapshot.clone(), inputs[1..].to_vec()));
-    // At rest but for a few ticks, with an operator who wants no torque.
+    situations.push(Situation::new("safe state", &[], snapshot.clone(), inputs[1..].to_vec()));
+    // At rest for almost long enough, while the operator requests IDLE.
     let mut about_to_idle = QuadrupedState::decode(&snapshot).unwrap();
     about_to_idle.t_still = 0.49;
     let mut bytes = Vec::new();
@@ -325,9 +333,10 @@ fn situations() -> Vec<Situation> {
         input.state.qd.fill(0.0);
         input
     };
-    situations.push(Situation::new(&[], bytes, inputs[1..].iter().map(resting).collect()));
+    let inputs_at_rest = inputs[1..].iter().map(resting).collect();
+    situations.push(Situation::new("safe state, about to become IDLE", &[], bytes, inputs_at_rest));
 
-    // Without a foot on the ground, almost for too long.
+    // No foot on the ground for almost the longest time allowed.
     let mut in_flight = QuadrupedState::decode(&situations[0].snapshot).unwrap();
     (in_flight.t_no_contact, in_flight.contact) = (0.49, [false; 4]);
     let mut bytes = Vec::new();
@@ -338,16 +347,16 @@ fn situations() -> Vec<Situation> {
         input
     });
     let idle = idle.collect();
-    situations.push(Situation::new(overrides, bytes, idle));
+    situations.push(Situation::new("no contact, about to enter the safe state", overrides, bytes, idle));
 
-    // The rare ones first: they are looked at for few fields, but then for all. Moves last: most fields make no difference there.
+    // Order for speed only: rare situations first; stand/sit transitions, in which most fields do not matter, last.
     situations.reverse();
-    situations.extend(moves());
+    situations.extend(transitions());
     situations
 }
 
-/// In the middle of every phase of sitting down and standing up, and of one that is about to be given up.
-fn moves() -> Vec<Situation> {
+/// The middle of every phase of the stand/sit transitions, each also with a joint that is about to be reported as not following.
+fn transitions() -> Vec<Situation> {
     let (mut puppet, mut controller, mut out) = (common::Puppet::new(9), hyq(), Outbox::new());
     puppet.noise = 0.0;
     let mut found = Vec::new();
@@ -374,26 +383,27 @@ fn moves() -> Vec<Situation> {
         ahead.restore(&snapshot).unwrap();
         let inputs: Vec<_> = (1..=10).map(|later| step(&mut ahead, tick + later)).collect();
         controller = ahead;
-        found.push(Situation::new(&[], snapshot.clone(), inputs.clone()));
+        found.push(Situation::new(&format!("stand/sit phase {phase:?}"), &[], snapshot.clone(), inputs.clone()));
         let mut stuck = QuadrupedState::decode(&snapshot).unwrap();
         stuck.t_held = 1.99;
         let mut bytes = Vec::new();
         stuck.encode(&mut bytes).unwrap();
-        found.push(Situation::new(&[("stand.max_error", "1e-9")], bytes, inputs));
+        let name = format!("stand/sit phase {phase:?}, a joint does not follow");
+        found.push(Situation::new(&name, &[("stand.max_error", "1e-9")], bytes, inputs));
     }
     assert_eq!(seen.len(), MovePhase::ALL.len() - 1);
     found
 }
 
-/// Other values of the same kind.
-fn otherwise(value: &lcm_idl::Value) -> Vec<lcm_idl::Value> {
+/// Other values of the same type.
+fn other_values(value: &lcm_idl::Value) -> Vec<lcm_idl::Value> {
     use lcm_idl::Value;
     match *value {
         Value::Boolean(x) => vec![(!x).into()],
         Value::Int8(x) => (0..7).filter(|y| *y != x).map(Into::into).collect(),
         Value::Int32(x) => vec![0.into(), (x + 1).into(), (x - 1).into()],
         Value::Int64(x) => vec![(x - 2_500_000).into()],
-        // Both ways: a torque at its limit goes no further.
+        // Both signs: a torque at its limit cannot increase.
         Value::Double(x) if x.is_finite() => [0.01, -0.01].map(|part| (x + part * (1.0 + x.abs())).into()).into(),
         Value::Double(_) => vec![0.01.into()],
         _ => panic!("{} in a state", value.kind()),

@@ -1,4 +1,4 @@
-//! What the controller falls back on: torques when the quadratic program gives none, efforts of the joints, snapshots that are none.
+//! Fallbacks: torques without a solution of the quadratic program, effort limits, invalid snapshots.
 #![allow(non_snake_case, clippy::unwrap_used, missing_docs)]
 
 mod common;
@@ -9,8 +9,8 @@ use controller::quadruped::state::Mode;
 use controller::{Controller, Outbox, RestoreError};
 use lcmtypes::{ControllerTick as Tick, Message, QuadrupedState, RobotCommand, WbcSolution};
 
-/// The starved controller goes on from here: it cannot solve, but remembers the torques of one that could. Clarabel starves at any program;
-/// the active set would need one in which something is violated.
+/// A walking controller with an iteration limit of 1, which cannot solve its programs but has the torques of the last solution. It uses
+/// Clarabel, which then fails on every program; the active-set solver would need a program with violated rows.
 fn starved() -> (Quadruped, Puppet, Outbox, Vec<f64>) {
     let (controller, puppet, out) = walking();
     let mut snapshot = Vec::new();
@@ -38,7 +38,7 @@ fn without_a_solution_the_last_torques_are_repeated_five_times() {
     }
     for tick in 0..20 {
         controller.step(&puppet.input, &mut out);
-        // The tick of the fault says what failed; in those after it nothing is solved.
+        // The tick of the fault reports the failure; later ticks do not solve.
         let status = if tick == 0 { WbcSolution::STATUS_FAILED } else { WbcSolution::STATUS_NOT_RUN };
         assert_eq!((wbc_of(&out).status, wbc_of(&out).level), (status, -1));
         let Tick { mode, fault, fault_index, fault_value, .. } = tick_of(&out);
@@ -49,7 +49,7 @@ fn without_a_solution_the_last_torques_are_repeated_five_times() {
 }
 
 #[test]
-fn a_solution_in_time_ends_the_count() {
+fn a_solution_resets_the_count_of_failures() {
     let (mut controller, mut puppet, mut out, _) = starved();
     for _ in 0..5 {
         controller.step(&puppet.input, &mut out);
@@ -65,11 +65,11 @@ fn a_solution_in_time_ends_the_count() {
 }
 
 #[test]
-fn torques_keep_to_the_effort_of_the_urdf_and_the_clamps_are_counted() {
+fn torques_are_limited_to_the_effort_of_the_urdf_and_clamps_are_counted() {
     let (mut controller, mut puppet, mut out) = walking();
     let mut clamped = 0;
     for tick in 0..60 {
-        // Thrown about: the tasks ask for more than the joints can give.
+        // Large disturbances: the tasks require more than the effort limits.
         puppet.input.state.w_WI_I = [if tick % 20 < 10 { 6.0 } else { -6.0 }, 4.0, 0.0];
         controller.step(&puppet.input, &mut out);
         let command = command_of(&out);
@@ -84,11 +84,11 @@ fn torques_keep_to_the_effort_of_the_urdf_and_the_clamps_are_counted() {
         }
         puppet.react(&out);
     }
-    assert!(clamped > 0, "nothing was limited: the test is too gentle");
+    assert!(clamped > 0, "no torque was limited: the disturbances are too small");
 }
 
 #[test]
-fn snapshots_of_nonsense_are_refused_or_survived() {
+fn invalid_snapshots_are_rejected_or_handled() {
     let mut bytes = Vec::new();
     walking().0.snapshot(&mut bytes);
     let good = QuadrupedState::decode(&bytes).unwrap();
@@ -145,10 +145,10 @@ fn snapshots_of_nonsense_are_refused_or_survived() {
     }
 }
 
-/// A state whose numbers overflow in the tick: what comes of them is damped there, and neither command nor state keeps any of it.
+/// A state whose numbers overflow in the tick: the tick damps, and neither the command nor the next state contains a non-finite number.
 #[test]
-fn a_command_that_is_no_number_never_leaves() {
-    for spoil in [
+fn a_non_finite_command_is_never_published() {
+    for edit in [
         (|m| m.p_stance_H = [[f64::MAX; 2]; 4]) as fn(&mut QuadrupedState),
         |m| m.zeta = f64::MAX,
         |m| m.gradient_W = [f64::MAX; 2],
@@ -157,7 +157,7 @@ fn a_command_that_is_no_number_never_leaves() {
         let mut bytes = Vec::new();
         controller.snapshot(&mut bytes);
         let mut state = QuadrupedState::decode(&bytes).unwrap();
-        spoil(&mut state);
+        edit(&mut state);
         bytes.clear();
         state.encode(&mut bytes).unwrap();
         controller.restore(&bytes).unwrap();

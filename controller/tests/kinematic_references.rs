@@ -1,4 +1,4 @@
-//! Joint references against the foot references they follow, and the feet's bias acceleration against finite differences.
+//! Joint references compared with the foot references that they follow; bias acceleration of the feet compared with finite differences.
 #![allow(non_snake_case, clippy::unwrap_used, missing_docs)]
 
 mod common;
@@ -37,8 +37,8 @@ fn feet(robot: &Robot, input: &ControllerInput, q: &[f64]) -> PerLeg<Vector3<f64
 }
 
 #[test]
-fn foot_references_are_kept_while_the_base_turns() {
-    // Feet held in H while the base turns about all axes. Without ω × r in the CLIK they would lag by |ω × r|/P: some 20 mm.
+fn joint_references_follow_fixed_feet_while_the_base_rotates() {
+    // Feet fixed in H while the base rotates about all axes. Without ω × r in the CLIK they would lag by |ω × r|/P, about 20 mm.
     let (params, robot) = hyq();
     let (mut estimate, mut references) = (Estimate::new(&robot), References::new(&robot));
     let mut input = standing(&robot);
@@ -66,7 +66,7 @@ fn foot_references_are_kept_while_the_base_turns() {
             &mut state,
         );
         R_WB = turn(&w, DT) * R_WB;
-        // The references are for the end of the tick, when the base has turned on.
+        // The references are for the end of the tick, after the rotation of the base in this tick.
         set_base(&robot, &mut input, &R_WB, &w);
         estimate.update(&robot, &input.state);
         let reached = feet(&robot, &input, &state.q_des);
@@ -81,9 +81,9 @@ fn foot_references_are_kept_while_the_base_turns() {
 }
 
 #[test]
-fn joint_references_end_at_the_foot_references() {
+fn joint_references_converge_to_the_foot_references() {
     let (mut params, robot) = hyq();
-    // The joints stay where they are here, however far the references go.
+    // The measured joints do not follow the references here.
     params.posture.max_stance_lead = 10.0;
     let (mut estimate, mut references) = (Estimate::new(&robot), References::new(&robot));
     let mut rng = Rng(4);
@@ -110,7 +110,7 @@ fn joint_references_end_at_the_foot_references() {
 }
 
 #[test]
-fn bias_acceleration_of_the_contact_points_is_what_changes_in_j_v() {
+fn bias_acceleration_of_the_contact_points_is_the_derivative_of_j_v() {
     // a_bias = d(J v)/dt at constant v, J at the contact point below the foot's centre. By central differences of J along the motion.
     let (_, robot) = hyq();
     let mut rng = Rng(9);

@@ -1,7 +1,8 @@
-//! What is wrong with a description is said with file, element, what was found and what was expected.
+//! Errors of a robot description name file and element, and give the value found and the range expected.
 #![allow(non_snake_case, clippy::unwrap_used, missing_docs)]
 
 use controller::model::*;
+use test_support::replace_once;
 
 const HYQ: &str = include_str!("../../robots/hyq/hyq.urdf");
 
@@ -14,66 +15,65 @@ fn two_links(from: &str, to: &str) -> Result<Model, ModelError> {
             <parent link="stand"/><child link="bar"/><axis xyz="0 0 2"/>
             <limit lower="-1" upper="1" effort="5" velocity="3"/>
         </joint></robot>"#;
-    assert!(text.contains(from), "{from} is not in the text");
-    Model::new(&UrdfTree::parse(&text.replacen(from, to, 1), "two.urdf")?, Base::Fixed)
+    Model::new(&UrdfTree::parse(&replace_once(text, from, to), "two.urdf")?, Base::Fixed)
 }
 
 #[track_caller]
-fn refused(from: &str, to: &str, expected: &str) {
+fn assert_rejected(from: &str, to: &str, expected: &str) {
     let message = two_links(from, to).expect_err("the text is wrong").to_string();
     assert!(message.contains(expected), "found: {message}\nexpected: {expected}");
 }
 
 #[test]
-fn the_text_as_it_stands_is_good() {
+fn the_unchanged_text_is_valid() {
     let model = two_links("two", "two").unwrap();
     assert_eq!((model.nj(), model.nv(), model.total_mass()), (1, 1, 3.0));
     assert!(model.warnings.is_empty());
 }
 
 #[test]
-fn broken_text_names_file_and_element() {
-    refused("</robot>", "", "two.urdf: not a URDF: ");
-    refused(r#"<mass value="1"/>"#, r#"<mass value="heavy"/>"#, "two.urdf: in link \"bar\": ");
-    refused(r#"<parent link="stand"/>"#, "", "two.urdf: in joint \"hinge\": ");
-    refused(r#"type="revolute""#, r#"type="hinge""#, "two.urdf: in joint \"hinge\": ");
+fn syntax_errors_name_file_and_element() {
+    assert_rejected("</robot>", "", "two.urdf: not a URDF: ");
+    assert_rejected(r#"<mass value="1"/>"#, r#"<mass value="heavy"/>"#, "two.urdf: in link \"bar\": ");
+    assert_rejected(r#"<parent link="stand"/>"#, "", "two.urdf: in joint \"hinge\": ");
+    assert_rejected(r#"type="revolute""#, r#"type="hinge""#, "two.urdf: in joint \"hinge\": ");
 }
 
 #[test]
-fn names_that_do_not_fit_together() {
-    refused(
+fn missing_and_repeated_names_are_errors() {
+    assert_rejected(
         r#"<parent link="stand"/>"#,
         r#"<parent link="stnd"/>"#,
         "two.urdf: joint \"hinge\": its parent link \"stnd\" does not exist; near: stand",
     );
-    refused(r#"<link name="bar">"#, r#"<link name="stand">"#, "two links are called \"stand\"");
-    refused(
+    assert_rejected(r#"<link name="bar">"#, r#"<link name="stand">"#, "two links have the name \"stand\"");
+    assert_rejected(
         "</robot>",
         r#"<link name="c"/><joint name="hinge" type="fixed"><parent link="bar"/><child link="c"/></joint></robot>"#,
-        "two joints are called \"hinge\"",
+        "two joints have the name \"hinge\"",
     );
 }
 
 #[test]
-fn links_that_are_not_one_tree() {
-    refused(
+fn links_that_do_not_form_one_tree_are_errors() {
+    assert_rejected(
         "</robot>",
         r#"<link name="lone"/></robot>"#,
         "links [\"stand\", \"lone\"] have no parent joint, expected one root",
     );
-    refused(
+    assert_rejected(
         "</robot>",
         r#"<joint name="back" type="fixed"><parent link="bar"/><child link="stand"/></joint></robot>"#,
         "links [\"stand\", \"bar\"] form a loop",
     );
-    refused(
+    assert_rejected(
         "</robot>",
         r#"<link name="c"/><link name="d"/>
         <joint name="cd" type="fixed"><parent link="c"/><child link="d"/></joint>
         <joint name="dc" type="fixed"><parent link="d"/><child link="c"/></joint></robot>"#,
         "links [\"c\", \"d\"] form a loop",
     );
-    refused(
+    assert_rejected(
         "</robot>",
         r#"<joint name="again" type="fixed"><parent link="stand"/><child link="bar"/></joint></robot>"#,
         "link \"bar\" is the child of joints \"hinge\" and \"again\"",
@@ -83,20 +83,24 @@ fn links_that_are_not_one_tree() {
 }
 
 #[test]
-fn joints_outside_the_model() {
+fn unsupported_joint_types_are_errors() {
     for kind in ["floating", "planar", "spherical"] {
         let expected = format!("joint \"hinge\" has type \"{kind}\", expected fixed, revolute");
-        refused("revolute", kind, &expected);
+        assert_rejected("revolute", kind, &expected);
     }
 }
 
 #[test]
-fn numbers_that_cannot_be() {
+fn numbers_out_of_range_are_errors() {
     for (from, to, expected) in [
         ("mass value=\"1\"", "mass value=\"-1\"", "link \"bar\": mass is -1, expected a finite number >= 0"),
         ("mass value=\"1\"", "mass value=\"inf\"", "link \"bar\": mass is inf"),
-        ("ixx=\"1\"", "ixx=\"NaN\"", "link \"stand\": inertia is NaN, expected a finite number"),
-        ("0 0 2", "0 0 0", "joint \"hinge\": axis is [0.0, 0.0, 0.0], expected a vector that has a direction"),
+        (
+            "value=\"2\"/><inertia ixx=\"1\"",
+            "value=\"2\"/><inertia ixx=\"NaN\"",
+            "link \"stand\": inertia is NaN, expected a finite number",
+        ),
+        ("0 0 2", "0 0 0", "joint \"hinge\": axis is [0.0, 0.0, 0.0], expected a vector"),
         ("lower=\"-1\"", "lower=\"1.5\"", "joint \"hinge\": position range is [1.5, 1], expected lower <= upper"),
         ("lower=\"-1\"", "lower=\"NaN\"", "joint \"hinge\": position range is [NaN, 1]"),
         ("effort=\"5\"", "effort=\"-5\"", "joint \"hinge\": effort limit is -5"),
@@ -112,12 +116,12 @@ fn numbers_that_cannot_be() {
             "link \"bar\": sphere radius is 0, expected a finite number > 0",
         ),
     ] {
-        refused(from, to, expected);
+        assert_rejected(from, to, expected);
     }
 }
 
 #[test]
-fn odd_but_usable_figures_are_warned_of() {
+fn unusual_but_usable_numbers_give_warnings() {
     let warnings = |from, to| two_links(from, to).unwrap().warnings;
     let bar = "<mass value=\"1\"/><inertia ixx=\"1\" iyy=\"1\" izz=\"1\"";
     let flat = "<mass value=\"1\"/><inertia ixx=\"1\" iyy=\"1\" izz=\"2.5\"";
@@ -130,7 +134,7 @@ fn odd_but_usable_figures_are_warned_of() {
     assert_eq!(warnings("effort=\"5\"", "effort=\"0\""), [zero]);
     let locked =
         two_links(r#"lower="-1" upper="1" effort="5" velocity="3""#, r#"lower="0" upper="0" effort="0" velocity="0""#);
-    assert_eq!(locked.unwrap().warnings.len(), 2, "a limit of zeros is there, a missing one is refused");
+    assert_eq!(locked.unwrap().warnings.len(), 2, "a limit of zeros is accepted, a missing one is an error");
     let mimic = "<limit lower=\"-1\" upper=\"1\" effort=\"5\" velocity=\"3\"/><mimic joint=\"other\"/>";
     let ignored = ModelWarning::MimicIgnored { joint: "hinge".into(), leader: "other".into() };
     assert_eq!(warnings("<limit lower=\"-1\" upper=\"1\" effort=\"5\" velocity=\"3\"/>", mimic), [ignored]);
@@ -145,7 +149,7 @@ fn a_floating_base_needs_mass() {
 }
 
 #[test]
-fn a_name_asked_for_in_vain_lists_near_ones() {
+fn an_unknown_name_lists_similar_ones() {
     let model = Model::new(&UrdfTree::parse(HYQ, "hyq.urdf").unwrap(), Base::Floating).unwrap();
     let error = model.frame("lf_foott").unwrap_err().to_string();
     assert!(error.starts_with("robot \"hyq\" has no link \"lf_foott\"; near: lf_foot, "), "{error}");
@@ -156,7 +160,7 @@ fn a_name_asked_for_in_vain_lists_near_ones() {
 }
 
 #[test]
-fn links_come_parents_first_and_joints_in_file_order() {
+fn links_are_ordered_parents_first_and_joints_as_in_the_file() {
     let tree = UrdfTree::parse(include_str!("data/arm.urdf"), "arm.urdf").unwrap();
     for (i, link) in tree.links.iter().enumerate() {
         match link.parent_joint {
@@ -176,7 +180,7 @@ fn links_come_parents_first_and_joints_in_file_order() {
     );
 }
 
-/// No text makes the reader panic: cut at every place, and with single bytes changed.
+/// The reader does not panic: text cut at every byte, and text with changed bytes.
 #[test]
 fn damaged_text_is_an_error_or_a_robot_but_never_a_panic() {
     let text = two_links_text();
@@ -196,7 +200,7 @@ fn damaged_text_is_an_error_or_a_robot_but_never_a_panic() {
     }
 }
 
-/// Every kind of element the reader knows.
+/// A URDF with every kind of element that the reader knows.
 fn two_links_text() -> String {
     r#"<?xml version="1.0"?><!-- c --><robot name="r"><link name="a"><inertial><origin xyz="1 2 3" rpy="0 0.1 0"/><mass value="2"/>
 <inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial><visual><geometry><box size="1 2 3"/></geometry></visual>

@@ -1,4 +1,4 @@
-//! `hoof robot eval` and `hoof robot info` as functions: JSON in, JSON out, against Pinocchio and against bad states.
+//! The functions behind `hoof robot eval` and `hoof robot info`: results compared with Pinocchio; invalid states.
 #![allow(non_snake_case, clippy::unwrap_used, missing_docs)]
 
 use controller::model::eval::{EvalRequest, RobotInfo, eval};
@@ -55,7 +55,7 @@ fn check(urdf: &str, fixture: &str) {
     }
 }
 
-/// The request of a stored state: base velocities turned into base axes.
+/// The request of a stored state; base velocities are transformed to base axes.
 fn request(joints: &Value, state: &Value) -> Value {
     let named = |key: &str| {
         let names = joints.as_array().unwrap().iter().map(|name| name.as_str().unwrap().to_owned());
@@ -103,21 +103,21 @@ fn arm_request(change: impl FnOnce(&mut Value)) -> Result<(), String> {
 }
 
 #[test]
-fn a_state_with_a_wrong_or_missing_joint_is_refused_by_name() {
+fn a_state_with_an_unknown_or_missing_joint_is_rejected() {
     assert_eq!(arm_request(|_| ()), Ok(()));
     let error = arm_request(|r| r["q"]["shulder"] = json!(0.1)).unwrap_err();
-    assert_eq!(error, "robot \"arm\" has no joint \"shulder\"; near: shoulder");
+    assert!(error.contains("\"shulder\"") && error.contains("near: shoulder"), "{error}");
     let error = arm_request(|r| drop(r["qd"].as_object_mut().unwrap().remove("shoulder"))).unwrap_err();
-    assert_eq!(error, "state: qd.shoulder: found nothing, expected a number for every movable joint");
+    assert!(error.contains("qd.shoulder"), "{error}");
     let error = arm_request(|r| r["speed"] = json!(0.1)).unwrap_err();
     assert!(error.contains("speed"), "{error}");
 }
 
 #[test]
-fn a_quaternion_of_another_length_is_refused() {
+fn a_quaternion_that_is_not_normalized_is_rejected() {
     let base = json!({ "position_m": [0.0, 0.0, 1.0], "quaternion_wxyz": [1.0, 1.0, 0.0, 0.0] });
     let error = arm_request(|r| r["base"] = base).unwrap_err();
-    assert!(error.starts_with("state: base.quaternion_wxyz: found length 1.41"), "{error}");
+    assert!(error.contains("base.quaternion_wxyz") && error.contains("1.41"), "{error}");
 }
 
 #[test]

@@ -1,4 +1,4 @@
-//! Identities of rigid-body mechanics at seeded random states: no other library needed.
+//! Identities of rigid-body mechanics at seeded random states, without another library.
 #![allow(non_snake_case, clippy::unwrap_used, missing_docs)]
 
 use controller::model::*;
@@ -24,7 +24,7 @@ fn at_random_states(mut check: impl FnMut(&Model, &State, &mut Random)) {
     }
 }
 
-/// splitmix64.
+/// Random numbers: SplitMix64.
 struct Random(u64);
 
 impl Random {
@@ -46,7 +46,7 @@ impl Random {
     }
 }
 
-/// A state as `v` sees it.
+/// A state of the robot, with `v`.
 #[derive(Clone)]
 struct State {
     base: BaseState,
@@ -65,7 +65,7 @@ impl State {
         state.with_v(state.v.clone())
     }
 
-    /// The same configuration at another velocity.
+    /// The same configuration with another velocity.
     fn with_v(&self, v: DVector<f64>) -> Self {
         let mut state = Self { v, ..self.clone() };
         if state.v.len() > state.q.len() {
@@ -85,7 +85,7 @@ impl State {
         kin
     }
 
-    /// The state reached from here in `dt` at constant `vd`, to second order.
+    /// The state after `dt` at constant `vd`, to second order.
     fn after(&self, dt: f64, vd: &DVector<f64>) -> Self {
         let mean = &self.v + 0.5 * dt * vd;
         let mut state = self.with_v(&self.v + dt * vd);
@@ -158,7 +158,7 @@ fn inverse_dynamics_is_mass_times_acceleration_plus_bias() {
 }
 
 #[test]
-fn rotations_stay_rotations() {
+fn rotation_matrices_are_orthogonal() {
     at_random_states(|model, state, _| {
         let kin = state.kinematics(model);
         for (frame, _) in model.frames() {
@@ -170,7 +170,7 @@ fn rotations_stay_rotations() {
 }
 
 #[test]
-fn jacobian_times_v_is_the_velocity_and_the_difference_of_placements() {
+fn jacobian_times_v_is_the_velocity_and_the_derivative_of_the_pose() {
     let dt = 1e-6;
     at_random_states(|model, state, _| {
         let kin = state.kinematics(model);
@@ -191,7 +191,7 @@ fn jacobian_times_v_is_the_velocity_and_the_difference_of_placements() {
 }
 
 #[test]
-fn bias_acceleration_is_the_difference_of_velocities_with_vd_zero() {
+fn bias_acceleration_is_the_derivative_of_the_velocity_with_vd_zero() {
     let dt = 1e-6;
     at_random_states(|model, state, _| {
         let kin = state.kinematics(model);
@@ -313,7 +313,7 @@ fn position_and_linear_velocity_of_the_base_change_no_bit() {
 }
 
 #[test]
-fn what_was_computed_before_changes_no_bit() {
+fn earlier_states_change_no_bit() {
     at_random_states(|model, state, random| {
         let fresh = state.kinematics(model);
         let mut used = State::random(model, random).kinematics(model);

@@ -1,11 +1,11 @@
-//! The model against Pinocchio: stored values of `scripts/pinocchio_fixtures.py`.
+//! The model compared with Pinocchio: stored values of `scripts/pinocchio_fixtures.py`.
 #![allow(non_snake_case, clippy::unwrap_used, missing_docs)]
 
 use controller::model::*;
 use nalgebra::{DMatrix, DVector, Matrix3, Vector3};
 use serde_json::Value;
 
-/// Relative to the largest entry of the expected value: both sides compute in f64, in different order.
+/// Tolerance relative to the largest entry of the expected value: both sides compute in f64, in different order.
 const TOLERANCE: f64 = 1e-11;
 
 #[test]
@@ -36,7 +36,7 @@ fn check(urdf: &str, fixture: &str, base: Base) {
     assert_eq!(serde_json::json!(names), fixture["joints"], "joint order");
     near("total mass", &fixture["total_mass"], &[model.total_mass()]);
 
-    // One `Kinematics` for all states: nothing of the state before may be left in it.
+    // One `Kinematics` for all states: results must not depend on the state before.
     let mut kin = Kinematics::new(&model);
     let states = fixture["states"].as_array().unwrap();
     assert!(states.len() >= 5);

@@ -1,10 +1,10 @@
-//! The robots in `robots/` are the ones their sources describe: order of joints, and feet where the sources see them stand.
+//! The robots in `robots/` agree with their sources: order of joints, limits, positions of the feet.
 #![allow(clippy::unwrap_used, missing_docs)]
 
 use controller::model::*;
 
 #[test]
-fn hyq_stands() {
+fn hyq_has_the_feet_and_joints_of_its_source() {
     let urdf = include_str!("../../robots/hyq/hyq.urdf");
     let (model, feet) = feet_of(urdf, "foot", [-0.2, 0.75, -1.5], [1.0; 4]);
     check_feet(&feet, [0.371, 0.324, -0.5775]);
@@ -13,7 +13,7 @@ fn hyq_stands() {
 }
 
 #[test]
-fn anymal_b_stands() {
+fn anymal_b_has_the_feet_and_joints_of_its_source() {
     let urdf = include_str!("../../robots/anymal_b/anymal_b.urdf");
     let (model, feet) = feet_of(urdf, "FOOT", [-0.1, 0.7, -1.0], [1.0, -1.0, 1.0, -1.0]);
     check_feet(&feet, [0.370, 0.199, -0.479]);
@@ -25,7 +25,7 @@ fn names(model: &Model) -> Vec<&str> {
     model.joints.iter().map(|joint| joint.name.as_str()).collect()
 }
 
-/// Feet in the base, legs LF RF LH RH, hind legs bent the other way; `haa_sign` mirrors the first joint of a leg.
+/// Positions of the feet in B, legs LF RF LH RH; hind legs are bent the other way; `haa_sign` mirrors the first joint of a leg.
 fn feet_of(urdf: &str, ending: &str, [haa, hfe, kfe]: [f64; 3], haa_sign: [f64; 4]) -> (Model, Vec<[f64; 3]>) {
     let model = Model::new(&UrdfTree::parse(urdf, "urdf").unwrap(), Base::Floating).unwrap();
     let bend = [1.0, 1.0, -1.0, -1.0];
@@ -37,7 +37,7 @@ fn feet_of(urdf: &str, ending: &str, [haa, hfe, kfe]: [f64; 3], haa_sign: [f64; 
     (model, feet)
 }
 
-/// The source gives the feet to a millimetre.
+/// The source gives the positions of the feet with a resolution of 1 mm.
 #[track_caller]
 fn check_feet(feet: &[[f64; 3]], [x, y, z]: [f64; 3]) {
     let expected = [[x, y, z], [x, -y, z], [-x, y, z], [-x, -y, z]];

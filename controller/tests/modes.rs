@@ -1,4 +1,4 @@
-//! The states of the controller as a whole: what leads where, what is refused, what is given up.
+//! Modes of the controller: transitions, rejected requests, faults.
 #![allow(non_snake_case, clippy::unwrap_used, missing_docs)]
 
 mod common;
@@ -13,19 +13,20 @@ use controller::{Controller, Outbox};
 use lcmtypes::{ContactEstimate, ControllerTick as Tick, Message, OperatorCommand as Op, RobotCommand, channels};
 use nalgebra::Vector3;
 use std::sync::LazyLock;
+use test_support::replace_once;
 
-/// A quiet robot that does what it is told, and an operator who asks for one mode at a time.
+/// A robot without noise that follows its references, and an operator that requests one mode at a time.
 struct Story {
     controller: Quadruped,
     puppet: Puppet,
     out: Outbox,
     mode: i8,
-    /// Spoils the input of every tick.
+    /// Changes the input of every tick.
     spoil: fn(&mut Puppet),
 }
 
 impl Story {
-    /// Begins with the robot on the ground and nobody who wants anything of it.
+    /// Starts with the robot on the ground, the operator requests IDLE.
     fn lying() -> Self {
         Self::lying_with(hyq())
     }
@@ -62,7 +63,7 @@ impl Story {
         tick_of(&self.out)
     }
 
-    /// What the drives make of the command stays within the effort, 150 N m for every joint of HyQ.
+    /// Asserts that the total torque of every drive is within the effort limit: 150 N m for every joint of HyQ.
     fn check_torques(&self) {
         let RobotCommand { mode, tau, q_des, qd_des, kp, kd, .. } = command_of(&self.out);
         assert!(finite(&command_of(&self.out)));
@@ -77,13 +78,13 @@ impl Story {
         }
     }
 
-    /// The operator asks for `mode` for some ticks; gives the last of them.
+    /// The operator requests `mode` for some ticks. Returns the last tick.
     fn ask(&mut self, mode: i8, ticks: usize) -> Tick {
         self.mode = mode;
         (0..ticks).map(|_| self.tick()).last().unwrap()
     }
 
-    /// The operator asks for `mode` until the controller is in `until`, at most ten seconds.
+    /// The operator requests `mode` until the controller is in mode `until`; at most ten seconds.
     #[track_caller]
     fn ask_until(&mut self, mode: i8, until: i8) -> Tick {
         self.mode = mode;
@@ -105,15 +106,15 @@ impl Story {
     }
 }
 
-/// In `mode` the wish `asked` is refused: the mode stays, and the tick says what was asked.
+/// Asserts that the request `asked` is rejected: the mode stays, and the tick reports the requested mode.
 #[track_caller]
-fn refuses(story: &mut Story, mode: i8, asked: i8) {
+fn assert_rejected(story: &mut Story, mode: i8, asked: i8) {
     let tick = story.ask(asked, 1);
     assert_eq!((tick.mode, tick.fault, tick.fault_index), (mode, Tick::FAULT_OPERATOR_REFUSED, asked.into()));
 }
 
 #[test]
-fn from_the_ground_to_a_walk_and_back_to_the_ground() {
+fn stands_up_walks_stops_and_sits_down() {
     let mut story = Story::lying();
     assert_eq!(story.ask(Op::MODE_IDLE, 600).mode, Tick::MODE_IDLE);
     assert_eq!(command_of(&story.out).mode, RobotCommand::MODE_IDLE);
@@ -142,7 +143,7 @@ fn from_the_ground_to_a_walk_and_back_to_the_ground() {
 }
 
 #[test]
-fn rising_ends_in_the_nominal_posture_under_the_centre_of_mass() {
+fn standing_up_ends_in_the_nominal_posture() {
     let mut story = Story::lying();
     story.ask(Op::MODE_IDLE, 600);
     story.ask_until(Op::MODE_STAND, Tick::MODE_STANCE);
@@ -157,7 +158,7 @@ fn rising_ends_in_the_nominal_posture_under_the_centre_of_mass() {
 }
 
 #[test]
-fn a_robot_that_stands_when_it_is_switched_on_holds_itself_whoever_asks_for_what() {
+fn a_robot_that_stands_at_the_first_tick_is_held_for_every_request() {
     for asked in [Op::MODE_STAND, Op::MODE_WALK, Op::MODE_SIT, 77] {
         let mut story = Story::standing();
         let mode = story.ask(asked, 1).mode;
@@ -171,36 +172,36 @@ fn a_robot_that_stands_when_it_is_switched_on_holds_itself_whoever_asks_for_what
 }
 
 #[test]
-fn what_cannot_be_followed_is_refused_and_nothing_moves() {
+fn requests_that_do_not_fit_the_mode_are_rejected() {
     let mut story = Story::lying();
     // Not at rest for half a second yet.
-    refuses(&mut story, Tick::MODE_IDLE, Op::MODE_STAND);
+    assert_rejected(&mut story, Tick::MODE_IDLE, Op::MODE_STAND);
     story.ask(Op::MODE_IDLE, 600);
     for asked in [Op::MODE_WALK, Op::MODE_SIT] {
-        refuses(&mut story, Tick::MODE_IDLE, asked);
+        assert_rejected(&mut story, Tick::MODE_IDLE, asked);
     }
-    refuses(&mut story, Tick::MODE_IDLE, 77);
+    assert_rejected(&mut story, Tick::MODE_IDLE, 77);
     assert_eq!(story.ask(Op::MODE_STAND, 300).mode, Tick::MODE_STAND_UP);
     for asked in [Op::MODE_WALK, Op::MODE_IDLE] {
-        refuses(&mut story, Tick::MODE_STAND_UP, asked);
+        assert_rejected(&mut story, Tick::MODE_STAND_UP, asked);
     }
-    // A refusal stops nothing.
+    // A rejected request does not stop the transition.
     story.ask_until(Op::MODE_WALK, Tick::MODE_WALK);
     story.ask_until(Op::MODE_STAND, Tick::MODE_STANCE);
-    refuses(&mut story, Tick::MODE_STANCE, Op::MODE_IDLE);
+    assert_rejected(&mut story, Tick::MODE_STANCE, Op::MODE_IDLE);
     assert_eq!(story.ask(Op::MODE_WALK, 300).mode, Tick::MODE_WALK);
-    refuses(&mut story, Tick::MODE_WALK, Op::MODE_IDLE);
+    assert_rejected(&mut story, Tick::MODE_WALK, Op::MODE_IDLE);
     story.ask_until(Op::MODE_STAND, Tick::MODE_STANCE);
     story.ask(Op::MODE_SIT, 100);
-    refuses(&mut story, Tick::MODE_SIT, Op::MODE_WALK);
-    // What sitting leads to is waited for.
+    assert_rejected(&mut story, Tick::MODE_SIT, Op::MODE_WALK);
+    // IDLE follows SIT: the request waits.
     let waits = story.ask(Op::MODE_IDLE, 1);
     assert_eq!((waits.mode, waits.fault), (Tick::MODE_SIT, Tick::FAULT_NONE));
     story.ask_until(Op::MODE_IDLE, Tick::MODE_IDLE);
 }
 
 #[test]
-fn sitting_down_and_standing_up_can_be_turned_round() {
+fn sitting_down_and_standing_up_can_be_reversed() {
     let mut story = Story::standing();
     story.ask(Op::MODE_STAND, 100);
     for phase in [MovePhase::Lower, MovePhase::Spread, MovePhase::Release] {
@@ -223,7 +224,7 @@ fn sitting_down_and_standing_up_can_be_turned_round() {
 }
 
 #[test]
-fn references_of_a_move_never_jump() {
+fn joint_references_of_a_transition_have_no_steps() {
     let mut story = Story::lying();
     story.ask(Op::MODE_IDLE, 600);
     let mut before: Option<Vec<f64>> = None;
@@ -235,7 +236,7 @@ fn references_of_a_move_never_jump() {
             let moves = matches!(tick.mode, Tick::MODE_STAND_UP | Tick::MODE_SIT);
             if let (true, Some(before)) = (moves, &before) {
                 for (j, (now, before)) in q_des.iter().zip(before).enumerate() {
-                    // The fastest is a knee that folds under a base lowered by 0.2 m/s: 1.9 rad/s, and as fast a blend beside it.
+                    // The fastest motion: a knee folds at 1.9 rad/s while the base is lowered by 0.2 m/s, plus a blend of the same speed.
                     assert!((now - before).abs() < 4e-3, "joint {j} jumps by {} at tick {}", now - before, tick.tick);
                 }
             }
@@ -245,7 +246,7 @@ fn references_of_a_move_never_jump() {
 }
 
 #[test]
-fn a_joint_that_does_not_follow_stops_the_others_and_is_named() {
+fn a_joint_that_does_not_follow_leads_to_damping_with_its_index() {
     for (mode, spoil, joint) in [
         (Tick::MODE_STAND_UP, (|p| p.input.state.q[4] = 1.18) as fn(&mut Puppet), 4),
         (Tick::MODE_SIT, |p| (p.input.state.q[8], p.input.state.qd[8]) = (1.5, 0.0), 8),
@@ -266,7 +267,7 @@ fn a_joint_that_does_not_follow_stops_the_others_and_is_named() {
 }
 
 #[test]
-fn a_foot_that_finds_no_ground_is_named() {
+fn a_hind_pair_without_ground_leads_to_damping_with_the_index_of_the_leg() {
     let mut story = Story::lying();
     story.ask(Op::MODE_IDLE, 600);
     story.ask(Op::MODE_STAND, 10);
@@ -274,7 +275,7 @@ fn a_foot_that_finds_no_ground_is_named() {
     story.spoil = |puppet| puppet.input.state.tau[6..12].fill(0.0);
     let tick = story.ask_until(Op::MODE_STAND, Tick::MODE_DAMPING);
     assert_eq!((tick.fault, tick.fault_index), (Tick::FAULT_NO_CONTACT, 2));
-    // One may hang: standing looks for its ground.
+    // One foot may be in the air: in STANCE it reaches for the ground.
     let mut story = Story::lying();
     story.ask(Op::MODE_IDLE, 600);
     story.spoil = |puppet| puppet.input.state.tau[6..9].fill(0.0);
@@ -282,7 +283,7 @@ fn a_foot_that_finds_no_ground_is_named() {
 }
 
 #[test]
-fn a_robot_that_lies_crooked_does_not_get_up() {
+fn a_tilted_robot_does_not_stand_up() {
     let mut story = Story::lying();
     static HYQ: LazyLock<Robot> =
         LazyLock::new(|| Robot::new(common::URDF, &Params::from_toml(common::PARAMS, "").unwrap().robot).unwrap());
@@ -290,7 +291,7 @@ fn a_robot_that_lies_crooked_does_not_get_up() {
     story.ask(Op::MODE_IDLE, 600);
     let tick = story.ask(Op::MODE_STAND, 1);
     assert_eq!((tick.mode, tick.fault), (Tick::MODE_DAMPING, Tick::FAULT_TILT));
-    // Nor is it let go while it does.
+    // It also does not become IDLE while it is tilted.
     let tick = story.ask(Op::MODE_IDLE, 1000);
     assert_eq!((tick.mode, tick.fault), (Tick::MODE_DAMPING, Tick::FAULT_TILT));
     story.spoil = |_| ();
@@ -298,7 +299,7 @@ fn a_robot_that_lies_crooked_does_not_get_up() {
 }
 
 #[test]
-fn damping_is_left_for_idle_alone_at_rest_and_when_its_cause_is_gone() {
+fn damping_changes_only_to_idle_at_rest_and_without_a_fault() {
     let mut story = Story::standing();
     story.ask(Op::MODE_STAND, 600);
     story.spoil = |puppet| puppet.input.state.q[3] = f64::NAN;
@@ -310,9 +311,9 @@ fn damping_is_left_for_idle_alone_at_rest_and_when_its_cause_is_gone() {
         let tick = story.ask(asked, 100);
         assert_eq!((tick.mode, tick.fault), (Tick::MODE_DAMPING, Tick::FAULT_INPUT_NOT_FINITE), "asked for {asked}");
     }
-    // It is at rest by now. A joint that moves is not.
+    // The robot is at rest now; a moving joint ends the rest.
     story.spoil = |puppet| puppet.input.state.qd[1] = 0.4;
-    refuses(&mut story, Tick::MODE_DAMPING, Op::MODE_IDLE);
+    assert_rejected(&mut story, Tick::MODE_DAMPING, Op::MODE_IDLE);
     story.spoil = |_| ();
     let ticks = (1..).find(|_| story.ask(Op::MODE_IDLE, 1).mode == Tick::MODE_IDLE).unwrap();
     assert_eq!(ticks, 500, "half a second of rest");
@@ -320,7 +321,7 @@ fn damping_is_left_for_idle_alone_at_rest_and_when_its_cause_is_gone() {
 }
 
 #[test]
-fn the_emergency_stop_works_in_every_state() {
+fn the_emergency_stop_works_in_every_mode() {
     type Way = fn(&mut Story);
     let ways: [(i8, Way); 5] = [
         (Tick::MODE_IDLE, |_| ()),
@@ -340,7 +341,7 @@ fn the_emergency_stop_works_in_every_state() {
         story.ask(Op::MODE_IDLE, 600);
         way(&mut story);
         assert_eq!(tick_of(&story.out).mode, mode);
-        // A stop is obeyed however old it is.
+        // A stop is followed whatever its age.
         story.spoil = |puppet| puppet.input.t_op_ns = 0;
         let tick = story.ask(Op::MODE_DAMPING, 1);
         assert_eq!((tick.mode, tick.fault), (Tick::MODE_DAMPING, Tick::FAULT_OPERATOR));
@@ -349,10 +350,10 @@ fn the_emergency_stop_works_in_every_state() {
 }
 
 #[test]
-fn an_operator_who_is_lost_asks_for_nothing() {
+fn a_timed_out_operator_starts_no_transition() {
     let lost: fn(&mut Puppet) = |puppet| puppet.input.t_op_ns = puppet.input.t_ns - 500_000_001;
     let stale = |tick: &Tick| tick.fault == Tick::FAULT_OPERATOR_STALE && tick.fault_value > 0.5;
-    // On the ground it stays, whatever was asked last.
+    // On the ground the robot stays there, whatever was requested last.
     let mut story = Story::lying();
     story.ask(Op::MODE_IDLE, 600);
     story.spoil = lost;
@@ -360,7 +361,7 @@ fn an_operator_who_is_lost_asks_for_nothing() {
         let tick = story.ask(asked, 100);
         assert!(tick.mode == Tick::MODE_IDLE && stale(&tick), "{tick:?}");
     }
-    // A walk ends, and standing goes on.
+    // Walking stops; the robot stands.
     let mut story = Story::standing();
     story.ask(Op::MODE_WALK, 600);
     story.spoil = lost;
@@ -369,20 +370,20 @@ fn an_operator_who_is_lost_asks_for_nothing() {
         let tick = story.ask(asked, 800);
         assert!(tick.mode == Tick::MODE_STANCE && stale(&tick), "{tick:?}");
     }
-    // A moment earlier it is followed.
+    // At the limit of the age the command is still followed.
     story.spoil = |puppet| puppet.input.t_op_ns = puppet.input.t_ns - 500_000_000;
     assert_eq!(story.ask(Op::MODE_SIT, 1).mode, Tick::MODE_SIT);
-    // What has begun goes to its end.
+    // A started transition continues to its end.
     story.spoil = lost;
     story.until_phase(MovePhase::Lie);
 }
 
-/// The controller of HyQ, five times as fast on its way up and down.
+/// The controller of HyQ with five times faster stand/sit transitions.
 fn quick() -> Quadruped {
     hyq_with(&[("stand.joint_speed", "5.0"), ("stand.rise_speed", "1.0")])
 }
 
-/// Ups and downs with a stop, as inputs.
+/// Inputs and outputs of a run with stand/sit transitions and an emergency stop.
 fn recorded() -> (Vec<lcmtypes::ControllerInput>, Vec<Messages>) {
     let mut story = Story::lying_with(quick());
     story.puppet.noise = 0.1;
@@ -415,10 +416,10 @@ fn tick_of_messages(tick: &Messages) -> Tick {
 }
 
 #[test]
-fn poisoned_scratch_and_restarts_change_nothing() {
+fn poisoned_workspace_and_restarts_change_no_bit() {
     let (inputs, outputs) = recorded();
     let phases: std::collections::BTreeSet<_> = outputs.iter().map(|tick| tick_of_messages(tick).mode).collect();
-    assert_eq!(phases.len(), 5, "every mode but the walk: {phases:?}");
+    assert_eq!(phases.len(), 5, "every mode except WALK: {phases:?}");
     let (mut poisoned, mut out) = (quick(), Outbox::new());
     for (tick, (input, expected)) in inputs.iter().zip(&outputs).enumerate() {
         poisoned.poison_workspace();
@@ -434,21 +435,21 @@ fn poisoned_scratch_and_restarts_change_nothing() {
 }
 
 #[test]
-fn a_lying_posture_out_of_range_and_legs_that_cannot_fold_are_refused_by_name() {
+fn a_lying_posture_out_of_range_is_rejected_with_the_name_of_the_joint() {
     let error = |overrides: &[(&str, &str)]| {
         Quadruped::new(common::URDF, &common::params_with(overrides)).err().unwrap().to_string()
     };
-    assert_eq!(
-        error(&[("robot.lying.lf_kfe_joint", "0.0")]),
-        "robot \"hyq\": robot.lying.lf_kfe_joint is 0, expected -2.44346095279 to -0.349065850399"
-    );
-    let left_out = common::PARAMS.replace("lf_kfe_joint = -2.44\n", "");
+    let out_of_range = error(&[("robot.lying.lf_kfe_joint", "0.0")]);
+    for part in ["hyq", "robot.lying.lf_kfe_joint", "-2.44346095279", "-0.349065850399"] {
+        assert!(out_of_range.contains(part), "{part}: {out_of_range}");
+    }
+    let left_out = replace_once(common::PARAMS, "lf_kfe_joint = -2.44\n", "");
     let error = Quadruped::new(common::URDF, &left_out).err().unwrap().to_string();
-    assert!(error.starts_with("robot \"hyq\": robot.lying.lf_kfe_joint is NaN"), "{error}");
+    assert!(error.contains("robot.lying.lf_kfe_joint") && error.contains("NaN"), "{error}");
 }
 
 #[test]
-fn without_a_lying_posture_the_folded_one_is_taken() {
+fn without_a_lying_posture_the_robot_lies_with_folded_legs() {
     let i = common::PARAMS.find("[robot.lying]").unwrap();
     let j = i + common::PARAMS[i..].find("\n\n").unwrap();
     let text = [&common::PARAMS[..i], &common::PARAMS[j..]].concat();

@@ -1,4 +1,4 @@
-//! The active-set solver on programs that are made around a known minimizer: random, degenerate, rank-deficient, contradictory, broken.
+//! The active-set solver on programs built around a known minimizer: random, degenerate, rank-deficient, infeasible, non-finite.
 #![allow(non_snake_case, clippy::unwrap_used, missing_docs)]
 
 mod common;
@@ -7,7 +7,7 @@ use common::Rng;
 use controller::qp::{ActiveSetSolver, Qp, QpInfo, QpRow, QpSolver, QpStatus};
 use nalgebra::{DMatrix, DVector};
 
-/// Part of the norm that rounding may leave, times the programs' condition of up to 1e4.
+/// Allowed error relative to the norm: rounding times the condition of the programs, up to 1e4.
 const ALLOWED: f64 = 1e-9;
 
 fn solve(qp: &Qp) -> (QpInfo, DVector<f64>) {
@@ -20,12 +20,12 @@ fn matrix(m: usize, n: usize, rng: &mut Rng) -> DMatrix<f64> {
     DMatrix::from_fn(m, n, |_, _| rng.symmetric())
 }
 
-/// A whole number from 0 to `below` - 1.
+/// An integer from 0 to `below` - 1.
 fn pick(below: usize, rng: &mut Rng) -> usize {
     (rng.word() % below as u64) as usize
 }
 
-/// A program and its minimizer: the optimality conditions are written down for a point and multipliers, and solved for the gradient.
+/// A program and its minimizer: point and multipliers are chosen, and the optimality conditions are solved for the gradient.
 ///
 /// Source of the conditions: S. Boyd, L. Vandenberghe, *Convex Optimization* (2004), section 5.5.3.
 struct Made {
@@ -34,7 +34,7 @@ struct Made {
     active: usize,
 }
 
-/// `dense`: the Hessian; otherwise it falls into blocks of two. `weak`: the part of the active rows without a multiplier.
+/// `dense`: dense Hessian, otherwise blocks of two. `weak`: fraction of the active rows whose multiplier is 0.
 fn made(rng: &mut Rng, dense: bool, weak: f64) -> Made {
     let n = 1 + pick(14, rng);
     let (n_eq, n_in) = (pick(n.min(6), rng), pick(20, rng));
@@ -49,7 +49,7 @@ fn made(rng: &mut Rng, dense: bool, weak: f64) -> Made {
     qp.b = &qp.A * &x;
     let mut gradient = &qp.H * &x;
     gradient += qp.A.transpose() * DVector::from_fn(n_eq, |_, _| rng.symmetric());
-    // No more active rows than directions that the equalities leave, or the multipliers are not unique; which is no harm either.
+    // At most as many active rows as the equalities leave directions, so that the multipliers are unique.
     let mut active = 0;
     let mut holds = |rng: &mut Rng| {
         let takes = active + n_eq < n && rng.symmetric() < -0.2;
@@ -87,7 +87,7 @@ fn assert_found(Made { qp, x: expected, .. }: &Made, what: &str) -> QpInfo {
 }
 
 #[test]
-fn random_programs_with_a_known_minimizer() {
+fn random_programs_are_solved() {
     let mut rng = Rng(1);
     let mut sets = 0;
     for k in 0..3000 {
@@ -100,7 +100,7 @@ fn random_programs_with_a_known_minimizer() {
 }
 
 #[test]
-fn rows_that_hold_without_pressing() {
+fn active_rows_without_multiplier_do_no_harm() {
     let mut rng = Rng(2);
     for k in 0..3000 {
         assert_found(&made(&mut rng, k % 2 == 0, 0.5), &format!("program {k}"));
@@ -108,7 +108,7 @@ fn rows_that_hold_without_pressing() {
 }
 
 #[test]
-fn rows_given_twice_scaled_and_as_sums_of_others() {
+fn repeated_scaled_and_summed_rows_do_no_harm() {
     let mut rng = Rng(3);
     for k in 0..1000 {
         let mut made = made(&mut rng, true, 0.2);
@@ -118,7 +118,7 @@ fn rows_given_twice_scaled_and_as_sums_of_others() {
             continue;
         }
         let (i, j, e) = (pick(n_in, &mut rng), pick(n_in, &mut rng), pick(n_eq, &mut rng));
-        // The row again, ten thousand times as long, and the sum of two, none of which says anything new.
+        // The row again, scaled by ten thousand, and the sum of two rows: all redundant.
         let more = [(C.row(i).clone_owned(), d[i]), (C.row(j) * 1e4, d[j] * 1e4), (C.row(i) + C.row(j), d[i] + d[j])];
         *C = C.clone().resize(n_in + 3, n, 0.0);
         *d = d.clone().resize_vertically(n_in + 3, 0.0);
@@ -135,7 +135,7 @@ fn rows_given_twice_scaled_and_as_sums_of_others() {
 }
 
 #[test]
-fn a_corner_of_many_more_rows_than_variables() {
+fn a_vertex_of_many_more_rows_than_variables_is_found() {
     let mut rng = Rng(4);
     for k in 0..300 {
         let (n, rows) = (3, 40);
@@ -143,7 +143,7 @@ fn a_corner_of_many_more_rows_than_variables() {
         qp.H = DMatrix::identity(n, n);
         qp.C = matrix(rows, n, &mut rng);
         let x = DVector::from_fn(n, |_, _| rng.symmetric());
-        // Every row passes through x, and x is where the gradient presses on three of them.
+        // Every row is active at x, and three of them have a multiplier.
         qp.d = &qp.C * &x;
         qp.g = -&x - qp.C.rows(0, 3).transpose() * DVector::from_fn(3, |_, _| 1.0 + rng.symmetric());
         assert_found(&Made { qp, x, active: 3 }, &format!("program {k}"));
@@ -151,7 +151,7 @@ fn a_corner_of_many_more_rows_than_variables() {
 }
 
 #[test]
-fn contradictions_are_infeasible_and_a_row_of_theirs_is_named() {
+fn contradicting_rows_are_infeasible_and_one_of_them_is_named() {
     let mut rng = Rng(5);
     for k in 0..1000 {
         let Made { mut qp, .. } = made(&mut rng, k % 2 == 0, 0.2);
@@ -167,7 +167,7 @@ fn contradictions_are_infeasible_and_a_row_of_theirs_is_named() {
         assert_eq!((info.status, x.norm()), (QpStatus::Infeasible, 0.0), "program {k}");
         assert!(info.row.is_some(), "program {k}");
     }
-    // Alone: nothing else can be meant.
+    // Without other rows the name is unique.
     let mut qp = Qp::zeros(3, 1, 1);
     qp.H = DMatrix::identity(3, 3);
     (qp.A[(0, 0)], qp.A[(0, 1)], qp.b[0], qp.C[(0, 2)], qp.d[0]) = (1.0, 1.0, 3.0, 1.0, 5.0);
@@ -178,7 +178,7 @@ fn contradictions_are_infeasible_and_a_row_of_theirs_is_named() {
 }
 
 #[test]
-fn contradictions_that_need_no_search() {
+fn contradictions_are_found_before_the_search() {
     let mut qp = Qp::zeros(2, 2, 1);
     qp.H = DMatrix::identity(2, 2);
     (qp.A[(0, 0)], qp.A[(1, 0)]) = (1.0, 2.0);
@@ -199,7 +199,7 @@ fn contradictions_that_need_no_search() {
 }
 
 #[test]
-fn numbers_that_are_none_and_too_few_iterations_fail() {
+fn non_finite_numbers_and_too_few_iterations_fail() {
     let made = made(&mut Rng(10), true, 0.0);
     let (n, n_in) = (made.qp.n(), made.qp.d.len());
     assert!(n > 2 && n_in > 2 && !made.qp.b.is_empty() && made.active > 2, "the program has everything");
@@ -227,9 +227,9 @@ fn numbers_that_are_none_and_too_few_iterations_fail() {
 }
 
 #[test]
-fn what_was_solved_before_leaves_no_trace() {
+fn earlier_programs_change_no_bit() {
     let mut rng = Rng(7);
-    // Programs of one size, feasible and not, through one solver and each through its own.
+    // Programs of the same size, feasible and infeasible, with one solver and with a new solver each.
     let mut shared: Option<ActiveSetSolver> = None;
     let mut statuses = Vec::new();
     for k in 0..200 {

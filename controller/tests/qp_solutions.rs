@@ -1,7 +1,7 @@
-//! Both back-ends against exact solutions of the whole-body controller's programs: stored values of `scripts/qp_fixtures.py`.
+//! Both back-ends compared with exact solutions of programs of the whole-body controller: stored values of `scripts/qp_fixtures.py`.
 //!
-//! The programs are not stored: they are built anew from seeded states, and a digest says whether they are still the ones that were
-//! solved. `QP_DUMP=FILE` writes them out for the script.
+//! The programs are not stored. They are built from seeded states, and a digest shows whether they are still the programs that were
+//! solved. `QP_DUMP=FILE` writes them to a file for the script.
 #![allow(non_snake_case, clippy::unwrap_used, missing_docs)]
 
 mod common;
@@ -22,22 +22,22 @@ use nalgebra::DVector;
 use serde_json::{Value, json};
 
 const PROGRAMS: usize = 20;
-/// Solver, its tolerance, and how far its solution may be off: part of the norm of the exact one, whose entries are accelerations in SI
-/// units and forces in 100 N. The active set has no tolerance to stop at: what is left is rounding, times the 1e9 between the program's largest
-/// and smallest curvatures. Clarabel's second line shows that what its first leaves is its stopping early, and no other program.
+/// Solver, its tolerance, and the allowed error relative to the norm of the exact solution (accelerations in SI units, forces in 100 N). The
+/// active set has no tolerance: its error is rounding times the ratio 1e9 of the largest and smallest curvature. The second row of
+/// Clarabel shows that the error of the first row comes from its tolerance, not from a different program.
 const SOLVERS: [(&str, &str, f64); 3] =
     [("active_set", "1e-8", 1e-9), ("clarabel", "1e-8", 2e-4), ("clarabel", "1e-11", 1e-7)];
 
-/// A program and what a solver makes of it.
+/// A program and the result of a solver.
 struct Solved {
     qp: Qp,
     x: DVector<f64>,
     n_active: usize,
 }
 
-/// Programs as a walking robot meets them, and some as a stumbling one does: references far from the posture, quick turns.
+/// Programs of a walking robot, and some of a stumbling one: references far from the posture, fast rotations.
 fn programs(solver: &str, tolerance: &str) -> Vec<Solved> {
-    // The source's friction: with the default's tighter cones a constraint of one program is so nearly active that Clarabel cannot tell.
+    // Friction as in the source: with the default, a constraint of one program is so close to active that Clarabel's count is ambiguous.
     let solver = format!("\"{solver}\"");
     let overrides = [("qp.solver", &*solver), ("wbc.tolerance", tolerance), ("wbc.friction", "0.8")];
     let params = Params::from_toml(&params_with(&overrides), "hyq.toml").unwrap();
@@ -48,7 +48,7 @@ fn programs(solver: &str, tolerance: &str) -> Vec<Solved> {
     let stances: [&[Leg]; 4] = [&Leg::ALL, &[Leg::LF, Leg::RH], &[Leg::RF, Leg::LH, Leg::RH], &[Leg::RF, Leg::LH]];
     let mut solved = Vec::new();
     for k in 0..PROGRAMS {
-        // From a calm robot to a wild one.
+        // From small to large disturbances.
         let size = k as f64 / PROGRAMS as f64;
         let mut input = standing(&robot);
         let tilt = rng.vec3(0.3 * size);
@@ -86,7 +86,7 @@ fn digest(qp: &Qp) -> i64 {
     d.finish()
 }
 
-/// Matrices by column, infinite bounds as null, floats in the shortest text that reads back to the same bits.
+/// JSON with matrices by column, infinite bounds as null, and floats in the shortest text with the same bits.
 fn as_json(Solved { qp, x, .. }: &Solved) -> Value {
     json!({
         "digest": digest(qp),
@@ -115,7 +115,10 @@ fn every_back_end_finds_the_exact_solution() {
     }
     let exact = exact_solutions();
     assert_eq!(exact.len(), PROGRAMS);
-    assert!(exact.iter().filter(|(_, active, _)| *active > 0).count() >= 10, "programs in which an inequality matters");
+    assert!(
+        exact.iter().filter(|(_, active, _)| *active > 0).count() >= 10,
+        "number of programs with an active inequality"
+    );
     for (solver, tolerance, allowed) in SOLVERS {
         for (k, (Solved { qp, x, n_active }, (expected, active, exact))) in
             programs(solver, tolerance).iter().zip(&exact).enumerate()
@@ -124,7 +127,7 @@ fn every_back_end_finds_the_exact_solution() {
             assert_eq!(digest(qp), *expected, "{here} is another one: run scripts/qp_fixtures.py");
             let off = (x - exact).norm() / exact.norm();
             assert!(off < allowed, "{here}: off by {off:e} of the norm");
-            // An interior point keeps off the rows whose multipliers are near zero; the active set knows.
+            // The interior-point solver stays away from rows with a multiplier near zero, so only the active set's count is exact.
             assert!(n_active <= active, "{here}: {n_active} rows counted as active, {active} are");
             assert!(
                 solver == "clarabel" || n_active == active,

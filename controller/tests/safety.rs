@@ -1,4 +1,4 @@
-//! Bad input leads to the safe state in the same tick, with its reason, and never to a panic or a number that is none.
+//! Bad input leads to the safe state in the same tick with a fault code, and never to a panic or a non-finite command.
 #![allow(non_snake_case, clippy::unwrap_used, missing_docs)]
 
 mod common;
@@ -14,7 +14,8 @@ use lcmtypes::{
 };
 use nalgebra::Vector3;
 
-/// After `edit` the walking controller damps in the same tick, says `code`, `index` and `value`, and goes on doing so with good input.
+/// Asserts that, after `edit` of its input, the walking controller damps in the same tick, reports `code`, `index` and `value`, and stays in
+/// damping with good input.
 #[track_caller]
 fn damps(edit: impl FnOnce(&mut ControllerInput), code: i32, index: i32, value: f64) {
     let (mut controller, mut puppet, mut out) = walking();
@@ -36,7 +37,7 @@ fn damps(edit: impl FnOnce(&mut ControllerInput), code: i32, index: i32, value: 
     }
 }
 
-/// After `edit` the walking controller goes on in operation; gives its outputs of that tick.
+/// Asserts that the walking controller continues after `edit` of its input. Returns controller, puppet and outputs of that tick.
 #[track_caller]
 fn goes_on(edit: impl FnOnce(&mut ControllerInput)) -> (Quadruped, Puppet, Outbox) {
     let (mut controller, mut puppet, mut out) = walking();
@@ -49,7 +50,7 @@ fn goes_on(edit: impl FnOnce(&mut ControllerInput)) -> (Quadruped, Puppet, Outbo
 }
 
 #[test]
-fn numbers_that_are_none_name_their_joint() {
+fn non_finite_values_are_reported_with_the_index_of_the_joint() {
     for bad in [f64::NAN, f64::INFINITY, f64::NEG_INFINITY] {
         damps(|i| i.state.q[4] = bad, Tick::FAULT_INPUT_NOT_FINITE, 4, bad);
         damps(|i| i.state.qd[0] = bad, Tick::FAULT_INPUT_NOT_FINITE, 0, bad);
@@ -59,7 +60,7 @@ fn numbers_that_are_none_name_their_joint() {
 }
 
 #[test]
-fn numbers_that_no_sensor_gives_count_as_none() {
+fn implausible_values_count_as_non_finite() {
     for bad in [1.001e6, -1e150, f64::MAX] {
         damps(|i| i.state.q[4] = bad, Tick::FAULT_INPUT_NOT_FINITE, 4, bad);
         damps(|i| i.state.qd[5] = bad, Tick::FAULT_INPUT_NOT_FINITE, 5, bad);
@@ -69,7 +70,7 @@ fn numbers_that_no_sensor_gives_count_as_none() {
 }
 
 #[test]
-fn the_largest_numbers_let_through_compute_to_finite_commands() {
+fn the_largest_accepted_values_give_finite_commands() {
     for size in [1e6, -1e6] {
         for array in 0..4 {
             let (mut controller, mut puppet, mut out) = walking();
@@ -90,7 +91,7 @@ fn the_largest_numbers_let_through_compute_to_finite_commands() {
 }
 
 #[test]
-fn the_accelerometer_is_not_used_so_its_failure_stops_nothing() {
+fn a_failed_accelerometer_changes_no_command() {
     let (_, _, broken) = goes_on(|i| i.state.a_I = [f64::NAN; 3]);
     let (_, _, whole) = goes_on(|_| ());
     assert_eq!(command_of(&broken), command_of(&whole));
@@ -98,14 +99,14 @@ fn the_accelerometer_is_not_used_so_its_failure_stops_nothing() {
 }
 
 #[test]
-fn wrong_sizes() {
+fn arrays_of_wrong_length_are_faults() {
     damps(|i| i.state.q.truncate(11), Tick::FAULT_INPUT_SIZE, -1, 11.0);
     damps(|i| i.state.qd.push(0.0), Tick::FAULT_INPUT_SIZE, -1, 13.0);
     damps(|i| i.state.tau.clear(), Tick::FAULT_INPUT_SIZE, -1, 0.0);
 }
 
 #[test]
-fn orientations_that_are_none() {
+fn orientations_that_are_not_unit_quaternions_are_faults() {
     damps(|i| i.state.q_WI_wxyz = [0.0; 4], Tick::FAULT_ORIENTATION, -1, 0.0);
     damps(|i| i.state.q_WI_wxyz = [1.1, 0.0, 0.0, 0.0], Tick::FAULT_ORIENTATION, -1, 1.1);
     damps(|i| i.state.q_WI_wxyz = [1.0, f64::NAN, 0.0, 0.0], Tick::FAULT_ORIENTATION, -1, 1.0);
@@ -115,7 +116,7 @@ fn orientations_that_are_none() {
 }
 
 #[test]
-fn old_data_and_clocks_that_stand() {
+fn old_states_and_clocks_that_do_not_advance_are_faults() {
     // Up to 10 ms is good: safety.max_state_age.
     goes_on(|i| i.state.t_ns = i.t_ns - 10_000_000);
     damps(|i| i.state.t_ns = i.t_ns - 10_000_001, Tick::FAULT_STATE_STALE, -1, 0.010_000_001);
@@ -130,7 +131,7 @@ fn old_data_and_clocks_that_stand() {
 }
 
 #[test]
-fn tick_numbers_mean_nothing_to_the_control() {
+fn the_tick_number_changes_no_command() {
     let (_, _, expected) = goes_on(|_| ());
     for tick in [i64::MIN, -1, i64::MAX] {
         let (_, _, out) = goes_on(|i| i.tick = tick);
@@ -140,7 +141,7 @@ fn tick_numbers_mean_nothing_to_the_control() {
 }
 
 #[test]
-fn a_falling_robot_is_damped() {
+fn too_much_tilt_is_a_fault() {
     let (_, puppet, _) = walking();
     let robot = hyq();
     for (R_WB, lean) in [(Rx(0.65), 0.65), (Rx(-0.65), -0.65), (Ry(0.7), 0.7), (Rx(3.0), 3.0)] {
@@ -154,8 +155,8 @@ fn a_falling_robot_is_damped() {
 }
 
 #[test]
-fn joints_that_are_where_they_cannot_be() {
-    // Limits of lf_hfe_joint: -0.8727 to 1.2217 rad, with 0.2 rad beyond; 12 rad/s, three times; 150 N m, half more.
+fn joints_outside_their_limits_are_faults() {
+    // Limits of lf_hfe_joint: -0.8727 to 1.2217 rad plus 0.2 rad; three times 12 rad/s; 1.5 times 150 N m.
     damps(|i| i.state.q[1] = 1.43, Tick::FAULT_JOINT_POSITION, 1, 1.43);
     damps(|i| i.state.q[1] = -1.08, Tick::FAULT_JOINT_POSITION, 1, -1.08);
     damps(|i| i.state.tau[11] = 225.1, Tick::FAULT_JOINT_TORQUE, 11, 225.1);
@@ -169,8 +170,8 @@ fn joints_that_are_where_they_cannot_be() {
 }
 
 #[test]
-fn a_base_that_is_too_low_is_damped() {
-    // Legs folded, under a robot that walks: 0.33 m over the feet would do, half of the nominal height is 0.29.
+fn a_base_that_is_too_low_is_a_fault() {
+    // Folded legs while walking. The limit is half of the nominal height: 0.29 m.
     let fold = |input: &mut ControllerInput, part: f64| {
         let q = hyq().robot().q_nominal.clone();
         for leg in 0..4 {
@@ -190,25 +191,25 @@ fn a_base_that_is_too_low_is_damped() {
 }
 
 #[test]
-fn damping_too_is_limited_to_the_effort() {
+fn damping_torques_are_limited_to_the_effort() {
     let (mut controller, mut puppet, mut out) = walking();
     puppet.input.op.mode = OperatorCommand::MODE_DAMPING;
     puppet.input.state.qd[2] = 20.0;
     puppet.input.state.qd[5] = -15.0;
     controller.step(&puppet.input, &mut out);
-    // 20 N m s/rad would be 400 and 300 N m, of 150.
+    // With 20 N m s/rad the torques would be 400 and 300 N m; the limit is 150 N m.
     let expected: Vec<f64> =
         (0..12).map(|j| [20.0, 7.5, 10.0][usize::from(j == 2) + 2 * usize::from(j == 5)]).collect();
     assert_eq!((command_of(&out).mode, command_of(&out).kd), (RobotCommand::MODE_DAMPING, expected));
 }
 
 #[test]
-fn the_operator_can_stop_it() {
+fn the_operator_can_request_damping() {
     damps(|i| i.op.mode = OperatorCommand::MODE_DAMPING, Tick::FAULT_OPERATOR, -1, 0.0);
 }
 
 #[test]
-fn an_operator_command_that_is_not_finite_means_to_stand() {
+fn a_non_finite_operator_command_stops_the_walk() {
     let edits: [fn(&mut OperatorCommand); 6] = [
         |op| op.v_H[0] = f64::NAN,
         |op| op.v_H[1] = f64::INFINITY,
@@ -220,7 +221,7 @@ fn an_operator_command_that_is_not_finite_means_to_stand() {
     for edit in edits {
         let (mut controller, mut puppet, mut out) = goes_on(|i| edit(&mut i.op));
         assert_eq!(tick_of(&out).fault, Tick::FAULT_OPERATOR_NOT_FINITE);
-        // It finishes its steps and stands.
+        // The robot finishes its steps and stands.
         for _ in 0..400 {
             puppet.react(&out);
             edit(&mut puppet.input.op);
@@ -228,7 +229,7 @@ fn an_operator_command_that_is_not_finite_means_to_stand() {
             assert!(finite(&command_of(&out)));
         }
         assert_eq!((tick_of(&out).mode, tick_of(&out).fault), (Tick::MODE_STANCE, Tick::FAULT_OPERATOR_NOT_FINITE));
-        // A good command ends it.
+        // A good command continues the walk.
         puppet.react(&out);
         puppet.input.op = operator_at(200);
         controller.step(&puppet.input, &mut out);
@@ -237,7 +238,7 @@ fn an_operator_command_that_is_not_finite_means_to_stand() {
 }
 
 #[test]
-fn unknown_modes_stand_and_unknown_gaits_change_nothing() {
+fn unknown_modes_stop_the_walk_and_unknown_gaits_are_ignored() {
     for unknown in [5, i8::MAX, -1, i8::MIN] {
         let (mut controller, mut puppet, mut out) = goes_on(|i| i.op.mode = unknown);
         for _ in 0..400 {
@@ -264,7 +265,7 @@ fn unknown_modes_stand_and_unknown_gaits_change_nothing() {
 }
 
 #[test]
-fn operator_numbers_of_any_size_are_limited() {
+fn operator_commands_of_any_size_are_limited() {
     for size in [1e3, 1e200, f64::MAX, -f64::MAX] {
         let (mut controller, mut puppet, mut out) = walking();
         for _ in 0..100 {
@@ -283,7 +284,7 @@ fn operator_numbers_of_any_size_are_limited() {
 }
 
 #[test]
-fn before_the_first_good_input_it_waits_and_says_what_for() {
+fn before_the_first_good_input_the_controller_is_idle_and_reports_the_fault() {
     let (mut controller, mut out) = (hyq(), Outbox::new());
     let good = standing(hyq().robot());
     type Edit = fn(&mut ControllerInput);
@@ -305,7 +306,7 @@ fn before_the_first_good_input_it_waits_and_says_what_for() {
         assert!(finite(&command));
         assert_eq!((&command.tau, &command.kp, &command.kd), (&vec![0.0; 12], &vec![0.0; 12], &vec![0.0; 12]));
     }
-    // The clock starts where the first good input says, also before the bad ones.
+    // The clock starts with the first good input, even if its time is before that of the bad inputs.
     let mut input = ControllerInput { t_ns: -5_000_000, tick: 5, ..good };
     input.state.t_ns = input.t_ns;
     controller.step(&input, &mut out);
@@ -315,7 +316,7 @@ fn before_the_first_good_input_it_waits_and_says_what_for() {
 }
 
 #[test]
-fn a_robot_that_hangs_in_the_air_searches_for_the_ground_and_gives_up() {
+fn a_robot_without_ground_contact_reaches_for_the_ground_then_damps() {
     let (mut controller, mut puppet, mut out) = walking();
     let mut lasts = 0;
     while tick_of(&out).fault == Tick::FAULT_NONE {

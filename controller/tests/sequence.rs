@@ -1,4 +1,4 @@
-//! Several controllers in order: who has the robot, starting and stopping, and that a state is the whole state.
+//! Sequences of controllers: which one commands the robot, start and stop, completeness of the snapshot.
 #![allow(non_snake_case, clippy::unwrap_used, missing_docs)]
 
 mod common;
@@ -32,7 +32,7 @@ fn both() -> Box<dyn Controller> {
     load("sequence(hold, quadruped)").unwrap()
 }
 
-/// A standing HyQ at a tick, with these controllers started.
+/// Input of a standing HyQ at a tick, with these controllers running.
 fn input(tick: i64, running: i64) -> ControllerInput {
     static STANDING: LazyLock<ControllerInput> = LazyLock::new(|| standing(hyq().robot()));
     let mut input = STANDING.clone();
@@ -45,7 +45,7 @@ fn messages(out: &Outbox) -> Vec<(String, Vec<u8>)> {
     out.iter().map(|(channel, bytes)| (channel.to_owned(), bytes.to_vec())).collect()
 }
 
-/// Which controllers run in which tick: each alone, both, none, one anew.
+/// Controllers that run in each tick: each alone, both, none, one restarted.
 fn schedule(tick: i64) -> i64 {
     match tick {
         0..3 => HOLD,
@@ -57,7 +57,7 @@ fn schedule(tick: i64) -> i64 {
 }
 
 #[test]
-fn the_last_started_has_the_robot_and_the_others_are_heard_beside() {
+fn the_last_running_controller_commands_the_robot() {
     let (mut sequence, mut out) = (both(), Outbox::new());
     let (mut alone, mut of_alone) = (load("quadruped").unwrap(), Outbox::new());
     for tick in 0..14 {
@@ -87,7 +87,7 @@ fn the_last_started_has_the_robot_and_the_others_are_heard_beside() {
 }
 
 #[test]
-fn one_that_is_started_anew_begins_as_on_its_first_tick() {
+fn a_restarted_controller_starts_as_on_its_first_tick() {
     let (mut sequence, mut out) = (both(), Outbox::new());
     for tick in 0..14 {
         sequence.step(&input(tick, schedule(tick)), &mut out);
@@ -100,7 +100,7 @@ fn one_that_is_started_anew_begins_as_on_its_first_tick() {
 }
 
 #[test]
-fn a_state_is_the_whole_state() {
+fn restart_from_any_snapshot_gives_the_same_run() {
     for restart in 0..14 {
         let (mut sequence, mut out) = (both(), Outbox::new());
         let (mut restarted, mut of_restarted) = (both(), Outbox::new());
@@ -121,7 +121,7 @@ fn a_state_is_the_whole_state() {
 }
 
 #[test]
-fn the_published_state_is_the_one_that_can_be_taken_over() {
+fn the_published_snapshot_can_be_restored() {
     let (mut sequence, mut out) = (both(), Outbox::new());
     sequence.step(&input(0, HOLD | QUADRUPED), &mut out);
     let mut state = Vec::new();
@@ -137,7 +137,7 @@ fn the_published_state_is_the_one_that_can_be_taken_over() {
 }
 
 #[test]
-fn hold_goes_to_the_posture_at_rest_and_damps_when_measurements_stay_away() {
+fn hold_moves_to_the_posture_and_damps_when_measurements_time_out() {
     let (mut hold, mut out) = (load("hold").unwrap(), Outbox::new());
     let robot = hyq();
     let folded: Vec<f64> = robot.robot().q_nominal.iter().map(|q| q + 0.4).collect();
@@ -159,7 +159,7 @@ fn hold_goes_to_the_posture_at_rest_and_damps_when_measurements_stay_away() {
         before.clone_from(&command.q_des);
     }
     assert_eq!(before, robot.robot().q_nominal);
-    // 15/8 of the mean rate: 0.4 rad in 3 s.
+    // The largest rate is 15/8 of the mean rate: 0.4 rad in 3 s.
     assert!((fastest - 0.25).abs() < 1e-3, "{fastest}");
     assert_eq!(tick_of(&out).mode, ControllerTick::MODE_STANCE);
 
@@ -173,9 +173,9 @@ fn hold_goes_to_the_posture_at_rest_and_damps_when_measurements_stay_away() {
     assert_eq!(command_of(&out).mode, RobotCommand::MODE_DAMPING, "it stays damped");
 }
 
-/// Other times and gains, whenever they come, move no reference by more than a step and no joint by more than its effort.
+/// A change of times and gains at any tick gives no step in the references and no torque above the effort.
 #[test]
-fn hold_takes_other_parameters_without_a_jump() {
+fn hold_changes_parameters_without_a_step() {
     let robot = hyq();
     let folded: Vec<f64> = robot.robot().q_nominal.iter().map(|q| q + 0.4).collect();
     for (change, key, value) in
@@ -206,7 +206,7 @@ fn hold_takes_other_parameters_without_a_jump() {
 }
 
 #[test]
-fn hold_damps_what_no_joint_can_be() {
+fn hold_damps_on_implausible_measurements() {
     for (spoil, code) in [
         (|s| s.qd[3] = 500.0, ControllerTick::FAULT_JOINT_VELOCITY),
         (|s| s.q[3] = 50.0, ControllerTick::FAULT_JOINT_POSITION),
@@ -223,9 +223,9 @@ fn hold_damps_what_no_joint_can_be() {
     }
 }
 
-/// What a controller that is stopped was doing is nobody's: after a panic that is half a tick.
+/// A stopped controller's state is not part of the snapshot: after a panic it may be inconsistent.
 #[test]
-fn a_stopped_controller_leaves_nothing_in_the_state() {
+fn the_snapshot_contains_no_state_of_a_stopped_controller() {
     let state = |controller: &dyn Controller| {
         let mut state = Vec::new();
         controller.snapshot(&mut state);

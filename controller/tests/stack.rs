@@ -1,4 +1,4 @@
-//! Stacks in the controller: what loads, what the levels keep of each other, what is left when one fails.
+//! Stacks of tasks in the controller: invalid stacks, strict priorities, levels without solution.
 #![allow(non_snake_case, clippy::unwrap_used, missing_docs)]
 
 mod common;
@@ -17,15 +17,16 @@ use controller::stack::{S1, S3};
 use controller::{Controller, Outbox};
 use lcmtypes::{OperatorCommand, WbcSolution};
 use nalgebra::{DVector, Matrix3, Vector3};
+use test_support::replace_once;
 
 const UNDER: &str = "<< base_dynamics << friction << joint_acceleration << force_bounds";
 
 fn with_formula(tasks: &str) -> Quadruped {
-    // A Cartesian task knows nothing of the ground that the trunk task follows.
+    // A Cartesian task does not follow the ground inclination; the trunk task does.
     hyq_with(&[("stack.formula", &format!("{tasks} {UNDER}")), ("terrain.estimator", "false")])
 }
 
-/// Tasks of one's own, as they stand in a robot's file.
+/// User-defined tasks as in a robot file.
 const TASKS: &str = r#"
 [terrain]
 estimator = false
@@ -57,14 +58,14 @@ fn loaded(tasks: &str, formula: &str) -> Result<Quadruped, String> {
 }
 
 #[test]
-fn a_stack_that_does_not_fit_the_robot_is_refused_by_the_name_of_the_entry() {
+fn an_invalid_stack_is_rejected_with_the_name_of_the_entry() {
     for (formula, expected) in [
         ("contact / trnk", "column 11: unknown task \"trnk\", known: contact, trunk, posture, lean, span, still"),
         ("contact / trunk[3]", "column 11: row 3 of trunk, expected 0 to 2"),
-        // The trunk's orientation twice: the second finds everything decided.
-        ("contact / trunk / lean[3,4,5] + posture", "column 19: lean on level 3 can never act"),
-        // A link does not move against itself.
-        ("10 still + contact", "column 4: still on level 1 can never act: in the nominal posture none of its 6 rows"),
+        // The orientation of the trunk twice: the second task has no effect.
+        ("contact / trunk / lean[3,4,5] + posture", "column 19: lean on level 3"),
+        // A link does not move relative to itself.
+        ("10 still + contact", "column 4: still on level 1"),
     ] {
         let error = loaded(TASKS, formula).err().unwrap();
         assert!(error.contains(expected), "{formula}: {error}");
@@ -77,9 +78,9 @@ fn a_stack_that_does_not_fit_the_robot_is_refused_by_the_name_of_the_entry() {
         ("[300.0, 300.0", "[300.0, -1.0", "stack.tasks.span.kp: found -1"),
         ("kd = [20.0, 20.0,", "kd = [", "invalid length 4"),
         ("\"cartesian\"\nlink = \"rf", "\"carthesian\"\nlink = \"rf", "unknown variant `carthesian`"),
-        ("relative_to", "relativ_to", "unknown field `relativ_to`"),
+        ("relative_to = \"lf", "relativ_to = \"lf", "unknown field `relativ_to`"),
     ] {
-        let error = loaded(&TASKS.replace(from, to), "contact / posture").err().unwrap();
+        let error = loaded(&replace_once(TASKS, from, to), "contact / posture").err().unwrap();
         assert!(error.contains(expected), "{to}: {error}");
     }
     let overrides = [("stack.formula".to_owned(), "contact &".to_owned())];
@@ -88,8 +89,8 @@ fn a_stack_that_does_not_fit_the_robot_is_refused_by_the_name_of_the_entry() {
 }
 
 #[test]
-fn tasks_of_ones_own_do_what_the_built_in_ones_do() {
-    // Orientation of the trunk link in the world, with the trunk task's gains and no operator who leans: the same task.
+fn a_user_defined_task_equals_the_built_in_one() {
+    // Orientation of the trunk link in the world, with the gains of the trunk task and level reference: the same task.
     let stand = |mut controller: Quadruped| {
         let (mut puppet, mut out) = (Puppet::new(4), Outbox::new());
         for _ in 0..50 {
@@ -119,22 +120,22 @@ fn residuals(formula: &str) -> Vec<[f64; 3]> {
 }
 
 #[test]
-fn no_level_takes_away_what_one_above_has_reached() {
+fn no_level_changes_the_residuals_of_a_level_above() {
     let (alone, two, three) =
         (residuals("contact"), residuals("contact / trunk"), residuals("contact / trunk / posture"));
     let largest = |a: &[[f64; 3]], b: &[[f64; 3]], task: usize| {
         a.iter().zip(b).map(|(a, b)| (a[task] - b[task]).abs()).fold(0.0, f64::max)
     };
-    // The puppet's joints do not obey, so the inputs are the same in all three runs.
+    // The puppet ignores the torques, so the inputs are the same in all three runs.
     assert!(largest(&alone, &two, 0) < 1e-4 && largest(&alone, &three, 0) < 1e-4);
     assert!(largest(&two, &three, 1) < 1e-3, "{}", largest(&two, &three, 1));
-    // And each level has something to say.
+    // Each level has an effect.
     assert!(largest(&alone, &two, 1) > 0.1 && largest(&two, &three, 2) > 0.1);
 }
 
 #[test]
-fn a_level_that_repeats_what_is_decided_does_no_harm() {
-    // Two descriptions of the trunk's orientation on different levels, and more posture than is left free.
+fn a_redundant_level_does_no_harm() {
+    // Two tasks for the orientation of the trunk on different levels, and more posture rows than free directions.
     let text = "contact / trunk[0,1] / lean[3,4,5] + posture[0] / posture[1,2,3,4,5,6,7,8,9,10,11]";
     let mut controller = loaded(TASKS, text).unwrap();
     let (mut puppet, mut out) = (Puppet::new(4), Outbox::new());
@@ -147,8 +148,8 @@ fn a_level_that_repeats_what_is_decided_does_no_harm() {
 }
 
 #[test]
-fn when_a_lower_level_fails_the_last_good_one_commands_and_the_log_says_so() {
-    // Enough iterations for some levels, not for all: which ones need more depends on the tick and on the order.
+fn when_a_lower_level_fails_the_level_above_gives_the_command() {
+    // Enough iterations for some levels, not for all; which level fails depends on the tick and on the order.
     let mut seen = [0; 3];
     for (formula, iterations) in [
         ("trunk / contact / posture", 8),
@@ -174,8 +175,12 @@ fn when_a_lower_level_fails_the_last_good_one_commands_and_the_log_says_so() {
                 assert_eq!(wbc.level, i32::try_from(good).unwrap() - 1);
                 assert_eq!(wbc.level_status[good], WbcSolution::STATUS_FAILED);
                 assert!(wbc.level_status[good + 1..].iter().all(|s| *s == WbcSolution::STATUS_NOT_RUN));
-                assert_eq!(controller.state().qp_failures > 0, good == 0, "a level above that commands is no failure");
-                // It obeys the constraints, whatever the level.
+                assert_eq!(
+                    controller.state().qp_failures > 0,
+                    good == 0,
+                    "with a solution of a level above, the tick is no failure"
+                );
+                // The solution of any level satisfies the constraints.
                 assert!(good == 0 || wbc.base_residual < 1e-4, "{}", wbc.base_residual);
             }
             puppet.react(&out);
@@ -185,8 +190,8 @@ fn when_a_lower_level_fails_the_last_good_one_commands_and_the_log_says_so() {
 }
 
 #[test]
-fn a_program_made_infeasible_is_explained_by_the_names_of_its_constraints() {
-    // The active set has the constraints of all levels in one place; only Clarabel's levels can be tampered with one by one.
+fn an_infeasible_program_is_explained_by_the_names_of_its_constraints() {
+    // The active-set solver has the constraints of all levels in one program; only with Clarabel can one level be changed.
     for (formula, solver, tampered) in
         [(S1, "active_set", 0), (S3, "active_set", 0), (S1, "clarabel", 0), (S3, "clarabel", 0), (S3, "clarabel", 1)]
     {
@@ -204,7 +209,7 @@ fn a_program_made_infeasible_is_explained_by_the_names_of_its_constraints() {
         wbc.solve(&estimate, &state);
         assert_eq!((wbc.info.status, wbc.explain(&robot)), (QpStatus::Solved, None));
 
-        // LH is to push with at least 20 N, which is its normal row, and with at most 15 N.
+        // The normal force of LH is at least 20 N by its row, and at most 15 N by its bound.
         let bound = wbc.stack.levels[tampered].qp.n() - 4;
         wbc.stack.levels[tampered].qp.upper[bound] = 0.15;
         wbc.solve(&estimate, &state);
@@ -213,7 +218,7 @@ fn a_program_made_infeasible_is_explained_by_the_names_of_its_constraints() {
         let mut names: Vec<&str> = found.iter().map(|v| v.name.as_str()).collect();
         names.sort_unstable();
         assert_eq!((level, names), (tampered, vec!["normal force of LH", "upper bound of force z of LH"]));
-        // 5 N, shared by the two.
+        // The difference of 5 N is shared by the two.
         assert!(found.iter().all(|v| (v.by - 0.025).abs() < 1e-5), "{found:?}");
     }
 }

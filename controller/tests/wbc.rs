@@ -1,4 +1,4 @@
-//! The whole-body controller against mechanics: what its solutions must satisfy, whatever the tasks are.
+//! The whole-body controller: conditions of mechanics that every solution must satisfy.
 #![allow(non_snake_case, clippy::unwrap_used, missing_docs)]
 
 mod common;
@@ -18,7 +18,7 @@ use controller::{Controller, Outbox};
 use lcmtypes::{ControllerInput, LegState, OperatorCommand, WbcSolution, channels};
 use nalgebra::{DMatrix, DVector, Matrix3, Vector3};
 
-/// Jacobians of the four feet, one below the other, 12 x nv.
+/// Stacked Jacobians of the four feet, 12 x nv.
 fn stacked(estimate: &Estimate) -> DMatrix<f64> {
     let mut J = DMatrix::zeros(12, estimate.M.ncols());
     for (leg, of_leg) in estimate.legs.iter() {
@@ -32,9 +32,9 @@ fn stacked_forces(wbc: &WbcSolution) -> DVector<f64> {
 }
 
 #[test]
-fn standing_level_the_feet_carry_the_weight_with_the_smallest_forces_and_static_torques() {
+fn a_level_robot_is_carried_by_least_norm_forces_and_static_torques() {
     let (mut controller, mut puppet, mut out) = (hyq(), Puppet::new(1), Outbox::new());
-    // Nobody commands, nothing sways: the joints settle over the virtual footholds.
+    // No operator, no sway: the joints settle over the virtual footholds.
     puppet.noise = 0.0;
     puppet.input.op = OperatorCommand { seq: -1, ..Default::default() };
     let mut last: Option<ControllerInput> = None;
@@ -49,7 +49,7 @@ fn standing_level_the_feet_carry_the_weight_with_the_smallest_forces_and_static_
     let f_z: f64 = wbc.f_F_W.iter().map(|f| f[2]).sum();
     assert!((f_z / weight - 1.0).abs() < 1e-3, "sum of the vertical forces {f_z} N, weight {weight} N");
 
-    // By itself: of all forces that balance h, those of least norm, F = A⁺ h_u with A = J_uᵀ; then tau = h - Jᵀ F.
+    // Expected: of all forces that balance h, those of least norm, F = A⁺ h_u with A = J_uᵀ; then tau = h - Jᵀ F.
     let mut estimate = Estimate::new(robot);
     estimate.update(robot, &last.unwrap().state);
     let J = stacked(&estimate);
@@ -61,17 +61,17 @@ fn standing_level_the_feet_carry_the_weight_with_the_smallest_forces_and_static_
     let found = DVector::from_row_slice(&command_of(&out).tau);
     let off = (found - tau.rows(6, 12)).norm() / tau.rows(6, 12).norm();
     assert!(off < 1e-3, "torques off by {off:e}");
-    // And it stays where it is.
+    // The robot does not accelerate.
     assert!(wbc.vd.iter().all(|a| a.abs() < 0.02), "{:?}", wbc.vd);
 }
 
 #[test]
-fn every_solution_keeps_the_dynamics_the_friction_pyramid_and_the_bounds() {
+fn every_solution_satisfies_dynamics_friction_pyramid_and_bounds() {
     let (mut controller, mut puppet, mut out) = (hyq(), Puppet::new(2), Outbox::new());
     let (mut estimate, c) = (Estimate::new(controller.robot()), 0.6 / 2.0_f64.sqrt());
     let (mut on_pyramid, mut swinging) = (0, 0);
     for tick in 0..1500 {
-        // Pushed around now and then, so that the limits matter.
+        // Occasional pushes make the limits active.
         if tick % 100 < 10 {
             puppet.input.state.w_WI_I[tick % 3] += 1.0;
         }
@@ -95,7 +95,7 @@ fn every_solution_keeps_the_dynamics_the_friction_pyramid_and_the_bounds() {
         }
         for (i, f) in wbc.f_F_W.iter().enumerate() {
             if legs.state[i] != LegState::STATE_STANCE {
-                assert_eq!(*f, [0.0; 3], "tick {tick}: force on a swinging foot");
+                assert_eq!(*f, [0.0; 3], "tick {tick}: force on a swing foot");
                 swinging += 1;
                 continue;
             }
@@ -113,7 +113,7 @@ fn every_solution_keeps_the_dynamics_the_friction_pyramid_and_the_bounds() {
     assert!(on_pyramid > 20 && swinging > 200, "{on_pyramid} forces at the pyramid, {swinging} swinging feet");
 }
 
-/// HyQ on four feet with a trunk reference, its program solved at a measured base.
+/// HyQ on four feet with a trunk reference, and its program solved at a measured base.
 struct Stand {
     params: Params,
     input: ControllerInput,
@@ -160,8 +160,8 @@ fn turn(w: &Vector3<f64>, dt: f64) -> Matrix3<f64> {
 }
 
 #[test]
-fn at_any_heading_the_trunk_task_takes_a_tilt_away() {
-    // Yaw 2 rad, 3 degrees of tilt: with the error's sign as printed in the source it tips over, with body axes it circles.
+fn the_trunk_task_removes_a_tilt_at_any_heading() {
+    // Yaw 2 rad, 3 degrees of tilt. With the sign of the error as printed in the source the robot tips over; with body axes it circles.
     let mut stand = Stand::new();
     let trunk = TrunkReference { R_WB: Rz(2.0), w_WB_W: Vector3::zeros() };
     let tilt = 3.0_f64.to_radians();
@@ -175,12 +175,12 @@ fn at_any_heading_the_trunk_task_takes_a_tilt_away() {
     }
     let left = norm(&log(&(trunk.R_WB * R_WB.transpose())));
     assert!(left < 0.01 * tilt, "{left} rad are left of {tilt}");
-    assert!(largest < 1.001 * tilt, "it leaned to {largest} rad on the way");
+    assert!(largest < 1.001 * tilt, "largest tilt {largest} rad");
 }
 
 #[test]
-fn what_the_trunk_task_asks_for_is_what_the_program_gives() {
-    // Four feet leave the trunk free, so its task, a thousand times heavier than the posture, is met nearly exactly.
+fn the_solution_has_the_acceleration_of_the_trunk_task() {
+    // Four feet do not constrain the trunk. Its task has 1000 times the weight of the posture, so it is satisfied almost exactly.
     let mut stand = Stand::new();
     let trunk = TrunkReference { R_WB: Rz(-1.0) * Rx(0.01), w_WB_W: Vector3::new(0.0, 0.0, 0.1) };
     let wd = stand.solve(&Rz(-1.01), &Vector3::zeros(), &trunk);
@@ -191,18 +191,18 @@ fn what_the_trunk_task_asks_for_is_what_the_program_gives() {
 
 #[test]
 fn nothing_depends_on_the_base_position() {
-    // It is not among the inputs: the estimator sets the base to the origin and at rest. What is left to vary is that the model really
-    // gives the same at any position and linear velocity, and `model_identities` does that. Here: the input has no field for it.
+    // The input has no base position: the estimator uses the origin, at rest. `model_identities` shows that the model does not depend on
+    // position and linear velocity of the base.
     let ControllerInput { t_ns: _, tick: _, running: _, t_op_ns: _, state, op: _ } = ControllerInput::default();
     let lcmtypes::RobotState { t_ns: _, seq: _, nj: _, q: _, qd: _, tau: _, q_WI_wxyz: _, w_WI_I: _, a_I: _ } = state;
     let at = *Estimate::new(hyq().robot()).kin.base();
     assert_eq!((at.p_WB, at.v_WB), (Vector3::zeros(), Vector3::zeros()));
 }
 
-/// Told that the base is somewhere else and moves, anew in every tick, the controller says the same in every byte of every message, also with
-/// tasks of links in the world and against each other.
+/// With another base position and velocity in every tick, every byte of every message is the same; also with tasks of links in the world
+/// and relative to each other.
 #[test]
-fn no_bit_depends_on_where_the_base_is_taken_to_be() {
+fn the_assumed_base_position_changes_no_bit() {
     let toml = format!(
         "{PARAMS}\n[stack]\nformula = \"contact / trunk + posture + 0.1 span + 0.1 nose << base_dynamics << friction << force_bounds\"\n\
          [stack.tasks.span]\ntype = \"cartesian\"\nlink = \"rf_foot\"\nrelative_to = \"lh_foot\"\nkp = [9, 9, 9, 0, 0, 0]\nkd = [6, 6, 6, 0, 0, 0]\n\
@@ -227,7 +227,7 @@ fn no_bit_depends_on_where_the_base_is_taken_to_be() {
 }
 
 #[test]
-fn a_foot_in_swing_is_not_in_the_contact_task() {
+fn a_swing_foot_is_not_in_the_contact_task() {
     let mut stand = Stand::new();
     let trunk = TrunkReference { R_WB: Matrix3::identity(), w_WB_W: Vector3::zeros() };
     stand.state.leg_state = PerLeg::default();

@@ -9,6 +9,7 @@ use replay::engine::{Cursor, Options, Replay};
 use replay::log::{EventFilter, ExcerptWindow, LogReader, LogWriter, Types, copy_excerpt};
 use std::path::{Path, PathBuf};
 use std::sync::LazyLock;
+use test_support::replace_once;
 
 /// Two changes during a trot, one of them a new stack of tasks, and three rejected requests.
 static CHANGES: &str = r#"
@@ -37,7 +38,8 @@ value = "contact + 0.5 * trunk + 0.1 * posture << base_dynamics << friction << f
 /// A run of 3.3 s with changes, snapshots at ticks 0, 1000, 2000, 3000.
 static RUN: LazyLock<Seen> = LazyLock::new(|| {
     let formula = controller::stack::S3;
-    let changes = CHANGES.replace(
+    let changes = replace_once(
+        CHANGES,
         "contact + 0.5 * trunk + 0.1 * posture << base_dynamics << friction << force_bounds",
         formula.trim_matches('"'),
     );

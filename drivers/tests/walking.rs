@@ -10,6 +10,7 @@ use lcmtypes::{
     RobotState, RunInfo, channels,
 };
 use std::path::Path;
+use test_support::replace_once;
 
 /// What a test may look at in a tick.
 struct Tick {
@@ -122,7 +123,7 @@ fn the_height_over_flat_ground_is_known_to_a_few_millimetres() {
 #[test]
 fn a_pushed_robot_stays_where_it_is_with_the_capture_point_and_runs_away_without() {
     // Without it the robot is still on its feet a second before the end, far away; then it falls.
-    let hard = |s: String| s.replace("300.0", "600.0").replace("duration_s = 8.0", "duration_s = 7.0");
+    let hard = |s: String| replace_once(&replace_once(&s, "300.0", "600.0"), "duration_s = 8.0", "duration_s = 7.0");
     let way = |on: &str| {
         let mut last = [0.0; 3];
         walk("hyq", "push", hard, &[("recovery.capture_point", on)], |tick| last = tick.truth.p_WB);
@@ -139,7 +140,7 @@ fn both_robots_cross_the_beginning_of_the_rough_track() {
         walk(
             robot,
             "rough_track",
-            |s| s.replace("duration_s = 45.0", "duration_s = 16.0"),
+            |s| replace_once(&s, "duration_s = 45.0", "duration_s = 16.0"),
             &[],
             |tick| {
                 x = tick.truth.p_WB[0];
@@ -170,7 +171,7 @@ swing_frequency = 50.0
     let edit = |s: String| {
         let (head, tail) = s.split_at(s.find("[[operator]]\nt_s = 7.0").unwrap());
         let tail = &tail[tail.find("[[push]]").unwrap()..];
-        format!("{head}{settings}\n{}", tail.replace("300.0", "0.0"))
+        format!("{head}{settings}\n{}", replace_once(tail, "300.0", "0.0"))
     };
     walk("hyq", "push", edit, &[], |tick| {
         for (before, now) in before.iter().zip(&tick.legs.state) {

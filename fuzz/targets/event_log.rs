@@ -1,4 +1,4 @@
-//! The reader of LCM event logs takes any bytes: no panic, no item outside the file, never more bytes in items than the file has.
+//! The reader of LCM event logs accepts any bytes: no panic, no item outside the file, items not longer than the file in total.
 #![no_main]
 
 use libfuzzer_sys::fuzz_target;

@@ -1,4 +1,4 @@
-//! The parser of the LCM type language takes any text, and the decoder of a type it has made any message: no panic, no endless work.
+//! The parser of the LCM type language accepts any text, and the decoder of the parsed types any message: no panic, bounded time.
 //! The text ends at the first NUL byte, the message follows.
 #![no_main]
 

@@ -1,4 +1,4 @@
-//! The reader of MCAP takes any bytes: no panic, an end, no item outside the file, the same items twice.
+//! The reader of MCAP accepts any bytes: no panic, it terminates, no item outside the file, the same items in two passes.
 #![no_main]
 
 use libfuzzer_sys::fuzz_target;

@@ -1,7 +1,7 @@
-//! Fragments in any order, any number of times, among datagrams of any content.
+//! Reassembly of fragments in any order and number among arbitrary datagrams.
 //!
-//! The input is a list of steps. A step of the honest sender hands over one fragment of one of its messages; a step of the other sender hands
-//! over bytes as they stand in the input. Whatever comes out of the honest sender's fragments must be what went in.
+//! The input is a list of steps. A step of the correct sender passes one fragment of one of its messages; a step of the other sender passes
+//! bytes of the input. Every message reassembled from the correct sender's fragments must equal the original.
 #![no_main]
 
 use libfuzzer_sys::fuzz_target;
@@ -12,7 +12,7 @@ use std::sync::LazyLock;
 const BYTES: usize = 300_000;
 const MESSAGES: usize = 5;
 
-/// Messages of the honest sender, and their datagrams.
+/// Messages of the correct sender, and their datagrams.
 static SENT: LazyLock<Vec<(Vec<u8>, Vec<Vec<u8>>)>> = LazyLock::new(|| {
     let lengths = [65_497, 70_000, 130_972, 140_000, 200_000, 65_500, 100_000, 196_000];
     let message = |(sequence, length): (u32, &usize)| {
@@ -54,7 +54,7 @@ fuzz_target!(|input: &[u8]| {
         if step % 16 == 15 {
             reassembler.expire(t_ns);
         }
-        // The newest message is never given up, so one fragment may stand above the limit.
+        // The newest message is never dropped, so the limit may be exceeded by one fragment.
         assert!(reassembler.bytes() <= BYTES + 65_507 + 64, "{} bytes", reassembler.bytes());
         reassembler.abandoned();
     }

@@ -1,29 +1,27 @@
-//! What is worth stopping at: touchdowns, failures of the solver, missed deadlines, divergences, and what the log itself calls an event.
+//! Events to stop at: touchdowns, solver failures, missed deadlines, divergences, EVENT messages of the log and changes of mode.
 
-use controller::dump::Quantity;
-use lcmtypes::{
-    ControllerTick, LegState, Message, Timing, WbcSolution, channels,
-    enum_names::{self, LEGS},
-};
+use controller::dump::{Group, Value};
+use controller::quadruped::leg::Leg;
+use lcmtypes::{ControllerTick, LegState, Message, Timing, WbcSolution, channels, enum_names};
 use replay::engine::{Cursor, Moment};
 
 /// Kind of an event.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
 pub enum Kind {
-    /// A swinging leg stands again
+    /// A leg changes from swing to stance
     Touchdown,
-    /// The solver found no solution for a level of the stack
+    /// A level of the stack of tasks has no solution
     QpFailure,
-    /// A command was ready too late
+    /// The command was ready after its deadline
     MissedDeadline,
     /// The replay differs from the record
     Divergence,
-    /// An EVENT of the log, or a change of the controller's mode
+    /// An EVENT message of the log, or a change of the controller's mode
     Event,
 }
 
 impl Kind {
-    /// Name for a person.
+    /// Name on the screen and in JSON.
     pub fn name(self) -> &'static str {
         match self {
             Kind::Touchdown => "touchdown",
@@ -35,16 +33,16 @@ impl Kind {
     }
 }
 
-/// Something that happened in a tick.
+/// An event of a tick.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Event {
-    /// What it is.
+    /// Kind.
     pub kind: Kind,
-    /// In words.
+    /// One line of text.
     pub text: String,
 }
 
-/// What an event is a change of.
+/// Values of the tick before, whose changes are events.
 #[derive(Clone, Copy, Default, PartialEq)]
 struct Before {
     legs: Option<[i8; 4]>,
@@ -60,11 +58,12 @@ impl Before {
     }
 }
 
+/// The replayed message of a type.
 fn decoded<M: Message>(moment: &Moment, channel: &str) -> Option<M> {
     M::decode(moment.replayed(channel)?).ok()
 }
 
-/// The events of a tick. Goes back to the tick before it, and returns.
+/// The events of a tick. Moves the cursor to the tick before and back.
 pub fn at(cursor: &mut Cursor, moment: &Moment) -> anyhow::Result<Vec<Event>> {
     let before = match cursor.go_to(moment.tick - 1) {
         Ok(before) => Before::of(&before),
@@ -75,7 +74,7 @@ pub fn at(cursor: &mut Cursor, moment: &Moment) -> anyhow::Result<Vec<Event>> {
     Ok(found(before, moment))
 }
 
-/// Goes on to the next event behind `tick`, of one kind or any, at most `most` ticks.
+/// Moves to the first tick after `tick` with an event of a kind (`None`: of any kind); searches at most `most` ticks.
 pub fn next(cursor: &mut Cursor, tick: i64, kind: Option<Kind>, most: u64) -> Result<Option<Moment>, replay::Error> {
     let mut before = Before::default();
     cursor.search(tick, most.saturating_add(1), &mut |moment| {
@@ -85,7 +84,7 @@ pub fn next(cursor: &mut Cursor, tick: i64, kind: Option<Kind>, most: u64) -> Re
     })
 }
 
-/// Goes back to the last event before `tick`, page by page from recorded state to recorded state.
+/// Moves back to the last tick before `tick` with an event. Searches the sections between recorded states, the last one first.
 pub fn previous(cursor: &mut Cursor, tick: i64) -> Result<Option<Moment>, replay::Error> {
     let mut end = tick;
     while end > cursor.first_tick() {
@@ -114,20 +113,20 @@ fn found(before: Before, moment: &Moment) -> Vec<Event> {
     }
     let now = Before::of(moment);
     if let (Some(before), Some(now)) = (before.legs, now.legs) {
-        for (leg, (before, now)) in LEGS.iter().zip(before.into_iter().zip(now)) {
+        for (leg, (before, now)) in Leg::ALL.iter().zip(before.into_iter().zip(now)) {
             if before != LegState::STATE_STANCE && now == LegState::STATE_STANCE {
-                add(Kind::Touchdown, format!("{leg} touches down"));
+                add(Kind::Touchdown, format!("{} touches down", leg.name()));
             }
         }
     }
     if let Some(wbc) = decoded::<WbcSolution>(moment, channels::WBC_SOLUTION)
         && [WbcSolution::STATUS_FAILED, WbcSolution::STATUS_INFEASIBLE].contains(&wbc.status)
     {
-        add(Kind::QpFailure, format!("no solution: last level solved {}, of {}", wbc.level, wbc.n_levels));
+        add(Kind::QpFailure, format!("{} of {} levels have a solution", wbc.level.saturating_add(1), wbc.n_levels));
     }
     if before.mode.is_some() && before.mode != now.mode {
         let name = |mode: Option<i8>| mode.map_or("?", enum_names::mode);
-        add(Kind::Event, format!("mode {} becomes {}", name(before.mode), name(now.mode)));
+        add(Kind::Event, format!("mode changes from {} to {}", name(before.mode), name(now.mode)));
     }
     for event in &moment.beside {
         if *event.channel == *channels::TIMING {
@@ -136,17 +135,17 @@ fn found(before: Before, moment: &Moment) -> Vec<Event> {
                 && timing.end_ns > timing.deadline_ns
             {
                 let late = (timing.end_ns - timing.deadline_ns) / 1000;
-                add(Kind::MissedDeadline, format!("command {late} µs too late"));
+                add(Kind::MissedDeadline, format!("command {late} µs after its deadline"));
             }
-        } else if let Ok(said) = lcmtypes::Event::decode(&event.data) {
-            add(Kind::Event, format!("{}: {}", said.source, said.text));
+        } else if let Ok(message) = lcmtypes::Event::decode(&event.data) {
+            add(Kind::Event, format!("{}: {}", message.source, message.text));
         }
     }
     events
 }
 
 /// The events for JSON.
-pub fn quantity(events: &[Event]) -> Quantity {
-    let one = |event: &Event| Quantity::group().with("kind", event.kind.name()).with("text", event.text.as_str());
-    Quantity::List(events.iter().map(one).collect())
+pub fn to_value(events: &[Event]) -> Value {
+    let one = |event: &Event| Group::new().with("kind", event.kind.name()).with("text", event.text.as_str());
+    events.iter().map(one).collect::<Vec<_>>().into()
 }

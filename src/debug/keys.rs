@@ -1,4 +1,4 @@
-//! What keys do.
+//! The interactive screen: what each key does.
 
 use super::events::{self, Kind};
 use super::view::Screen;
@@ -9,13 +9,25 @@ use ratatui::DefaultTerminal;
 use replay::engine::{Cursor, Moment};
 use std::time::Duration;
 
-/// Ticks that are looked through before a key is asked for that ends the search.
-const AT_A_TIME: u64 = 500;
+/// Ticks that a search examines before it checks for a key that stops it.
+const SEARCH_STEP: u64 = 500;
 
-/// Shows ticks until the person has seen enough.
-pub fn interact(log: &str, info: &RunInfo, cursor: &mut Cursor, moment: Moment) -> anyhow::Result<()> {
-    let terminal = ratatui::try_init().context("no terminal to draw on (--once prints a single tick)")?;
-    let shown = Session { log, info, cursor, moment, terminal, message: String::new() }.run();
+/// Shows ticks until the user quits.
+///
+/// - `joints`: names of the joints, in URDF order.
+///
+/// # Errors
+/// If there is no terminal, or the log cannot be read or replayed.
+pub fn interact(
+    log: &str,
+    info: &RunInfo,
+    joints: &[String],
+    cursor: &mut Cursor,
+    moment: Moment,
+) -> anyhow::Result<()> {
+    let terminal =
+        ratatui::try_init().context("cannot open the terminal; `--once` prints a single tick without one")?;
+    let shown = Session { log, info, joints, cursor, moment, terminal, message: String::new() }.run();
     ratatui::restore();
     shown
 }
@@ -23,6 +35,7 @@ pub fn interact(log: &str, info: &RunInfo, cursor: &mut Cursor, moment: Moment) 
 struct Session<'a, 'r> {
     log: &'a str,
     info: &'a RunInfo,
+    joints: &'a [String],
     cursor: &'a mut Cursor<'r>,
     moment: Moment,
     terminal: DefaultTerminal,
@@ -53,13 +66,13 @@ impl Session<'_, '_> {
                 KeyCode::Char('b') => self.go_to_state(|state| state < tick, true)?,
                 KeyCode::Char('s') => self.go_to_state(|state| state > tick, false)?,
                 KeyCode::Char('n') => self.search(None)?,
-                KeyCode::Char('N') => self.back()?,
+                KeyCode::Char('N') => self.search_back()?,
                 KeyCode::Char('t') => self.search(Some(Kind::Touchdown))?,
                 KeyCode::Char('f') => self.search(Some(Kind::QpFailure))?,
                 KeyCode::Char('m') => self.search(Some(Kind::MissedDeadline))?,
                 KeyCode::Char('d') => self.search(Some(Kind::Divergence))?,
                 KeyCode::Char('e') => self.search(Some(Kind::Event))?,
-                KeyCode::Char('g') => self.ask()?,
+                KeyCode::Char('g') => self.ask_tick()?,
                 _ => {}
             }
         }
@@ -68,13 +81,13 @@ impl Session<'_, '_> {
     fn draw(&mut self) -> anyhow::Result<()> {
         let events = events::at(self.cursor, &self.moment)?;
         let last_tick = self.cursor.last_tick();
-        let Session { log, info, moment, message, terminal, .. } = self;
-        let screen = Screen { log, info, last_tick, moment, events: &events, message };
+        let Session { log, info, joints, moment, message, terminal, .. } = self;
+        let screen = Screen { log, info, joints, last_tick, moment, events: &events, message };
         terminal.draw(|frame| screen.draw(frame))?;
         Ok(())
     }
 
-    /// Goes to a tick, or the first or last one if there is none so far.
+    /// Shows a tick; a number outside the log is limited to its first or last tick.
     fn go_to(&mut self, tick: i64) -> anyhow::Result<()> {
         let tick = tick.clamp(self.cursor.first_tick(), self.cursor.last_tick());
         match self.cursor.go_to(tick) {
@@ -92,7 +105,8 @@ impl Session<'_, '_> {
         match if last { states.next_back() } else { states.next() } {
             Some(state) => self.go_to(state),
             None => {
-                "no recorded state there".clone_into(&mut self.message);
+                if last { "no recorded state before this tick" } else { "no recorded state after this tick" }
+                    .clone_into(&mut self.message);
                 Ok(())
             }
         }
@@ -102,23 +116,23 @@ impl Session<'_, '_> {
         let what = kind.map_or("event", Kind::name);
         let mut from = self.moment.tick;
         while from < self.cursor.last_tick() {
-            if let Some(moment) = events::next(self.cursor, from, kind, AT_A_TIME)? {
+            if let Some(moment) = events::next(self.cursor, from, kind, SEARCH_STEP)? {
                 self.moment = moment;
                 return Ok(());
             }
-            from = from.saturating_add_unsigned(AT_A_TIME);
+            from = from.saturating_add_unsigned(SEARCH_STEP);
             if poll(Duration::ZERO)? {
-                self.message = format!("stopped at tick {from}: no {what} so far");
+                self.message = format!("search stopped at tick {from}: no {what} found");
                 return Ok(());
             }
-            self.message = format!("looking for the next {what}: tick {from} (any key stops)");
+            self.message = format!("searching for the next {what}: tick {from} (any key stops)");
             self.draw()?;
         }
-        self.message = format!("no {what} behind this tick");
+        self.message = format!("no {what} after this tick");
         Ok(())
     }
 
-    fn back(&mut self) -> anyhow::Result<()> {
+    fn search_back(&mut self) -> anyhow::Result<()> {
         match events::previous(self.cursor, self.moment.tick)? {
             Some(moment) => self.moment = moment,
             None => "no event before this tick".clone_into(&mut self.message),
@@ -126,8 +140,8 @@ impl Session<'_, '_> {
         Ok(())
     }
 
-    /// Asks for the number of a tick.
-    fn ask(&mut self) -> anyhow::Result<()> {
+    /// Reads the number of a tick from the keyboard and shows that tick.
+    fn ask_tick(&mut self) -> anyhow::Result<()> {
         let mut digits = String::new();
         loop {
             self.message = format!("go to tick: {digits}");

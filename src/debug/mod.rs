@@ -1,45 +1,52 @@
-//! `hoof debug`: a log tick by tick in the terminal.
+//! `hoof debug`: steps through a log tick by tick in the terminal.
 
 mod events;
 mod keys;
+mod layout;
+#[cfg(test)]
+mod tests;
 mod view;
 
 use crate::progress::Progress;
 use crate::robot::overrides;
 use crate::{Outcome, replay_log, run_info, say, say_json};
+use controller::model::{Base, Model, UrdfTree};
 use events::Kind;
 use ratatui::Terminal;
 use ratatui::backend::TestBackend;
-use replay::engine::{Cursor, Moment, Options, Replay};
+use replay::engine::{Cursor, Options, Replay};
 use std::path::PathBuf;
+use view::Screen;
 
-/// Size of the screen that `--once` prints.
+/// Width and height of the screen that `--once` prints.
 const ONCE: (u16, u16) = (112, 36);
 
 #[derive(clap::Args)]
 #[command(after_help = "Example: hoof debug run.mcap\n         hoof debug run.mcap --tick 4812\n         \
     hoof debug run.mcap --once --next qp-failure --json\n\n\
-    Keys: → l forward, ← h back, ↑ k and ↓ j by 10 ticks, PgUp PgDn by 100, b back to the recorded state before, s on to the next one,\n\
-    n N next and previous event of any kind, t touchdown, f QP failure, m missed deadline, d divergence, e EVENT, g tick number, Home End, q quit")]
+    Keys: → or l next tick, ← or h previous tick, ↓ or j 10 ticks forward, ↑ or k 10 ticks back, PgDn and PgUp 100 ticks,\n\
+    Home and End first and last tick, g go to a tick by its number, b and s previous and next recorded state,\n\
+    n and N next and previous event of any kind, t next touchdown, f next QP failure, m next missed deadline,\n\
+    d next divergence, e next EVENT or change of mode, q or Esc quit")]
 pub struct Args {
-    /// Log, as for `hoof replay`
+    /// Log to step through
     log: PathBuf,
-    /// Tick to begin with
+    /// Show this tick first
     #[arg(long, value_name = "N", conflicts_with = "at")]
     tick: Option<i64>,
-    /// Time to begin with, s since the run's first tick
+    /// Show the tick at this time first, in s since the run's first tick
     #[arg(long, value_name = "S")]
     at: Option<f64>,
-    /// Go on to the next event of this kind
+    /// Search forward from there for an event of this kind
     #[arg(long, value_enum, value_name = "KIND")]
     next: Option<Kind>,
-    /// Change a parameter, as for `hoof replay`
+    /// Replay with a changed parameter (repeatable)
     #[arg(long, value_name = "KEY=VALUE")]
     set: Vec<String>,
-    /// Print the tick and end
+    /// Print the tick and exit
     #[arg(long)]
     once: bool,
-    /// Print JSON; needs --once
+    /// With --once, print every quantity of the tick as JSON
     #[arg(long, requires = "once")]
     json: bool,
 }
@@ -58,38 +65,48 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
     let mut moment = cursor.go_to(first)?;
     if let Some(kind) = args.next {
         let found = events::next(&mut cursor, first, Some(kind), u64::MAX)?;
-        let none = || anyhow::anyhow!("{}: no {} behind tick {first}", args.log.display(), kind.name());
+        let none = || anyhow::anyhow!("{}: no {} after tick {first}", args.log.display(), kind.name());
         moment = found.ok_or_else(none)?;
     }
+    let (log, joints) = (args.log.display().to_string(), joint_names(&replay.info().urdf));
     if !args.once {
-        keys::interact(&args.log.display().to_string(), replay.info(), &mut cursor, moment)?;
+        keys::interact(&log, replay.info(), &joints, &mut cursor, moment)?;
         return Ok(Outcome::Good);
     }
     let events = events::at(&mut cursor, &moment)?;
     if args.json {
-        let tree = replay_log::moment_tree(&moment).with("events", events::quantity(&events));
+        let tree = replay_log::moment_tree(&moment).with("events", events::to_value(&events));
         say_json(&tree)?;
     } else {
-        say(once(&args.log.display().to_string(), replay.info(), &cursor, &moment, &events)?)?;
+        let last_tick = cursor.last_tick();
+        let screen = Screen {
+            log: &log,
+            info: replay.info(),
+            joints: &joints,
+            last_tick,
+            moment: &moment,
+            events: &events,
+            message: "",
+        };
+        say(printed(&screen, ONCE)?)?;
     }
     Ok(Outcome::failed_if(moment.divergence.is_some()))
 }
 
-/// The screen as text.
-fn once(
-    log: &str,
-    info: &lcmtypes::RunInfo,
-    cursor: &Cursor,
-    moment: &Moment,
-    events: &[events::Event],
-) -> anyhow::Result<String> {
-    let mut terminal = Terminal::new(TestBackend::new(ONCE.0, ONCE.1))?;
-    let screen = view::Screen { log, info, last_tick: cursor.last_tick(), moment, events, message: "" };
+/// Names of the joints of a URDF, in its order; empty if it cannot be read.
+fn joint_names(urdf: &str) -> Vec<String> {
+    let model = UrdfTree::parse(urdf, "URDF of the log").and_then(|tree| Model::new(&tree, Base::Floating));
+    model.map_or_else(|_| Vec::new(), |model| model.joints.into_iter().map(|joint| joint.name).collect())
+}
+
+/// A screen as text.
+fn printed(screen: &Screen, (width, height): (u16, u16)) -> anyhow::Result<String> {
+    let mut terminal = Terminal::new(TestBackend::new(width, height))?;
     terminal.draw(|frame| screen.draw(frame))?;
     let buffer = terminal.backend().buffer();
     let row = |y: u16| {
-        let cells: String = (0..ONCE.0).filter_map(|x| buffer.cell((x, y))).map(|cell| cell.symbol()).collect();
+        let cells: String = (0..width).filter_map(|x| buffer.cell((x, y))).map(|cell| cell.symbol()).collect();
         cells.trim_end().to_owned()
     };
-    Ok((0..ONCE.1).map(row).collect::<Vec<_>>().join("\n").trim_end().to_owned())
+    Ok((0..height).map(row).collect::<Vec<_>>().join("\n").trim_end().to_owned())
 }

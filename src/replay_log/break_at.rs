@@ -2,7 +2,7 @@
 
 use crate::progress::Progress;
 use crate::{Outcome, say, say_json};
-use controller::dump::Quantity;
+use controller::dump::{Group, Value};
 use replay::engine::{Cursor, Moment, Options, Replay, lines, of_bytes};
 use std::path::Path;
 
@@ -21,14 +21,14 @@ pub fn run(log: &Path, options: &Options, tick: i64, json: bool) -> anyhow::Resu
 }
 
 /// A tick as a tree of quantities: time, difference, input, stages, recorded and replayed messages.
-pub fn tree(moment: &Moment) -> Quantity {
-    let mut tree = Quantity::group()
+pub fn tree(moment: &Moment) -> Group {
+    let mut tree = Group::new()
         .with("tick", moment.tick)
         .with("t_ns", moment.t_ns)
         .with("since_s", moment.since_s)
         .with("agrees", moment.divergence.is_none());
     if let Some(d) = &moment.divergence {
-        let mut difference = Quantity::group()
+        let mut difference = Group::new()
             .with("stage", d.stage)
             .with("channel", d.channel.as_str())
             .with("field", d.field.as_str())
@@ -42,16 +42,13 @@ pub fn tree(moment: &Moment) -> Quantity {
     if let Some(input) = moment.input_quantities() {
         tree = tree.with("input", input);
     }
-    if let Quantity::Group(stages) = &moment.dump.0 {
-        for (name, stage) in stages {
-            tree = tree.with(name, stage.clone());
-        }
+    for (stage, quantities) in &moment.dump.stages {
+        tree = tree.with(stage.name(), quantities.clone());
     }
     let messages = |messages: &mut dyn Iterator<Item = (&str, &[u8])>| {
-        messages.fold(Quantity::group(), |group, (channel, bytes)| {
-            let quantity =
-                of_bytes(bytes).unwrap_or_else(|| format!("{} bytes of an unknown type", bytes.len()).into());
-            group.with(channel, quantity)
+        messages.fold(Group::new(), |group, (channel, bytes)| {
+            let unknown = || Value::Text(format!("{} bytes of an unknown type", bytes.len()));
+            group.with(channel, of_bytes(bytes).unwrap_or_else(unknown))
         })
     };
     tree.with("recorded", messages(&mut moment.recorded.iter().map(|(c, bytes)| (&**c, &bytes[..]))))

@@ -1,4 +1,4 @@
-//! The model: movable bodies in one array, fixed joints merged away, links kept as frames.
+//! The model: one array of movable bodies; links behind fixed joints are merged into them and stay available as frames.
 
 use nalgebra::{Matrix3, Vector3};
 
@@ -15,11 +15,11 @@ pub const GRAVITY: f64 = 9.81;
 pub enum Base {
     /// Six degrees of freedom, not actuated.
     Floating,
-    /// Bolted to W.
+    /// Fixed to W.
     Fixed,
 }
 
-/// A movable joint: its place in `q`, `qd` and `tau`.
+/// Identifies a movable joint: its index in `q`, `qd` and `tau`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub struct JointId(usize);
 
@@ -30,7 +30,7 @@ impl JointId {
     }
 }
 
-/// A frame fixed to a body; there is one for every link.
+/// Identifies a frame fixed to a body; every link has one.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub struct FrameId(usize);
 
@@ -41,10 +41,10 @@ impl FrameId {
     }
 }
 
-/// What is known about a movable joint besides its place in the tree.
+/// Name, kind and limits of a movable joint.
 #[derive(Debug, Clone, PartialEq)]
 pub struct JointInfo {
-    /// As in the URDF.
+    /// Name in the URDF.
     pub name: String,
     /// Never [`JointKind::Fixed`].
     pub kind: JointKind,
@@ -56,29 +56,29 @@ pub struct JointInfo {
     pub effort: f64,
     /// Largest speed, rad/s or m/s.
     pub velocity: f64,
-    /// Viscous friction, N m s/rad or N s/m. Not part of `h`: the drives of the robot compensate it, or the simulator applies it.
+    /// Viscous friction, N m s/rad or N s/m. Not part of `h`: the robot's drives compensate it, and the simulator applies it.
     pub damping: f64,
 }
 
-/// How a body moves against its parent: along or about z of its own frame.
+/// Motion of a body relative to its parent: about or along z of its own frame.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Motion {
     Rotation,
     Translation,
 }
 
-/// A set of links fixed to each other, and the joint that moves it.
+/// Links that are fixed to each other, and the joint that moves them.
 ///
-/// The frame of a body has its z on the axis of its joint, whatever the URDF says, so that turning it costs two columns
-/// and the axis in W is a column of `R_WB`. The frame of the link differs by a constant rotation (see [`FrameOnBody`]).
+/// The z axis of the body frame is the axis of the joint. A rotation then changes only two columns of the rotation matrix, and the
+/// third column is the joint axis in W. The frame of the link differs by a constant rotation (see [`FrameOnBody`]).
 #[derive(Debug, Clone)]
 pub(super) struct Body {
     /// Index of the parent body; 0 for the root itself.
     pub(super) parent: usize,
     pub(super) motion: Motion,
-    /// Place of the joint in `q` and `qd`.
+    /// Index of the joint in `q` and `qd`.
     pub(super) i_q: usize,
-    /// Place of the joint in `v`.
+    /// Index of the joint in `v`.
     pub(super) i_v: usize,
     /// Pose of this body in its parent at position zero.
     pub(super) X_PB: Pose,
@@ -89,7 +89,7 @@ pub(super) struct Body {
     pub(super) I_C: Matrix3<f64>,
 }
 
-/// Where a link's frame sits.
+/// Frame of a link: its body, and its constant pose there.
 #[derive(Debug, Clone)]
 pub(super) struct FrameOnBody {
     pub(super) name: String,
@@ -98,14 +98,14 @@ pub(super) struct FrameOnBody {
     pub(super) X_BL: Pose,
 }
 
-/// A robot, ready for computing.
+/// Rigid-body model of a robot.
 #[derive(Debug, Clone)]
 pub struct Model {
-    /// As in the URDF.
+    /// Name of the robot in the URDF.
     pub name: String,
     /// Movable joints, in the order of the file text.
     pub joints: Vec<JointInfo>,
-    /// What is odd about the description.
+    /// Unusual properties of the description that are not errors.
     pub warnings: Vec<ModelWarning>,
     base: Base,
     total_mass: f64,
@@ -115,10 +115,10 @@ pub struct Model {
 }
 
 impl Model {
-    /// Merges links that do not move against each other, and lays the bodies out.
+    /// Builds the model of a URDF; merges links that are fixed to each other.
     ///
     /// # Errors
-    /// [`ModelError::BadNumber`] if the mass of the robot is not a finite number, or zero on a floating base.
+    /// [`ModelError::BadNumber`] if the total mass is not finite, or zero with a floating base.
     pub fn new(tree: &UrdfTree, base: Base) -> Result<Self, ModelError> {
         let nb = match base {
             Base::Floating => 6,
@@ -145,7 +145,7 @@ impl Model {
 
         let mut bodies = Vec::with_capacity(joints.len() + 1);
         let mut inertias: Vec<SpatialInertia> = Vec::with_capacity(joints.len() + 1);
-        let mut carriers = Vec::with_capacity(joints.len() + 1);
+        let mut first_links = Vec::with_capacity(joints.len() + 1);
         let mut frames: Vec<FrameOnBody> = Vec::with_capacity(tree.links.len());
         let mut total_mass = 0.0;
         for (i, link) in tree.links.iter().enumerate() {
@@ -179,7 +179,7 @@ impl Model {
                         I_C: Matrix3::zeros(),
                     });
                     inertias.push(SpatialInertia::zero());
-                    carriers.push(i);
+                    first_links.push(i);
                     let X_BL = Pose { p: Vector3::zeros(), R: R_LB.transpose() };
                     FrameOnBody { name: link.name.clone(), body: bodies.len() - 1, X_BL }
                 }
@@ -197,14 +197,14 @@ impl Model {
                 element: format!("robot \"{}\"", tree.name),
                 quantity: "total mass",
                 found: total_mass.to_string(),
-                expected: "a finite number, above zero on a floating base",
+                expected: "a finite number, greater than 0 for a floating base",
             });
         }
         let mut warnings = tree.warnings.clone();
         for (i, (body, inertia)) in bodies.iter_mut().zip(&inertias).enumerate() {
             (body.c, body.I_C) = inertia.about_com();
             body.m = inertia.m;
-            let link = &tree.links[carriers[i]];
+            let link = &tree.links[first_links[i]];
             if let (Some(joint), true) = (link.parent_joint, body.m == 0.0) {
                 warnings.push(ModelWarning::MasslessBody {
                     link: link.name.clone(),
@@ -223,12 +223,12 @@ impl Model {
         Ok(Self { name: tree.name.clone(), joints, warnings, base, total_mass, bodies, frames })
     }
 
-    /// Floating or fixed.
+    /// Kind of the base.
     pub fn base(&self) -> Base {
         self.base
     }
 
-    /// Length of `v`: base and joints.
+    /// Length of `v`.
     pub fn nv(&self) -> usize {
         self.nv_base() + self.nj()
     }
@@ -260,7 +260,7 @@ impl Model {
         names().position(|n| n == name).map(JointId).ok_or_else(|| self.unknown("joint", name, names()))
     }
 
-    /// Place of a joint in `v`, and so its row of `M` and column of a Jacobian.
+    /// Index of a joint in `v`: its row of `M` and its column of a Jacobian.
     pub fn v_index(&self, joint: JointId) -> usize {
         self.nv_base() + joint.0
     }
@@ -303,11 +303,11 @@ fn z_onto(axis: &Vector3<f64>) -> Matrix3<f64> {
     Matrix3::from_columns(&[x, axis.cross(&x), *axis])
 }
 
-/// A warning if no distribution of mass has this inertia: every principal moment is at most the sum of the other two.
+/// A warning if no mass distribution has this inertia: each principal moment must be at most the sum of the other two.
 fn implausible(link: &str, body: &Body) -> Option<ModelWarning> {
     let mut moments: [f64; 3] = body.I_C.symmetric_eigenvalues().into();
     moments.sort_by(f64::total_cmp);
-    // A rod has one moment of zero: rounding must not make it suspect.
+    // A thin rod has one moment of zero: the slack covers rounding.
     let slack = 1e-9 * moments[2].abs();
     let fits = moments[0] >= -slack && moments[2] <= moments[0] + moments[1] + slack;
     let empty = body.m == 0.0 && moments == [0.0; 3];

@@ -1,7 +1,7 @@
 //! Centre of mass and centroidal momentum.
 //!
 //! Source: D. E. Orin, A. Goswami, S.-H. Lee, *Centroidal dynamics of a humanoid robot* (2013). With spatial quantities about
-//! the origin of B, the momentum per unit of `v` is the top of the mass matrix; only its reference point moves to C.
+//! the origin of B, the momentum per unit of `v` is the upper part of the mass matrix; only the reference point is moved to C.
 
 use nalgebra::{DMatrix, Vector3, Vector6};
 
@@ -88,7 +88,7 @@ fn c_B_W(kin: &Kinematics) -> Vector3<f64> {
     kin.bodies[0].subtree.mc / kin.bodies[0].subtree.m
 }
 
-/// Momentum about the origin of B, for an observer who moves with `v_WB`.
+/// Momentum `(p, l)` about the origin of B in a frame that moves with `v_WB`.
 fn momentum_seen_from_base(kin: &Kinematics) -> (Vector3<f64>, Vector3<f64>) {
     let (mut p, mut l) = (Vector3::zeros(), Vector3::zeros());
     for body in &kin.bodies {

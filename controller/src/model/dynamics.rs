@@ -7,14 +7,14 @@ use super::kinematics::Kinematics;
 
 /// Mass matrix `M(q)`, kg, kg m and kg m² by rows of `v`.
 ///
-/// Column i is the force that accelerates the subtree of joint i by one, seen by the joints above and by the base.
+/// Column i is the generalized force at the base and at the joints above that gives joint i a unit acceleration.
 /// Source: R. Featherstone, *Rigid Body Dynamics Algorithms* (2008), §6.2 (composite rigid bodies).
 ///
-/// - writes all of `M`, nv x nv, exactly symmetric.
+/// - writes all of `M`, nv x nv; exactly symmetric.
 /// - cost O(nv depth), no allocation.
 ///
 /// # Panics
-/// If `M` has another shape.
+/// If the shape of `M` is not nv x nv.
 pub fn mass_matrix(model: &Model, kin: &Kinematics, M: &mut DMatrix<f64>) {
     let nv = model.nv();
     assert_eq!(M.shape(), (nv, nv), "the mass matrix is nv x nv");
@@ -69,18 +69,18 @@ pub fn mass_matrix(model: &Model, kin: &Kinematics, M: &mut DMatrix<f64>) {
 /// Source: R. Featherstone, *Rigid Body Dynamics Algorithms* (2008), §5.3, with v̇ = 0.
 ///
 /// - writes `h`, length nv: rows 0..3 N, 3..6 N m about the origin of B, 6.. N m (N for prismatic joints).
-/// - cost O(nv), no allocation. Independent of `p_WB` and `v_WB`, bit for bit.
+/// - cost O(nv), no allocation. The bits do not depend on `p_WB` and `v_WB`.
 ///
 /// # Panics
-/// If `h` has another length.
+/// If the length of `h` is not nv.
 pub fn bias_force(model: &Model, kin: &Kinematics, h: &mut DVector<f64>) {
     project(model, kin, h, |i| (kin.bodies[i].f, kin.bodies[i].n));
 }
 
-/// Gravity part of the bias force: `h(q, 0)`. Shape and units as [`bias_force`].
+/// Gravity part of the bias force: `h(q, 0)`. Shape and units: see [`bias_force`].
 ///
 /// # Panics
-/// If `g` has another length.
+/// If the length of `g` is not nv.
 pub fn gravity_force(model: &Model, kin: &Kinematics, g: &mut DVector<f64>) {
     project(model, kin, g, |i| {
         let subtree = &kin.bodies[i].subtree;
@@ -89,13 +89,13 @@ pub fn gravity_force(model: &Model, kin: &Kinematics, g: &mut DVector<f64>) {
     });
 }
 
-/// Scratch of [`rnea`], allocated once.
+/// Preallocated workspace of [`rnea`].
 #[derive(Debug, Clone)]
 pub struct RneaScratch {
     bodies: Vec<RneaBody>,
 }
 
-/// Spatial acceleration of a body, and the wrench on its subtree; frame as in [`Kinematics`].
+/// Spatial acceleration of a body and wrench on its subtree; frame: see [`Kinematics`].
 #[derive(Debug, Clone, Copy)]
 struct RneaBody {
     a: Vector3<f64>,
@@ -105,7 +105,7 @@ struct RneaBody {
 }
 
 impl RneaScratch {
-    /// Allocates for a model.
+    /// Allocates the workspace for a model.
     pub fn new(model: &Model) -> Self {
         let zero = Vector3::zeros();
         Self { bodies: vec![RneaBody { a: zero, al: zero, f: zero, n: zero }; model.bodies.len()] }
@@ -121,11 +121,11 @@ impl RneaScratch {
 /// - cost O(nv), no allocation.
 ///
 /// # Panics
-/// If a length does not fit.
+/// If the length of `vd` or `tau` is not nv, or `scratch` was built for a smaller model.
 pub fn rnea(model: &Model, kin: &Kinematics, vd: &DVector<f64>, scratch: &mut RneaScratch, tau: &mut DVector<f64>) {
     assert_eq!(vd.len(), model.nv(), "vd has length nv");
     let bodies = &mut scratch.bodies;
-    // The observer moves with v_WB, so the spatial acceleration of the base equals the classical one of its origin.
+    // In a frame that moves with v_WB, the spatial acceleration of the base equals the classical acceleration of its origin.
     let (a, al) = match model.base() {
         Base::Floating => (vd.fixed_rows::<3>(0).into(), vd.fixed_rows::<3>(3).into()),
         Base::Fixed => (Vector3::zeros(), Vector3::zeros()),
@@ -136,7 +136,7 @@ pub fn rnea(model: &Model, kin: &Kinematics, vd: &DVector<f64>, scratch: &mut Rn
         let (body, state) = (&model.bodies[i], &kin.bodies[i]);
         let (above, above_bias) = (&bodies[body.parent], &kin.bodies[body.parent]);
         let qdd = vd[body.i_v];
-        // The velocity-dependent part of the joint stands in the bias accelerations of the two bodies.
+        // The difference of the two bias accelerations is the velocity-dependent part of the joint.
         let a = above.a + (state.a - above_bias.a) + qdd * state.s_v;
         let al = above.al + (state.al - above_bias.al) + qdd * state.s_w;
         let (f, n) = state.wrench(&a, &al);

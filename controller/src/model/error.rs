@@ -1,27 +1,27 @@
-//! What can be wrong with a robot description, or with a question to a model.
+//! Errors and warnings of robot descriptions and of requests to a model.
 
 use thiserror::Error;
 
-/// Why a model could not be built or asked.
+/// Reasons why a model cannot be built or evaluated. `file` is the name of the source.
 #[derive(Debug, Clone, PartialEq, Error)]
 #[non_exhaustive]
 pub enum ModelError {
-    /// The text is not well-formed XML, or has no URDF content.
+    /// The text is not well-formed XML, or not a URDF.
     #[error("{file}: not a URDF: {reason}")]
     NotUrdf {
         /// Name of the source.
         file: String,
-        /// What the parser found.
+        /// Message of the parser.
         reason: String,
     },
-    /// One element does not say what a URDF must say.
+    /// An element is not valid URDF.
     #[error("{file}: in {element}: {reason}")]
     BadElement {
         /// Name of the source.
         file: String,
         /// For example `joint "knee"`.
         element: String,
-        /// What the parser found.
+        /// Message of the parser.
         reason: String,
     },
     /// No link at all.
@@ -31,7 +31,7 @@ pub enum ModelError {
         file: String,
     },
     /// Two links or two joints share a name.
-    #[error("{file}: two {what}s are called \"{name}\", expected unique names")]
+    #[error("{file}: two {what}s have the name \"{name}\", expected unique names")]
     DuplicateName {
         /// Name of the source.
         file: String,
@@ -51,7 +51,7 @@ pub enum ModelError {
         role: &'static str,
         /// The name that was not found.
         link: String,
-        /// Existing names close to it.
+        /// Similar names that exist.
         near: Vec<String>,
     },
     /// A link is the child of two joints.
@@ -74,15 +74,15 @@ pub enum ModelError {
         /// The links without a parent, in file order.
         links: Vec<String>,
     },
-    /// Links that hang on each other in a circle.
+    /// Links that form a loop.
     #[error("{file}: links {links:?} form a loop, expected a tree")]
     Loop {
         /// Name of the source.
         file: String,
-        /// The links that the root does not reach, in file order.
+        /// The links that cannot be reached from the root, in file order.
         links: Vec<String>,
     },
-    /// A joint type outside this model.
+    /// A joint type that the model does not support.
     #[error("{file}: joint \"{joint}\" has type \"{found}\", expected fixed, revolute, continuous or prismatic")]
     UnsupportedJoint {
         /// Name of the source.
@@ -100,7 +100,7 @@ pub enum ModelError {
         /// The joint.
         joint: String,
     },
-    /// A number that cannot be what it says.
+    /// A number outside its range.
     #[error("{file}: {element}: {quantity} is {found}, expected {expected}")]
     BadNumber {
         /// Name of the source.
@@ -111,7 +111,7 @@ pub enum ModelError {
         quantity: &'static str,
         /// The value found.
         found: String,
-        /// The condition it breaks.
+        /// The range.
         expected: &'static str,
     },
     /// A name that the model does not have.
@@ -121,64 +121,66 @@ pub enum ModelError {
         robot: String,
         /// `joint` or `link`.
         what: &'static str,
-        /// The name asked for.
+        /// The requested name.
         name: String,
-        /// Existing names close to it.
+        /// Similar names that exist.
         near: Vec<String>,
     },
-    /// A state that leaves a joint out, or holds a value that is no number.
+    /// A state without a value for a joint, or with a non-finite value.
     #[error("state: {key}: found {found}, expected {expected}")]
     BadState {
         /// For example `q.lf_haa_joint`.
         key: String,
-        /// What is there.
+        /// Value found.
         found: String,
-        /// What should be there.
+        /// Value expected.
         expected: &'static str,
     },
 }
 
-/// What is odd about a robot description without making it unusable.
+/// Unusual properties of a robot description. The model can still be used.
 #[derive(Debug, Clone, PartialEq, Error)]
 #[non_exhaustive]
 pub enum ModelWarning {
-    /// A body that a joint moves has no mass: the mass matrix may be singular.
-    #[error("link \"{link}\" is moved by joint \"{joint}\" but it and the links fixed to it have no mass")]
+    /// A movable body has no mass: the mass matrix may be singular.
+    #[error(
+        "link \"{link}\", moved by joint \"{joint}\", and the links fixed to it have no mass: the mass matrix may be singular"
+    )]
     MasslessBody {
         /// The link.
         link: String,
         /// The joint that moves it.
         joint: String,
     },
-    /// The principal moments of inertia of a body are not those of any distribution of mass.
+    /// No mass distribution has the principal moments of inertia of a body.
     #[error(
         "body of link \"{link}\": principal moments of inertia {moments:?} kg m², expected each positive and at most the sum of the others"
     )]
     ImplausibleInertia {
-        /// The link that carries the body.
+        /// First link of the body.
         link: String,
         /// Principal moments, ascending, kg m².
         moments: [f64; 3],
     },
     /// A movable joint whose effort or velocity limit is zero.
-    #[error("joint \"{joint}\": {quantity} limit is zero, so it cannot move")]
+    #[error("joint \"{joint}\": {quantity} limit is 0: the joint cannot move")]
     ZeroLimit {
         /// The joint.
         joint: String,
         /// `effort` or `velocity`.
         quantity: &'static str,
     },
-    /// A `<mimic>` element, which this model does not follow.
-    #[error("joint \"{joint}\" mimics \"{leader}\"; it is taken as a free, actuated joint")]
+    /// A `<mimic>` element, which the model ignores.
+    #[error("joint \"{joint}\" mimics joint \"{leader}\": `mimic` is ignored, the joint is free and actuated")]
     MimicIgnored {
         /// The joint.
         joint: String,
-        /// The joint it should follow.
+        /// The joint that it mimics.
         leader: String,
     },
 }
 
-/// Names close to `wanted`, best first, at most three; ties keep the order of `names`.
+/// At most three names similar to `wanted`, the most similar first; ties keep the order of `names`.
 pub(super) fn near_names<'a>(wanted: &str, names: impl Iterator<Item = &'a str>) -> Vec<String> {
     let wanted = wanted.to_lowercase();
     let mut ranked: Vec<(usize, &str)> = names
@@ -219,7 +221,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn near_names_are_ranked_and_far_ones_left_out() {
+    fn similar_names_are_ranked_and_others_left_out() {
         let names = ["lf_haa_joint", "rf_haa_joint", "lf_foot", "trunk"];
         assert_eq!(near_names("LF_haa_jont", names.into_iter()), ["lf_haa_joint", "rf_haa_joint"]);
         assert_eq!(near_names("lf_haa", names.into_iter()), ["lf_haa_joint"]);

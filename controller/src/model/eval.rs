@@ -1,6 +1,6 @@
-//! Questions to a model as plain data: what `hoof robot info` and `hoof robot eval` read and print.
+//! Evaluation of a model with plain data in and out: what `hoof robot info` and `hoof robot eval` read and print.
 //!
-//! The field names are the keys of the JSON: a contract for checks against other libraries.
+//! The field names are the JSON keys. Checks against other libraries depend on them.
 
 use std::collections::BTreeMap;
 
@@ -17,60 +17,60 @@ use super::kinematics::{BaseState, Kinematics};
 use super::pose::Pose;
 use super::tree::{ShapeKind, UrdfTree};
 
-/// What a description says about a robot.
+/// Summary of a robot description.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct RobotInfo {
-    /// As in the URDF.
+    /// Name of the robot in the URDF.
     pub name: String,
     /// Mass of all links, kg.
     pub mass_kg: f64,
-    /// Movable joints; a base that floats adds six.
+    /// Number of movable joints, without the six degrees of freedom of a floating base.
     pub dof: usize,
     /// Movable joints, in the order of `q`.
     pub joints: Vec<JointSummary>,
     /// All links, root first.
     pub links: Vec<LinkSummary>,
-    /// Links at the end of a chain that collide as a sphere: probably the feet.
+    /// Links at the end of a chain with a sphere as collision shape: probably the feet.
     pub feet: Vec<String>,
-    /// What is odd about the description, in words.
+    /// Warnings about the description.
     pub warnings: Vec<String>,
 }
 
-/// One movable joint; a limit that is not there is `null`.
+/// One movable joint; a missing limit is `null`.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct JointSummary {
-    /// As in the URDF.
+    /// Name in the URDF.
     pub name: String,
     /// `revolute`, `continuous` or `prismatic`.
     pub kind: String,
-    /// rad or m.
+    /// Smallest position, rad or m.
     pub lower: Option<f64>,
-    /// rad or m.
+    /// Largest position, rad or m.
     pub upper: Option<f64>,
-    /// N m or N.
+    /// Largest torque or force, N m or N.
     pub effort: Option<f64>,
-    /// rad/s or m/s.
+    /// Largest speed, rad/s or m/s.
     pub velocity: Option<f64>,
-    /// N m s/rad or N s/m.
+    /// Viscous friction, N m s/rad or N s/m.
     pub damping: f64,
 }
 
 /// One link.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct LinkSummary {
-    /// As in the URDF.
+    /// Name in the URDF.
     pub name: String,
-    /// The link above, `null` for the root.
+    /// Parent link, `null` for the root.
     pub parent: Option<String>,
-    /// kg.
+    /// Mass, kg.
     pub mass_kg: f64,
 }
 
 impl RobotInfo {
-    /// Sums a description up.
+    /// Summarizes a description.
     ///
     /// # Errors
-    /// As [`Model::new`].
+    /// See [`Model::new`].
     pub fn new(tree: &UrdfTree) -> Result<Self, ModelError> {
         let model = Model::new(tree, Base::Fixed)?;
         let finite = |limit: f64| limit.is_finite().then_some(limit);
@@ -104,7 +104,7 @@ impl RobotInfo {
     }
 }
 
-/// A state to evaluate a model at.
+/// State at which a model is evaluated.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct EvalRequest {
@@ -112,7 +112,7 @@ pub struct EvalRequest {
     pub base: Option<EvalBase>,
     /// Position of every movable joint, rad or m.
     pub q: BTreeMap<String, f64>,
-    /// Velocity of every movable joint, rad/s or m/s; at rest if left out altogether.
+    /// Velocity of every movable joint, rad/s or m/s; all zero if missing.
     pub qd: Option<BTreeMap<String, f64>>,
 }
 
@@ -122,7 +122,7 @@ pub struct EvalRequest {
 pub struct EvalBase {
     /// Origin of B, in W, m.
     pub position_m: [f64; 3],
-    /// Orientation of B in W; scaled to length one if it is within a thousandth of it.
+    /// Orientation of B in W. Its norm must be 1 within 0.001; it is normalized.
     pub quaternion_wxyz: [f64; 4],
     /// Velocity of the origin of B, **in B**, m/s.
     #[serde(default)]
@@ -132,41 +132,41 @@ pub struct EvalBase {
     pub angular_velocity: [f64; 3],
 }
 
-/// Quantities of a model at one state; matrices by rows, rows and columns in `velocity_order`.
+/// Quantities of a model at one state. Matrices are lists of rows; rows and columns are in `velocity_order`.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct EvalResult {
-    /// nv x nv.
+    /// Mass matrix, nv x nv.
     pub mass_matrix: Vec<Vec<f64>>,
     /// Coriolis, centrifugal and gravity terms, length nv.
     pub bias_force: Vec<f64>,
     /// Gravity part of the bias force, length nv.
     pub gravity: Vec<f64>,
-    /// Centre of mass of all links, in W.
+    /// Centre of mass of all links, in W, m.
     pub com_m: [f64; 3],
-    /// Mass of all links.
+    /// Mass of all links, kg.
     pub total_mass_kg: f64,
-    /// Names of the entries of `v`: velocity of B's origin and angular velocity of B, both in W axes, then joints.
+    /// Names of the entries of `v`: velocity of the origin of B and angular velocity of B, both in W axes, then the joints.
     pub velocity_order: Vec<String>,
-    /// Every link.
+    /// Frames of all links, by name.
     pub frames: BTreeMap<String, EvalFrame>,
 }
 
-/// Placement of a link in W, and its Jacobian.
+/// Pose of a link in W, and its Jacobian.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct EvalFrame {
-    /// Origin of the link, in W.
+    /// Origin of the link, in W, m.
     pub position_m: [f64; 3],
-    /// Orientation in W, `w >= 0`.
+    /// Orientation of the link in W, with `w >= 0`.
     pub quaternion_wxyz: [f64; 4],
-    /// 6 x nv: linear rows of the origin, then angular rows, in W axes.
+    /// Jacobian, 6 x nv, in W axes: three linear rows (of the origin), then three angular rows.
     pub jacobian: Vec<Vec<f64>>,
 }
 
 /// Evaluates a robot at a state.
 ///
 /// # Errors
-/// [`ModelError::Unknown`] for a joint the robot does not have, [`ModelError::BadState`] for one that is left out, a value that is
-/// not finite, or a quaternion that is not near length one; else as [`Model::new`].
+/// [`ModelError::Unknown`] for a joint that the robot does not have. [`ModelError::BadState`] for a missing joint, a non-finite value or
+/// a quaternion whose norm is not 1. See also [`Model::new`].
 pub fn eval(tree: &UrdfTree, request: &EvalRequest) -> Result<EvalResult, ModelError> {
     let floating = if request.base.is_some() { Base::Floating } else { Base::Fixed };
     let model = Model::new(tree, floating)?;
@@ -223,7 +223,7 @@ fn base_state(base: &EvalBase) -> Result<BaseState, ModelError> {
     finite("base.angular_velocity", angular_velocity)?;
     let norm = quaternion_wxyz.iter().map(|x| x * x).sum::<f64>().sqrt();
     if !(0.999..=1.001).contains(&norm) {
-        return Err(bad_state("base.quaternion_wxyz", format!("length {norm}"), "length one to a thousandth"));
+        return Err(bad_state("base.quaternion_wxyz", format!("norm {norm}"), "norm 1 within 0.001"));
     }
     let R_WB: Matrix3<f64> = quaternion::to_rotation(*quaternion_wxyz);
     Ok(BaseState {
@@ -234,7 +234,7 @@ fn base_state(base: &EvalBase) -> Result<BaseState, ModelError> {
     })
 }
 
-/// Values in the order of the model's joints.
+/// Values of a map by joint name, in the order of the model's joints.
 fn joint_values(model: &Model, key: &str, values: &BTreeMap<String, f64>) -> Result<Vec<f64>, ModelError> {
     for name in values.keys() {
         model.joint(name)?;

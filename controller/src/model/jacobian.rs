@@ -1,4 +1,4 @@
-//! Jacobians of frames and points, and the acceleration they have without `vd`.
+//! Jacobians of frames and points, and their bias accelerations.
 
 use nalgebra::{DMatrix, DMatrixViewMut, Vector3, Vector6};
 
@@ -11,17 +11,17 @@ use super::kinematics::Kinematics;
 /// - cost O(nv), no allocation.
 ///
 /// # Panics
-/// If `J` has another shape.
+/// If the shape of `J` is not 6 x nv.
 pub fn frame_jacobian(model: &Model, kin: &Kinematics, frame: FrameId, J: &mut DMatrix<f64>) {
     point_jacobian(model, kin, frame, &Vector3::zeros(), J);
 }
 
-/// Jacobian of the point fixed to a link's frame F at `p_FP_W` from its origin, in W axes, m.
+/// Jacobian of a point P fixed to a link's frame F. `p_FP_W` is the position of P from the origin of F, in W axes, m.
 ///
-/// Shape, rows and cost as [`frame_jacobian`]. For a point given in F, turn it first: `R_WF * p_FP`.
+/// Shape, rows and cost: see [`frame_jacobian`]. A point given in F must be rotated first: `R_WF * p_FP`.
 ///
 /// # Panics
-/// If `J` has another shape.
+/// If the shape of `J` is not 6 x nv.
 pub fn point_jacobian(model: &Model, kin: &Kinematics, frame: FrameId, p_FP_W: &Vector3<f64>, J: &mut DMatrix<f64>) {
     assert_eq!(J.shape(), (6, model.nv()), "a frame's Jacobian is 6 x nv");
     J.fill(0.0);
@@ -42,12 +42,12 @@ pub fn point_jacobian(model: &Model, kin: &Kinematics, frame: FrameId, p_FP_W: &
     });
 }
 
-/// The three linear rows of [`point_jacobian`], written into a part of a larger matrix: for stacks of point feet.
+/// The three linear rows of [`point_jacobian`]. They can be written into a part of a larger matrix.
 ///
 /// - writes `J`, 3 x nv, for example `stack.rows_mut(3 * leg, 3)`.
 ///
 /// # Panics
-/// If `J` has another shape.
+/// If the shape of `J` is not 3 x nv.
 pub fn point_jacobian_linear(
     model: &Model,
     kin: &Kinematics,
@@ -64,22 +64,22 @@ pub fn point_jacobian_linear(
     for_each_joint_above(model, kin, frame, &r, |i_v, linear, _| J.column_mut(i_v).copy_from(linear));
 }
 
-/// Acceleration `Jd v` of a link's frame with `vd = 0`: `[dv_WF/dt; dw_WF_W/dt] = J vd + Jd v`.
+/// Bias acceleration `Jd v` of a link's frame, its acceleration with `vd = 0`: `[dv_WF/dt; dw_WF_W/dt] = J vd + Jd v`.
 ///
-/// Linear part: classical acceleration of the origin of the frame, m/s²; then angular, rad/s²; both in W axes, without gravity.
-/// Independent of `v_WB`.
+/// Linear part: classical acceleration of the origin of the frame, m/s². Angular part: rad/s². Both in W axes, without gravity.
+/// Does not depend on `v_WB`.
 pub fn frame_bias_acceleration(model: &Model, kin: &Kinematics, frame: FrameId) -> Vector6<f64> {
     point_bias_acceleration(model, kin, frame, &Vector3::zeros())
 }
 
-/// [`frame_bias_acceleration`] of the point fixed to a link's frame at `p_FP_W` from its origin, in W axes, m.
+/// Bias acceleration of a point P fixed to a link's frame F, at `p_FP_W` from the origin of F, in W axes, m. See [`frame_bias_acceleration`].
 pub fn point_bias_acceleration(model: &Model, kin: &Kinematics, frame: FrameId, p_FP_W: &Vector3<f64>) -> Vector6<f64> {
     let body = &kin.bodies[model.frames[frame.index()].body];
     let a = body.point_acceleration(&(kin.p_BF_W(model, frame) + p_FP_W));
     Vector6::new(a.x, a.y, a.z, body.al.x, body.al.y, body.al.z)
 }
 
-/// `[E  -[r]x]`, the first six columns of the linear rows.
+/// Writes `[E  -[r]x]`, the first six columns of the linear rows.
 fn write_base_linear(r: &Vector3<f64>, J: &mut DMatrixViewMut<'_, f64>) {
     for k in 0..3 {
         J[(k, k)] = 1.0;

@@ -1,4 +1,4 @@
-//! Everything that depends on the state, computed in one pass out and one pass back.
+//! All quantities that depend on the state, computed in one pass from the root outward and one pass back.
 
 use nalgebra::{Matrix3, Vector3};
 
@@ -10,25 +10,25 @@ use super::inertia::SpatialInertia;
 pub struct BaseState {
     /// Origin of B, in W, m.
     pub p_WB: Vector3<f64>,
-    /// Turns B coordinates into W coordinates.
+    /// Rotates B coordinates into W coordinates.
     pub R_WB: Matrix3<f64>,
-    /// Velocity of the origin of B, in W, m/s. Ignored on a fixed base.
+    /// Velocity of the origin of B, in W, m/s. Ignored for a fixed base.
     pub v_WB: Vector3<f64>,
-    /// Angular velocity of B, in W, rad/s. Ignored on a fixed base.
+    /// Angular velocity of B, in W, rad/s. Ignored for a fixed base.
     pub w_WB_W: Vector3<f64>,
 }
 
 impl BaseState {
-    /// B on W, at rest.
+    /// B coincides with W, at rest.
     pub fn identity() -> Self {
         Self { p_WB: Vector3::zeros(), R_WB: Matrix3::identity(), v_WB: Vector3::zeros(), w_WB_W: Vector3::zeros() }
     }
 }
 
-/// One body at one state. Spatial quantities are in W axes about the origin of B, for an observer who moves with `v_WB`.
+/// One body at one state. Spatial quantities are in W axes about the origin of B, in a frame that moves with `v_WB`.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct BodyState {
-    /// Turns body coordinates into W coordinates; the third column is the joint axis.
+    /// Rotates body coordinates into W coordinates; the third column is the joint axis.
     pub(super) R: Matrix3<f64>,
     /// Origin of the body from the origin of B, m.
     pub(super) r: Vector3<f64>,
@@ -46,11 +46,11 @@ pub(super) struct BodyState {
     pub(super) al: Vector3<f64>,
     /// Inertia of this body.
     pub(super) inertia: SpatialInertia,
-    /// Inertia of this body and all that hang on it.
+    /// Inertia of this body and its descendants.
     pub(super) subtree: SpatialInertia,
-    /// Force that moves this body and all that hang on it with `vd = 0`, gravity held, N.
+    /// Force on this body and its descendants with `vd = 0`, against gravity, N.
     pub(super) f: Vector3<f64>,
-    /// Its torque about the origin of B, N m.
+    /// Torque of that force about the origin of B, N m.
     pub(super) n: Vector3<f64>,
 }
 
@@ -73,7 +73,7 @@ impl BodyState {
         }
     }
 
-    /// Velocity of the body-fixed point at `r` from the origin of B, for an observer who moves with `v_WB`.
+    /// Velocity of the body-fixed point at `r` from the origin of B, in a frame that moves with `v_WB`.
     #[inline]
     pub(super) fn point_velocity(&self, r: &Vector3<f64>) -> Vector3<f64> {
         self.v + self.w.cross(r)
@@ -85,7 +85,7 @@ impl BodyState {
         self.a + self.al.cross(r) + self.w.cross(&self.point_velocity(r))
     }
 
-    /// Force and torque about the origin of B that give this body alone the spatial acceleration `(a, al)`, gravity held.
+    /// Force and torque about the origin of B that give this body alone the spatial acceleration `(a, al)`, against gravity.
     #[inline]
     pub(super) fn wrench(&self, a: &Vector3<f64>, al: &Vector3<f64>) -> (Vector3<f64>, Vector3<f64>) {
         let held = Vector3::new(a.x, a.y, a.z + GRAVITY);
@@ -97,7 +97,7 @@ impl BodyState {
 
 /// Kinematics of a model at one state `(base, q, qd)`. Allocated once, updated in place.
 ///
-/// Values do not depend on what was there before: an update writes every number that later functions read.
+/// An update writes every number that later functions read, so results do not depend on earlier states.
 #[derive(Debug, Clone)]
 pub struct Kinematics {
     pub(super) base: BaseState,
@@ -105,7 +105,7 @@ pub struct Kinematics {
 }
 
 impl Kinematics {
-    /// Allocates for a model; the state is zero: base on W, joints at zero, at rest.
+    /// Allocates for a model. The state is zero: B coincides with W, joints at zero, at rest.
     pub fn new(model: &Model) -> Self {
         let mut kin = Self { base: BaseState::identity(), bodies: vec![BodyState::at_rest(); model.bodies.len()] };
         let zero = vec![0.0; model.nj()];
@@ -120,16 +120,20 @@ impl Kinematics {
     /// ```
     /// Source: R. Featherstone, *Rigid Body Dynamics Algorithms* (2008), §5.3 and §6.2, with v̇ = 0.
     ///
-    /// - `base`: pose and velocity of the root link; `R_WB` is taken as it is, so it must be a rotation.
+    /// - `base`: pose and velocity of the root link; `R_WB` must be a rotation; it is not checked.
     /// - `q`, `qd`: length `nj`, rad and rad/s (m and m/s for prismatic joints).
-    /// - cost O(nj), no allocation. A value that is no number spreads; it is the caller's to keep it out.
+    /// - cost O(nj), no allocation. Non-finite values propagate; the caller must exclude them.
     ///
     /// # Panics
-    /// If `q` or `qd` has another length, or `self` was made for another number of bodies.
+    /// If the length of `q` or `qd` is not `nj`, or `self` was built for a model with another number of bodies.
     pub fn update(&mut self, model: &Model, base: &BaseState, q: &[f64], qd: &[f64]) {
         assert_eq!(q.len(), model.nj(), "q has one position for each movable joint");
         assert_eq!(qd.len(), model.nj(), "qd has one velocity for each movable joint");
-        assert_eq!(self.bodies.len(), model.bodies.len(), "kinematics belong to this model");
+        assert_eq!(
+            self.bodies.len(),
+            model.bodies.len(),
+            "the kinematics were built for a model with this number of bodies"
+        );
         self.base = *base;
         if model.base() == Base::Fixed {
             self.base.v_WB = Vector3::zeros();
@@ -153,11 +157,11 @@ impl Kinematics {
         let mut state = BodyState::at_rest();
         state.R = self.base.R_WB * body.X_PB.R;
         state.w = self.base.w_WB_W;
-        state.settle(body.m, &body.c, &body.I_C);
+        state.finish(body.m, &body.c, &body.I_C);
         self.bodies[0] = state;
     }
 
-    /// One body from its parent.
+    /// Computes one body from its parent.
     #[inline]
     fn outward(&mut self, model: &Model, i: usize, q: &[f64], qd: &[f64]) {
         let body = &model.bodies[i];
@@ -190,7 +194,7 @@ impl Kinematics {
         state.w = w_p + dw;
         state.a = a_p + state.w.cross(&dv) + state.v.cross(&dw);
         state.al = al_p + state.w.cross(&dw);
-        state.settle(body.m, &body.c, &body.I_C);
+        state.finish(body.m, &body.c, &body.I_C);
     }
 
     /// Pose and velocity of the root link at the last update.
@@ -211,7 +215,7 @@ impl Kinematics {
         body.r + body.R * frame.X_BL.p
     }
 
-    /// Turns coordinates of a frame into W coordinates.
+    /// Rotates coordinates of a frame into W coordinates.
     pub fn R_WF(&self, model: &Model, frame: FrameId) -> Matrix3<f64> {
         let frame = &model.frames[frame.index()];
         self.bodies[frame.body].R * frame.X_BL.R
@@ -222,7 +226,7 @@ impl Kinematics {
         self.base.v_WB + self.v_BF_W(model, frame)
     }
 
-    /// Velocity of the origin of a frame over that of the origin of B, in W axes, m/s.
+    /// Velocity of the origin of a frame minus that of the origin of B, in W axes, m/s.
     pub fn v_BF_W(&self, model: &Model, frame: FrameId) -> Vector3<f64> {
         let r = self.p_BF_W(model, frame);
         self.bodies[model.frames[frame.index()].body].point_velocity(&r)
@@ -235,9 +239,9 @@ impl Kinematics {
 }
 
 impl BodyState {
-    /// From placement, velocity and acceleration: what this body alone adds to inertia and bias wrench.
+    /// Computes inertia and bias wrench of this body alone from its pose, velocity and acceleration.
     #[inline]
-    fn settle(&mut self, m: f64, c: &Vector3<f64>, I_C: &Matrix3<f64>) {
+    fn finish(&mut self, m: f64, c: &Vector3<f64>, I_C: &Matrix3<f64>) {
         let c_W = self.r + self.R * c;
         let I_C_W = self.R * I_C * self.R.transpose();
         self.inertia = SpatialInertia::from_com(m, c_W, &I_C_W);

@@ -1,6 +1,6 @@
-//! What the XML reader does not tell: which element it stumbled over, and whether a limit of zeros was there at all.
+//! Information that the XML reader does not give: the element that it rejects, and whether a joint has a `<limit>` at all.
 
-/// Describes the first top-level `<link>` or `<joint>` that cannot be read alone, with the reason.
+/// The first top-level `<link>` or `<joint>` that cannot be read on its own, and the reason.
 pub(super) fn first_bad_element(text: &str) -> Option<(String, String)> {
     top_level_elements(text).into_iter().find_map(|element| {
         let error = urdf_rs::read_from_string(&format!("<robot name=\"one\">{element}</robot>")).err()?;
@@ -8,7 +8,7 @@ pub(super) fn first_bad_element(text: &str) -> Option<(String, String)> {
     })
 }
 
-/// Whether the joint of that name has a `<limit>`: the XML reader fills a missing one with zeros.
+/// Whether the joint of that name has a `<limit>`. The XML reader fills a missing one with zeros.
 pub(super) fn has_limit(text: &str, joint: &str) -> bool {
     let wanted = format!("joint \"{joint}\"");
     let elements = top_level_elements(text);
@@ -16,7 +16,7 @@ pub(super) fn has_limit(text: &str, joint: &str) -> bool {
     element.is_some_and(|element| tags(element).iter().any(|(start, _)| is_tag(&element[*start..], "<limit")))
 }
 
-/// The text of each `<link>…</link>` and `<joint>…</joint>` that stands directly in `<robot>`.
+/// The text of each `<link>…</link>` and `<joint>…</joint>` directly in `<robot>`.
 fn top_level_elements(text: &str) -> Vec<&str> {
     let mut elements = Vec::new();
     let (mut depth, mut first) = (0_usize, 0);
@@ -80,7 +80,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn names_the_element_behind_comments_and_nested_joints() {
+    fn element_is_found_after_comments_and_nested_joints() {
         let text = r#"<?xml version="1.0"?><!-- <link name="no"> --><robot name="r">
             <transmission name="t"><joint name="inside"/></transmission>
             <link name="a"/><link name="b"><visual/></link></robot>"#;

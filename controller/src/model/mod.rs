@@ -1,23 +1,23 @@
 //! Rigid-body model of a tree of fixed, revolute, continuous and prismatic joints, with a floating or a fixed base.
 //!
-//! [`UrdfTree`] is what a URDF says, checked and in topological order. [`Model`] is what the equations need: links that do
-//! not move against each other are merged into one *body*, bodies lie in one array with parents before children, and a
-//! joint's kind is data. [`Kinematics`] holds everything that depends on the state; it is allocated once and updated in
-//! place, and every quantity below is a function of `(&Model, &Kinematics)`, so nothing can be "not computed yet".
+//! [`UrdfTree`] is the content of a URDF, checked and in topological order. [`Model`] is what the equations need: links that are fixed
+//! to each other are merged into one *body*, the bodies are one array with parents before children, and the kind of a joint is
+//! data. [`Kinematics`] holds everything that depends on the state. It is allocated once and updated in place. Every
+//! quantity below is a function of `(&Model, &Kinematics)`, so no quantity can be used before it is computed.
 //!
 //! ```text
-//! v = [v_WB; w_WB_W; qd]          base parts in W axes, linear first; a fixed base leaves qd alone
+//! v = [v_WB; w_WB_W; qd]          base part in W axes, linear first; v = qd for a fixed base
 //! M(q) vd + h(q, v) = Sᵀ tau + Jᵀ F
 //! ```
 //!
-//! All of it is computed in one frame: W axes at the origin of the base. Spatial inertias and wrenches of different bodies then
-//! add without transformation, the base rows of `M` and `h` fall out as they stand, and nothing depends on `p_WB` or `v_WB`
-//! by construction, not up to rounding: the equations never see them.
+//! All computations use one frame: W axes, origin of the base. Spatial inertias and wrenches of different bodies are then
+//! added without transformation, and the base rows of `M` and `h` need no transformation either. `p_WB` and `v_WB` do not enter the
+//! equations, so the results do not depend on them, not even by rounding.
 //!
-//! Order of joints: the order in which the movable joints stand in the text of the URDF file, whatever the shape of the tree.
-//! Every movable joint is actuated. A continuous joint is stored as its angle, not wrapped.
+//! Order of joints: the order of the movable joints in the text of the URDF file, whatever the shape of the tree.
+//! Every movable joint is actuated. The position of a continuous joint is its angle, not wrapped.
 //!
-//! No message type, bus, file, clock or hash map in here; `+ - * / sqrt` and `libm` only, sums in index order.
+//! This module uses no message type, bus, file, clock or hash map; only `+ - * / sqrt` and `libm`; sums run in index order.
 //! Source of the algorithms: R. Featherstone, *Rigid Body Dynamics Algorithms* (2008), chapters 5 and 6.
 
 mod bodies;

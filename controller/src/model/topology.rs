@@ -1,16 +1,16 @@
-//! How the links of a URDF hang together: names resolved, one root, no loop.
+//! Tree of the links of a URDF: resolves names, checks for one root and no loop.
 
 use std::collections::BTreeMap;
 
 use super::error::{ModelError, near_names};
 
-/// The tree, in indices of the file.
+/// The tree. Links and joints are indices in file order.
 pub(super) struct Topology {
     /// Parent and child link of each joint.
     pub(super) ends: Vec<(usize, usize)>,
     /// The joint above each link.
     pub(super) joint_above: Vec<Option<usize>>,
-    /// Links, depth first from the root, children in the order of their joints.
+    /// Links in depth-first order from the root; children in the order of their joints.
     pub(super) order: Vec<usize>,
 }
 
@@ -77,7 +77,7 @@ impl Topology {
     }
 }
 
-/// Index of each name.
+/// Index of each name; an error for a name that occurs twice.
 fn index<'a>(
     what: &'static str,
     names: impl Iterator<Item = &'a str>,

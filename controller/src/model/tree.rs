@@ -1,4 +1,4 @@
-//! What a URDF says: links, joints, primitives, checked and in topological order.
+//! Content of a URDF: links, joints and shapes, checked and in topological order.
 
 use nalgebra::{Matrix3, Vector3};
 
@@ -7,18 +7,18 @@ use super::locate::{first_bad_element, has_limit};
 use super::pose::Pose;
 use super::topology::Topology;
 
-/// A URDF as a tree: one root, every other link with one parent.
+/// A URDF as a tree: one root; every other link has one parent.
 #[derive(Debug, Clone, PartialEq)]
 pub struct UrdfTree {
     /// Name of the robot.
     pub name: String,
-    /// Name of the source, for messages.
+    /// Name of the source, used in messages.
     pub source: String,
-    /// Links, root first, each before the links that hang on it (depth first, children in the order of their joints in the file).
+    /// Links in depth-first order from the root; children in the order of their joints in the file.
     pub links: Vec<Link>,
     /// Joints in the order of the file text.
     pub joints: Vec<Joint>,
-    /// What the file says that this project does not follow.
+    /// Elements of the file that are ignored.
     pub warnings: Vec<ModelWarning>,
 }
 
@@ -27,13 +27,13 @@ pub struct UrdfTree {
 pub struct Link {
     /// Unique name.
     pub name: String,
-    /// Index in [`UrdfTree::joints`] of the joint above, `None` for the root.
+    /// Index in [`UrdfTree::joints`] of the joint to the parent link, `None` for the root.
     pub parent_joint: Option<usize>,
-    /// Mass and inertia; all zero where the file gives none.
+    /// Mass and inertia; zero if the file gives none.
     pub inertial: Inertial,
-    /// Shapes to look at.
+    /// Visual shapes.
     pub visuals: Vec<Shape>,
-    /// Shapes to collide with.
+    /// Collision shapes.
     pub collisions: Vec<Shape>,
 }
 
@@ -42,70 +42,70 @@ pub struct Link {
 pub struct Inertial {
     /// Pose of the inertia axes in the link frame; the origin is the centre of mass.
     pub X_LC: Pose,
-    /// kg.
+    /// Mass, kg.
     pub mass: f64,
-    /// About the centre of mass, in the inertia axes, kg m².
+    /// Rotational inertia about the centre of mass, in the inertia axes, kg m².
     pub I_C: Matrix3<f64>,
 }
 
 /// A geometric shape fixed to a link.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Shape {
-    /// Pose of the shape in the link frame. The long axis of cylinder and capsule is z, their origin the middle.
+    /// Pose of the shape in the link frame. The axis of a cylinder or capsule is z; its origin is the middle.
     pub X_LS: Pose,
-    /// What shape.
+    /// Kind and size.
     pub kind: ShapeKind,
 }
 
-/// The shapes of URDF, lengths in m.
+/// Shapes of URDF; lengths in m.
 #[derive(Debug, Clone, PartialEq)]
 pub enum ShapeKind {
-    /// Full edge lengths.
+    /// Box, by its full edge lengths.
     Box {
         /// Along x, y, z.
         size: [f64; 3],
     },
-    /// Flat ends.
+    /// Cylinder.
     Cylinder {
         /// Radius.
         radius: f64,
         /// Full length.
         length: f64,
     },
-    /// A cylinder with half spheres as ends.
+    /// Cylinder with a half sphere at each end.
     Capsule {
         /// Radius.
         radius: f64,
         /// Length of the cylindrical part.
         length: f64,
     },
-    /// Ball.
+    /// Sphere.
     Sphere {
         /// Radius.
         radius: f64,
     },
-    /// A file this project does not read; kept by name.
+    /// Mesh file; only its name is kept.
     Mesh {
-        /// As in the URDF.
+        /// Name in the URDF.
         filename: String,
     },
 }
 
-/// What a joint lets move.
+/// Kind of a joint.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum JointKind {
-    /// Nothing.
+    /// No motion.
     Fixed,
-    /// Rotation between two stops.
+    /// Rotation with position limits.
     Revolute,
-    /// Rotation without stops.
+    /// Rotation without position limits.
     Continuous,
-    /// Translation between two stops.
+    /// Translation with position limits.
     Prismatic,
 }
 
 impl JointKind {
-    /// The word of the URDF.
+    /// Name in the URDF.
     pub fn name(self) -> &'static str {
         match self {
             Self::Fixed => "fixed",
@@ -116,7 +116,7 @@ impl JointKind {
     }
 }
 
-/// Limits of a movable joint, in rad, N m, rad/s, or m, N, m/s for a prismatic one; infinite where there is none.
+/// Limits of a movable joint, in rad, N m, rad/s (m, N, m/s for a prismatic joint); infinite if the file gives none.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Limits {
     /// Smallest position.
@@ -139,15 +139,15 @@ impl Limits {
 pub struct Joint {
     /// Unique name.
     pub name: String,
-    /// What it lets move.
+    /// Kind.
     pub kind: JointKind,
-    /// Index in [`UrdfTree::links`] of the link above.
+    /// Index in [`UrdfTree::links`] of the parent link.
     pub parent: usize,
-    /// Index in [`UrdfTree::links`] of the link below.
+    /// Index in [`UrdfTree::links`] of the child link.
     pub child: usize,
-    /// Pose in the parent link of the child link at position zero.
+    /// Pose of the child link in the parent link at position zero.
     pub X_PC: Pose,
-    /// Unit vector in the child link.
+    /// Axis: unit vector in the child link.
     pub axis: Vector3<f64>,
     /// Limits; [infinite](f64::INFINITY) for a fixed joint.
     pub limits: Limits,
@@ -161,7 +161,7 @@ impl UrdfTree {
     /// Reads a URDF. `source_name` is used in messages only.
     ///
     /// # Errors
-    /// Every way in which the text is not one tree of links with finite, possible numbers; see [`ModelError`].
+    /// If the text is not a URDF, its links do not form one tree, or a number is out of range; see [`ModelError`].
     pub fn parse(text: &str, source_name: &str) -> Result<Self, ModelError> {
         let file = || source_name.to_owned();
         let robot = urdf_rs::read_from_string(text).map_err(|error| match first_bad_element(text) {
@@ -276,7 +276,7 @@ fn read_limits(joint: &urdf_rs::Joint, kind: JointKind, limited: bool, check: &C
     Err(check.bad("position range", format!("[{}, {}]", l.lower, l.upper), "lower <= upper"))
 }
 
-/// Checks the numbers of one element.
+/// Checks numbers of one element; errors name the file and the element.
 struct Check<'a> {
     file: &'a str,
     element: String,
@@ -314,7 +314,7 @@ impl Check<'_> {
         }
     }
 
-    /// Infinity is a limit: it says that there is none.
+    /// Infinity is allowed: no limit.
     fn limit(&self, quantity: &'static str, value: f64) -> Result<f64, ModelError> {
         if value >= 0.0 { Ok(value) } else { Err(self.bad(quantity, value.to_string(), "a number >= 0")) }
     }
@@ -328,9 +328,9 @@ impl Check<'_> {
     fn unit_axis(&self, axis: [f64; 3]) -> Result<Vector3<f64>, ModelError> {
         self.all_finite("axis", &axis)?;
         let norm = (axis[0] * axis[0] + axis[1] * axis[1] + axis[2] * axis[2]).sqrt();
-        // Below and above, the squares leave the range of an f64.
+        // Outside this range the squares underflow or overflow.
         if !(1e-100..1e100).contains(&norm) {
-            return Err(self.bad("axis", format!("{axis:?}"), "a vector that has a direction"));
+            return Err(self.bad("axis", format!("{axis:?}"), "a vector with a direction"));
         }
         Ok(Vector3::new(axis[0] / norm, axis[1] / norm, axis[2] / norm))
     }

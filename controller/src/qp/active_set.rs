@@ -3,16 +3,16 @@
 //! ```text
 //! H = L Lᵀ,   v = Lᵀ x = -L⁻¹ g - Σ λ_i L⁻¹ n_i          n_i: rows that hold with equality
 //! ```
-//! From the minimizer under the equality rows alone it goes, violated row after violated row, to the minimizer under all, and every stop
-//! on the way is optimal for the rows in the working set. Source: D. Goldfarb, A. Idnani, *A numerically stable dual method for solving
-//! strictly convex quadratic programs*, Mathematical Programming 27 (1983), departing from it in what it keeps: instead of a whole orthogonal
-//! factor, all of which every row rotates, an orthonormal basis of the working set alone ([`super::working_set`]). The steps stand in
-//! [`super::search`].
+//! The search starts at the minimizer under the equality rows alone. Each iteration adds the most violated row to the working set, and
+//! each iterate is optimal for the rows in the working set. Source: D. Goldfarb, A. Idnani, *A numerically stable dual method for solving
+//! strictly convex quadratic programs*, Mathematical Programming 27 (1983). Difference: the source keeps a complete orthogonal
+//! factor, which every row rotates; this solver keeps an orthonormal basis of the working set only ([`super::working_set`]). The
+//! iterations are in [`super::search`].
 //!
 //! Every solve starts cold: nothing is remembered, so a solution is a function of the program alone. Ties go to the lowest index, sums run in
-//! a fixed order, and nothing is allocated. Variables are taken last first, since a base, which couples with every joint, stands
-//! first and costs least at the end of the factor ([`Envelope`]). A variable that stands in no row and couples with no
-//! other, such as the force of a foot in the air, is set by itself.
+//! a fixed order, and nothing is allocated. Variables are factorized in reverse order: the base comes first, couples with every joint and
+//! costs least at the end of the factor ([`Envelope`]). A variable without a row and without coupling to another variable, such as
+//! the force of a foot in the air, is solved on its own.
 
 use super::constraints::Constraints;
 use super::envelope::Envelope;
@@ -21,51 +21,51 @@ use super::{Qp, QpInfo, QpRow, QpSolver, QpStatus};
 use nalgebra::DVector;
 use std::ops::Range;
 
-/// A solver of programs up to a size.
+/// Solver for programs up to a maximum size.
 pub struct ActiveSetSolver {
     max_iterations: u32,
-    /// Variables before this one are never taken as standing alone.
-    together: usize,
-    /// Variables that couple with others, last first; the place of each is its index here.
+    /// Number of leading variables that are always treated as coupled.
+    n_coupled: usize,
+    /// Variables that couple with others, the last variable first. The index in this list is the *place* of a variable.
     pub(super) places: Vec<usize>,
-    /// Variables that stand alone, at a bound.
+    /// Number of uncoupled variables at a bound.
     clamped: usize,
     factor: Envelope,
     pub(super) search: Search,
 }
 
-/// Why a solve ended without a solution, and at which row.
-pub(super) struct Trouble {
+/// Reason why a solve ended without a solution, and the row concerned.
+pub(super) struct Unsolved {
     status: QpStatus,
     row: Option<QpRow>,
 }
 
-impl Trouble {
-    /// Out of iterations, or numbers that are none.
+impl Unsolved {
+    /// Iteration limit reached, or non-finite numbers.
     pub fn failed() -> Self {
-        Trouble { status: QpStatus::Failed, row: None }
+        Unsolved { status: QpStatus::Failed, row: None }
     }
 
     /// No point satisfies this row and those before it.
     pub fn infeasible(row: QpRow) -> Self {
-        Trouble { status: QpStatus::Infeasible, row: Some(row) }
+        Unsolved { status: QpStatus::Infeasible, row: Some(row) }
     }
 }
 
 impl ActiveSetSolver {
-    /// Memory for programs of the size of `pattern`, whose inequality rows have numbers only where its have.
+    /// Allocates memory for programs of the size of `pattern`. Inequality rows may have non-zero numbers only where those of `pattern` do.
     ///
-    /// - `max_iterations`: rows that may enter or leave the working set.
+    /// - `max_iterations`: limit on the number of rows that enter or leave the working set.
     pub fn new(pattern: &Qp, max_iterations: u32) -> Self {
-        Self::keeping(pattern, max_iterations, 0)
+        Self::with_coupled(pattern, max_iterations, 0)
     }
 
-    /// The same, for a program whose first `together` variables others will couple.
-    pub(super) fn keeping(pattern: &Qp, max_iterations: u32, together: usize) -> Self {
+    /// As [`ActiveSetSolver::new`], but the first `n_coupled` variables are always treated as coupled, because lower levels couple them.
+    pub(super) fn with_coupled(pattern: &Qp, max_iterations: u32, n_coupled: usize) -> Self {
         let n = pattern.n();
         ActiveSetSolver {
             max_iterations,
-            together,
+            n_coupled,
             places: Vec::with_capacity(n),
             clamped: 0,
             factor: Envelope::new(n),
@@ -73,30 +73,30 @@ impl ActiveSetSolver {
         }
     }
 
-    /// Variables that the last solve has set alone, at a bound.
+    /// Number of uncoupled variables that the last solve put at a bound.
     pub(super) fn clamped(&self) -> usize {
         self.clamped
     }
 
-    /// Sets the variables that stand alone, and takes over the program of the others.
-    fn take(&mut self, qp: &Qp, alone: &mut [f64]) -> Result<(), Trouble> {
+    /// Solves for the uncoupled variables (writes `alone`) and loads the program of the others.
+    fn take(&mut self, qp: &Qp, alone: &mut [f64]) -> Result<(), Unsolved> {
         self.places.clear();
         self.clamped = 0;
         for i in (0..qp.n()).rev() {
             let (lower, upper) = (qp.lower[i], qp.upper[i]);
             if lower.is_nan() || upper.is_nan() {
-                return Err(Trouble::failed());
+                return Err(Unsolved::failed());
             }
             if lower > upper {
-                return Err(Trouble::infeasible(QpRow::Lower(i)));
+                return Err(Unsolved::infeasible(QpRow::Lower(i)));
             }
-            if i < self.together || couples(qp, i) {
+            if i < self.n_coupled || couples(qp, i) {
                 self.places.push(i);
                 continue;
             }
             let h = qp.H[(i, i)];
             if !(h > 0.0 && h < f64::INFINITY) {
-                return Err(Trouble::failed());
+                return Err(Unsolved::failed());
             }
             let free = -qp.g[i] / h;
             alone[i] = free.max(lower).min(upper);
@@ -105,12 +105,12 @@ impl ActiveSetSolver {
         let places = &self.places;
         let column = |i: usize| qp.H.as_slice()[i * qp.n()..].as_ref();
         if !self.factor.factor(places.len(), |i, j| column(places[i])[places[j]]) {
-            return Err(Trouble::failed());
+            return Err(Unsolved::failed());
         }
         self.search.constraints.take(qp, places)
     }
 
-    fn run(&mut self, qp: &Qp, x: &mut [f64]) -> Result<u32, Trouble> {
+    fn run(&mut self, qp: &Qp, x: &mut [f64]) -> Result<u32, Unsolved> {
         self.take(qp, x)?;
         let ActiveSetSolver { max_iterations, places, factor, search, .. } = self;
         for (v, &i) in search.v.iter_mut().zip(places.iter()) {
@@ -125,19 +125,19 @@ impl ActiveSetSolver {
     }
 }
 
-/// Writes a solution by places to the variables; numbers that are none are no solution.
-pub(super) fn finish(places: &[usize], found: &[f64], x: &mut [f64]) -> Result<(), Trouble> {
+/// Copies a solution from places to variables; fails if a number is not finite.
+pub(super) fn finish(places: &[usize], found: &[f64], x: &mut [f64]) -> Result<(), Unsolved> {
     for (&i, value) in places.iter().zip(found) {
         x[i] = *value;
     }
-    if x.iter().all(|x| x.is_finite()) { Ok(()) } else { Err(Trouble::failed()) }
+    if x.iter().all(|x| x.is_finite()) { Ok(()) } else { Err(Unsolved::failed()) }
 }
 
-/// What is said of a solve that took `iterations`; without a solution `x` is zero.
-pub(super) fn report(solved: Result<u32, Trouble>, n_active: usize, x: &mut DVector<f64>) -> QpInfo {
+/// The report of a solve; sets `x` to zero if there is no solution.
+pub(super) fn report(solved: Result<u32, Unsolved>, n_active: usize, x: &mut DVector<f64>) -> QpInfo {
     match solved {
         Ok(iterations) => QpInfo { status: QpStatus::Solved, iterations, n_active, row: None },
-        Err(Trouble { status, row }) => {
+        Err(Unsolved { status, row }) => {
             x.fill(0.0);
             QpInfo { status, iterations: 0, n_active: 0, row }
         }
@@ -167,7 +167,7 @@ impl Coordinates for Envelope {
     }
 }
 
-/// Whether a variable stands in a row or has a product with another.
+/// Whether a variable has a non-zero number in a row or an off-diagonal entry in the Hessian.
 fn couples(qp: &Qp, i: usize) -> bool {
     let n = qp.n();
     let of_others = &qp.H.as_slice()[i * n..(i + 1) * n];

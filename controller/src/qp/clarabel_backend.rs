@@ -1,7 +1,7 @@
 //! Clarabel, an interior-point solver: the reference back-end.
 //!
-//! The problem's pattern of non-zeros is fixed when the solver is built, so that a tick only writes numbers. Every option is
-//! written out; equilibration is off, since with it an updated and a fresh solver differ in the last bits.
+//! The sparsity pattern is fixed when the solver is built, so a tick only writes numbers. Every option is set explicitly. Equilibration
+//! is off, because with it an updated solver and a new one differ in the last bits.
 
 use super::{Qp, QpInfo, QpSolver, QpStatus};
 use clarabel::algebra::CscMatrix;
@@ -10,7 +10,7 @@ use clarabel::solver::{
 };
 use nalgebra::DVector;
 
-/// Which entries of a program may ever be other than 0: an entry that is not 0 in `pattern` may be.
+/// Solver for programs with a fixed sparsity pattern.
 pub struct ClarabelSolver {
     solver: DefaultSolver<f64>,
     P: CscMatrix<f64>,
@@ -22,7 +22,7 @@ pub struct ClarabelSolver {
     n_in: usize,
 }
 
-/// A finite bound on a variable: a row of its own.
+/// A finite bound of a variable; it is a row of Clarabel's constraint matrix.
 #[derive(Clone, Copy)]
 enum Bound {
     Lower(usize),
@@ -30,9 +30,10 @@ enum Bound {
 }
 
 impl ClarabelSolver {
-    /// A solver for programs whose non-zeros and finite bounds are among those of `pattern`.
+    /// Builds a solver for programs whose non-zero entries and finite bounds are among those of `pattern`.
     ///
-    /// - `max_iterations`, `tolerance`: of feasibility (primal, dual) and gap, absolute and relative.
+    /// - `max_iterations`: iteration limit.
+    /// - `tolerance`: of feasibility (primal, dual) and gap (absolute, relative).
     pub fn new(pattern: &Qp, max_iterations: u32, tolerance: f64) -> Self {
         let n = pattern.n();
         let mut bounds = Vec::new();
@@ -64,7 +65,8 @@ impl ClarabelSolver {
         ClarabelSolver { solver, P, q, A, b, bounds, n_eq, n_in }
     }
 
-    /// Takes the numbers over; false, and nothing reaches the solver, if one of them is none: Clarabel would not recover from it.
+    /// Copies the numbers of a program to the solver. If one is not finite, returns false and leaves the solver unchanged: Clarabel would not
+    /// recover from it.
     fn load(&mut self, qp: &Qp) -> bool {
         fill(&mut self.P, |i, j| qp.H[(i, j)]);
         let (n_eq, n_in) = (self.n_eq, self.n_in);
@@ -151,7 +153,7 @@ fn settings(max_iterations: u32, tolerance: f64) -> DefaultSettings<f64> {
         .expect("every option is in its range")
 }
 
-/// A matrix with explicit entries (0 until filled) where `present` says so.
+/// A sparse matrix with explicit entries, initially 0, where `present(row, column)`.
 fn csc(m: usize, n: usize, present: impl Fn(usize, usize) -> bool) -> CscMatrix<f64> {
     let (mut colptr, mut rowval) = (vec![0], Vec::new());
     for j in 0..n {
@@ -189,8 +191,8 @@ mod tests {
     }
 
     #[test]
-    fn small_program_by_hand() {
-        // Without the order row the minimizer is t shifted to the plane: (3, 1, -1) + 0. With x2 ≥ 0 and x0 ≤ x1: (1.5, 1.5, 0).
+    fn small_program_has_the_solution_computed_by_hand() {
+        // Without the inequality row the minimizer is the projection of t onto the plane, t itself. With x2 ≥ 0 and x0 ≤ x1: (1.5, 1.5, 0).
         let qp = program([3.0, 1.0, -1.0]);
         let mut x = DVector::zeros(3);
         let info = ClarabelSolver::new(&qp, 50, 1e-10).solve(&qp, &mut x);
@@ -200,7 +202,7 @@ mod tests {
     }
 
     #[test]
-    fn an_infeasible_program_is_said_to_be_so() {
+    fn infeasible_program_is_reported() {
         let mut qp = program([0.0; 3]);
         qp.upper.fill(0.5);
         let mut x = DVector::zeros(3);
@@ -209,7 +211,7 @@ mod tests {
     }
 
     #[test]
-    fn what_was_solved_before_leaves_no_trace() {
+    fn earlier_programs_do_not_change_a_bit() {
         let (first, second) = (program([3.0, 1.0, -1.0]), program([0.3, 0.7, 9.0]));
         let (mut infeasible, mut broken, mut huge) = (first.clone(), first.clone(), first.clone());
         infeasible.upper.fill(0.5);

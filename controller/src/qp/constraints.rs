@@ -1,22 +1,22 @@
-//! The rows and bounds of a program as the active-set solver walks over them: those that say something, over the variables that couple.
+//! Rows and bounds of a program in the form that the active-set solver uses: non-zero rows, over the coupled variables.
 
-use super::active_set::Trouble;
+use super::active_set::Unsolved;
 use super::{Qp, QpRow};
 use crate::dense::dot;
 use std::ops::Range;
 
-/// Constraints `n x ≤ side`, `=` for the first [`Constraints::n_eq`], by number: rows, then lower bounds, then upper bounds by place. Rows are
-/// scaled to length 1, so that no unit decides which is violated most.
+/// Constraints `n x ≤ side`, or `=` for the first [`Constraints::n_eq`]. Order: rows, then lower bounds by place, then upper bounds by place.
+/// Rows are scaled to norm 1, so that the choice of the most violated row does not depend on units.
 pub(super) struct Constraints {
-    /// Columns in which each inequality row may have numbers.
+    /// Columns in which each inequality row may have non-zero numbers.
     pattern: Vec<Vec<usize>>,
     /// Variable of each place.
     variables: Vec<usize>,
     /// Place of each variable, if it has one.
     place_of: Vec<Option<usize>>,
-    /// Equality rows, one after the other, over the places.
+    /// Equality rows by place, concatenated.
     equalities: Vec<f64>,
-    /// Where the numbers of each inequality row begin in `places` and `values`, and where the last ends.
+    /// Start of each inequality row in `places` and `values`; the last entry is the end.
     starts: Vec<usize>,
     places: Vec<usize>,
     values: Vec<f64>,
@@ -28,11 +28,11 @@ pub(super) struct Constraints {
     in_set: Vec<bool>,
 }
 
-/// Violation that a row of zeros may have.
+/// Largest violation allowed for a row of zeros.
 const ROUNDING: f64 = 1e-9;
 
 impl Constraints {
-    /// Memory for the rows of `pattern`.
+    /// Allocates memory for the rows of `pattern`.
     pub fn new(pattern: &Qp) -> Self {
         let (n, rows) = (pattern.n(), pattern.b.len() + pattern.d.len());
         let of_row = |row: usize| (0..n).filter(|&col| pattern.C[(row, col)] != 0.0).collect();
@@ -53,11 +53,11 @@ impl Constraints {
         }
     }
 
-    /// Takes over the rows of a program whose variables stand at `places`, none in the set.
+    /// Loads the rows of a program. `places` lists the variable of each place. No constraint is in the working set afterwards.
     ///
     /// # Errors
-    /// Numbers that are none; a violated row of zeros.
-    pub fn take(&mut self, qp: &Qp, places: &[usize]) -> Result<(), Trouble> {
+    /// Non-finite numbers; a violated row of zeros.
+    pub fn take(&mut self, qp: &Qp, places: &[usize]) -> Result<(), Unsolved> {
         self.variables.clear();
         self.variables.extend(places);
         self.place_of.fill(None);
@@ -97,7 +97,7 @@ impl Constraints {
         Ok(())
     }
 
-    fn take_equalities(&mut self, qp: &Qp, places: &[usize]) -> Result<(), Trouble> {
+    fn take_equalities(&mut self, qp: &Qp, places: &[usize]) -> Result<(), Unsolved> {
         let (n, rows) = (places.len(), qp.b.len());
         self.n_eq = 0;
         if rows == 0 {
@@ -132,7 +132,7 @@ impl Constraints {
         &self.equalities[i * n..(i + 1) * n]
     }
 
-    /// Where the numbers of an inequality row stand.
+    /// Range of an inequality row in `places` and `values`.
     fn inequality(&self, i: usize) -> Range<usize> {
         self.starts[i - self.n_eq]..self.starts[i - self.n_eq + 1]
     }
@@ -147,7 +147,7 @@ impl Constraints {
         self.variables.len()
     }
 
-    /// Which row or bound of the program a constraint is.
+    /// The row or bound of the program that a constraint belongs to.
     pub fn name(&self, i: usize) -> QpRow {
         match i.checked_sub(self.rows.len()) {
             None => self.rows[i],
@@ -156,7 +156,7 @@ impl Constraints {
         }
     }
 
-    /// Writes the numbers of a row; gives where those other than 0 stand.
+    /// Writes a row by place. Returns the range outside which it is 0.
     pub fn load(&self, i: usize, row: &mut [f64]) -> Range<usize> {
         let n = self.lower.len();
         if i < self.n_eq {
@@ -182,7 +182,7 @@ impl Constraints {
         }
     }
 
-    /// By how much `x` violates a constraint; of an equality row, signed.
+    /// Violation of a constraint at `x`; signed for an equality row.
     pub fn excess(&self, i: usize, x: &[f64]) -> f64 {
         let n = self.lower.len();
         if i < self.n_eq {
@@ -199,52 +199,52 @@ impl Constraints {
         }
     }
 
-    /// The inequality outside the set that `x` violates most, and by more than `tolerance`; of equal ones the first.
+    /// The inequality outside the working set that `x` violates most and by more than `tolerance`; the first one of a tie.
     pub fn worst(&self, x: &[f64], tolerance: f64) -> Option<usize> {
         let (mut most, mut worst) = (tolerance, None);
-        let mut look = |i: usize, excess: f64| {
+        let mut check = |i: usize, excess: f64| {
             if excess > most && !self.in_set[i] {
                 (most, worst) = (excess, Some(i));
             }
         };
         let (rows, n) = (self.rows.len(), self.lower.len());
         for i in self.n_eq..rows {
-            look(i, self.excess(i, x));
+            check(i, self.excess(i, x));
         }
         for (place, (lower, x)) in self.lower.iter().zip(x).enumerate() {
-            look(rows + place, lower - x);
+            check(rows + place, lower - x);
         }
         for (place, (upper, x)) in self.upper.iter().zip(x).enumerate() {
-            look(rows + n + place, x - upper);
+            check(rows + n + place, x - upper);
         }
         worst
     }
 
-    /// Notes that a constraint is in the set.
-    pub fn take_in(&mut self, i: usize) {
+    /// Marks a constraint as part of the working set.
+    pub fn set_active(&mut self, i: usize) {
         self.in_set[i] = true;
     }
 
-    /// Notes that none is.
-    pub fn let_all_go(&mut self) {
+    /// Marks all constraints as not part of the working set.
+    pub fn clear_active(&mut self) {
         self.in_set.fill(false);
     }
 
-    /// Notes that it has left.
-    pub fn let_go(&mut self, i: usize) {
+    /// Marks a constraint as not part of the working set.
+    pub fn set_inactive(&mut self, i: usize) {
         self.in_set[i] = false;
     }
 }
 
-/// One over the length of a row, and its side in that unit; nothing for a row of zeros.
-fn scaled(values: &[f64], side: f64, row: QpRow) -> Result<Option<(f64, f64)>, Trouble> {
+/// The inverse of a row's norm, and its side divided by the norm; `None` for a row of zeros.
+fn scaled(values: &[f64], side: f64, row: QpRow) -> Result<Option<(f64, f64)>, Unsolved> {
     let size = dot(values, values).sqrt();
     if !size.is_finite() || side.is_nan() {
-        return Err(Trouble::failed());
+        return Err(Unsolved::failed());
     }
     if size > 0.0 {
         return Ok(Some((1.0 / size, side / size)));
     }
     let violated = if matches!(row, QpRow::Equality(_)) { side.abs() } else { -side };
-    if violated > ROUNDING { Err(Trouble::infeasible(row)) } else { Ok(None) }
+    if violated > ROUNDING { Err(Unsolved::infeasible(row)) } else { Ok(None) }
 }

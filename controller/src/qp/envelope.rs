@@ -1,21 +1,21 @@
-//! Cholesky factor that keeps to the envelope of its matrix: in each row nothing before the first number that is not 0.
+//! Cholesky factor with an envelope: in each row, entries before the first non-zero entry of the matrix are skipped.
 //!
-//! A robot's Hessian is an arrow: forces stand alone, legs couple with themselves and with the base. With the base last, its factor has no
-//! number outside the arrow, and what the factor costs is what the arrow holds. No pattern is needed for that: the envelope is read
-//! off the numbers in every solve.
+//! The Hessian of a legged robot is an arrow matrix: forces are uncoupled, each leg couples with itself and with the base. With the base
+//! last, the factor has no fill outside the arrow. No pattern has to be given: the envelope is computed from the numbers in every
+//! solve.
 
 use crate::dense::{axpy, dot};
 use std::ops::Range;
 
-/// `H = L Lᵀ`, L lower triangular, in memory for a largest size.
+/// `H = L Lᵀ`, L lower triangular, in memory for a maximum size.
 #[derive(Clone, Debug)]
 pub(super) struct Envelope {
     /// Rows of L, `stride` apart.
     l: Vec<f64>,
     stride: usize,
-    /// First place of each row that may hold a number.
+    /// First column of each row that may be non-zero.
     first: Vec<usize>,
-    /// End of the diagonal block of each row: nothing couples a row before it with one from it on.
+    /// End of the diagonal block of each row: no entry couples a row before it with a row at or after it.
     end: Vec<usize>,
     /// Inverse of L's diagonal.
     inverse: Vec<f64>,
@@ -23,7 +23,7 @@ pub(super) struct Envelope {
 }
 
 impl Envelope {
-    /// Memory for matrices up to `capacity` x `capacity`.
+    /// Allocates memory for matrices up to `capacity` x `capacity`.
     pub fn new(capacity: usize) -> Self {
         Envelope {
             l: vec![f64::NAN; capacity * capacity],
@@ -80,7 +80,7 @@ impl Envelope {
         &self.l[i * self.stride + self.first[i]..i * self.stride + i]
     }
 
-    /// Writes `L⁻¹ y` over `y`, whose numbers other than 0 stand in `at`; gives the places where the result's stand. All others must be 0.
+    /// Replaces `y` by `L⁻¹ y`. `y` must be 0 outside the range `at`. Returns the range outside which the result is 0.
     pub fn forward(&self, at: Range<usize>, y: &mut [f64]) -> Range<usize> {
         let Range { start, end } = at;
         if start >= end {
@@ -96,7 +96,7 @@ impl Envelope {
         start..end
     }
 
-    /// Writes `L⁻ᵀ y` over `y`.
+    /// Replaces `y` by `L⁻ᵀ y`.
     pub fn backward(&self, y: &mut [f64]) {
         for i in (0..self.n).rev() {
             let (before, here) = y.split_at_mut(i);
@@ -120,7 +120,7 @@ mod tests {
     ];
 
     #[test]
-    fn an_arrow_by_hand() {
+    fn factor_of_an_arrow_matrix_computed_by_hand() {
         let mut factor = Envelope::new(6);
         assert!(factor.factor(5, |i, j| H[i][j]));
         // L = [2], [1 3], [3], [0 4], [1 2 3].
@@ -135,7 +135,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_zero_stays_so_and_is_not_looked_at() {
+    fn zeros_outside_the_range_are_not_read() {
         let mut factor = Envelope::new(5);
         assert!(factor.factor(5, |i, j| H[i][j]));
         let mut y = [0.0, 3.0, f64::NAN, f64::NAN, f64::NAN];
@@ -147,7 +147,7 @@ mod tests {
     }
 
     #[test]
-    fn a_matrix_that_is_not_positive_definite_is_refused() {
+    fn matrix_that_is_not_positive_definite_is_rejected() {
         let mut factor = Envelope::new(2);
         for matrix in [[[1.0, 2.0], [2.0, 4.0]], [[1.0, f64::NAN], [f64::NAN, 4.0]], [[f64::INFINITY, 0.0], [0.0, 1.0]]]
         {

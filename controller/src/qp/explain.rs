@@ -1,4 +1,4 @@
-//! Why a program has no solution: the constraints that contradict each other, by name.
+//! Explains an infeasible program: the constraints that contradict each other, by name.
 
 use super::{ClarabelSolver, Qp, QpSolver, QpStatus};
 use nalgebra::DVector;
@@ -6,36 +6,37 @@ use nalgebra::DVector;
 /// Names of the rows and variables of a program.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct RowNames {
-    /// Of the equality rows; those beyond have none.
+    /// Names of the equality rows. Rows beyond the list are numbered.
     pub equalities: Vec<String>,
-    /// Of the inequality rows.
+    /// Names of the inequality rows.
     pub inequalities: Vec<String>,
-    /// Of the variables, for their bounds.
+    /// Names of the variables, for their bounds.
     pub variables: Vec<String>,
 }
 
-/// A constraint that takes part in a contradiction.
+/// A constraint of an infeasible set.
 #[derive(Clone, Debug, PartialEq)]
 pub struct NamedViolation {
     /// Its name.
     pub name: String,
-    /// By how much it is violated where all are violated as little as can be, in its own unit.
+    /// Its violation at the point of least total violation, in its own unit.
     pub by: f64,
 }
 
-/// Part of the largest violation below which a constraint counts as obeyed.
-const OBEYED: f64 = 1e-4;
-/// Largest violation, in units of the rows, that a feasible program may show: what the solver leaves.
+/// A constraint counts as satisfied below this fraction of the largest violation.
+const SATISFIED: f64 = 1e-4;
+/// Largest violation of a scaled row in a feasible program: the solver's residual.
 const FEASIBLE: f64 = 1e-6;
 
-/// The constraints that make a program infeasible, the most violated first; none if it is feasible. `None` if that could not be found out.
+/// The constraints that make a program infeasible, the most violated first; empty if it is feasible. `None` if the elastic program cannot be
+/// solved.
 ///
 /// ```text
 /// min  ½ |s|² + ½ ε |x|²    subject to   A x - b = s,   C x - d ≤ s,   l - x ≤ s,   x - u ≤ s
 /// ```
-/// The multipliers of this elastic program are its slacks, and they add up the rows to nothing: what has a slack is
-/// an infeasible set by itself (Farkas), and what has none takes no part in it. With rows scaled to length 1, so that the units do not
-/// decide. Not for use in a tick: it builds a program and a solver.
+/// The multipliers of this elastic program equal its slacks, and the rows weighted by them sum to zero. The rows with a slack are therefore
+/// an infeasible set (Farkas' lemma); the rows without slack are not part of it. Rows are scaled to norm 1, so that the result does not depend
+/// on units. Not for use in a tick: builds a program and a solver.
 pub fn explain(qp: &Qp, names: &RowNames) -> Option<Vec<NamedViolation>> {
     let rows = constraints(qp, names);
     let (n, m) = (qp.n(), rows.len());
@@ -68,7 +69,7 @@ pub fn explain(qp: &Qp, names: &RowNames) -> Option<Vec<NamedViolation>> {
     let largest = (0..m).map(slack).fold(0.0, f64::max);
     let mut found: Vec<(f64, NamedViolation)> = Vec::new();
     for (k, row) in rows.into_iter().enumerate() {
-        if largest > FEASIBLE && slack(k) > OBEYED * largest {
+        if largest > FEASIBLE && slack(k) > SATISFIED * largest {
             found.push((slack(k), NamedViolation { by: slack(k) * row.size, name: row.name }));
         }
     }
@@ -76,7 +77,7 @@ pub fn explain(qp: &Qp, names: &RowNames) -> Option<Vec<NamedViolation>> {
     Some(found.into_iter().map(|(_, violation)| violation).collect())
 }
 
-/// A row that says something, one-sided unless an equality.
+/// A non-zero row; one-sided unless `equality`.
 struct Row {
     name: String,
     entries: Vec<(usize, f64)>,
@@ -131,7 +132,7 @@ mod tests {
     }
 
     #[test]
-    fn a_contradiction_is_named_without_those_who_take_no_part() {
+    fn only_the_contradicting_constraints_are_named() {
         // With x ≤ 1 the sum is at most 2. Of the residual 1 = s_0 + s_1 + √2 s_sum, |s|² is least at s = (1, 1, √2)/4.
         let found = explain(&program(1.0), &names()).unwrap();
         let found: Vec<(&str, f64)> = found.iter().map(|v| (v.name.as_str(), (v.by * 1e5).round() / 1e5)).collect();
@@ -154,7 +155,7 @@ mod tests {
         let found = explain(&qp, &RowNames::default()).unwrap();
         let mut named: Vec<&str> = found.iter().map(|v| v.name.as_str()).collect();
         named.sort_unstable();
-        // Three ways out of x0 ≥ 5: both others must give way, the bound 0 ≤ x1 with the sum.
+        // x0 ≥ 5 contradicts the inequality x0 ≤ 4, and the equality together with 0 ≤ x1.
         assert_eq!(named, ["equality 0", "inequality 0", "lower bound of variable 0", "lower bound of variable 1"]);
     }
 }

@@ -1,15 +1,15 @@
-//! A hierarchy of least squares under common constraints, each level in the directions that those above have left free.
+//! Hierarchical least squares under common constraints: each level is solved in the null space of the levels above.
 //!
 //! ```text
-//! level k:   min  Σ w_i (a_i x - b_i)² + Σ λ_i x_i²     subject to   A x = b,   C x ≤ d,   l ≤ x ≤ u,   and what the levels above have reached
+//! level k:   min  Σ w_i (a_i x - b_i)² + Σ λ_i x_i²     subject to   A x = b,   C x ≤ d,   l ≤ x ≤ u,   and the residuals of the levels above stay as they are
 //!            x = x*_(k-1) + Z y,   A Z = 0,   a_i Z = 0 for all rows above,   Zᵀ Λ Z = E
 //! ```
-//! The first level is a program like any other. Below it equality rows are gone, the regularization has become the identity, and what a
-//! level costs is `E + Bᵀ B` of its rows `B = √w a Z`: the basis `Z` is what the levels share, and it shrinks from one to the next. The point of the level
-//! above obeys every constraint, so a lower level cannot be infeasible.
+//! The first level is a general program. A lower level has no equality rows, its regularization is the identity, and its Hessian is
+//! `E + Bᵀ B` with the rows `B = √w a Z`. The levels share the basis `Z`, which gets fewer columns from level to level. The solution of the
+//! level above satisfies every constraint, so a lower level is always feasible.
 //!
 //! Source: A. Escande, N. Mansard, P.-B. Wieber, *Hierarchical quadratic programming: fast online humanoid-robot motion generation*, IJRR 33
-//! (2014), for the basis that levels hand down; the search within a level is ours.
+//! (2014), for the basis that is passed from level to level. The search within a level is not from this source.
 
 use super::active_set::{ActiveSetSolver, finish, report};
 use super::envelope::Envelope;
@@ -24,16 +24,16 @@ use std::ops::Range;
 pub struct SquareRow<'a> {
     /// Weight of the squared error, positive.
     pub weight: f64,
-    /// Variables in which the row may have numbers, and these.
+    /// Non-zero entries: variable and number.
     pub entries: &'a mut dyn Iterator<Item = (usize, f64)>,
     /// Right side.
     pub b: f64,
 }
 
-/// What feeds a level's rows, one after the other, to a function.
+/// Calls a function for each row of a level, in order.
 pub type FeedRows<'a> = &'a dyn Fn(&mut dyn FnMut(SquareRow<'_>));
 
-/// Solver of a hierarchy, with the memory of all its levels.
+/// Solver of a hierarchy, with preallocated memory for all levels.
 pub struct Levels {
     max_iterations: u32,
     first: ActiveSetSolver,
@@ -43,15 +43,15 @@ pub struct Levels {
     place_of: Vec<Option<usize>>,
     free: Free,
     space: NullSpace,
-    /// Memory of `Z` while the next one is made, and a row or direction.
+    /// Next `Z` while it is computed; and one row or direction.
     next: Vec<f64>,
     row: Vec<f64>,
-    /// Rows `B` of the last level and their number, and `E + Bᵀ B`.
+    /// Rows `B` of the last level, and `E + Bᵀ B`.
     rows: Vec<f64>,
     H: Vec<f64>,
 }
 
-/// The free directions as coordinates: `x = x0 + K v`, `K = Z L⁻ᵀ`, `L Lᵀ = E + Bᵀ B`. Matrices by place, `stride` apart.
+/// Coordinates `v` of the free directions: `x = x0 + K v`, `K = Z L⁻ᵀ`, `L Lᵀ = E + Bᵀ B`. Rows of the matrices are by place, `stride` apart.
 struct Free {
     Z: Vec<f64>,
     K: Vec<f64>,
@@ -85,18 +85,18 @@ impl Coordinates for Free {
 }
 
 impl Levels {
-    /// Memory for a hierarchy.
+    /// Allocates memory for a hierarchy.
     ///
-    /// - `pattern`: of the first level's program, see [`ActiveSetSolver::new`].
-    /// - `regularization`: λ of each variable, the same on all levels and in the Hessian of the first.
-    /// - `rows`: most rows that a lower level may have; they stand in the first `columns` variables.
-    /// - `max_iterations`: of each level.
+    /// - `pattern`: pattern of the first level's program, see [`ActiveSetSolver::new`].
+    /// - `regularization`: λ of each variable, the same on all levels; the Hessian of the first level contains it.
+    /// - `rows`: largest number of rows of a lower level. They are non-zero only in the first `columns` variables.
+    /// - `max_iterations`: iteration limit of each level.
     pub fn new(pattern: &Qp, regularization: &DVector<f64>, rows: usize, columns: usize, max_iterations: u32) -> Self {
         let n = pattern.n();
         let nan = |n: usize| vec![f64::NAN; n];
         Levels {
             max_iterations,
-            first: ActiveSetSolver::keeping(pattern, max_iterations, columns),
+            first: ActiveSetSolver::with_coupled(pattern, max_iterations, columns),
             regularization: regularization.clone(),
             scale: regularization.map(|lambda| 1.0 / lambda.sqrt()),
             place_of: vec![None; n],
@@ -114,7 +114,7 @@ impl Levels {
         self.first.solve(qp, x)
     }
 
-    /// After a good solve of the first level: what its rows and the equality rows leave free.
+    /// Computes the null space of the equality rows and the rows of the first level, after it was solved.
     pub fn below_first(&mut self, feed: FeedRows<'_>) {
         let Levels { first, scale, place_of, free, space, row, .. } = self;
         let (places, n) = (&first.places, first.places.len());
@@ -145,7 +145,7 @@ impl Levels {
         }
     }
 
-    /// After a good solve of a lower level: what its rows leave free of the directions it had.
+    /// Reduces the null space by the rows of the last lower level, after it was solved.
     pub fn below(&mut self) {
         let Levels { free, space, rows, row, next, .. } = self;
         let (len, stride) = (free.len, free.stride);
@@ -163,7 +163,7 @@ impl Levels {
         std::mem::swap(&mut free.Z, next);
     }
 
-    /// Solves a lower level, from the point of the level above.
+    /// Solves a lower level, starting at the solution of the level above.
     pub fn lower(&mut self, feed: FeedRows<'_>, x: &mut DVector<f64>) -> QpInfo {
         let n = self.free.n;
         self.free.x0[..n].copy_from_slice(&self.first.search.x[..n]);
@@ -171,7 +171,7 @@ impl Levels {
         let Levels { max_iterations, first, free, H, .. } = self;
         let (len, stride) = (free.len, free.stride);
         if !free.factor.factor(len, |i, j| H[i * stride + j]) {
-            return report(Err(super::active_set::Trouble::failed()), 0, x);
+            return report(Err(super::active_set::Unsolved::failed()), 0, x);
         }
         for (k, z) in free.K.chunks_exact_mut(stride).zip(free.Z.chunks_exact(stride)).take(n) {
             k[..len].copy_from_slice(&z[..len]);
@@ -184,7 +184,7 @@ impl Levels {
         report(solved, first.clamped() + first.search.n_active(), x)
     }
 
-    /// `E + Bᵀ B` to `H`, `B` to `rows`, and the negative gradient at `x0` to the search's `v`.
+    /// Writes `E + Bᵀ B` to `H`, `B` to `rows`, and the negative gradient at `x0` to `v` of the search.
     fn cost(&mut self, feed: FeedRows<'_>) {
         let Levels { first, regularization, place_of, free, rows, row, H, .. } = self;
         let (len, stride) = (free.len, free.stride);

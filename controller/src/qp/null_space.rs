@@ -1,13 +1,13 @@
-//! The directions that rows leave free, by Householder's reflections.
+//! Null space of a set of rows, by Householder reflections.
 
 use crate::dense::{axpy, dot};
 
-/// A row counts as dependent when less than this part of its norm lies outside the span of those before it.
+/// A row is linearly dependent if less than this fraction of its norm is outside the span of the rows before it.
 const DEPENDENT: f64 = 1e-7;
 
-/// Reflections that turn the rows that were pushed onto the first axes, so that they turn the other axes onto what is free of them.
+/// Reflections that map the pushed rows to the span of the first axes; they map the other axes to the null space.
 ///
-/// Source: G. H. Golub, C. F. Van Loan, *Matrix Computations* (2013), section 5.2; a row that depends on others is passed over.
+/// Source: G. H. Golub, C. F. Van Loan, *Matrix Computations* (2013), section 5.2; a linearly dependent row is skipped.
 #[derive(Clone, Debug)]
 pub(super) struct NullSpace {
     /// Unit vectors `h` of the reflections `E - 2 h hᵀ`, `stride` apart; the k-th has zeros before k.
@@ -19,23 +19,23 @@ pub(super) struct NullSpace {
 }
 
 impl NullSpace {
-    /// Memory for rows of up to `capacity` numbers.
+    /// Allocates memory for rows of up to `capacity` numbers.
     pub fn new(capacity: usize) -> Self {
         let nan = f64::NAN;
         NullSpace { mirrors: vec![nan; capacity * capacity], row: vec![nan; capacity], stride: capacity, n: 0, rank: 0 }
     }
 
-    /// Forgets all rows; those that come have `n` numbers.
+    /// Removes all rows. Rows that are pushed next have `n` numbers.
     pub fn clear(&mut self, n: usize) {
         (self.n, self.rank) = (n, 0);
     }
 
-    /// Number of free directions.
+    /// Dimension of the null space.
     pub fn free(&self) -> usize {
         self.n - self.rank
     }
 
-    /// Adds a row, unless it depends on those before it.
+    /// Adds a row, unless it is linearly dependent on the rows before it.
     pub fn push(&mut self, row: impl Iterator<Item = f64>) {
         let NullSpace { mirrors, row: y, stride, n, rank } = self;
         let y = &mut y[..*n];
@@ -63,7 +63,7 @@ impl NullSpace {
         }
     }
 
-    /// Writes the k-th of the free directions, orthonormal among each other and to the rows.
+    /// Writes the k-th vector of an orthonormal basis of the null space.
     pub fn direction(&self, k: usize, to: &mut [f64]) {
         let to = &mut to[..self.n];
         to.fill(0.0);
@@ -83,7 +83,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn free_directions_are_orthonormal_and_free_of_every_row() {
+    fn null_space_is_orthonormal_and_orthogonal_to_every_row() {
         let rows =
             [[3.0, 4.0, 0.0, 0.0], [0.0; 4], [-6.0, -8.0, 0.0, 0.0], [1.0, 1.0, 1.0, 1e-9], [4.0, 5.0, 1.0, 0.0]];
         let mut space = NullSpace::new(5);
@@ -101,7 +101,7 @@ mod tests {
         for row in [rows[0], rows[2], rows[3]] {
             assert!(dot(&row, &a).abs() < 1e-14 && dot(&row, &b).abs() < 1e-14);
         }
-        // Two more leave nothing, a third says nothing.
+        // Two more rows make the null space empty; a third is dependent.
         for row in [a, b, [1.0, 0.0, 0.0, 0.0]] {
             space.push(row.iter().copied());
         }

@@ -1,40 +1,40 @@
-//! The search of the dual active-set method: from a minimizer under some rows to the one under all.
+//! Search of the dual active-set method: from the minimizer under some rows to the minimizer under all rows.
 //!
-//! It knows the program's curvature only through [`Coordinates`] in which it is the identity, so that a whole program and one on
-//! the directions that levels above have left free ([`super::Levels`]) are searched alike.
+//! The search uses [`Coordinates`] in which the Hessian is the identity. The same code therefore solves a complete program and a program in
+//! the null space of the levels above ([`super::Levels`]).
 
-use super::active_set::Trouble;
+use super::active_set::Unsolved;
 use super::constraints::Constraints;
 use super::working_set::WorkingSet;
 use crate::dense::axpy;
 use std::ops::Range;
 
-/// Violation of a row that counts as none, per length of the row and size of the numbers in `x`.
+/// Tolerance of a row's violation, relative to the norm of the row and the size of `x`.
 const FEASIBLE: f64 = 1e-10;
-/// The same of an equality row that depends on others: what rounding leaves of it.
+/// The same for an equality row that is linearly dependent on others, which keeps a rounding error.
 const CONSISTENT: f64 = 1e-8;
-/// Part of the largest change of a multiplier below which one does not change.
+/// A multiplier counts as constant if its change is below this fraction of the largest change.
 const UNCHANGED: f64 = 1e-13;
 
-/// Coordinates `v` of the points `x` in which the cost is `½ |v|²` and a linear term.
+/// Coordinates `v` of the points `x` in which the cost is `½ |v|²` plus a linear term.
 pub(super) trait Coordinates {
     /// Number of coordinates.
     fn len(&self) -> usize;
-    /// Writes to `row` what the row `normal`, whose numbers other than 0 stand in `at`, is in coordinates; gives where its numbers stand.
+    /// Transforms the row `normal`, which is 0 outside the range `at`, to coordinates. Returns the range outside which `row` is 0.
     fn pull(&self, normal: &[f64], at: Range<usize>, row: &mut [f64]) -> Range<usize>;
-    /// Writes the point with the coordinates `v`.
+    /// Writes the point `x` that has the coordinates `v`.
     fn place(&self, v: &[f64], x: &mut [f64]);
 }
 
-/// The iterate, and which rows hold it.
+/// The iterate and its working set.
 pub(super) struct Search {
     pub constraints: Constraints,
-    /// The iterate in coordinates: to be set to the minimizer of the cost alone before a search.
+    /// The iterate in coordinates. Before a search, the caller sets it to the minimizer of the cost without constraints.
     pub v: Vec<f64>,
     /// The iterate by places.
     pub x: Vec<f64>,
     set: WorkingSet,
-    /// Constraints in the set, in its order; first those of equality, whose multipliers nothing limits and nobody asks for.
+    /// Constraints in the set, in its order. Equality rows come first; their multipliers have no sign and are not computed.
     members: Vec<usize>,
     n_eq: usize,
     multipliers: Vec<f64>,
@@ -44,7 +44,7 @@ pub(super) struct Search {
 }
 
 impl Search {
-    /// Memory for `n` variables under these constraints.
+    /// Allocates memory for `n` variables under these constraints.
     pub fn new(n: usize, constraints: Constraints) -> Self {
         let nan = || vec![f64::NAN; n];
         Search {
@@ -61,22 +61,22 @@ impl Search {
         }
     }
 
-    /// Rows that hold with equality, those of equality left out.
+    /// Number of inequalities that hold with equality.
     pub fn n_active(&self) -> usize {
         self.members.len() - self.n_eq
     }
 
-    /// Empties the set, and stands at `v`.
+    /// Empties the working set and starts at `v`.
     pub fn start(&mut self, at: &impl Coordinates) {
-        self.constraints.let_all_go();
+        self.constraints.clear_active();
         self.members.clear();
         self.n_eq = 0;
         self.set.clear(at.len());
         at.place(&self.v[..at.len()], &mut self.x);
     }
 
-    /// The minimizer under the equality rows alone.
-    pub fn equalities(&mut self, at: &impl Coordinates) -> Result<(), Trouble> {
+    /// Moves to the minimizer under the equality rows.
+    pub fn equalities(&mut self, at: &impl Coordinates) -> Result<(), Unsolved> {
         for i in 0..self.constraints.n_eq() {
             let (left, _) = self.split(i, at);
             if left > 0.0 {
@@ -85,23 +85,23 @@ impl Search {
             }
         }
         self.n_eq = self.members.len();
-        // The second time takes the rounding errors of the first away.
+        // The second call removes rounding errors of the first.
         self.onto_members(at);
         self.onto_members(at);
         let tolerance = CONSISTENT * self.scale();
         let broken = (0..self.constraints.n_eq()).find(|&i| self.constraints.excess(i, &self.x).abs() > tolerance);
-        broken.map_or(Ok(()), |i| Err(Trouble::infeasible(self.constraints.name(i))))
+        broken.map_or(Ok(()), |i| Err(Unsolved::infeasible(self.constraints.name(i))))
     }
 
-    /// Takes in the most violated row until none is violated. Gives the number of iterations.
-    pub fn inequalities(&mut self, at: &impl Coordinates, max_iterations: u32) -> Result<u32, Trouble> {
+    /// Adds the most violated row to the working set until no row is violated. Returns the number of iterations.
+    pub fn inequalities(&mut self, at: &impl Coordinates, max_iterations: u32) -> Result<u32, Unsolved> {
         let mut iterations = 0;
         while let Some(worst) = self.constraints.worst(&self.x, FEASIBLE * self.scale()) {
             let mut multiplier = 0.0;
             let (mut left, range) = self.split(worst, at);
             loop {
                 if iterations == max_iterations {
-                    return Err(Trouble::failed());
+                    return Err(Unsolved::failed());
                 }
                 iterations += 1;
                 let (step, leaves) = self.step(worst, left, at)?;
@@ -115,7 +115,7 @@ impl Search {
                         self.set.push(left);
                         self.multipliers[self.members.len()] = multiplier;
                         self.members.push(worst);
-                        self.constraints.take_in(worst);
+                        self.constraints.set_active(worst);
                         break;
                     }
                 }
@@ -125,14 +125,15 @@ impl Search {
         Ok(iterations)
     }
 
-    /// Splits a row by the set; gives the squared norm of what lies outside its span, and where the row's numbers stand.
+    /// Splits a row into its part in the span of the set and the rest. Returns the squared norm of the rest, and the range outside which the
+    /// row is 0.
     fn split(&mut self, i: usize, at: &impl Coordinates) -> (f64, Range<usize>) {
         let range = self.constraints.load(i, &mut self.normal);
         let range = at.pull(&self.normal, range, &mut self.row[..at.len()]);
         (self.set.split(&self.row[..at.len()], range.clone()), range)
     }
 
-    /// The shortest way in v to a point at which every row in the set holds with equality.
+    /// Moves to the nearest point, in `v`, at which every row in the set holds with equality.
     fn onto_members(&mut self, at: &impl Coordinates) {
         for (product, &i) in self.products.iter_mut().zip(&self.members) {
             *product = self.constraints.excess(i, &self.x);
@@ -145,9 +146,9 @@ impl Search {
         self.x[..self.constraints.n()].iter().fold(1.0, |largest: f64, x| largest.max(x.abs()))
     }
 
-    /// Goes towards equality of the row that was split last, as far as the multipliers stay positive. Gives the length of the step, and the place in
-    /// the set of the row whose multiplier has come to zero before equality was reached.
-    fn step(&mut self, entering: usize, left: f64, at: &impl Coordinates) -> Result<(f64, Option<usize>), Trouble> {
+    /// Moves towards equality of the row that was split last, as far as the multipliers stay non-negative. Returns the length of the step and,
+    /// if a multiplier became zero before equality was reached, the index of its row in the set.
+    fn step(&mut self, entering: usize, left: f64, at: &impl Coordinates) -> Result<(f64, Option<usize>), Unsolved> {
         let (n_eq, len) = (self.n_eq, self.members.len());
         let change = &mut self.products[..len];
         change.copy_from_slice(&self.set.inside[..len]);
@@ -167,7 +168,7 @@ impl Search {
             }
         }
         if step == f64::INFINITY {
-            return Err(Trouble::infeasible(self.constraints.name(entering)));
+            return Err(Unsolved::infeasible(self.constraints.name(entering)));
         }
         axpy(-step, change, multipliers);
         if left > 0.0 {
@@ -181,7 +182,7 @@ impl Search {
     fn release(&mut self, k: usize) {
         self.set.remove(k);
         let i = self.members.remove(k);
-        self.constraints.let_go(i);
+        self.constraints.set_inactive(i);
         self.multipliers.copy_within(k + 1..self.members.len() + 1, k);
     }
 }

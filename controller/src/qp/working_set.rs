@@ -1,21 +1,21 @@
-//! The constraints that hold with equality, as an orthonormal basis of their rows that grows and shrinks.
+//! The constraints that hold with equality: an orthonormal basis of their rows, to which rows are added and removed.
 //!
 //! ```text
 //! Mᵀ = Qᵀ R          rows of M: constraints, rows of Q: orthonormal, R upper triangular
 //! ```
-//! Gram-Schmidt with a second pass where the first has cancelled digits is as good as Householder's reflections, and touches only
-//! what is in the set; a row that leaves is turned out by Givens rotations. Source: G. H. Golub, C. F. Van Loan, *Matrix
+//! A row is added by Gram-Schmidt, with a second pass if the first one cancelled digits. This is as accurate as Householder reflections and
+//! uses only the rows in the set. A row is removed by Givens rotations. Source: G. H. Golub, C. F. Van Loan, *Matrix
 //! Computations* (2013), sections 5.2 and 6.5.
 
 use crate::dense::{axpy, dot};
 use std::ops::Range;
 
-/// Part of a row's norm that must lie outside the span of the set for the row to count as independent of it.
+/// A row is linearly independent if more than this fraction of its norm is outside the span of the set.
 const DEPENDENT: f64 = 1e-10;
-/// Part of a row's norm below which what a pass of Gram-Schmidt leaves is cleaned by a second one.
+/// Gram-Schmidt makes a second pass if the first leaves less than this fraction of a row's norm.
 const CANCELLED: f64 = 0.5;
 
-/// A basis of at most as many rows as it has numbers in a row.
+/// A basis of at most as many rows as a row has numbers.
 #[derive(Clone, Debug)]
 pub(super) struct WorkingSet {
     /// Rows of Q, `stride` apart.
@@ -25,14 +25,14 @@ pub(super) struct WorkingSet {
     stride: usize,
     n: usize,
     len: usize,
-    /// Of the row last looked at: its part in the span, in terms of Q.
+    /// Part in the span of the row split last, in terms of Q.
     pub inside: Vec<f64>,
-    /// Of the row last looked at: its part outside the span.
+    /// Part outside the span of the row split last.
     pub outside: Vec<f64>,
 }
 
 impl WorkingSet {
-    /// Memory for rows of up to `capacity` numbers.
+    /// Allocates memory for rows of up to `capacity` numbers.
     pub fn new(capacity: usize) -> Self {
         let nan = f64::NAN;
         WorkingSet {
@@ -46,7 +46,7 @@ impl WorkingSet {
         }
     }
 
-    /// Forgets all rows; those that come have `n` numbers.
+    /// Removes all rows. Rows that are pushed next have `n` numbers.
     pub fn clear(&mut self, n: usize) {
         (self.n, self.len) = (n, 0);
     }
@@ -59,8 +59,8 @@ impl WorkingSet {
         &self.r[k * self.stride..][..=k]
     }
 
-    /// Splits a row, whose numbers other than 0 stand in `at`, into `inside` and `outside`; gives the squared norm of the latter, 0 if the row
-    /// depends on the set.
+    /// Splits a row, which is 0 outside the range `at`, into `inside` and `outside`. Returns the squared norm of `outside`, or 0 if the row is
+    /// linearly dependent on the set.
     pub fn split(&mut self, row: &[f64], at: Range<usize>) -> f64 {
         let WorkingSet { q, stride, n, len, inside, outside, .. } = self;
         let (outside, inside) = (&mut outside[..*n], &mut inside[..*len]);
@@ -86,7 +86,7 @@ impl WorkingSet {
         if left > DEPENDENT * DEPENDENT * size && *len < *n { left } else { 0.0 }
     }
 
-    /// Takes the row last split into the set; `left` is what [`WorkingSet::split`] gave for it, not 0.
+    /// Adds the row split last to the set; `left` is the result of [`WorkingSet::split`], not 0.
     pub fn push(&mut self, left: f64) {
         let (n, len, stride) = (self.n, self.len, self.stride);
         let size = left.sqrt();
@@ -100,12 +100,12 @@ impl WorkingSet {
         self.len += 1;
     }
 
-    /// Takes row `k` out of the set.
+    /// Removes row `k` from the set.
     pub fn remove(&mut self, k: usize) {
         let (n, stride) = (self.n, self.stride);
         self.len -= 1;
         for j in k..self.len {
-            // Column j becomes column j + 1 without its last number, which the rotation of rows j and j + 1 takes away.
+            // Column j becomes column j + 1. The rotation of rows j and j + 1 removes its last number.
             self.r.copy_within((j + 1) * stride..(j + 1) * stride + j + 2, j * stride);
         }
         for j in k..self.len {
@@ -123,7 +123,7 @@ impl WorkingSet {
         }
     }
 
-    /// Writes `R⁻¹ y` over `y` from place `from` on: what the rows of the set from there on have in the combination that Q combines by `y`.
+    /// Replaces `y`, from index `from` on, by `R⁻¹ y`: the coefficients of the set's rows in the vector `Qᵀ y`.
     pub fn combination(&self, from: usize, y: &mut [f64]) {
         for k in (from..self.len).rev() {
             let column = self.r(k);
@@ -132,7 +132,7 @@ impl WorkingSet {
         }
     }
 
-    /// Subtracts from `v` the smallest vector that has the products `y` with the rows of the set. `y` is overwritten.
+    /// Subtracts from `v` the smallest vector whose products with the rows of the set are `y`. Overwrites `y`.
     pub fn correct(&self, y: &mut [f64], v: &mut [f64]) {
         for k in 0..self.len {
             let column = self.r(k);

@@ -1,160 +1,270 @@
-//! Every quantity of the last tick by name, for who looks into a replay. Not for use in a tick: it allocates.
+//! Every quantity of the last tick with its name and unit, for inspecting a replay. Allocates: not for use in a tick.
 
 use super::controller::{Quadruped, Scratch};
 use super::fields::Part;
-use super::leg::Leg;
+use super::leg::{Leg, LegPhase};
 use super::state::Mode;
-use crate::dump::{Dump, Quantity};
-use crate::qp::Qp;
+use crate::dump::{
+    ContactSummary, Dump, GaitSummary, Group, LevelSummary, Overview, Phase, PhaseKind, Quantity, TermSummary, Value,
+};
+use crate::qp::{NamedViolation, Qp};
 use crate::stack::Level;
-use nalgebra::DVector;
+use lcmtypes::channels::Stage;
+use nalgebra::{DMatrix, DVector};
 
-/// Slack of a row or bound below which it counts as active.
+/// Slack of a row or bound below which it counts as active, in units of the program.
 const ACTIVE: f64 = 1e-6;
+/// Unit of a generalized acceleration.
+const ACCELERATION: &str = "m/s², rad/s²";
+/// Unit of a generalized force.
+const FORCE: &str = "N, N m";
 
 impl Quadruped {
-    /// What the last tick computed, as far as it came: a tick that is damped from its beginning has no stage but its output.
+    /// The stages that the last tick reached. A tick that enters the safe state at its beginning has only the stage `output`.
     pub(super) fn quantities(&self) -> Dump {
-        let output = self.state.dump_joints(Part::Output, self.state.dump(Part::Output, Quantity::group()));
-        // A stage that ran has left its digest.
+        // A stage that ran has a digest.
         let ran = &self.messages.tick;
-        let mut stages = Quantity::group();
+        let mut stages = Vec::new();
+        let mut overview = Overview::default();
+        if ran.digest_estimation != 0 || ran.digest_gait != 0 {
+            overview.contacts =
+                Leg::ALL.map(|leg| ContactSummary { name: leg.name().to_owned(), ..ContactSummary::default() }).into();
+        }
         if ran.digest_estimation != 0 {
-            stages = stages.with("estimation", self.estimation());
+            stages.push((Stage::Estimation, self.estimation()));
+            self.summarize_estimation(&mut overview);
         }
         if ran.digest_gait != 0 {
-            stages = stages.with("gait", self.gait());
+            stages.push((Stage::Gait, self.gait()));
+            self.summarize_gait(&mut overview);
         }
         if ran.digest_tasks != 0 {
-            stages = stages.with("tasks", self.tasks());
+            stages.push((Stage::Tasks, self.tasks()));
+            self.summarize_tasks(&mut overview);
         }
         if ran.digest_qp != 0 {
-            stages = stages.with("qp", self.qp());
+            let row_names = self.scratch.wbc.row_names(&self.robot);
+            overview.levels = self
+                .scratch
+                .wbc
+                .stack
+                .levels
+                .iter()
+                .map(|level| self.level(level, &row_names.inequalities, &row_names.variables))
+                .collect();
+            let conflict = self.explain();
+            stages.push((Stage::Qp, self.qp(&overview.levels, conflict.as_ref())));
+            overview.conflict = conflict.map(|(_, constraints)| constraints);
+            for (leg, contact) in Leg::ALL.into_iter().zip(&mut overview.contacts) {
+                contact.f_z_qp = Some(self.scratch.wbc.f_F_W[leg].z);
+            }
         }
-        Dump(stages.with("output", output))
+        stages.push((Stage::Output, self.output()));
+        Dump { stages, overview }
     }
 
-    fn estimation(&self) -> Quantity {
+    fn estimation(&self) -> Group {
         let Scratch { estimate, .. } = &self.scratch;
         let legs = by_leg(|leg| {
             let of_leg = &estimate.legs[leg];
-            let group = Quantity::group()
-                .with("p_BF_W", &of_leg.p_BF_W)
-                .with("p_hip_W", &of_leg.p_hip_W)
+            let group = Group::new()
+                .with_unit("p_BF_W", "m", &of_leg.p_BF_W)
+                .with_unit("p_hip_W", "m", &of_leg.p_hip_W)
                 .with("J", &of_leg.J)
-                .with("a_bias_W", &of_leg.a_bias_W);
-            self.state.dump_leg(Part::Estimation, leg, group)
+                .with_unit("a_bias_W", "m/s²", &of_leg.a_bias_W);
+            self.state.dump_leg(Part::Estimation, leg, group).into()
         });
-        let group = Quantity::group()
+        let group = Group::new()
             .with("R_WB", &estimate.base.R_WB)
-            .with("rpy", estimate.base.rpy)
-            .with("w_WB_W", &estimate.base.w_WB_W)
-            .with("yaw_rate", estimate.base.yaw_rate)
+            .with_unit("rpy", "rad", estimate.base.rpy)
+            .with_unit("w_WB_W", "rad/s", &estimate.base.w_WB_W)
+            .with_unit("yaw_rate", "rad/s", estimate.base.yaw_rate)
             .with("n_W", &estimate.n_W);
-        self.state.dump(Part::Estimation, group).with("legs", legs).with("M", &estimate.M).with("h", &estimate.h)
+        let group = self.state.dump(Part::Estimation, group);
+        group.with("legs", legs).with("M", &estimate.M).with_unit("h", FORCE, &estimate.h)
     }
 
-    fn gait(&self) -> Quantity {
+    fn summarize_estimation(&self, overview: &mut Overview) {
+        for (leg, contact) in Leg::ALL.into_iter().zip(&mut overview.contacts) {
+            contact.in_contact = Some(self.state.contact[leg]);
+            contact.f_z_est = Some(self.state.f_F_W[leg].z);
+        }
+        let base = &mut overview.base;
+        base.push(named("rpy", "rad", self.scratch.estimate.base.rpy));
+        base.push(named("height", "m", self.state.height));
+    }
+
+    fn gait(&self) -> Group {
         let (state, references) = (&self.state, &self.scratch.references);
-        if matches!(state.mode, Mode::StandUp | Mode::Sit) {
-            return state.dump_joints(Part::StandSit, state.dump(Part::StandSit, Quantity::group()));
+        if self.is_in_transition() {
+            return state.dump_joints(Part::StandSit, state.dump(Part::StandSit, Group::new()));
         }
         let legs = by_leg(|leg| {
             state
-                .dump_leg(Part::Gait, leg, Quantity::group())
-                .with("foothold_H", &references.foothold_H[leg])
-                .with("p_BF_H_des", &references.p_BF_H[leg])
-                .with("v_BF_H_des", &references.v_BF_H[leg])
+                .dump_leg(Part::Gait, leg, Group::new())
+                .with_unit("foothold_H", "m", &references.foothold_H[leg])
+                .with_unit("p_BF_H_des", "m", &references.p_BF_H[leg])
+                .with_unit("v_BF_H_des", "m/s", &references.v_BF_H[leg])
+                .into()
         });
-        state.dump_joints(Part::Gait, state.dump(Part::Gait, Quantity::group()).with("legs", legs))
+        state.dump_joints(Part::Gait, state.dump(Part::Gait, Group::new()).with("legs", legs))
     }
 
-    fn tasks(&self) -> Quantity {
+    /// Whether the robot stands up or sits down: then the stage `gait` computes no gait.
+    fn is_in_transition(&self) -> bool {
+        matches!(self.state.mode, Mode::StandUp | Mode::Sit)
+    }
+
+    fn summarize_gait(&self, overview: &mut Overview) {
+        let state = &self.state;
+        if self.is_in_transition() {
+            overview.base.push(named("move_phase", "", state.move_phase.name()));
+            overview.base.push(named("move_progress", "", state.move_progress));
+            return;
+        }
+        overview.gait = Some(GaitSummary { name: state.gait.name(), clock: state.gait_clock });
+        for (leg, contact) in Leg::ALL.into_iter().zip(&mut overview.contacts) {
+            contact.phase = Some(phase(state.leg_state[leg]));
+            contact.t_phase = Some(state.t_leg[leg]).filter(|t| t.is_finite());
+            contact.p_des = Some(self.scratch.references.p_BF_H[leg].into());
+        }
+        overview.base.push(named("v_H_des", "m/s", state.v_H_des));
+    }
+
+    fn tasks(&self) -> Group {
         let Scratch { wbc, trunk, .. } = &self.scratch;
-        let rows = wbc.tasks.names().zip(&wbc.tasks.rows).fold(Quantity::group(), |group, (name, rows)| {
-            group.with(name, Quantity::group().with("A", &rows.A).with("b", &rows.b))
+        let rows = wbc.tasks.names().zip(&wbc.tasks.rows).fold(Group::new(), |group, (name, rows)| {
+            group.with(name, Group::new().with("A", &rows.A).with_unit("b", ACCELERATION, &rows.b))
         });
-        let levels: Vec<Quantity> = (0..wbc.stack.levels.len()).map(|k| program(&wbc.program(k))).collect();
-        Quantity::group()
+        let levels: Vec<Group> = (0..wbc.stack.levels.len()).map(|k| program(&wbc.program(k))).collect();
+        Group::new()
             .with("R_WB_des", &trunk.R_WB)
-            .with("w_WB_W_des", &trunk.w_WB_W)
-            .with("e_o_W", &wbc.tasks.e_o_W)
-            .with("wd_trunk", &wbc.tasks.wd_trunk)
-            .with("qdd_posture", &wbc.tasks.qdd_posture)
-            .with("f_z_bounds", by_leg(|leg| [wbc.f_z_bounds[leg].0, wbc.f_z_bounds[leg].1].into()))
+            .with_unit("w_WB_W_des", "rad/s", &trunk.w_WB_W)
+            .with_unit("e_o_W", "rad", &wbc.tasks.e_o_W)
+            .with_unit("wd_trunk", "rad/s²", &wbc.tasks.wd_trunk)
+            .with_unit("qdd_posture", "rad/s²", &wbc.tasks.qdd_posture)
+            .with_unit("f_z_bounds", "N", by_leg(|leg| [wbc.f_z_bounds[leg].0, wbc.f_z_bounds[leg].1].into()))
             .with("rows", rows)
             .with("levels", levels)
     }
 
-    fn qp(&self) -> Quantity {
+    fn summarize_tasks(&self, overview: &mut Overview) {
+        let Scratch { wbc, .. } = &self.scratch;
+        for (leg, contact) in Leg::ALL.into_iter().zip(&mut overview.contacts) {
+            contact.f_z_bounds = Some([wbc.f_z_bounds[leg].0, wbc.f_z_bounds[leg].1]);
+        }
+        let orientation_error = named("e_o_W", "rad", &wbc.tasks.e_o_W);
+        overview.base.insert(1.min(overview.base.len()), orientation_error);
+    }
+
+    fn qp(&self, levels: &[LevelSummary], conflict: Option<&(usize, Vec<NamedViolation>)>) -> Group {
         let Scratch { wbc, estimate, .. } = &self.scratch;
-        let names: Vec<&str> = wbc.tasks.names().collect();
-        let row_names = wbc.row_names(&self.robot);
-        let constraints = &wbc.stack.levels[0].qp;
-        let level = |level: &Level| {
-            let terms: Vec<Quantity> = level
+        let level_group = |(summary, level): (&LevelSummary, &Level)| {
+            let terms: Vec<Group> = summary
                 .terms
                 .iter()
-                .map(|term| {
-                    let rows = &wbc.tasks.rows[term.task];
-                    Quantity::group()
-                        .with("task", names[term.task])
-                        .with("weight", term.weight)
-                        .with("residual", residual(&rows.A, &rows.b, &term.takes, &wbc.vd))
+                .map(|TermSummary { task, weight, residual }| {
+                    Group::new().with("task", task.as_str()).with("weight", *weight).with_unit(
+                        "residual",
+                        ACCELERATION,
+                        *residual,
+                    )
                 })
                 .collect();
-            let status = level.info.map_or("NotRun".to_owned(), |info| format!("{:?}", info.status));
-            let mut group = Quantity::group().with("status", status);
-            if let Some(info) = level.info {
-                group = group.with("iterations", info.iterations).with("n_active", count(info.n_active));
+            let mut group = Group::new().with("status", summary.status_name());
+            if summary.status.is_some() {
+                group = group.with("iterations", summary.iterations).with("n_active", summary.n_active);
             }
-            let mut active: Vec<Quantity> = Vec::new();
-            if level.solved() {
-                let named = |names: &[String], i: usize| names.get(i).cloned().unwrap_or_else(|| format!("row {i}"));
-                for (i, d) in constraints.d.iter().enumerate() {
-                    let row = constraints.C.row(i);
-                    let left = row.iter().zip(&level.x).fold(0.0, |sum, (c, x)| sum + c * x);
-                    if row.iter().any(|c| *c != 0.0) && d - left < ACTIVE {
-                        active.push(named(&row_names.inequalities, i).into());
-                    }
-                }
-                for i in 0..level.x.len() {
-                    for (which, slack) in
-                        [("lower", level.x[i] - constraints.lower[i]), ("upper", constraints.upper[i] - level.x[i])]
-                    {
-                        if slack < ACTIVE {
-                            active.push(format!("{which} bound of {}", named(&row_names.variables, i)).into());
-                        }
-                    }
-                }
-            }
+            let active: Vec<Value> = summary.active.iter().map(|name| name.as_str().into()).collect();
             group.with("terms", terms).with("active", active).with("x", &level.x)
         };
-        let levels: Vec<Quantity> = wbc.stack.levels.iter().map(level).collect();
+        let levels: Vec<Group> = levels.iter().zip(&wbc.stack.levels).map(level_group).collect();
         let [contact, trunk, posture] =
             if wbc.solved() { wbc.tasks.residuals(&wbc.vd, estimate, &self.state) } else { [f64::NAN; 3] };
-        let residuals = Quantity::group().with("contact", contact).with("trunk", trunk).with("posture", posture);
-        let mut group = Quantity::group()
+        let residuals = Group::new()
+            .with_unit("contact", "m/s²", contact)
+            .with_unit("trunk", "rad/s²", trunk)
+            .with_unit("posture", "rad/s²", posture);
+        let group = Group::new()
             .with("solved", wbc.solved())
             .with("iterations", wbc.info.iterations)
             .with("residuals", residuals)
-            .with("f_F_W", by_leg(|leg| (&wbc.f_F_W[leg]).into()))
-            .with("vd", &wbc.vd)
-            .with("tau", &wbc.tau)
+            .with_unit("f_F_W", "N", by_leg(|leg| (&wbc.f_F_W[leg]).into()))
+            .with_unit("vd", ACCELERATION, &wbc.vd)
+            .with_unit("tau", "N m", &wbc.tau)
             .with("levels", levels);
-        if let Some((level, conflict)) = self.explain() {
-            let conflict: Vec<Quantity> = conflict
-                .iter()
-                .map(|c| Quantity::group().with("constraint", c.name.as_str()).with("by", c.by))
-                .collect();
-            group = group.with("conflict_level", count(level)).with("conflict", conflict);
+        let Some((level, constraints)) = conflict else { return group };
+        let constraints: Vec<Group> = constraints
+            .iter()
+            .map(|violation| Group::new().with("constraint", violation.name.as_str()).with("by", violation.by))
+            .collect();
+        group.with("conflict_level", *level).with("conflict", constraints)
+    }
+
+    /// - `inequalities`, `variables`: names of the inequality rows and variables of the programs.
+    fn level(&self, level: &Level, inequalities: &[String], variables: &[String]) -> LevelSummary {
+        let Scratch { wbc, .. } = &self.scratch;
+        let names: Vec<&str> = wbc.tasks.names().collect();
+        let terms = level.terms.iter().map(|term| {
+            let rows = &wbc.tasks.rows[term.task];
+            let residual = residual(&rows.A, &rows.b, &term.takes, &wbc.vd);
+            TermSummary { task: names[term.task].to_owned(), weight: term.weight, residual }
+        });
+        let active = if level.solved() {
+            active(&wbc.stack.levels[0].qp, &level.x, inequalities, variables)
+        } else {
+            Vec::new()
+        };
+        LevelSummary {
+            status: level.info.map(|info| info.status),
+            iterations: level.info.map_or(0, |info| info.iterations),
+            n_active: level.info.map_or(0, |info| info.n_active),
+            terms: terms.collect(),
+            active,
         }
-        group
+    }
+
+    fn output(&self) -> Group {
+        self.state.dump_joints(Part::Output, self.state.dump(Part::Output, Group::new()))
     }
 }
 
-/// Norm of `A vd - b` over the rows taken.
-fn residual(A: &nalgebra::DMatrix<f64>, b: &DVector<f64>, takes: &[bool], vd: &DVector<f64>) -> f64 {
+fn named(name: &str, unit: &'static str, value: impl Into<Value>) -> Quantity {
+    Quantity { name: name.to_owned(), unit, value: value.into() }
+}
+
+fn phase(phase: LegPhase) -> Phase {
+    let kind = match phase {
+        LegPhase::Stance => PhaseKind::Stance,
+        LegPhase::SwingUp | LegPhase::SwingDown => PhaseKind::Swing,
+        LegPhase::Reach | LegPhase::FaultHold => PhaseKind::Unplanned,
+    };
+    Phase { name: phase.name(), kind }
+}
+
+/// Names of the inequality rows and bounds that hold with equality at `x`.
+fn active(constraints: &Qp, x: &DVector<f64>, inequalities: &[String], variables: &[String]) -> Vec<String> {
+    let named = |names: &[String], i: usize| names.get(i).cloned().unwrap_or_else(|| format!("row {i}"));
+    let mut active = Vec::new();
+    for (i, d) in constraints.d.iter().enumerate() {
+        let row = constraints.C.row(i);
+        let left = row.iter().zip(x).fold(0.0, |sum, (c, x)| sum + c * x);
+        if row.iter().any(|c| *c != 0.0) && d - left < ACTIVE {
+            active.push(named(inequalities, i));
+        }
+    }
+    for i in 0..x.len() {
+        for (bound, slack) in [("lower", x[i] - constraints.lower[i]), ("upper", constraints.upper[i] - x[i])] {
+            if slack < ACTIVE {
+                active.push(format!("{bound} bound of {}", named(variables, i)));
+            }
+        }
+    }
+    active
+}
+
+/// Norm of `A vd - b` over the rows with `takes`.
+fn residual(A: &DMatrix<f64>, b: &DVector<f64>, takes: &[bool], vd: &DVector<f64>) -> f64 {
     let mut sum = 0.0;
     for row in (0..b.len()).filter(|row| takes[*row]) {
         let left = A.row(row).iter().zip(vd).fold(0.0, |sum, (a, v)| sum + a * v);
@@ -163,8 +273,8 @@ fn residual(A: &nalgebra::DMatrix<f64>, b: &DVector<f64>, takes: &[bool], vd: &D
     sum.sqrt()
 }
 
-fn program(qp: &Qp) -> Quantity {
-    Quantity::group()
+fn program(qp: &Qp) -> Group {
+    Group::new()
         .with("H", &qp.H)
         .with("g", &qp.g)
         .with("A", &qp.A)
@@ -175,10 +285,6 @@ fn program(qp: &Qp) -> Quantity {
         .with("upper", &qp.upper)
 }
 
-fn by_leg(quantity: impl Fn(Leg) -> Quantity) -> Quantity {
-    Leg::ALL.into_iter().fold(Quantity::group(), |group, leg| group.with(leg.name(), quantity(leg)))
-}
-
-fn count(n: usize) -> Quantity {
-    Quantity::Integer(i64::try_from(n).unwrap_or(i64::MAX))
+fn by_leg(value: impl Fn(Leg) -> Value) -> Group {
+    Leg::ALL.into_iter().fold(Group::new(), |group, leg| group.with(leg.name(), value(leg)))
 }

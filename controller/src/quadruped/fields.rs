@@ -1,7 +1,7 @@
 //! The list of state fields, and everything that is derived from it: the struct, its snapshot message, its digests and its dump.
 
 use crate::digest::Digest;
-use crate::dump::Quantity;
+use crate::dump::Value;
 use crate::error::RestoreError;
 use nalgebra::Vector3;
 
@@ -39,7 +39,7 @@ pub trait Field: Copy {
     fn digest(self, digest: &mut Digest);
 
     /// Its form in a dump.
-    fn quantity(self) -> Quantity;
+    fn value(self) -> Value;
 
     /// A value that differs from the default, and from `example` of most other numbers.
     #[cfg(test)]
@@ -93,7 +93,7 @@ macro_rules! plain_field {
                 let $x = self;
                 $digest;
             }
-            fn quantity(self) -> Quantity {
+            fn value(self) -> Value {
                 self.into()
             }
             #[cfg(test)]
@@ -134,7 +134,7 @@ impl Field for Vector3<f64> {
         digest.vec3(&self);
     }
 
-    fn quantity(self) -> Quantity {
+    fn value(self) -> Value {
         (&self).into()
     }
 
@@ -166,7 +166,7 @@ macro_rules! enum_field {
             fn digest(self, digest: &mut $crate::digest::Digest) {
                 digest.word(self as u64);
             }
-            fn quantity(self) -> $crate::dump::Quantity {
+            fn value(self) -> $crate::dump::Value {
                 let $x = self;
                 $name.into()
             }
@@ -190,6 +190,16 @@ macro_rules! enum_field {
 macro_rules! state_fields {
     (@accepts) => { $crate::quadruped::fields::finite };
     (@accepts $accepts:ident) => { $crate::quadruped::fields::$accepts };
+    (@unit) => { "" };
+    (@unit $unit:literal) => { $unit };
+    (@dump $group:ident, $part:ident, $name:ident, $value:expr, [$($unit:literal)?], [$($dump:ident $(as $label:literal)?),*]) => {
+        let _unit: &'static str = state_fields!(@unit $($unit)?);
+        $(
+            if $part == Part::$dump {
+                $group = $group.with_unit(state_fields!(@label $name $($label)?), _unit, $value);
+            }
+        )*
+    };
     (@label $name:ident) => { stringify!($name) };
     (@label $name:ident $label:literal) => { $label };
     (
@@ -197,18 +207,20 @@ macro_rules! state_fields {
         pub struct $State:ident, message $Message:ident;
         robot {$(
             $robot:ident: $Robot:ty
+            $(, unit $robot_unit:literal)?
             $(, accepts $robot_accepts:ident)?
             $(, digest [$($robot_digest:ident),*])?
             $(, dump [$($robot_dump:ident $(as $robot_label:literal)?),*])?;
         )*}
         legs {$(
             $leg:ident: $Leg:ty
+            $(, unit $leg_unit:literal)?
             $(, accepts $leg_accepts:ident)?
             $(, digest [$($leg_digest:ident),*])?
             $(, dump [$($leg_dump:ident $(as $leg_label:literal)?),*])?;
         )*}
         joints {$(
-            $joint:ident
+            $joint:ident, unit $joint_unit:literal
             $(, digest [$($joint_digest:ident),*])?
             $(, dump [$($joint_dump:ident $(as $joint_label:literal)?),*])?;
         )*}
@@ -304,32 +316,29 @@ macro_rules! state_fields {
             }
 
             /// Adds the fields of a part to a group of a dump: those of the robot as a whole.
-            pub fn dump(&self, part: Part, mut group: Quantity) -> Quantity {
-                $($($(
-                    if part == Part::$robot_dump {
-                        group = group.with(state_fields!(@label $robot $($robot_label)?), Field::quantity(self.$robot));
-                    }
-                )*)?)*
+            pub fn dump(&self, part: Part, mut group: Group) -> Group {
+                $(state_fields!(
+                    @dump group, part, $robot, Field::value(self.$robot), [$($robot_unit)?],
+                    [$($($robot_dump $(as $robot_label)?),*)?]
+                );)*
                 group
             }
 
             /// Adds the fields of a part to a group of a dump: those of one leg.
-            pub fn dump_leg(&self, part: Part, leg: Leg, mut group: Quantity) -> Quantity {
-                $($($(
-                    if part == Part::$leg_dump {
-                        group = group.with(state_fields!(@label $leg $($leg_label)?), Field::quantity(self.$leg[leg]));
-                    }
-                )*)?)*
+            pub fn dump_leg(&self, part: Part, leg: Leg, mut group: Group) -> Group {
+                $(state_fields!(
+                    @dump group, part, $leg, Field::value(self.$leg[leg]), [$($leg_unit)?],
+                    [$($($leg_dump $(as $leg_label)?),*)?]
+                );)*
                 group
             }
 
             /// Adds the fields of a part to a group of a dump: the joint arrays.
-            pub fn dump_joints(&self, part: Part, mut group: Quantity) -> Quantity {
-                $($($(
-                    if part == Part::$joint_dump {
-                        group = group.with(state_fields!(@label $joint $($joint_label)?), &self.$joint);
-                    }
-                )*)?)*
+            pub fn dump_joints(&self, part: Part, mut group: Group) -> Group {
+                $(state_fields!(
+                    @dump group, part, $joint, &self.$joint, [$joint_unit],
+                    [$($($joint_dump $(as $joint_label)?),*)?]
+                );)*
                 group
             }
 

@@ -75,6 +75,11 @@ impl LegPhase {
     pub const ALL: [LegPhase; 5] =
         [LegPhase::Stance, LegPhase::SwingUp, LegPhase::SwingDown, LegPhase::Reach, LegPhase::FaultHold];
 
+    /// Name, as in dumps.
+    pub fn name(self) -> &'static str {
+        ["Stance", "SwingUp", "SwingDown", "Reach", "FaultHold"][self as usize]
+    }
+
     /// Whether the foot should carry load.
     pub fn is_stance(self) -> bool {
         self == LegPhase::Stance

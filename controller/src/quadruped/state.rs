@@ -3,7 +3,7 @@
 use super::fields::{self, Field, Part, enum_field, state_fields};
 use super::leg::{Leg, LegPhase, PerLeg};
 use crate::digest::Digest;
-use crate::dump::Quantity;
+use crate::dump::Group;
 use crate::error::RestoreError;
 use crate::safety::Fault;
 use lcmtypes::{QuadrupedState, RobotState, enum_names};
@@ -50,6 +50,11 @@ pub enum Gait {
 impl Gait {
     /// All gaits, by their number in `operator_command_t`.
     pub const ALL: [Gait; 2] = [Gait::Trot, Gait::Crawl];
+
+    /// Name, as in dumps.
+    pub fn name(self) -> &'static str {
+        ["Trot", "Crawl"][self as usize]
+    }
 }
 
 /// Gait timing commanded by the operator. 0 = the value of the parameters.
@@ -92,39 +97,44 @@ impl MovePhase {
         MovePhase::Release,
         MovePhase::Lie,
     ];
+
+    /// Name, as in dumps.
+    pub fn name(self) -> &'static str {
+        ["None", "Gather", "Rise", "Lower", "Spread", "Release", "Lie"][self as usize]
+    }
 }
 
 enum_field! {
     Mode, mode => mode.name();
-    Gait, gait => format!("{gait:?}");
-    LegPhase, phase => format!("{phase:?}");
-    MovePhase, phase => format!("{phase:?}");
+    Gait, gait => gait.name();
+    LegPhase, phase => phase.name();
+    MovePhase, phase => phase.name();
 }
 
 // To add a field, add a line here and a field with the same name in quadruped_state_t.lcm. The order of the lines is the order in which digests
-// and dumps contain the fields. `accepts` names the check of a snapshot's numbers if it is not `finite`.
+// and dumps contain the fields. `unit` is the unit in dumps. `accepts` names the check of a snapshot's numbers if it is not `finite`.
 state_fields! {
     /// State of the quadruped controller between two ticks. `quadruped_state_t` documents meaning, frame and unit of each field.
     #[derive(Clone, Debug, PartialEq)]
     #[expect(missing_docs, reason = "every field is documented at quadruped_state_t")]
     pub struct State, message QuadrupedState;
     robot {
-        t_ns: i64;
+        t_ns: i64, unit "ns";
         tick: i64;
-        gait_clock: f64, digest [Gait], dump [Gait];
-        yaw_des: f64, digest [Gait], dump [Gait];
-        height_offset: f64, digest [Gait], dump [Gait];
+        gait_clock: f64, unit "s", digest [Gait], dump [Gait];
+        yaw_des: f64, unit "rad", digest [Gait], dump [Gait];
+        height_offset: f64, unit "m", digest [Gait], dump [Gait];
         zeta: f64, digest [Gait], dump [Gait];
-        yaw_rate_des: f64, digest [Gait], dump [Gait];
-        swing_frequency: f64, digest [Gait], dump [Gait];
+        yaw_rate_des: f64, unit "rad/s", digest [Gait], dump [Gait];
+        swing_frequency: f64, unit "Hz", digest [Gait], dump [Gait];
         duty: f64, digest [Gait], dump [Gait];
-        rp_des: [f64; 2], digest [Gait], dump [Gait];
-        v_H_des: [f64; 2], digest [Gait], dump [Gait];
-        v_trim_H: [f64; 2], digest [Gait], dump [Gait];
-        sway_H: [f64; 2], digest [Gait], dump [Gait];
-        sway_rate_H: [f64; 2];
-        sway_rest_H: [f64; 2];
-        sway_rest_rate_H: [f64; 2];
+        rp_des: [f64; 2], unit "rad", digest [Gait], dump [Gait];
+        v_H_des: [f64; 2], unit "m/s", digest [Gait], dump [Gait];
+        v_trim_H: [f64; 2], unit "m/s", digest [Gait], dump [Gait];
+        sway_H: [f64; 2], unit "m", digest [Gait], dump [Gait];
+        sway_rate_H: [f64; 2], unit "m/s";
+        sway_rest_H: [f64; 2], unit "m";
+        sway_rest_rate_H: [f64; 2], unit "m/s";
         gait: Gait, digest [Gait], dump [Gait];
         gait_running: bool, dump [Gait];
         mode: Mode, digest [Gait, StandSit], dump [Output];
@@ -137,34 +147,34 @@ state_fields! {
         move_progress: f64, digest [StandSit], dump [StandSit];
         move_start: f64, digest [StandSit], dump [StandSit];
         support: f64, digest [StandSit], dump [StandSit];
-        t_held: f64, digest [StandSit], dump [StandSit];
-        height: f64, digest [Estimation], dump [Estimation];
-        v_H_est: [f64; 2], digest [Estimation], dump [Estimation];
+        t_held: f64, unit "s", digest [StandSit], dump [StandSit];
+        height: f64, unit "m", digest [Estimation], dump [Estimation];
+        v_H_est: [f64; 2], unit "m/s", digest [Estimation], dump [Estimation];
         gradient_W: [f64; 2], digest [Estimation], dump [Estimation];
-        t_still: f64;
-        t_no_contact: f64;
+        t_still: f64, unit "s";
+        t_no_contact: f64, unit "s";
     }
     legs {
         leg_state: LegPhase, digest [Gait], dump [Gait as "phase"];
         reflexes: i32, digest [Gait], dump [Gait];
-        t_leg: f64, accepts finite_or_infinity, digest [Gait], dump [Gait];
-        t_unloaded: f64, digest [Gait], dump [Gait];
-        step_length: f64, digest [Gait], dump [Gait];
-        step_heading: f64, digest [Gait], dump [Gait];
-        step_height: f64, digest [Gait], dump [Gait];
-        f_F_W: Vector3<f64>, digest [Estimation], dump [Estimation];
-        p_ground_W: Vector3<f64>, digest [Estimation], dump [Estimation];
+        t_leg: f64, unit "s", accepts finite_or_infinity, digest [Gait], dump [Gait];
+        t_unloaded: f64, unit "s", digest [Gait], dump [Gait];
+        step_length: f64, unit "m", digest [Gait], dump [Gait];
+        step_heading: f64, unit "rad", digest [Gait], dump [Gait];
+        step_height: f64, unit "m", digest [Gait], dump [Gait];
+        f_F_W: Vector3<f64>, unit "N", digest [Estimation], dump [Estimation];
+        p_ground_W: Vector3<f64>, unit "m", digest [Estimation], dump [Estimation];
         contact: bool, digest [Estimation], dump [Estimation];
         contact_count: i32;
-        p_lift_H: Vector3<f64>;
-        p_stance_H: [f64; 2];
+        p_lift_H: Vector3<f64>, unit "m";
+        p_stance_H: [f64; 2], unit "m";
     }
     joints {
-        move_q, digest [StandSit], dump [StandSit];
-        q_des, digest [Gait, StandSit], dump [Gait, StandSit, Output];
-        qd_des, digest [Gait, StandSit], dump [Gait, StandSit, Output];
-        qdd_des, digest [Gait], dump [Gait];
-        tau_last, digest [StandSit], dump [Output as "tau"];
+        move_q, unit "rad", digest [StandSit], dump [StandSit];
+        q_des, unit "rad", digest [Gait, StandSit], dump [Gait, StandSit, Output];
+        qd_des, unit "rad/s", digest [Gait, StandSit], dump [Gait, StandSit, Output];
+        qdd_des, unit "rad/s²", digest [Gait], dump [Gait];
+        tau_last, unit "N m", digest [StandSit], dump [Output as "tau"];
     }
 }
 

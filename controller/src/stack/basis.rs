@@ -1,25 +1,24 @@
-//! An orthonormal basis of rows, grown row by row: which directions the levels above have decided.
+//! Orthonormal basis of rows, built row by row: the directions that the levels above determine.
 //!
-//! The rows of a level may depend on each other and on those above: a foot twice, a stretched leg, a task that repeats another. As equality
-//! constraints such rows make a program without a solution out of rounding errors. So what is handed down is not `A_j x = A_j x_j*` itself
-//! but the same set of points in an orthonormal basis, `Q x = Q x_j*`, of the row space alone: perfectly conditioned whatever the tasks are, and
-//! never more rows than there is memory for, since a row that depends on those before it leaves its place zero. Eliminating the null
-//! space instead would give the solver fewer variables, but a number of them that changes with the rank, while a solver that allocates
-//! nothing in a tick needs constant sizes.
+//! The rows of a level may be linearly dependent on each other and on rows above: a foot in two tasks, a stretched leg, a task that repeats
+//! another. As equality constraints, such rows can make a program infeasible by rounding errors alone. A lower level therefore does not get
+//! `A_j x = A_j x_j*`, but the same set of points in an orthonormal basis of the row space, `Q x = Q x_j*`. It is well conditioned for all
+//! tasks, and its number of rows is bounded: a dependent row leaves a row of zeros. Elimination of the null space would give the
+//! solver fewer variables, but their number would change with the rank; a solver without allocation in a tick needs constant sizes.
 
 use crate::dense::{axpy, dot};
 use nalgebra::{DMatrix, DVector};
 
-/// A row counts as dependent when less than this part of its norm lies outside the span of those before it.
+/// A row is linearly dependent if less than this fraction of its norm is outside the span of the rows before it.
 ///
-/// The part that lies outside is known to about 1e-16, so a kept direction is good to 1e-9 at worst, below what a level is solved to;
-/// a direction that is dropped is left to lower levels, who then may violate the row by a millionth of its norm.
+/// The part outside is known to about 1e-16 of the norm, so a kept direction is accurate to 1e-9 or better, below the accuracy of a level's
+/// solution. A dropped direction is left to lower levels, which may then violate the row by a millionth of its norm.
 pub const DEPENDENT: f64 = 1e-7;
 
-/// Part of a row's norm below which what a pass of Gram-Schmidt leaves is cleaned by a second one.
+/// Gram-Schmidt makes a second pass if the first leaves less than this fraction of a row's norm.
 const CANCELLED: f64 = 0.5;
 
-/// Orthonormal rows, in preallocated memory. A place whose row depended on those before it is zero.
+/// Orthonormal rows in preallocated memory. A linearly dependent row is stored as zeros.
 #[derive(Clone, Debug)]
 pub struct Basis {
     /// The rows, as columns: n x capacity.
@@ -30,39 +29,39 @@ pub struct Basis {
 }
 
 impl Basis {
-    /// Memory for rows of `n` numbers.
+    /// Allocates memory for `capacity` rows of `n` numbers.
     pub fn new(n: usize, capacity: usize) -> Self {
         let nan = f64::NAN;
         Basis { Qt: DMatrix::from_element(n, capacity, nan), row: DVector::from_element(n, nan), used: 0, rank: 0 }
     }
 
-    /// Forgets all rows.
+    /// Removes all rows.
     pub fn clear(&mut self) {
         (self.used, self.rank) = (0, 0);
     }
 
-    /// Number of rows that were pushed.
+    /// Number of pushed rows, including dependent ones.
     pub fn len(&self) -> usize {
         self.used
     }
 
-    /// Whether none was pushed.
+    /// Whether no row was pushed.
     pub fn is_empty(&self) -> bool {
         self.used == 0
     }
 
-    /// Number of rows that did not depend on those before them.
+    /// Number of linearly independent rows.
     pub fn rank(&self) -> usize {
         self.rank
     }
 
-    /// Adds a row, `entry(i)` its numbers; says whether it brought a new direction.
+    /// Adds the row with the numbers `entry(i)`. Returns whether it is linearly independent of the rows before it.
     ///
-    /// Gram-Schmidt, with a second pass where the first has cancelled digits: then the rows are orthogonal to rounding. Source: G. H. Golub,
+    /// Gram-Schmidt, with a second pass if the first one cancelled digits; the rows are then orthogonal up to rounding. Source: G. H. Golub,
     /// C. F. Van Loan, *Matrix Computations* (2013), section 5.2.
     ///
     /// # Panics
-    /// If there is no memory left.
+    /// If `capacity` rows were already pushed.
     pub fn push(&mut self, entry: impl Fn(usize) -> f64) -> bool {
         let n = self.row.len();
         for i in 0..n {
@@ -94,12 +93,12 @@ impl Basis {
         fresh
     }
 
-    /// Entry of a row that was pushed.
+    /// Entry of a stored row.
     pub fn at(&self, row: usize, col: usize) -> f64 {
         self.Qt[(col, row)]
     }
 
-    /// Writes the entries in `col` of the rows that were pushed from row `from` on, as many as `to` has places for.
+    /// Writes the entries in column `col` of the stored rows from row `from` on, until `to` is full.
     pub fn column(&self, from: usize, col: usize, to: &mut [f64]) {
         let n = self.row.len();
         for (to, row) in to.iter_mut().zip(self.Qt.as_slice()[from * n..].chunks_exact(n)) {
@@ -119,7 +118,7 @@ mod tests {
     }
 
     #[test]
-    fn dependent_rows_leave_their_place_zero() {
+    fn dependent_rows_are_stored_as_zeros() {
         let (basis, fresh) =
             of(&[[3.0, 4.0, 0.0], [0.0; 3], [-6.0, -8.0, 0.0], [1e6, 0.0, 0.0], [1.0, 1.0, 1e-9], [0.0, 0.0, 1e-3]]);
         assert_eq!(fresh, [true, false, false, true, false, true]);
@@ -129,7 +128,7 @@ mod tests {
     }
 
     #[test]
-    fn rows_that_are_nearly_parallel_come_out_orthogonal() {
+    fn nearly_parallel_rows_become_orthogonal() {
         let (basis, fresh) = of(&[[1.0, 1.0, 1.0], [1.0, 1.0, 1.0 + 1e-6], [1.0, 1.0 + 1e-6, 1.0]]);
         assert_eq!(fresh, [true; 3]);
         for (a, b, expected) in [(0, 0, 1.0), (1, 1, 1.0), (2, 2, 1.0), (0, 1, 0.0), (0, 2, 0.0), (1, 2, 0.0)] {

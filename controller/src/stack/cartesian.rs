@@ -8,27 +8,28 @@ use serde::{Deserialize, Serialize};
 
 /// A Cartesian task in the parameters: `[stack.tasks.NAME]` with `type = "cartesian"`.
 ///
-/// Its six rows are x, y, z of the link's origin and rotation about x, y, z, in the axes of `relative_to`, or of the world. Its
-/// reference is the pose in the nominal posture with level trunk; in the world it turns with the commanded heading.
+/// Six rows: x, y, z of the link's origin, then rotation about x, y, z; in the axes of `relative_to`, or of the world. The
+/// reference is the pose in the nominal posture with level trunk. A reference in the world rotates with the commanded heading.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct CartesianConfig {
-    /// The link.
+    /// Link that the task controls.
     pub link: String,
-    /// Link in whose frame its pose is kept; the world where there is none. The controller does not know where in the world the robot is,
-    /// so there the rows of position keep the link's acceleration at zero and have no gains.
+    /// Link in whose frame the pose is controlled; default: the world. The controller does not know the position of the robot in the world:
+    /// position rows in the world have no gains and keep the acceleration of the link at zero.
     #[serde(default)]
     pub relative_to: Option<String>,
     /// Stiffness of each row: 1/s², or N/m and N m/rad with `inertia`.
     pub kp: [f64; 6],
     /// Damping of each row: 1/s, or N s/m and N m s/rad.
     pub kd: [f64; 6],
-    /// Gains are forces: premultiply them by the inverse of the inertia seen at the link. Rows that the formula leaves out want gains 0 then.
+    /// Gains give forces: they are premultiplied by the inverse of the inertia at the link. Set the gains of rows that the formula does not
+    /// use to 0 in this case.
     #[serde(default)]
     pub inertia: bool,
 }
 
-/// A Cartesian task of a robot, with its memory.
+/// A Cartesian task of a robot, with preallocated memory.
 pub struct Cartesian {
     link: FrameId,
     relative_to: Option<FrameId>,
@@ -43,8 +44,8 @@ pub struct Cartesian {
     Y: DMatrix<f64>,
 }
 
-/// Pose, twist and bias acceleration of one frame, place and velocity over those of the base: of two links only the difference counts,
-/// and for one in the world rows of position have no gains.
+/// Pose, twist and bias acceleration of a frame; position and velocity are relative to the base. For two links only their difference is
+/// used, and position rows in the world have no gains.
 struct Motion {
     p: Vector3<f64>,
     R: Matrix3<f64>,
@@ -67,7 +68,7 @@ impl Motion {
         }
     }
 
-    /// What does not move.
+    /// The world frame: no motion.
     fn world() -> Self {
         let zero = Vector3::zeros();
         Motion { p: zero, R: Matrix3::identity(), v: zero, w: zero, a: zero, al: zero }
@@ -75,11 +76,13 @@ impl Motion {
 }
 
 impl Cartesian {
-    /// - `name`: of the task, for errors.
-    /// - `home`: the nominal posture, level trunk.
+    /// Builds the task; its reference is the pose at `home`.
+    ///
+    /// - `name`: name of the task, used in errors.
+    /// - `home`: kinematics in the nominal posture with level trunk.
     ///
     /// # Errors
-    /// Links that the model does not have; gains that are no numbers or negative.
+    /// Links that the model does not have; gains that are non-finite or negative.
     pub fn new(name: &str, config: &CartesianConfig, model: &Model, home: &Kinematics) -> Result<Self, StackError> {
         let frame = |key, link: &str| {
             let wrong =
@@ -111,24 +114,24 @@ impl Cartesian {
         })
     }
 
-    /// Memory for its rows: one block of six, dense.
+    /// Allocates its rows: one dense block of six.
     pub fn rows(model: &Model) -> Rows {
         let mut rows = Rows::new(model.nv(), [(6, (0..model.nv()).collect())]);
         rows.switch(0, true);
         rows
     }
 
-    /// Writes its rows. For link L and other link R, p = p_BL - p_BR, everything in the axes of R:
+    /// Writes the rows. For the link L and the other link R, p = p_BL - p_BR, all in the axes of R:
     ///
     /// ```text
     /// A = Rᵀ [ J_v,L - J_v,R + [p]x J_w,R ;  J_w,L - J_w,R ]
     /// A vd = K_P e - K_D ẋ - bias,    e = [ p_des - Rᵀ p ; log(R_des (Rᵀ R_WL)ᵀ) ]
     /// bias = Rᵀ [ a_L - a_R - α_R x p - 2 ω_R x ṗ - ω_R x (ω_R x p) ;  α_L - α_R - ω_R x (ω_L - ω_R) ],   ṗ = v_L - v_R - ω_R x p
     /// ```
-    /// With `inertia` the gains' part is premultiplied by `A M⁻¹ Aᵀ`: Raiola et al. 2020, appendix, eq. (10).
+    /// With `inertia`, the part with the gains is premultiplied by `A M⁻¹ Aᵀ`: Raiola et al. 2020, appendix, eq. (10).
     ///
     /// - `M`: mass matrix, nv x nv.
-    /// - `heading`: commanded heading, rad; a reference in the world turns with it.
+    /// - `heading`: commanded heading, rad; a reference in the world rotates with it.
     pub fn fill(&mut self, model: &Model, kin: &Kinematics, M: &DMatrix<f64>, heading: f64, rows: &mut Rows) {
         let at = Motion::of(model, kin, self.link);
         let to = self.relative_to.map_or_else(Motion::world, |frame| Motion::of(model, kin, frame));

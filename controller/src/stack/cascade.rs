@@ -1,16 +1,16 @@
-//! The levels of a stack as quadratic programs, solved one after the other.
+//! Solves the levels of a stack as quadratic programs, one after the other.
 //!
 //! ```text
 //! level k:   min_x  Σ w |A_k vd - b_k|² + Σ λ_i x_i²     subject to   the constraints,   Q x = Q x*_(k-1)          x = [vd; F]
 //! ```
-//! The rows of `Q` span those of all levels above (and of the equality constraints: see [`super::basis`]), so no level takes away what
-//! one above has reached. Source: Raiola et al. 2020, eq. (13); one level is the weighted stack of eq. (15).
+//! The rows of `Q` span the rows of all levels above and of the equality constraints (see [`super::basis`]), so no level changes the
+//! residuals of a level above. Source: Raiola et al. 2020, eq. (13); one level is the weighted stack of eq. (15).
 //!
-//! Two engines: [`Solver::Each`] has a back-end solve every level's program by itself, [`Solver::Shared`] solves the first and goes on in the
-//! directions that are free, without building the programs of the lower levels.
+//! Two methods: [`Solver::Each`] solves the program of every level with its own back-end. [`Solver::Shared`] solves the first program and
+//! continues in its null space, without building the programs of the lower levels.
 //!
-//! Sizes are constant: what is switched off leaves zero rows. A level that has no solution ends the cascade: the solution is that
-//! of the level above it, which obeys every constraint.
+//! Sizes are constant: rows that are switched off are zero. If a level has no solution, the cascade ends: the result is the solution
+//! of the level above it, which satisfies every constraint.
 
 use super::{Basis, Rows};
 use crate::dense::axpy;
@@ -20,11 +20,11 @@ use nalgebra::DVector;
 /// A task in a level.
 #[derive(Clone, Debug)]
 pub struct Term {
-    /// Which of the tasks' rows.
+    /// Index of the task.
     pub task: usize,
     /// Weight of its squared error.
     pub weight: f64,
-    /// Which of its rows are taken.
+    /// Which of its rows are used.
     pub takes: Vec<bool>,
 }
 
@@ -34,24 +34,24 @@ impl Term {
     }
 }
 
-/// A level, its program, and what came of it.
+/// A level, its program and its solution.
 pub struct Level {
     /// Its tasks.
     pub terms: Vec<Term>,
-    /// Its program: the equality rows of the constraints first, then those of the levels above. Of a lower level, only if
-    /// every level has its own solver; else ask [`Cascade::program`].
+    /// Its program. Equality rows: first the constraints, then those of the levels above. For a lower level it is built only if
+    /// every level has its own solver; see [`Cascade::program`].
     pub qp: Qp,
-    /// How the solve went; `None` if a level above has none.
+    /// Report of the solver; `None` if the level was not solved because a level above has no solution.
     pub info: Option<QpInfo>,
-    /// Its solution, n.
+    /// Solution, n.
     pub x: DVector<f64>,
 }
 
-/// What solves the levels.
+/// How the levels are solved.
 pub enum Solver<'a> {
-    /// A back-end for each, made from the pattern of its programs.
+    /// Each level with its own back-end, built by the function from the pattern of the level's program.
     Each(&'a dyn Fn(&Qp) -> Box<dyn QpSolver>),
-    /// The active set, with what the levels share; the bound is on the iterations of a level.
+    /// The active-set solver in the null space of the levels above; the number limits the iterations of a level.
     Shared(u32),
 }
 
@@ -61,13 +61,13 @@ enum Engine {
 }
 
 impl Level {
-    /// Whether it has a solution.
+    /// Whether the level has a solution.
     pub fn solved(&self) -> bool {
         self.info.is_some_and(|info| matches!(info.status, QpStatus::Solved | QpStatus::AlmostSolved))
     }
 }
 
-/// The levels. All of it is overwritten in every tick.
+/// The levels. Everything is overwritten in every tick.
 pub struct Cascade {
     /// Levels, the most important first; at least one.
     pub levels: Vec<Level>,
@@ -78,13 +78,12 @@ pub struct Cascade {
 }
 
 impl Cascade {
-    /// Memory and solvers.
+    /// Allocates memory and builds solvers.
     ///
-    /// - `levels`: at least one.
-    /// - `pattern`: an entry other than 0 is where the constraints may ever have numbers, a finite bound where a variable may have one.
-    ///   The Hessian's pattern is that of a level's tasks.
+    /// - `levels`: the terms of each level; at least one level.
+    /// - `pattern`: non-zero where the constraints and the Hessian of a level may be non-zero; a finite bound where a variable may have one.
     /// - `regularization`: λ of each variable.
-    /// - `nv`: variables that tasks have rows in, the first ones.
+    /// - `nv`: number of leading variables in which tasks may have non-zero entries.
     pub fn new(
         levels: Vec<Vec<Term>>,
         pattern: &Qp,
@@ -115,18 +114,18 @@ impl Cascade {
         Cascade { levels: built, regularization, basis: Basis::new(n, n_eq + above), n_eq, engine }
     }
 
-    /// Where the constraints of all levels are to be written: `A`, `b`, `C`, `d` and the bounds of the first level.
+    /// The first level's program. The caller writes the constraints of all levels there: `A`, `b`, `C`, `d` and the bounds.
     pub fn constraints(&mut self) -> &mut Qp {
         &mut self.levels[0].qp
     }
 
-    /// Builds the programs from the tasks' rows, once the constraints stand: all, or the first.
+    /// Builds the programs from the rows of the tasks, after the constraints were written: those of all levels, or only of the first.
     pub fn build(&mut self, tasks: &[Rows]) {
         let Cascade { levels, regularization, basis, n_eq, engine } = self;
         let count = if matches!(engine, Engine::Each(_)) { levels.len() } else { 1 };
         basis.clear();
         if count > 1 {
-            decide_constraints(basis, &levels[0].qp, *n_eq);
+            add_constraints(basis, &levels[0].qp, *n_eq);
         }
         for k in 0..count {
             let (above, from_here) = levels.split_at_mut(k);
@@ -136,17 +135,17 @@ impl Cascade {
             }
             cost(&mut level.qp, &level.terms, tasks, regularization);
             if k + 1 < count {
-                decide(basis, &level.terms, tasks);
+                add_level(basis, &level.terms, tasks);
             }
         }
     }
 
-    /// The levels whose programs the last [`Cascade::build`] has built.
+    /// The levels whose programs [`Cascade::build`] builds.
     pub fn built(&self) -> &[Level] {
         if matches!(self.engine, Engine::Each(_)) { &self.levels } else { &self.levels[..1] }
     }
 
-    /// The program of a level as it stands in the equations, after a solve of all levels above. Not for use in a tick: it allocates.
+    /// The complete program of a level, after all levels above were solved. Allocates: not for use in a tick.
     pub fn program(&self, k: usize, tasks: &[Rows]) -> Qp {
         let mut qp = self.levels[k].qp.clone();
         if k < self.built().len() {
@@ -154,20 +153,20 @@ impl Cascade {
         }
         let mut basis = self.basis.clone();
         basis.clear();
-        decide_constraints(&mut basis, &self.levels[0].qp, self.n_eq);
+        add_constraints(&mut basis, &self.levels[0].qp, self.n_eq);
         for level in &self.levels[..k] {
-            decide(&mut basis, &level.terms, tasks);
+            add_level(&mut basis, &level.terms, tasks);
         }
         constrain(&mut qp, &self.levels[0].qp, self.n_eq, &basis);
         cost(&mut qp, &self.levels[k].terms, tasks, &self.regularization);
-        reached(&mut qp, self.n_eq, &self.levels[k - 1].x);
+        set_reached(&mut qp, self.n_eq, &self.levels[k - 1].x);
         qp
     }
 
-    /// Solves level after level until one has no solution of finite numbers. That level's `x`, and those of the levels below, are zero: what
-    /// an iteration broke off with is no result, and the bits of a NaN are not the same on every machine.
+    /// Solves the levels in order until one has no finite solution. `x` of that level and of the levels below is zero: an unfinished iterate is
+    /// not a result, and the bits of a NaN differ between machines.
     ///
-    /// - `tasks`: as the programs were built from.
+    /// - `tasks`: the rows that were given to [`Cascade::build`].
     pub fn solve(&mut self, tasks: &[Rows]) {
         for level in &mut self.levels {
             level.x.fill(0.0);
@@ -179,7 +178,7 @@ impl Cascade {
             let mut info = match &mut self.engine {
                 Engine::Each(solvers) => {
                     if let Some(last) = above.last() {
-                        reached(&mut level.qp, self.n_eq, &last.x);
+                        set_reached(&mut level.qp, self.n_eq, &last.x);
                     }
                     solvers[k].solve(&level.qp, &mut level.x)
                 }
@@ -210,12 +209,13 @@ impl Cascade {
         }
     }
 
-    /// The last level that has a solution: the solution of the stack.
+    /// The last level with a solution; its solution is the solution of the stack.
     pub fn solution(&self) -> Option<&Level> {
         self.levels.iter().rev().find(|level| level.solved())
     }
 
-    /// How it went: the first status that is no solution, else the worst; iterations of all levels; the active rows of the last solve.
+    /// Summary of all levels: the status of a level without solution, else the worst status; the sum of the iterations; the active rows of the last
+    /// level.
     pub fn info(&self) -> QpInfo {
         let mut sum = QpInfo { status: QpStatus::Solved, iterations: 0, n_active: 0, row: None };
         for info in self.levels.iter().filter_map(|level| level.info) {
@@ -228,9 +228,10 @@ impl Cascade {
         sum
     }
 
-    /// For every level and term, how many of its rows are free of the constraints and of the levels above, after [`Cascade::build`].
+    /// For every level and term, the number of rows that are linearly independent of the constraints and the levels above, after
+    /// [`Cascade::build`].
     ///
-    /// Not for use in a tick: it allocates.
+    /// Allocates: not for use in a tick.
     pub fn free_rows(&self, tasks: &[Rows]) -> Vec<Vec<usize>> {
         let constraints = &self.levels[0].qp;
         let n = constraints.n();
@@ -257,15 +258,15 @@ impl Cascade {
     }
 }
 
-/// Takes the equality rows of the constraints into the basis of what is decided.
-fn decide_constraints(basis: &mut Basis, constraints: &Qp, n_eq: usize) {
+/// Adds the equality rows of the constraints to the basis.
+fn add_constraints(basis: &mut Basis, constraints: &Qp, n_eq: usize) {
     for row in 0..n_eq {
         basis.push(|col| constraints.A[(row, col)]);
     }
 }
 
-/// Takes the rows of a level into it.
-fn decide(basis: &mut Basis, terms: &[Term], tasks: &[Rows]) {
+/// Adds the rows of a level to the basis.
+fn add_level(basis: &mut Basis, terms: &[Term], tasks: &[Rows]) {
     for term in terms {
         let A = &tasks[term.task].A;
         for row in term.taken() {
@@ -274,7 +275,7 @@ fn decide(basis: &mut Basis, terms: &[Term], tasks: &[Rows]) {
     }
 }
 
-/// The rows of a level that are on, one after the other.
+/// The rows of a level that are switched on, in order.
 fn rows_of<'a>(terms: &'a [Term], tasks: &'a [Rows]) -> impl Fn(&mut dyn FnMut(SquareRow<'_>)) + 'a {
     move |take| {
         for term in terms {
@@ -283,7 +284,7 @@ fn rows_of<'a>(terms: &'a [Term], tasks: &'a [Rows]) -> impl Fn(&mut dyn FnMut(S
     }
 }
 
-/// Copies the constraints of the first level and hands down what the levels above have reached; the right sides of that come with solving.
+/// Copies the constraints of the first level, and writes the rows of the levels above. [`set_reached`] writes their right sides.
 fn constrain(qp: &mut Qp, first: &Qp, n_eq: usize, basis: &Basis) {
     let (n, rows) = (qp.n(), qp.b.len());
     for col in 0..n {
@@ -300,8 +301,8 @@ fn constrain(qp: &mut Qp, first: &Qp, n_eq: usize, basis: &Basis) {
     qp.upper.copy_from(&first.upper);
 }
 
-/// Writes `Q x`, what the levels above have reached, to the right side of their rows.
-fn reached(qp: &mut Qp, n_eq: usize, x: &DVector<f64>) {
+/// Writes `Q x`, with the solution `x` of the level above, to the right sides of its rows.
+fn set_reached(qp: &mut Qp, n_eq: usize, x: &DVector<f64>) {
     let (rows, b) = (qp.b.len(), &mut qp.b.as_mut_slice()[n_eq..]);
     b.fill(0.0);
     for (column, x) in qp.A.as_slice().chunks_exact(rows).zip(x) {
@@ -309,7 +310,7 @@ fn reached(qp: &mut Qp, n_eq: usize, x: &DVector<f64>) {
     }
 }
 
-/// The halved cost of a level's tasks, in the order of its terms, and λ on every variable.
+/// Writes half the cost of a level's tasks, in the order of its terms, and λ on every variable.
 fn cost(qp: &mut Qp, terms: &[Term], tasks: &[Rows], regularization: &DVector<f64>) {
     qp.H.fill(0.0);
     qp.g.fill(0.0);

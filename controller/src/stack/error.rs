@@ -1,25 +1,25 @@
-//! What can be wrong with a stack.
+//! Errors of a stack of tasks.
 
-/// Why a stack cannot be used. Columns count characters of `stack.formula` from 1.
+/// Reasons why a stack is invalid. Columns count the characters of `stack.formula` from 1.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum StackError {
-    /// The text is no formula.
+    /// Syntax error.
     #[error("stack.formula, column {column}: found {found}, expected {expected}")]
     Syntax {
-        /// Where.
+        /// Position.
         column: usize,
-        /// What stands there.
+        /// Text found there.
         found: String,
-        /// What could.
+        /// Text expected there.
         expected: &'static str,
     },
-    /// A weight that is not a positive number.
+    /// A weight that is not positive and finite.
     #[error("stack.formula, column {column}: weight of {task} is {found}, expected a positive number")]
     Weight {
-        /// Where.
+        /// Position.
         column: usize,
-        /// Task that it is for.
+        /// Its task.
         task: String,
         /// Its value.
         found: f64,
@@ -27,41 +27,41 @@ pub enum StackError {
     /// No task of this name.
     #[error("stack.formula, column {column}: unknown task \"{task}\", known: {known}")]
     UnknownTask {
-        /// Where.
+        /// Position.
         column: usize,
-        /// Name as given.
+        /// The unknown name.
         task: String,
-        /// Names there are.
+        /// Known names.
         known: String,
     },
     /// No constraint of this name.
     #[error("stack.formula, column {column}: unknown constraint \"{constraint}\", known: {known}")]
     UnknownConstraint {
-        /// Where.
+        /// Position.
         column: usize,
-        /// Name as given.
+        /// The unknown name.
         constraint: String,
-        /// Names there are.
+        /// Known names.
         known: String,
     },
-    /// A constraint stands twice.
-    #[error("stack.formula, column {column}: constraint {constraint} stands twice")]
+    /// A constraint occurs twice.
+    #[error("stack.formula, column {column}: constraint {constraint} occurs twice")]
     ConstraintTwice {
-        /// Where it stands again.
+        /// Position of the second occurrence.
         column: usize,
         /// Its name.
         constraint: &'static str,
     },
-    /// A constraint without which the solution would mean nothing.
+    /// A mandatory constraint is missing: without it the solution is physically meaningless.
     #[error("stack.formula: constraint {constraint} is missing, add `<< {constraint}`")]
     ConstraintMissing {
         /// Its name.
         constraint: &'static str,
     },
-    /// A row outside a task.
+    /// A row number that the task does not have.
     #[error("stack.formula, column {column}: row {row} of {task}, expected 0 to {last}")]
     RowOutside {
-        /// Where the task stands.
+        /// Position of the task.
         column: usize,
         /// Its name.
         task: String,
@@ -70,25 +70,25 @@ pub enum StackError {
         /// Last row of the task.
         last: usize,
     },
-    /// A row of a task stands twice.
-    #[error("stack.formula, column {column}: row {row} of {task} stands twice, first at column {first}")]
+    /// A row of a task occurs twice.
+    #[error("stack.formula, column {column}: row {row} of {task} occurs twice, first at column {first}")]
     RowTwice {
-        /// Where it stands again.
+        /// Position of the second occurrence.
         column: usize,
-        /// Where it stands first.
+        /// Position of the first occurrence.
         first: usize,
         /// The task.
         task: String,
         /// The row.
         row: usize,
     },
-    /// No row of a task can change anything.
+    /// A task has no effect.
     #[error(
-        "stack.formula, column {column}: {task} on level {level} can never act: in the nominal posture none of its {rows} rows \
-         is left free by the constraints and the levels above"
+        "stack.formula, column {column}: {task} on level {level} has no effect: in the nominal posture, all of its {rows} rows \
+         are determined by the constraints and the levels above"
     )]
     NeverActs {
-        /// Where.
+        /// Position.
         column: usize,
         /// The task.
         task: String,
@@ -97,12 +97,12 @@ pub enum StackError {
         /// Rows it has in the formula.
         rows: usize,
     },
-    /// A task of one's own has the name of a built-in one, or one that a formula cannot spell.
+    /// A user-defined task has the name of a built-in task, or a name that a formula cannot contain.
     #[error("stack.tasks.{task}: {what}")]
     TaskName {
         /// Its name.
         task: String,
-        /// What is wrong with it.
+        /// The reason.
         what: &'static str,
     },
     /// A link that the robot does not have.
@@ -110,17 +110,17 @@ pub enum StackError {
     Link {
         /// The task.
         task: String,
-        /// Key in it.
+        /// Key in its parameters.
         key: &'static str,
-        /// What the model says.
+        /// Error of the model.
         what: String,
     },
     /// A gain out of range.
-    #[error("stack.tasks.{task}.{key}: found {found}, expected a number that is not negative")]
+    #[error("stack.tasks.{task}.{key}: found {found}, expected a finite number >= 0")]
     Gain {
         /// The task.
         task: String,
-        /// Key in it.
+        /// Key in its parameters.
         key: &'static str,
         /// The gain.
         found: f64,

@@ -1,4 +1,4 @@
-//! The formula of a stack: text to [`Formula`], with the place of everything in it.
+//! Parser of a stack's formula; the result keeps the column of every task for errors.
 //!
 //! ```text
 //! formula = level { "/" level } { "<<" constraint }
@@ -8,12 +8,12 @@
 
 use super::StackError;
 
-/// A stack as it is written: levels in falling priority, and constraints of all of them.
+/// A parsed formula: levels in order of falling priority, and the constraints of all levels.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Formula {
     /// Levels, the most important first; at least one.
     pub levels: Vec<Priority>,
-    /// Constraints.
+    /// Constraints of all levels.
     pub constraints: Vec<Constraint>,
 }
 
@@ -27,9 +27,9 @@ pub struct TaskTerm {
     pub task: String,
     /// Weight of its squared error.
     pub weight: f64,
-    /// The rows taken, ascending; all of them where `None`.
+    /// The rows used, ascending; `None` for all rows.
     pub rows: Option<Vec<usize>>,
-    /// Where the task's name stands, in characters from 1.
+    /// Position of the task's name, in characters from 1.
     pub column: usize,
 }
 
@@ -47,7 +47,7 @@ pub enum Constraint {
 }
 
 impl Constraint {
-    /// All there are.
+    /// All constraints.
     pub const ALL: [Constraint; 4] =
         [Constraint::BaseDynamics, Constraint::Friction, Constraint::JointAcceleration, Constraint::ForceBounds];
 
@@ -58,11 +58,11 @@ impl Constraint {
 }
 
 impl Formula {
-    /// Reads a formula.
+    /// Parses a formula.
     ///
     /// # Errors
-    /// Text that is none, weights that are not positive, unknown or doubled constraints, doubled rows of a task; without base
-    /// dynamics or force bounds.
+    /// Syntax errors, weights that are not positive, unknown or repeated constraints, repeated rows of a task, missing
+    /// constraints `base_dynamics` or `force_bounds`.
     pub fn parse(text: &str) -> Result<Self, StackError> {
         let mut reader = Reader { tokens: tokens(text)?, at: 0 };
         let (mut levels, mut constraints) = (vec![reader.level()?], Vec::new());
@@ -86,21 +86,21 @@ impl Formula {
             }
         }
         let formula = Formula { levels, constraints };
-        formula.check_doubled()?;
+        formula.check_repeated_rows()?;
         Ok(formula)
     }
 
-    /// Whether it has a constraint.
+    /// Whether it contains a constraint.
     pub fn has(&self, constraint: Constraint) -> bool {
         self.constraints.contains(&constraint)
     }
 
-    /// Every term, with its level from 0.
+    /// Every term with the number of its level, from 0.
     pub fn terms(&self) -> impl Iterator<Item = (usize, &TaskTerm)> {
         self.levels.iter().enumerate().flat_map(|(i, level)| level.iter().map(move |term| (i, term)))
     }
 
-    fn check_doubled(&self) -> Result<(), StackError> {
+    fn check_repeated_rows(&self) -> Result<(), StackError> {
         let terms: Vec<&TaskTerm> = self.terms().map(|(_, term)| term).collect();
         for (i, term) in terms.iter().enumerate() {
             for before in terms[..i].iter().filter(|before| before.task == term.task) {
@@ -119,7 +119,7 @@ impl Formula {
     }
 }
 
-/// A piece of a formula and where it starts.
+/// A token of a formula and the column of its first character.
 #[derive(Clone, Debug, PartialEq)]
 struct Token {
     column: usize,
@@ -133,7 +133,7 @@ impl Token {
     }
 }
 
-/// Whether a formula can spell this name.
+/// Whether a formula can contain this name.
 pub(crate) fn is_name(name: &str) -> bool {
     let first = |c: char| c.is_ascii_alphabetic() || c == '_';
     name.starts_with(first) && name.chars().all(|c| first(c) || c.is_ascii_digit())
@@ -171,7 +171,7 @@ fn tokens(text: &str) -> Result<Vec<Token>, StackError> {
         if c.is_ascii_digit() || matches!(c, '.' | '-') {
             number = text.parse().ok();
             if number.is_none() {
-                return Err(syntax(column, &text, "a number such as 1e6, followed by a blank and a task"));
+                return Err(syntax(column, &text, "a number such as 1e6, followed by a space and a task"));
             }
         } else if !is_name(&text) && !["+", "/", "<<", "[", ",", "]"].contains(&text.as_str()) {
             return Err(syntax(column, &text, "a weight, a name, or one of + / << [ , ]"));
@@ -187,7 +187,7 @@ fn syntax(column: usize, text: &str, expected: &'static str) -> StackError {
     StackError::Syntax { column, found, expected }
 }
 
-/// The tokens, the last of them the end.
+/// The tokens; the last one is the end of the text.
 struct Reader {
     tokens: Vec<Token>,
     at: usize,
@@ -227,7 +227,7 @@ impl Reader {
         let weight = self.peek().number.map(|weight| (self.next().column, weight));
         let name = self.next();
         if !name.is_name() {
-            let expected = if weight.is_some() { "a task" } else { "a task, with or without a weight before it" };
+            let expected = if weight.is_some() { "a task" } else { "a task, optionally after a weight" };
             return Err(syntax(name.column, &name.text, expected));
         }
         if let Some((column, found)) = weight.filter(|(_, w)| !(*w > 0.0 && w.is_finite())) {
@@ -242,7 +242,7 @@ impl Reader {
         loop {
             let token = self.next();
             let row: usize =
-                token.text.parse().map_err(|_| syntax(token.column, &token.text, "the number of a row, from 0"))?;
+                token.text.parse().map_err(|_| syntax(token.column, &token.text, "a row number, from 0"))?;
             if rows.contains(&row) {
                 let (column, first, task) = (token.column, task.column, task.text.clone());
                 return Err(StackError::RowTwice { column, first, task, row });
@@ -288,7 +288,7 @@ mod tests {
     }
 
     #[test]
-    fn the_two_stacks_of_the_source() {
+    fn parses_the_two_stacks_of_the_source() {
         let s1 = Formula::parse(S1).unwrap();
         let weights: Vec<f64> = s1.levels[0].iter().map(|t| t.weight).collect();
         assert_eq!((s1.levels.len(), weights), (1, vec![1e6, 1e3, 1.0]));
@@ -299,7 +299,7 @@ mod tests {
     }
 
     #[test]
-    fn plus_binds_before_slash_and_rows_may_be_split() {
+    fn plus_binds_stronger_than_slash_and_a_task_may_occur_on_two_levels() {
         let f = parse("2.5e-1 a[2,0]+.5 b/a[1]").unwrap();
         let expected = |task: &str, weight, rows: Option<&[usize]>, column| TaskTerm {
             task: task.to_owned(),
@@ -314,7 +314,7 @@ mod tests {
     #[test]
     fn errors_name_the_column_and_the_entry() {
         for (text, expected) in [
-            ("", "column 1: found the end, expected a task, with or without a weight before it"),
+            ("", "column 1: found the end, expected a task, optionally after a weight"),
             ("contact / ", "column 11: found the end, expected a task"),
             ("contact + / trunk", "column 11: found `/`, expected a task"),
             ("contact & trunk", "column 9: found `&`, expected a weight, a name"),
@@ -323,14 +323,14 @@ mod tests {
             ("0 contact", "column 1: weight of contact is 0, expected a positive number"),
             ("trunk + -2 contact", "column 9: weight of contact is -2"),
             ("1e999 contact", "weight of contact is inf"),
-            ("trunk[0,", "column 9: found the end, expected the number of a row"),
-            ("trunk[1.5]", "column 7: found `1.5`, expected the number of a row"),
+            ("trunk[0,", "column 9: found the end, expected a row number"),
+            ("trunk[1.5]", "column 7: found `1.5`, expected a row number"),
             ("trunk[0 1]", "column 9: found `1`, expected , or ]"),
-            ("trunk[0,0]", "column 9: row 0 of trunk stands twice, first at column 1"),
-            ("trunk / posture + trunk", "column 19: row 0 of trunk stands twice, first at column 1"),
-            ("trunk[2,1] / trunk[0,2]", "column 14: row 2 of trunk stands twice"),
+            ("trunk[0,0]", "column 9: row 0 of trunk occurs twice, first at column 1"),
+            ("trunk / posture + trunk", "column 19: row 0 of trunk occurs twice, first at column 1"),
+            ("trunk[2,1] / trunk[0,2]", "column 14: row 2 of trunk occurs twice"),
             ("a << fricton", "column 6: unknown constraint \"fricton\", known: base_dynamics, friction,"),
-            ("a << friction << friction", "column 18: constraint friction stands twice"),
+            ("a << friction << friction", "column 18: constraint friction occurs twice"),
             ("a << friction / b", "column 15: found `/`, expected << or the end"),
             ("a << ", "column 6: found the end, expected a constraint"),
             ("a << friction << force_bounds", "constraint base_dynamics is missing"),

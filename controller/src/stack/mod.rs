@@ -1,16 +1,16 @@
-//! Stacks of tasks: what the controller is to do, in which order of importance, within which limits, as a value.
+//! Stacks of tasks: the tasks of a controller, their priorities and the constraints.
 //!
-//! A stack is written as a formula in the parameters, `[stack] formula`:
+//! A stack is a formula in the parameters, `[stack] formula`:
 //!
 //! ```text
 //! 1e6 contact + 1e3 trunk + posture << base_dynamics << friction        one level, weighted: a soft stack
 //! contact / trunk[0,1] / posture << base_dynamics << friction           three levels: a hard stack
 //! ```
-//! `+` adds tasks of one level by their weights (1 where none stands), `/` puts what follows strictly below, `<<` adds a
-//! constraint to every level, `task[0,1]` takes these rows of a task alone. `+` binds before `/`, `/` before `<<`.
+//! `+` combines tasks of one level by their weights (default 1), `/` starts a level of strictly lower priority, `<<` adds a
+//! constraint to every level, and `task[0,1]` uses only these rows of a task. `+` binds stronger than `/`, `/` stronger than `<<`.
 //!
-//! [`Formula`] is the text, read; [`Rows`] what a task says in a tick, `A vd = b`; [`Cascade`] the quadratic programs of the levels
-//! and their solution. Which tasks there are and what fills their rows is the controller's part ([`crate::quadruped::tasks`]).
+//! [`Formula`] is the parsed text, [`Rows`] the rows `A vd = b` of a task in a tick, [`Cascade`] the quadratic programs of the levels
+//! and their solution. The controller defines the tasks and fills their rows ([`crate::quadruped::tasks`]).
 //!
 //! Source: Raiola et al. 2020, section 2.3, eqs. (13)-(15).
 
@@ -32,19 +32,19 @@ pub use rows::Rows;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 
-/// The weighted stack of the source, eq. (15). Weights: the source asks for a ratio of at least 1e3 between neighbours.
+/// The weighted stack of the source, eq. (15). The source requires a ratio of at least 1e3 between the weights of adjacent tasks.
 pub const S1: &str =
     "1e6 contact + 1e3 trunk + posture << base_dynamics << friction << joint_acceleration << force_bounds";
 /// The hierarchical stack of the source, eq. (14).
 pub const S3: &str = "contact / trunk / posture << base_dynamics << friction << joint_acceleration << force_bounds";
 
-/// Stack of tasks: `[stack]` in the parameters.
+/// Parameters `[stack]`.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct StackParams {
     /// Tasks, levels and constraints.
     pub formula: String,
-    /// Tasks of one's own, by name, besides the built-in ones.
+    /// User-defined tasks by name, in addition to the built-in tasks.
     pub tasks: BTreeMap<String, TaskConfig>,
 }
 
@@ -54,7 +54,7 @@ impl Default for StackParams {
     }
 }
 
-/// A task of one's own.
+/// A user-defined task.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(tag = "type", rename_all = "snake_case")]
 pub enum TaskConfig {

@@ -1,11 +1,11 @@
-//! The rows of a task: memory that is written anew in every tick.
+//! The rows of a task, preallocated and overwritten in every tick.
 
 use nalgebra::{DMatrix, DVector};
 use std::ops::Range;
 
-/// What a task says in a tick: `A vd = b`, in rows that come and go in blocks (the contact of a foot, say).
+/// Rows `A vd = b` of a task in a tick. Rows are switched on and off in blocks, for example the contact of one foot.
 ///
-/// Switched-off blocks keep their place, and their rows are 0.
+/// Blocks that are switched off keep their place; their rows are 0.
 #[derive(Clone, Debug)]
 pub struct Rows {
     /// Left side, rows x nv.
@@ -23,7 +23,7 @@ struct Block {
 }
 
 impl Rows {
-    /// Blocks given by their number of rows and the columns in which these may have numbers.
+    /// Allocates blocks, each given by its number of rows and the columns that may be non-zero. All blocks are switched off.
     pub fn new(nv: usize, blocks: impl IntoIterator<Item = (usize, Vec<usize>)>) -> Self {
         let mut placed = Vec::new();
         let mut n = 0;
@@ -34,7 +34,7 @@ impl Rows {
         Rows { A: DMatrix::zeros(n, nv), b: DVector::zeros(n), blocks: placed }
     }
 
-    /// Rows that each hold one variable: `vd[col] = b`.
+    /// One row `vd[col] = b` for each column; all are switched on.
     pub fn selection(nv: usize, cols: impl IntoIterator<Item = usize>) -> Self {
         let cols: Vec<usize> = cols.into_iter().collect();
         let mut rows = Rows::new(nv, cols.iter().map(|&col| (1, vec![col])));
@@ -50,12 +50,12 @@ impl Rows {
         self.b.len()
     }
 
-    /// Whether it has none.
+    /// Whether it has no rows.
     pub fn is_empty(&self) -> bool {
         self.b.is_empty()
     }
 
-    /// Switches a block on, to be written next, or off, which zeroes its rows.
+    /// Switches a block on (the caller then writes its rows) or off (its rows become 0).
     pub fn switch(&mut self, block: usize, on: bool) {
         let Block { rows, on: was, .. } = &mut self.blocks[block];
         *was = on;
@@ -65,7 +65,7 @@ impl Rows {
         }
     }
 
-    /// Gives every row that is on and that `takes`: its right side, and the numbers it may have, by variable.
+    /// Calls `give` for every row that is switched on and has `takes`, with its right side and its entries (variable, number).
     pub(super) fn each(&self, takes: &[bool], mut give: impl FnMut(f64, &mut dyn Iterator<Item = (usize, f64)>)) {
         for block in self.blocks.iter().filter(|block| block.on) {
             for row in block.rows.clone().filter(|&row| takes[row]) {
@@ -74,9 +74,9 @@ impl Rows {
         }
     }
 
-    /// Adds `weight |A vd - b|²` over the rows that `takes` to the upper triangle of a Hessian and to a gradient, halved.
+    /// Adds half of `weight |A vd - b|²`, over the rows with `takes`, to the upper triangle of a Hessian and to a gradient.
     ///
-    /// Products are summed over the rows of a block first, then weighted, then added.
+    /// Products are summed over the rows of a block first, then multiplied by the weight, then added.
     pub(super) fn accumulate(&self, weight: f64, takes: &[bool], H: &mut DMatrix<f64>, g: &mut DVector<f64>) {
         for block in self.blocks.iter().filter(|block| block.on) {
             let taken = || block.rows.clone().filter(|&row| takes[row]);
@@ -95,7 +95,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_normal_equations_of_the_rows_that_are_taken() {
+    fn normal_equations_contain_only_the_selected_rows() {
         let mut rows = Rows::new(3, [(2, vec![0, 2]), (1, vec![1])]);
         rows.switch(0, true);
         rows.A.row_mut(0).copy_from_slice(&[1.0, 0.0, 2.0]);
@@ -114,7 +114,7 @@ mod tests {
     }
 
     #[test]
-    fn a_block_that_is_off_says_nothing() {
+    fn a_block_that_is_off_adds_nothing() {
         let mut rows = Rows::selection(2, [1, 0]);
         rows.b.fill(3.0);
         rows.switch(1, false);

@@ -1,7 +1,7 @@
 //! The HyQ controller, and inputs for it without a simulator.
 //!
-//! A [`Puppet`] is no dynamics: its joints follow the references, its base sways, and its torques are those of the forces that the
-//! legs' states call for. That closes the loop well enough for every leg state to be visited, and needs nothing but this crate.
+//! A [`Puppet`] has no dynamics: its joints follow the references, its base sways, and its joint torques correspond to foot forces that
+//! depend on the leg phases. This closes the loop well enough to reach every leg phase and needs only this crate.
 #![allow(dead_code, reason = "each test file uses its part of it")]
 
 use controller::math::{Rx, Ry, Rz, cos, quaternion, sin};
@@ -26,7 +26,7 @@ pub const PARAMS: &str = include_str!("../../../robots/hyq/hyq.toml");
 pub const PERIOD_NS: i64 = 1_000_000;
 pub const DT: f64 = 1e-3;
 
-/// Parameters of HyQ with some set otherwise, as TOML.
+/// Parameters of HyQ with overrides, as TOML.
 pub fn params_with(overrides: &[(&str, &str)]) -> String {
     let overrides: Vec<_> = overrides.iter().map(|(k, v)| ((*k).to_owned(), (*v).to_owned())).collect();
     apply_overrides(PARAMS, &overrides).unwrap()
@@ -37,12 +37,12 @@ pub fn hyq() -> Quadruped {
     Quadruped::new(URDF, PARAMS).unwrap()
 }
 
-/// The controller of HyQ with some parameters set otherwise.
+/// The controller of HyQ with overridden parameters.
 pub fn hyq_with(overrides: &[(&str, &str)]) -> Quadruped {
     Quadruped::new(URDF, &params_with(overrides)).unwrap()
 }
 
-/// Seeded numbers: SplitMix64.
+/// Seeded random numbers: SplitMix64.
 pub struct Rng(pub u64);
 
 impl Rng {
@@ -64,7 +64,7 @@ impl Rng {
     }
 }
 
-/// The message of a type that a tick put on a channel.
+/// The message that a tick published on a channel.
 pub fn get<M: Message>(out: &Outbox, channel: &str) -> M {
     M::decode(out.get(channel).unwrap_or_else(|| panic!("no {channel}"))).unwrap()
 }
@@ -81,7 +81,7 @@ pub fn wbc_of(out: &Outbox) -> WbcSolution {
     get(out, channels::WBC_SOLUTION)
 }
 
-/// Orientation and angular velocity of the base in a measurement, put there as its IMU would.
+/// Writes orientation and angular velocity of the base to a measurement, as the IMU would measure them.
 pub fn set_base(robot: &Robot, input: &mut ControllerInput, R_WB: &Matrix3<f64>, w_WB_W: &Vector3<f64>) {
     let R_WI = R_WB * robot.R_IB.transpose();
     input.state.q_WI_wxyz = quaternion::from_rotation(&R_WI);
@@ -89,7 +89,7 @@ pub fn set_base(robot: &Robot, input: &mut ControllerInput, R_WB: &Matrix3<f64>,
     input.state.a_I = (R_WI.transpose() * Vector3::z() * GRAVITY).into();
 }
 
-/// Torques with which the estimator finds the forces `f_F_W`, at rest or not: `tau = h - Jᵀ F` at the joints.
+/// Writes the joint torques from which the estimator computes the forces `f_F_W`: `tau = h - Jᵀ F` at the joints.
 pub fn set_torques(robot: &Robot, estimate: &mut Estimate, input: &mut ControllerInput, f_F_W: &[Vector3<f64>; 4]) {
     estimate.update(robot, &input.state);
     for j in 0..robot.nj() {
@@ -98,7 +98,7 @@ pub fn set_torques(robot: &Robot, estimate: &mut Estimate, input: &mut Controlle
     }
 }
 
-/// A measurement of HyQ standing level in its nominal posture, weight on all feet, with no operator yet.
+/// A measurement of HyQ: level, in the nominal posture, the weight on all feet, no operator message yet.
 pub fn standing(robot: &Robot) -> ControllerInput {
     let mut input = ControllerInput::default();
     let nj = robot.nj();
@@ -113,7 +113,7 @@ pub fn standing(robot: &Robot) -> ControllerInput {
     input
 }
 
-/// Stands, trots in a curve with a leaning trunk, crawls, and stands again.
+/// Operator commands: stand, trot in a curve with inclined trunk, crawl, stand.
 pub fn operator_at(tick: i64) -> OperatorCommand {
     let (mode, gait) = match tick {
         100..700 => (OperatorCommand::MODE_WALK, OperatorCommand::GAIT_TROT),
@@ -130,18 +130,18 @@ pub fn operator_at(tick: i64) -> OperatorCommand {
         roll: 0.04,
         pitch: -0.03,
         height_offset: 0.02,
-        // Another cadence and height from the middle of the trot on.
+        // Cadence and step height change in the middle of the trot.
         swing_frequency: if tick < 400 { 0.0 } else { 3.5 },
         duty: if tick < 400 { 0.0 } else { 0.6 },
         step_height: if tick < 400 { 0.0 } else { 0.08 },
     }
 }
 
-/// Makes the inputs of tick after tick from the outputs of the tick before.
+/// Computes the input of each tick from the outputs of the tick before.
 pub struct Puppet {
     /// The input of the next tick.
     pub input: ControllerInput,
-    /// Scales sway and sensor noise; 0 = a quiet robot.
+    /// Factor on sway and sensor noise.
     pub noise: f64,
     robot: Robot,
     params: Params,
@@ -151,7 +151,7 @@ pub struct Puppet {
     yaw: f64,
     lift_offs: usize,
     was_stance: [bool; 4],
-    /// Time in the swing at which each foot finds ground, in swing times.
+    /// Time in the swing at which each foot touches the ground, in units of the swing time.
     lands_at: [f64; 4],
 }
 
@@ -176,13 +176,13 @@ impl Puppet {
         }
     }
 
-    /// The joints are in another posture.
+    /// Puts the joints into another posture.
     pub fn put(&mut self, q: &[f64]) {
         self.q.copy_from_slice(q);
         self.input.state.q.copy_from_slice(q);
     }
 
-    /// The input of the tick after the one that gave `out`.
+    /// Computes the input of the next tick from the outputs `out`.
     pub fn react(&mut self, out: &Outbox) {
         self.input.t_ns += PERIOD_NS;
         self.input.tick += 1;
@@ -223,7 +223,7 @@ impl Puppet {
         set_base(&self.robot, &mut self.input, &R_WB, &w_WB_W);
     }
 
-    /// The weight, shared by the feet that have found ground: most a little early, some late, the third very late.
+    /// The weight, shared by the feet on the ground. Most feet touch down a little early, some late, the third one very late.
     fn forces(&mut self, legs: &LegState) -> [Vector3<f64>; 4] {
         let gait = Gait::ALL[usize::try_from(legs.gait).unwrap()];
         let T_sw = Timing::at(gait, Cadence::default(), &self.params).T_sw;
@@ -260,7 +260,7 @@ pub struct Run {
     pub outputs: Vec<Messages>,
 }
 
-/// Lets the puppet and a controller run together.
+/// Runs a controller with the puppet.
 pub fn run_with_puppet(controller: &mut dyn Controller, seed: u64, ticks: usize) -> Run {
     let (mut puppet, mut out) = (Puppet::new(seed), Outbox::new());
     let mut run = Run { inputs: Vec::new(), outputs: Vec::new() };
@@ -273,10 +273,10 @@ pub fn run_with_puppet(controller: &mut dyn Controller, seed: u64, ticks: usize)
     run
 }
 
-/// Ticks before something goes wrong: it trots by then.
+/// Number of good ticks; the robot trots afterwards.
 pub const GOOD: i64 = 160;
 
-/// A controller that has walked, and the input that it expects next.
+/// A controller that is walking, its puppet with the next input, and its last outputs.
 pub fn walking() -> (Quadruped, Puppet, Outbox) {
     let (mut controller, mut puppet, mut out) = (hyq(), Puppet::new(5), Outbox::new());
     for _ in 0..GOOD {
@@ -294,7 +294,7 @@ pub fn finite(command: &RobotCommand) -> bool {
         .all(|x| x.is_finite())
 }
 
-/// The command of the safe state.
+/// Asserts the command of the safe state.
 #[track_caller]
 pub fn assert_damps(command: &RobotCommand) {
     assert_eq!(command.mode, RobotCommand::MODE_DAMPING);

@@ -1,6 +1,6 @@
 //! Finds the first difference of a tick: the earliest stage, then the first field.
 
-use controller::dump::Quantity;
+use controller::dump::Group;
 use lcm_idl::{Leaf, Value};
 use lcmtypes::channels::{self, Stage};
 use lcmtypes::{ControllerTick, Message};
@@ -33,8 +33,8 @@ pub struct Divergence {
     pub also: Vec<FieldDifference>,
     /// The last identical tick, or the tick of the snapshot that the replay started from; `None` if there is none.
     pub last_agreed_tick: Option<i64>,
-    /// Inputs of the stage in the replay, except the state before the tick; large arrays as digest.
-    pub inputs: Quantity,
+    /// What the stage was computed from in the replay, besides the state before the tick; large arrays by their digest.
+    pub inputs: Group,
 }
 
 /// The first field in which a message differs.
@@ -95,7 +95,7 @@ pub(super) fn attribute(tick: i64, t_ns: i64, t_s: f64, different: &[Pair]) -> O
     let others = different.iter().filter(|pair| pair.channel != shown.channel && !is_tick(pair));
     let also = others.map(difference).collect();
     let FieldDifference { channel, field, index, recorded, replayed, ulp } = shown;
-    let (stage, last_agreed_tick, inputs) = (stage.name(), None, Quantity::group());
+    let (stage, last_agreed_tick, inputs) = (stage.name(), None, Group::new());
     Some(Divergence {
         tick,
         t_ns,

@@ -7,7 +7,7 @@ use super::{Divergence, Options, Replay};
 use crate::Error;
 use crate::log::Event;
 use controller::Dump;
-use controller::dump::Quantity;
+use controller::dump::Value;
 use lcmtypes::{ControllerInput, ParameterChange};
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -42,7 +42,7 @@ pub struct Moment {
 
 impl Moment {
     /// The input as a tree of quantities.
-    pub fn input_quantities(&self) -> Option<Quantity> {
+    pub fn input_quantities(&self) -> Option<Value> {
         super::inputs::of_message(&self.input)
     }
 
