@@ -1,18 +1,17 @@
-//! Replay: the recorded inputs go through the controller that the log describes, and every bit that comes out is compared.
+//! Replay: runs the controller that a log describes on the recorded inputs, and compares every output bit.
 //!
-//! A log holds what the controller consumed in each tick (CONTROLLER_INPUT), what it put out, one digest per stage of the tick, and
-//! about once a second its whole state. So a replay needs nothing else, can start anywhere, and names the first stage and field in
-//! which it departs from the record. There is no tolerance.
+//! A log contains the input that the controller consumed in each tick (CONTROLLER_INPUT), its outputs, one digest per stage of the tick,
+//! and about once per second its whole state. A replay therefore needs only the log, can start at any snapshot, and reports the first
+//! stage and field that differ. There is no tolerance.
 //!
-//! - What *differs* is kept apart from what is *absent*: a channel that is not in the log is counted, not judged.
-//! - After a gap in the inputs the state is unknown; the replay goes on from the next recorded state.
-//! - At each recorded state the comparison starts afresh, so a log gives the same report whether it is replayed in one go or in
-//!   stretches by several threads. With changes ([`Options::set`] and its kin) or a log to write ([`Options::out`]) the state is carried
-//!   through instead.
-//! - Parameters that changed on the way (PARAMETER_CHANGE) change in the replay too, in the same tick; those that are asked to be other stay so.
-//! - A [`Cursor`] goes to any tick and shows everything in it.
+//! - *Different* and *absent* are separate: a channel that is not in the log is counted, not compared.
+//! - After a gap in the inputs the state is unknown; the replay continues from the next snapshot.
+//! - The replay restores every snapshot that differs, so a log gives the same report whether it is replayed in one thread or in segments by
+//!   several. With changes ([`Options::set`], ...) or a log to write ([`Options::out`]) the replayed state is kept instead.
+//! - PARAMETER_CHANGE in the log applies in the same tick; a parameter that is overridden keeps its override.
+//! - A [`Cursor`] goes to any tick and returns all its quantities.
 //!
-//! Nothing here knows a controller: it is built by [`controller::load`] from the RUN_INFO of the log.
+//! The engine knows no specific controller: [`controller::load`] builds it from the RUN_INFO of the log.
 
 mod builder;
 mod compare;
@@ -20,10 +19,10 @@ mod cursor;
 mod inputs;
 mod origin;
 mod out;
+mod parallel;
 mod report;
-mod runner;
-mod shared;
-mod stretch;
+mod segment;
+mod stepper;
 pub(crate) mod ticks;
 mod what_if;
 
@@ -33,7 +32,7 @@ pub use cursor::{Cursor, Moment};
 pub use inputs::{brief, lines, of_bytes};
 pub use origin::{Build, Deviation};
 pub use report::ReplayReport;
-pub use what_if::{Change, DEFAULT_BOUND, Departure, Sample, WhatIf, When};
+pub use what_if::{DEFAULT_BOUND, Departure, Sample, TimedOverride, WhatIf, When};
 
 use crate::Error;
 use crate::log::{LogReader, RunClock};
@@ -41,41 +40,41 @@ use builder::Builder;
 use controller::{Controller, LoadError};
 use lcmtypes::{Message, RunInfo, channels};
 use out::Out;
-use report::Tally;
-use runner::Runner;
+use report::Counts;
+use segment::{Segment, Source, Step};
 use std::path::{Path, PathBuf};
 use std::time::Instant;
-use stretch::{Feed, Part, Stretch};
+use stepper::Stepper;
 use ticks::{Beside, Ticks};
 use what_if::Collector;
 
-/// How a log is to be replayed.
+/// Options of a replay.
 #[derive(Debug, Clone, Default)]
 pub struct Options {
-    /// Parameters to change, as dotted key and TOML value: what would the controller have done on the same inputs?
+    /// Parameter overrides for the whole replay: dotted key and TOML value.
     pub set: Vec<(String, String)>,
-    /// Parameters to change on the way.
-    pub changes: Vec<Change>,
-    /// Text of another URDF; it must have the joints of the log's.
+    /// Parameter overrides from a tick or time on, in the order of time.
+    pub timed_overrides: Vec<TimedOverride>,
+    /// Text of another URDF; it must have the joints of the log's URDF.
     pub urdf: Option<String>,
-    /// Largest difference of a joint's torques up to which the recorded inputs stand for a changed controller, N m.
+    /// Largest torque difference of a joint for which a what-if replay is valid, N m; default [`DEFAULT_BOUND`].
     pub bound: Option<f64>,
-    /// This build, to be held against the one that wrote the log.
+    /// This build, to compare with the build that wrote the log.
     pub here: Option<Build>,
-    /// Begin at the last snapshot at or before this time, s since the run's first tick.
+    /// Start at the last snapshot at or before this time, s since the run's first tick.
     pub from_s: Option<f64>,
-    /// End behind the last tick at or before this time, s since the run's first tick.
+    /// Stop after the last tick at or before this time, s since the run's first tick.
     pub to_s: Option<f64>,
-    /// Threads; 0 and 1 mean the calling one. More do not change the report. With changes or `out` there is only one.
+    /// Number of threads; 0 and 1 use the calling thread. The report does not depend on it. Overrides and `out` use one thread.
     pub jobs: usize,
-    /// Write a log like the replayed one with the outputs of the replay in the place of the recorded ones.
+    /// Write a copy of the log with the replayed outputs instead of the recorded ones.
     pub out: Option<PathBuf>,
 }
 
 impl Options {
-    /// Whether anything is asked to be other than it was.
-    fn asks_what_if(&self) -> bool {
-        !self.set.is_empty() || !self.changes.is_empty() || self.urdf.is_some()
+    /// Whether parameters or robot differ from the log.
+    fn is_what_if(&self) -> bool {
+        !self.set.is_empty() || !self.timed_overrides.is_empty() || self.urdf.is_some()
     }
 }
 
@@ -91,15 +90,15 @@ pub struct Replay<'a> {
 }
 
 impl<'a> Replay<'a> {
-    /// Opens a log and reads its RUN_INFO.
+    /// Opens a log and reads its RUN_INFO and [`RunClock`].
     ///
     /// # Errors
-    /// As [`LogReader::open`]; [`Error::NoRunInfo`]; [`Error::OtherTypeVersion`] if RUN_INFO has changed since.
+    /// As [`LogReader::open`]; [`Error::NoRunInfo`]; [`Error::OtherTypeVersion`] if the type of RUN_INFO differs from this build's.
     pub fn open(path: impl AsRef<Path>) -> Result<Self, Error> {
         Self::open_with(path, controller::load)
     }
 
-    /// [`Replay::open`] with another way to build the controller.
+    /// [`Replay::open`] with another function that builds the controller.
     ///
     /// # Errors
     /// As [`Replay::open`].
@@ -117,27 +116,27 @@ impl<'a> Replay<'a> {
         &self.clock
     }
 
-    /// What the log says of its run.
+    /// RUN_INFO of the log.
     pub fn info(&self) -> &RunInfo {
         &self.info
     }
 
-    /// Replays the log. `progress` is told now and then which part of the file has been read, 0 to 1.
+    /// Replays the log. `progress` receives the fraction of the file that was read, 0 to 1.
     ///
     /// # Errors
     /// - [`Error::Load`]: the controller cannot be built, or a parameter of [`Options::set`] does not exist.
-    /// - [`Error::OtherTypeVersion`]: a type has changed since the log was written.
-    /// - [`Error::NoInput`], [`Error::SeveralRuns`], [`Error::Decode`], [`Error::Restore`]: the log is not that of one run.
-    /// - [`Error::Io`], [`Error::SameFile`] and what [`crate::log::LogWriter`] says of [`Options::out`].
+    /// - [`Error::OtherTypeVersion`]: the type of a consumed or compared message differs from this build's.
+    /// - [`Error::NoInput`], [`Error::SeveralRuns`], [`Error::Decode`], [`Error::Restore`]: the log does not contain exactly one run.
+    /// - [`Error::Io`], [`Error::SameFile`] and the errors of [`crate::log::LogWriter`] for [`Options::out`].
     pub fn run(&self, options: &Options, progress: &mut dyn FnMut(f64)) -> Result<ReplayReport, Error> {
         let begin = Instant::now();
         let builder = Builder::new(self, options)?;
-        let what_if = options.asks_what_if();
-        if !options.changes.is_empty() && options.out.is_some() {
+        let what_if = options.is_what_if();
+        if !options.timed_overrides.is_empty() && options.out.is_some() {
             return Err(Error::ParameterChangesInLog);
         }
-        // A log that is written must be one run from its beginning to its end.
-        let own_state = what_if || options.out.is_some();
+        // A written log must be one continuous run.
+        let keep_state = what_if || options.out.is_some();
         let mut out = match &options.out {
             Some(path) => {
                 Error::check_distinct_files(&self.path, path)?;
@@ -145,36 +144,36 @@ impl<'a> Replay<'a> {
             }
             None => None,
         };
-        let mut stretch = Stretch::find(&self.path, self.clock, options)?;
+        let mut segment = Segment::find(&self.path, self.clock, options)?;
         let mut ticks = Ticks::open(&self.path, if out.is_some() { Beside::InPlace } else { Beside::Nothing })?;
         let bytes = file_length(&self.path)?;
-        let feed = Feed { ticks: &mut ticks, stretch: &mut stretch, bytes, changes: Vec::new() };
-        let alone = own_state || options.jobs < 2;
-        let (tally, found) = if alone {
+        let source = Source { ticks: &mut ticks, segment: &mut segment, bytes, changes: Vec::new() };
+        let is_serial = keep_state || options.jobs < 2;
+        let (counts, found) = if is_serial {
             let collector = what_if.then(|| Collector::new(options.bound.unwrap_or(DEFAULT_BOUND)));
-            let later = builder.later(&options.changes)?;
-            let mut runner = Runner::new(&builder, own_state)?.then(later).collecting(collector);
-            run_alone(feed, &mut runner, out.as_mut(), progress)?;
-            let not_reached = runner.still_to_come() as u64;
-            (runner.tally, runner.what_if.map(|collector| collector.finish(not_reached)))
+            let overrides = builder.timed_overrides(&options.timed_overrides)?;
+            let mut stepper = Stepper::new(&builder, keep_state)?.with_overrides(overrides).with_collector(collector);
+            run_serial(source, &mut stepper, out.as_mut(), progress)?;
+            let not_reached = stepper.pending_overrides() as u64;
+            (stepper.counts, stepper.what_if.map(|collector| collector.finish(not_reached)))
         } else {
-            let runners = (0..options.jobs).map(|_| Runner::new(&builder, false)).collect::<Result<_, Error>>()?;
-            (shared::run(feed, runners, progress)?, None)
+            let steppers = (0..options.jobs).map(|_| Stepper::new(&builder, false)).collect::<Result<_, Error>>()?;
+            (parallel::run(source, steppers, progress)?, None)
         };
         if let Some(mut out) = out {
             out.rest(ticks.rest())?;
             out.finish()?;
         }
-        if !stretch.has_input {
+        if !segment.has_input {
             return Err(Error::NoInput { path: self.path.clone() });
         }
-        let mut report = tally.report(ticks.late, ticks.health(), begin.elapsed().as_secs_f64());
+        let mut report = counts.report(ticks.late, ticks.health(), begin.elapsed().as_secs_f64());
         report.deviations = origin::deviations(&self.info, &builder.info, options.here.as_ref(), &ticks.consumed());
         report.what_if = found;
         Ok(report)
     }
 
-    /// The run's description with all that is to be other from the beginning on.
+    /// RUN_INFO with all overrides that hold from the start.
     fn changed(&self, options: &Options) -> Result<RunInfo, Error> {
         let mut info = self.with_params(&self.info, &options.set)?;
         if let Some(urdf) = &options.urdf {
@@ -193,21 +192,21 @@ impl<'a> Replay<'a> {
     }
 }
 
-/// Leads a runner through all parts.
-fn run_alone(
-    mut feed: Feed,
-    runner: &mut Runner,
+/// Runs a stepper through all steps in the calling thread.
+fn run_serial(
+    mut source: Source,
+    stepper: &mut Stepper,
     mut out: Option<&mut Out>,
     progress: &mut dyn FnMut(f64),
 ) -> Result<(), Error> {
-    while let Some(part) = feed.next()? {
-        match part {
-            Part::Start(tick, snapshot, changes) => runner.start(tick, &snapshot, &changes)?,
-            Part::Tick(mut tick) => {
+    while let Some(step) = source.next()? {
+        match step {
+            Step::Restore(tick, snapshot, changes) => stepper.start(tick, &snapshot, &changes)?,
+            Step::Tick(mut tick) => {
                 if tick.tick % 1024 == 0 {
-                    progress(feed.read());
+                    progress(source.fraction_read());
                 }
-                let outbox = runner.tick(&tick)?;
+                let outbox = stepper.tick(&tick)?;
                 if let Some(out) = &mut out {
                     out.tick(&mut tick, outbox)?;
                 }
@@ -217,9 +216,9 @@ fn run_alone(
     Ok(())
 }
 
-/// Reads on until RUN_INFO is found.
+/// Reads the first RUN_INFO of a log.
 pub(crate) fn run_info(path: &Path) -> Result<RunInfo, Error> {
-    let known = channels::find(channels::RUN_INFO).expect("it stands in the table");
+    let known = channels::find(channels::RUN_INFO).expect("the channel table contains RUN_INFO");
     let mut count = 0_u64;
     for event in LogReader::open(path)?.events() {
         let event = event?;

@@ -8,7 +8,7 @@ use common::{Message, path};
 use lcmtypes::channels::{self, Stage};
 use lcmtypes::{Event, RobotCommand, RunInfo, Timing};
 use replay::Error;
-use replay::engine::{Build, Change, Cursor, Options, Replay, When};
+use replay::engine::{Build, Cursor, Options, Replay, TimedOverride, When};
 use std::path::{Path, PathBuf};
 
 const TICKS: i64 = 1000;
@@ -118,18 +118,19 @@ fn every_recorded_state_leads_to_the_tail() {
 fn a_parameter_that_changes_on_the_way_takes_over_the_state() {
     let path = log("changes.mcap", |_| {});
     let replay = open(&path, |toy| toy);
-    let change = |when| Change { when, key: GAIN.to_owned(), value: "2.5".to_owned() };
+    let change = |when| TimedOverride { when, key: GAIN.to_owned(), value: "2.5".to_owned() };
     for (when, tick) in [(When::Tick(321), 321), (When::Seconds(0.3205), 321), (When::Seconds(0.7), 700)] {
-        let report = replay.run(&Options { changes: vec![change(when)], ..Options::default() }, &mut |_| {}).unwrap();
+        let report =
+            replay.run(&Options { timed_overrides: vec![change(when)], ..Options::default() }, &mut |_| {}).unwrap();
         let first = report.first_divergence.unwrap();
         assert_eq!((first.tick, first.stage, first.last_agreed_tick), (tick, "tasks", Some(tick - 1)), "{when:?}");
     }
     // To the same value it changes nothing: the state is handed over whole.
-    let same = Change { when: When::Tick(500), key: GAIN.to_owned(), value: "2.0".to_owned() };
-    let report = replay.run(&Options { changes: vec![same], ..Options::default() }, &mut |_| {}).unwrap();
+    let same = TimedOverride { when: When::Tick(500), key: GAIN.to_owned(), value: "2.0".to_owned() };
+    let report = replay.run(&Options { timed_overrides: vec![same], ..Options::default() }, &mut |_| {}).unwrap();
     assert!(report.identical, "{:?}", report.first_divergence);
     let options = Options {
-        changes: vec![change(When::Tick(3))],
+        timed_overrides: vec![change(When::Tick(3))],
         out: Some(common::path("changes_out.mcap")),
         ..Options::default()
     };

@@ -7,7 +7,9 @@ use common::{events, items, message, messages, path, write};
 use lcmtypes::{Event, Message, channels};
 use replay::Error;
 use replay::log::{LogReader, LogWriter, Output};
-use replay::record::{DiskState, EventSink, Files, Keep, Pattern, RingOptions, RingWriter, Rotation, Target, WhenFull};
+use replay::record::{
+    DiskState, EventSink, Files, Pattern, RecordLevel, RingOptions, RingWriter, Rotation, Target, WhenFull,
+};
 use std::io;
 use std::path::{Path, PathBuf};
 use std::sync::mpsc::{Receiver, Sender, channel};
@@ -118,12 +120,12 @@ struct Held {
     go: Sender<()>,
 }
 
-/// A writer whose thread has taken the event FIRST out of an otherwise empty ring of 64 kB, and stands still.
+/// A writer whose thread has read the event FIRST from the ring of 64 kB and is blocked.
 fn held(path: &Path, vital: Option<&str>) -> Held {
     let ((arrived, has_arrived), (go, may_go)) = (channel(), channel());
     let gate = Gate { log: LogWriter::create(path).unwrap(), arrived, go: may_go };
     let vital = vital.map(|vital| Pattern::new(vital).unwrap());
-    let mut log = RingWriter::start(path, Box::new(gate), &options(64_000, WhenFull::Shed { vital })).unwrap();
+    let mut log = RingWriter::start(path, Box::new(gate), &options(64_000, WhenFull::Drop { vital })).unwrap();
     log.write("FIRST", 0, b"").unwrap();
     has_arrived.recv().unwrap();
     Held { log, arrived: has_arrived, go }
@@ -139,15 +141,16 @@ fn kept(path: &Path, name: &str) -> Vec<i64> {
         .collect()
 }
 
-fn said(path: &Path) -> Vec<(i64, i8, String)> {
+/// EVENT messages of the recorder: time in us, level, text.
+fn reports(path: &Path) -> Vec<(i64, i8, String)> {
     let events = LogReader::open(path).unwrap().events().map(Result::unwrap);
-    let said =
+    let reports =
         events.filter(|event| *event.channel == *channels::EVENT).map(|event| Event::decode(&event.data).unwrap());
-    said.map(|event| (event.t_ns / US, event.level, event.text)).collect()
+    reports.map(|event| (event.t_ns / US, event.level, event.text)).collect()
 }
 
 #[test]
-fn a_slow_disk_costs_debug_channels_first_and_no_replay_input() {
+fn a_slow_disk_drops_debug_channels_first_and_no_replay_input() {
     for vital in [None, Some("OTHER.*")] {
         let path = path("slow.lcmlog");
         let Held { mut log, arrived, go } = held(&path, vital);
@@ -161,14 +164,14 @@ fn a_slow_disk_costs_debug_channels_first_and_no_replay_input() {
                 log.write(channels::CONTROLLER_INPUT, t * US, &[0; 970]).unwrap();
             }
         }
-        assert_eq!(log.keep(), if vital.is_none() { Keep::Replay } else { Keep::Inputs });
+        assert_eq!(log.level(), if vital.is_none() { RecordLevel::Replay } else { RecordLevel::Inputs });
         let left_out = log.left_out();
         drop((arrived, go));
         log.finish().unwrap();
 
         let inputs: Vec<i64> = (1..=10).map(|i| 2 * i).collect();
         assert_eq!(kept(&path, channels::CONTROLLER_INPUT), inputs);
-        // The table's debug channel goes first, then what this stack does not know, unless it is vital.
+        // The debug channel is dropped first, then unknown channels unless they are vital.
         let states = kept(&path, channels::ROBOT_STATE);
         assert_eq!(states, (1..=10).collect::<Vec<_>>());
         for name in others {
@@ -176,22 +179,22 @@ fn a_slow_disk_costs_debug_channels_first_and_no_replay_input() {
             assert_eq!(there + left_out.get(name).copied().unwrap_or(0), 20, "{name}");
         }
         assert_eq!(kept(&path, "OTHER_PROJECT").len(), if vital.is_some() { 20 } else { 9 });
-        // What is missing is told in the log, to the message.
-        let said = said(&path);
-        assert_eq!((said[0].0, said[0].1, &*said[0].2), (10, Event::LEVEL_WARNING, "debug channels are not recorded"));
-        let told: u64 = said.iter().map(|(_, _, text)| count_told(text)).sum();
-        assert_eq!(told, left_out.values().sum::<u64>());
+        // The log reports exactly the dropped messages.
+        let reports = reports(&path);
+        assert_eq!((reports[0].0, reports[0].1), (10, Event::LEVEL_WARNING));
+        let reported: u64 = reports.iter().map(|(_, _, text)| dropped(text).map(|(_, count)| count).sum::<u64>()).sum();
+        assert_eq!(reported, left_out.values().sum::<u64>());
     }
 }
 
-/// Sum of the counts in `...; not recorded until here: A 1, B 2`.
-fn count_told(text: &str) -> u64 {
-    let Some((_, list)) = text.split_once("not recorded until here: ") else { return 0 };
-    list.split(", ").map(|one| one.rsplit_once(' ').unwrap().1.parse::<u64>().unwrap()).sum()
+/// The channels and counts at the end of a report: `...: A 1, B 2`.
+fn dropped(text: &str) -> impl Iterator<Item = (&str, u64)> {
+    let list = text.rsplit_once(": ").map_or("", |(_, list)| list);
+    list.split(", ").filter_map(|one| one.rsplit_once(' ')).map(|(name, count)| (name, count.parse().unwrap()))
 }
 
 #[test]
-fn when_nothing_fits_any_more_even_that_is_told() {
+fn replay_inputs_that_do_not_fit_are_reported() {
     let path = path("stuck.lcmlog");
     let Held { mut log, arrived, go } = held(&path, None);
     for t in 1..=100 {
@@ -204,15 +207,17 @@ fn when_nothing_fits_any_more_even_that_is_told() {
     assert_eq!(there, (1..=there.len() as i64).collect::<Vec<_>>());
     assert_eq!(there.len() as u64 + lost, 100);
     assert!(lost > 30, "{lost}");
-    assert_eq!(said(&path).iter().map(|(_, _, text)| count_told(text)).sum::<u64>(), lost);
+    let reports = reports(&path);
+    assert_eq!(reports.iter().flat_map(|(_, _, text)| dropped(text)).map(|(_, count)| count).sum::<u64>(), lost);
 }
 
 #[test]
-fn a_disk_with_little_room_costs_the_same_channels() {
+fn low_disk_space_drops_the_same_channels() {
     let path = path("reserve.lcmlog");
-    let mut log = RingWriter::create(&path, &options(1 << 20, WhenFull::Shed { vital: None })).unwrap();
-    for (t, keep) in [(1, Keep::All), (2, Keep::Replay), (3, Keep::Inputs), (4, Keep::All)] {
-        log.set_disk(keep);
+    let mut log = RingWriter::create(&path, &options(1 << 20, WhenFull::Drop { vital: None })).unwrap();
+    for (t, level) in [(1, RecordLevel::All), (2, RecordLevel::Replay), (3, RecordLevel::Inputs), (4, RecordLevel::All)]
+    {
+        log.set_disk_level(level);
         for name in [channels::CONTROLLER_INPUT, channels::ROBOT_COMMAND, channels::ROBOT_STATE] {
             log.write(name, t * US, b"x").unwrap();
         }
@@ -221,15 +226,11 @@ fn a_disk_with_little_room_costs_the_same_channels() {
     assert_eq!(kept(&path, channels::CONTROLLER_INPUT), [1, 2, 3, 4]);
     assert_eq!(kept(&path, channels::ROBOT_COMMAND), [1, 2, 4]);
     assert_eq!(kept(&path, channels::ROBOT_STATE), [1, 4]);
-    let texts: Vec<String> = said(&path).into_iter().map(|(_, _, text)| text).collect();
-    assert_eq!(
-        texts,
-        [
-            "debug channels are not recorded (too little space on the disk)",
-            "only what a replay needs is recorded (too little space on the disk); not recorded until here: ROBOT_STATE 1",
-            "every channel is recorded; not recorded until here: ROBOT_COMMAND 1, ROBOT_STATE 1",
-        ]
-    );
+    let reports = reports(&path);
+    let (state, command) = ((channels::ROBOT_STATE, 1), (channels::ROBOT_COMMAND, 1));
+    let found: Vec<_> = reports.iter().map(|(_, level, text)| (*level, dropped(text).collect::<Vec<_>>())).collect();
+    let (warning, info) = (Event::LEVEL_WARNING, Event::LEVEL_INFO);
+    assert_eq!(found, [(warning, vec![]), (warning, vec![state]), (info, vec![command, state])]);
 }
 
 /// A disk of `room` bytes, in memory.

@@ -1,4 +1,4 @@
-//! The recorder on a real network: stock liblcm sends, a relay loses, doubles and delays datagrams, and the account says exactly which.
+//! The recorder on a real network: stock liblcm sends, a relay drops, duplicates and delays datagrams, and the counts match exactly.
 #![allow(clippy::unwrap_used, missing_docs)]
 
 mod common;
@@ -9,7 +9,7 @@ use common::path;
 use lcmtypes::bus::{Bus, LcmBus};
 use lcmtypes::{Event, Message, channels};
 use replay::log::LogReader;
-use replay::record::{Filter, Pattern, RecordOptions, Recorded, Recorder, Rotation, Run};
+use replay::record::{Filter, Pattern, RecordOptions, RecordSummary, Recorder, Rotation, SequenceRange};
 use replay::udpm::{Listener, Url, split};
 use std::collections::BTreeMap;
 use std::net::{SocketAddr, UdpSocket};
@@ -37,8 +37,8 @@ fn options(url: &Url, out: &Path) -> RecordOptions {
     }
 }
 
-/// Records while `send` sends, until so many messages have been heard.
-fn record(options: RecordOptions, messages: u64, send: impl FnOnce()) -> Recorded {
+/// Records while `send` sends, until this number of messages was received.
+fn record(options: RecordOptions, messages: u64, send: impl FnOnce()) -> RecordSummary {
     let recorder = Recorder::start(options).unwrap();
     let (sent, heard) = (AtomicBool::new(false), AtomicU64::new(0));
     std::thread::scope(|scope| {
@@ -46,7 +46,7 @@ fn record(options: RecordOptions, messages: u64, send: impl FnOnce()) -> Recorde
             let began = Instant::now();
             let all = || sent.load(Ordering::SeqCst) && heard.load(Ordering::SeqCst) >= messages;
             let stop = || all() || began.elapsed() > PATIENCE;
-            recorder.run(&stop, &mut |progress| heard.store(progress.status.tally.heard, Ordering::SeqCst)).unwrap()
+            recorder.run(&stop, &mut |progress| heard.store(progress.status.counts.received, Ordering::SeqCst)).unwrap()
         });
         send();
         sent.store(true, Ordering::SeqCst);
@@ -92,9 +92,9 @@ impl Relay {
         assert_eq!(self.socket.send_to(datagram, self.to).unwrap(), datagram.len());
     }
 
-    fn name(&self, recorded: &Recorded) -> String {
+    fn name(&self, recorded: &RecordSummary) -> String {
         let port = self.socket.local_addr().unwrap().port();
-        let names = recorded.heard.senders.iter().map(|account| account.sender.clone());
+        let names = recorded.intake.senders.iter().map(|account| account.sender.clone());
         names.into_iter().find(|name| name.ends_with(&format!(":{port}"))).unwrap()
     }
 }
@@ -120,7 +120,7 @@ fn stock_datagrams(url: &Url, messages: &[(&str, Vec<u8>)]) -> Vec<Vec<u8>> {
 }
 
 #[test]
-fn the_account_names_exactly_what_the_relay_did() {
+fn the_counts_match_exactly_what_the_relay_did() {
     for name in ["relay.lcmlog", "relay.mcap"] {
         let (near, far) = (url(0), url(1));
         // Message 20 has three fragments.
@@ -155,14 +155,14 @@ fn the_account_names_exactly_what_the_relay_did() {
             }
         });
 
-        let run = |first, count| Run { first, count };
-        let account = &recorded.heard.senders[0];
+        let run = |first, count| SequenceRange { first, count };
+        let account = &recorded.intake.senders[0];
         assert_eq!(
             (account.received, account.lost, account.duplicates, account.reordered, account.restarts),
             (54, 6, 2, 2, 0)
         );
         assert_eq!(account.lost_runs, [run(5, 1), run(10, 3), run(40, 1), run(50, 1)]);
-        assert_eq!((recorded.heard.senders.len(), recorded.heard.tally.heard), (1, heard));
+        assert_eq!((recorded.intake.senders.len(), recorded.intake.counts.received), (1, heard));
 
         let (logged, texts) = content(&path);
         let numbers: Vec<u32> = logged.iter().map(|(_, number)| *number).collect();
@@ -171,19 +171,17 @@ fn the_account_names_exactly_what_the_relay_did() {
         assert_eq!(numbers, expected);
         let sender = relay.name(&recorded);
         let (last, found) = texts.split_last().unwrap();
-        assert_eq!(
-            last,
-            "end of the recording: 54 messages heard of 1 senders; lost 6, came again 2, came late 2, dropped by the kernel 0, \
-             malformed 0, left out 0"
-        );
-        // Said once a second, so in one sentence or in several.
+        // The totals: received, senders, lost, duplicate, late, dropped by the kernel, malformed, not recorded.
+        let numbers = last.split(|c: char| !c.is_ascii_digit()).filter_map(|number| number.parse::<u64>().ok());
+        assert_eq!(numbers.collect::<Vec<_>>(), [54, 1, 6, 2, 2, 0, 0, 0], "{last}");
+        // Reported once per second, so in one or several texts.
         assert_eq!(listed(found, &sender, "lost"), ["5", "10-12", "40", "50"]);
-        assert_eq!(listed(found, &sender, "came again"), ["20", "25"]);
-        assert_eq!(listed(found, &sender, "came late"), ["20", "30"]);
+        assert_eq!(listed(found, &sender, "duplicate"), ["20", "25"]);
+        assert_eq!(listed(found, &sender, "late"), ["20", "30"]);
     }
 }
 
-/// What sentences such as `127.0.0.1:4711 lost 4: sequence 5, 10-12` list.
+/// The sequence ranges in texts such as `127.0.0.1:4711 lost 4: sequence 5, 10-12`.
 fn listed(texts: &[String], sender: &str, what: &str) -> Vec<String> {
     let begin = format!("{sender} {what} ");
     let lists =
@@ -192,7 +190,7 @@ fn listed(texts: &[String], sender: &str, what: &str) -> Vec<String> {
 }
 
 #[test]
-fn a_message_of_which_a_fragment_is_missing_is_lost_and_told() {
+fn a_message_with_a_missing_fragment_is_lost_and_reported() {
     let (url, path) = (url(2), path("incomplete.mcap"));
     let relay = Relay::new(&url);
     let recorded = record(options(&url, &path), 2, || {
@@ -201,17 +199,20 @@ fn a_message_of_which_a_fragment_is_missing_is_lost_and_told() {
         [0, 1, 3].into_iter().for_each(|i| relay.send(&fragments[i]));
         relay.send(&split(2, "M", &data(2))[0]);
     });
-    assert_eq!((recorded.heard.lost, recorded.heard.senders[0].lost_runs[0]), (1, Run { first: 1, count: 1 }));
-    let text = format!("{} lost 1: sequence 1, of which 3 of 4 fragments came", relay.name(&recorded));
-    assert!(content(&path).1.contains(&text));
+    assert_eq!(
+        (recorded.intake.lost, recorded.intake.senders[0].lost_runs[0]),
+        (1, SequenceRange { first: 1, count: 1 })
+    );
+    let begin = format!("{} lost 1: sequence 1,", relay.name(&recorded));
+    assert!(content(&path).1.iter().any(|text| text.starts_with(&begin) && text.contains("3 of 4")));
 }
 
 #[test]
-fn senders_are_told_apart_and_one_may_begin_anew() {
+fn senders_are_counted_separately_and_a_restart_is_detected() {
     let (url, path) = (url(3), path("senders.mcap"));
     let (a, b) = (Relay::new(&url), Relay::new(&url));
     let recorded = record(options(&url, &path), 8 + 3 + 4, || {
-        // Another 0 to 3 from the same port, with other content, is a sender that began anew; b's numbers are its own.
+        // Numbers 0 to 3 again from the same port with other content are a restart; b has its own sequence.
         for i in [100, 101, 102, 103, 105, 106, 107, 108] {
             a.send(&split(i, "A", &data(i))[0]);
         }
@@ -222,7 +223,7 @@ fn senders_are_told_apart_and_one_may_begin_anew() {
             a.send(&split(i, "A", &data(1000 + i))[0]);
         }
     });
-    let by_name: BTreeMap<_, _> = recorded.heard.senders.iter().map(|s| (s.sender.clone(), s)).collect();
+    let by_name: BTreeMap<_, _> = recorded.intake.senders.iter().map(|s| (s.sender.clone(), s)).collect();
     let (a_account, b_account) = (by_name[&a.name(&recorded)], by_name[&b.name(&recorded)]);
     assert_eq!((a_account.received, a_account.lost, a_account.restarts), (12, 1, 1));
     assert_eq!((b_account.received, b_account.lost, b_account.restarts), (3, 0, 0));
@@ -238,9 +239,9 @@ fn numbers_wrap() {
             relay.send(&split(i, "M", &data(i))[0]);
         }
     });
-    let account = &recorded.heard.senders[0];
+    let account = &recorded.intake.senders[0];
     assert_eq!((account.received, account.lost, account.reordered, account.restarts), (5, 1, 1, 0));
-    assert_eq!(account.lost_runs, [Run { first: 2, count: 1 }]);
+    assert_eq!(account.lost_runs, [SequenceRange { first: 2, count: 1 }]);
 }
 
 #[test]
@@ -254,13 +255,13 @@ fn noise_is_counted_and_survived() {
         }
         relay.send(&split(3, "M", &data(3))[0]);
     });
-    // 1 and 2 came, damaged: they are no gap.
-    assert_eq!((recorded.heard.tally.malformed, recorded.heard.lost), (6, 0));
-    assert!(content(&path).1.contains(&"1 datagrams that no LCM sends: a channel without end".to_owned()));
+    // Messages 1 and 2 were received damaged, so they are not lost.
+    assert_eq!((recorded.intake.counts.malformed, recorded.intake.lost), (6, 0));
+    assert!(content(&path).1.iter().any(|text| text.starts_with("1 malformed datagrams: ")));
 }
 
 #[test]
-fn only_what_is_wanted_is_recorded_and_the_account_stays_whole() {
+fn only_selected_channels_are_recorded_and_all_are_counted() {
     let (url, path) = (url(6), path("filtered.mcap"));
     let mut options = options(&url, &path);
     options.filter = Filter { include: Pattern::new("A|B|LCM.*").ok(), exclude: Pattern::new("B").ok() };
@@ -274,13 +275,13 @@ fn only_what_is_wanted_is_recorded_and_the_account_stays_whole() {
             }
         }
     });
-    assert_eq!((recorded.heard.lost, recorded.heard.duplicates), (0, 0));
+    assert_eq!((recorded.intake.lost, recorded.intake.duplicates), (0, 0));
     assert_eq!(content(&path).0, (0..20).map(|i| ("A".to_owned(), i)).collect::<Vec<_>>());
 }
 
-/// The way back: liblcm takes our datagrams for its own.
+/// The other direction: liblcm accepts our datagrams.
 #[test]
-fn stock_lcm_receives_what_we_cut() {
+fn stock_lcm_receives_our_fragments() {
     let url = url(7);
     let mut bus = LcmBus::open(&format!("{url}&recv_buf_size=4000000")).unwrap();
     bus.subscribe("CH").unwrap();
@@ -302,7 +303,7 @@ fn stock_lcm_receives_what_we_cut() {
 }
 
 #[test]
-fn what_cannot_be_recorded_is_said_at_once() {
+fn a_recording_that_cannot_start_is_an_error() {
     let url = url(8);
     let start = |url: &Url, out: PathBuf| Recorder::start(options(url, &out)).err().unwrap().to_string();
     assert!(start(&url, path("log.txt")).contains("the name of a log ends with .lcmlog or .mcap"));

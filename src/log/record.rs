@@ -3,7 +3,7 @@
 use crate::{Outcome, say, say_json};
 use anyhow::Context;
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
-use replay::record::{Filter, Keep, Pattern, Progress, RecordOptions, Recorded, Recorder, Rotation};
+use replay::record::{Filter, Pattern, Progress, RecordLevel, RecordOptions, RecordSummary, Recorder, Rotation};
 use replay::udpm::Url;
 use signal_hook::consts::{SIGINT, SIGTERM, SIGXFSZ};
 use std::io::IsTerminal;
@@ -52,7 +52,7 @@ pub struct Args {
     /// Begin a new file after so many seconds
     #[arg(long, value_name = "S")]
     rotate_s: Option<f64>,
-    /// Keep so many files when rotating, and delete older ones
+    /// RecordLevel so many files when rotating, and delete older ones
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
     keep: Option<u32>,
     /// Free space for replay inputs alone; below twice as much, debug channels are left out
@@ -186,10 +186,10 @@ impl StatusLine {
         let span = at.elapsed();
         if span >= RATE {
             let per_second = |n: u64| n as f64 / span.as_secs_f64();
-            self.rates = (per_second(status.tally.heard - heard), per_second(status.tally.bytes - bytes));
-            self.last = (Instant::now(), status.tally.heard, status.tally.bytes);
+            self.rates = (per_second(status.counts.received - heard), per_second(status.counts.bytes - bytes));
+            self.last = (Instant::now(), status.counts.received, status.counts.bytes);
         }
-        let [lost, twice, late] = status.lost_twice_late;
+        let [lost, twice, late] = status.lost_duplicate_late;
         let mut text = format!(
             "{:.1} s  {:.0} msg/s  {:.2} MB/s  {:.1} MB in {}  senders {}  lost {lost}  twice {twice}  late {late}",
             self.began.elapsed().as_secs_f64(),
@@ -205,8 +205,8 @@ impl StatusLine {
         if status.left_out > 0 {
             text += &format!("  left out {}", status.left_out);
         }
-        if status.keep != Keep::All {
-            text += &format!("  {}", status.keep.text());
+        if status.level != RecordLevel::All {
+            text += &format!("  {}", status.level.text());
         }
         if let Some(trouble) = trouble {
             text += &format!("  waiting for the disk, {:.0} % of the memory used: {trouble}", status.fill * 100.0);
@@ -225,28 +225,29 @@ impl Drop for StatusLine {
 }
 
 #[expect(clippy::cast_precision_loss, reason = "a size for a person to read")]
-fn text(recorded: &Recorded) -> String {
-    let Recorded { files, file_bytes, heard } = recorded;
+fn text(recorded: &RecordSummary) -> String {
+    let RecordSummary { files, file_bytes, intake } = recorded;
     let files: Vec<_> = files.iter().map(|file| file.display().to_string()).collect();
-    let events = heard.events.map_or_else(String::new, |events| format!("{events} events, "));
+    let events = intake.events.map_or_else(String::new, |events| format!("{events} events, "));
     let mut text = format!("{}: {events}{:.1} MB", files.join(", "), *file_bytes as f64 * 1e-6);
-    if let Some(failure) = &heard.failure {
+    if let Some(failure) = &intake.failure {
         text += &format!("\nthe log ends early: {failure}");
     }
-    for sender in &heard.senders {
+    for sender in &intake.senders {
         text += &format!(
             "\n{:<21} {:>9} received, lost {}, came again {}, came late {}",
             sender.sender, sender.received, sender.lost, sender.duplicates, sender.reordered
         );
     }
-    if heard.tally.kernel_dropped > 0 {
-        text += &format!("\nthe kernel dropped {} datagrams: its receive buffer was full", heard.tally.kernel_dropped);
+    if intake.counts.kernel_dropped > 0 {
+        text +=
+            &format!("\nthe kernel dropped {} datagrams: its receive buffer was full", intake.counts.kernel_dropped);
     }
-    if heard.tally.malformed > 0 {
-        text += &format!("\n{} datagrams that no LCM sends", heard.tally.malformed);
+    if intake.counts.malformed > 0 {
+        text += &format!("\n{} malformed datagrams", intake.counts.malformed);
     }
-    if !heard.left_out.is_empty() {
-        let left_out: Vec<_> = heard.left_out.iter().map(|(name, count)| format!("{name} {count}")).collect();
+    if !intake.left_out.is_empty() {
+        let left_out: Vec<_> = intake.left_out.iter().map(|(name, count)| format!("{name} {count}")).collect();
         text += &format!("\nleft out: {}", left_out.join(", "));
     }
     text

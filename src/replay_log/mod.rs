@@ -167,7 +167,7 @@ fn options(args: &Args) -> anyhow::Result<Options> {
     }
     Ok(Options {
         set,
-        changes: args.changes.as_deref().map(timed_overrides::read_file).transpose()?.unwrap_or_default(),
+        timed_overrides: args.changes.as_deref().map(timed_overrides::read_file).transpose()?.unwrap_or_default(),
         urdf: args.urdf.as_deref().map(read).transpose()?,
         bound: Some(args.bound),
         here: Some(run_info::build()),

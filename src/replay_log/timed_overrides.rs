@@ -2,7 +2,7 @@
 
 use crate::robot::read;
 use anyhow::{Context, ensure};
-use replay::engine::{Change, When};
+use replay::engine::{TimedOverride, When};
 use serde::Deserialize;
 use std::path::Path;
 
@@ -21,11 +21,11 @@ struct Entry {
 }
 
 /// Reads the changes. They must be in the order of time.
-pub fn read_file(path: &Path) -> anyhow::Result<Vec<Change>> {
+pub fn read_file(path: &Path) -> anyhow::Result<Vec<TimedOverride>> {
     parse(&read(path)?).with_context(|| path.display().to_string())
 }
 
-fn parse(text: &str) -> anyhow::Result<Vec<Change>> {
+fn parse(text: &str) -> anyhow::Result<Vec<TimedOverride>> {
     let file: File = toml::from_str(text)?;
     let by_tick = file.change.first().is_some_and(|entry| entry.tick.is_some());
     let mut changes = Vec::new();
@@ -46,7 +46,7 @@ fn parse(text: &str) -> anyhow::Result<Vec<Change>> {
             "change {number}: time {at}, expected a finite time not before the previous change ({last})"
         );
         last = at;
-        flatten("", &entry.set, &mut |key, value| changes.push(Change { when, key, value }));
+        flatten("", &entry.set, &mut |key, value| changes.push(TimedOverride { when, key, value }));
     }
     Ok(changes)
 }

@@ -1,9 +1,9 @@
-//! Values over time, made to fit a screen.
+//! Values over time, reduced to the width of a screen.
 
 /// Bars of a sparkline, lowest first.
 const BARS: [char; 8] = ['▁', '▂', '▃', '▄', '▅', '▆', '▇', '█'];
 
-/// The values of one field in the stretch of time that is shown.
+/// The values of one field over the visible time span.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Curve {
     /// Channel.
@@ -15,7 +15,7 @@ pub struct Curve {
 }
 
 impl Curve {
-    /// What is finite of the last `span_s`.
+    /// Finite values of the last `span_s`.
     fn shown(&self, span_s: f64) -> impl Iterator<Item = (f64, f64)> {
         self.points.iter().copied().filter(move |(t, value)| *t >= -span_s && value.is_finite())
     }
@@ -30,7 +30,7 @@ impl Curve {
         self.points.last().map(|(_, value)| *value)
     }
 
-    /// One bar a column, from `span_s` ago to now: the last value in its stretch, blank where there was none.
+    /// One bar per column, from `span_s` ago to now: the last value in the column's interval, blank if it has none.
     #[expect(
         clippy::cast_possible_truncation,
         clippy::cast_sign_loss,
@@ -50,7 +50,7 @@ impl Curve {
         bars.into_iter().collect()
     }
 
-    /// No more points than a plot of so many columns shows: the smallest and the largest of each stretch, in their order.
+    /// Reduces the points to the resolution of a plot: the smallest and the largest value per column, in the order of time.
     #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "limited to the columns there are")]
     pub fn thinned(&self, span_s: f64, columns: usize) -> Vec<(f64, f64)> {
         let column = |point: &(f64, f64)| ((point.0 / span_s + 1.0) * columns as f64) as usize;
@@ -59,7 +59,7 @@ impl Curve {
     }
 }
 
-/// The smallest and the largest value, in the order of time; once if they are the same.
+/// The smallest and the largest value, in the order of time; one point if both are the same.
 fn extremes(points: &[(f64, f64)]) -> impl Iterator<Item = (f64, f64)> {
     let places = || 0..points.len();
     let low = places().min_by(|a, b| points[*a].1.total_cmp(&points[*b].1)).unwrap_or(0);
@@ -68,7 +68,7 @@ fn extremes(points: &[(f64, f64)]) -> impl Iterator<Item = (f64, f64)> {
     std::iter::once(low.min(high)).chain(second).map(|place| points[place])
 }
 
-/// Smallest and largest of some values.
+/// Smallest and largest value.
 pub fn range(values: impl Iterator<Item = f64>) -> Option<(f64, f64)> {
     values.fold(None, |range, x| {
         let (low, high) = range.unwrap_or((x, x));
@@ -76,7 +76,7 @@ pub fn range(values: impl Iterator<Item = f64>) -> Option<(f64, f64)> {
     })
 }
 
-/// Bounds of an axis around a range: some room, and never none.
+/// Bounds of an axis: the range plus a margin of 5 %, never of zero length.
 pub fn bounds(range: Option<(f64, f64)>) -> [f64; 2] {
     let Some((low, high)) = range else { return [-1.0, 1.0] };
     let room = if high > low { 0.05 * (high - low) } else { 0.05 * high.abs().max(1e-3) };
@@ -92,7 +92,7 @@ mod tests {
     }
 
     #[test]
-    fn bars_stand_where_their_time_is() {
+    fn bars_are_placed_by_time() {
         let curve = curve(&[(-4.0, 0.0), (-3.0, 7.0), (-1.0, 3.6), (0.0, f64::NAN)]);
         assert_eq!(curve.bars(4.0, 4), "▁█ ▅");
         assert_eq!(curve.bars(2.0, 4), "  ▅ ");
@@ -101,7 +101,7 @@ mod tests {
     }
 
     #[test]
-    fn a_peak_survives_thinning() {
+    fn thinning_keeps_peaks() {
         let mut points: Vec<(f64, f64)> = (0..1000).map(|n| (f64::from(n) * 0.001 - 1.0, 0.0)).collect();
         points[437].1 = 5.0;
         points[441].1 = -2.0;
@@ -113,7 +113,7 @@ mod tests {
     }
 
     #[test]
-    fn an_axis_has_a_length() {
+    fn axis_bounds_are_never_equal() {
         assert_eq!(bounds(Some((0.0, 10.0))), [-0.5, 10.5]);
         assert_eq!(bounds(Some((2.0, 2.0))), [1.9, 2.1]);
         assert_eq!(bounds(None), [-1.0, 1.0]);

@@ -1,12 +1,12 @@
-//! `hoof spy`: who says what on an LCM network, or in a log.
+//! `hoof spy`: channels, rates, losses and senders of an LCM network, or of a log.
 
 mod curve;
 mod help;
 mod once;
-mod picture;
 mod plot;
 mod processes;
 mod recording;
+mod screen_data;
 mod session;
 mod source;
 mod state;
@@ -25,59 +25,59 @@ use replay::traffic::{Alarm, Alarms, Live};
 use replay::udpm::Url;
 use serde::Deserialize;
 use signal_hook::consts::{SIGINT, SIGTERM};
-use source::{Played, Source};
+use source::{LogPlayback, Source};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
-/// Longest sleep, so that a signal is seen.
-const LOOK: Duration = Duration::from_millis(20);
+/// Longest sleep between two checks for a signal.
+const POLL: Duration = Duration::from_millis(20);
 
 /// Watch an LCM network or a log in the terminal: channels, rates, jitter, losses, senders, every field
 ///
-/// Only listens, with a socket of its own: those who talk cannot tell whether it is there. Rates and jitter are those of the kernel's times of
-/// receipt over the last two seconds (of a slow channel, its last 16 intervals), with --once those of the whole time. Jitter is half the
-/// range of the middle 68.27 % of all intervals: the standard deviation, were it not for outliers.
+/// It uses its own socket, only listens and never sends. Rates and jitter are computed from the kernel's receive times over the last two seconds
+/// (for a slow channel, over its last 16 intervals); with --once, over the whole time. Jitter is half the range of the middle 68.27 % of the
+/// intervals: an outlier-robust standard deviation.
 ///
-/// What is lost is exact for each sender, from LCM's sequence numbers. What a channel lost is known where its messages count themselves (seq,
-/// tick) or nothing was lost at all; elsewhere ≤N says how many its senders lost on all channels.
+/// The number of messages lost per sender is exact: it comes from LCM's sequence numbers. The number lost per channel is known if its messages have
+/// a counter (seq, tick) or its senders lost nothing; otherwise ≤N is the number that its senders lost on all channels.
 ///
-/// Types are ours, those of --lcm-types, and those that a RUN_INFO or the log itself brings along.
+/// Known types: those of this build, of --lcm-types, of a received RUN_INFO, and of the log.
 ///
-/// Exit code 1 with --once if an alarm is raised or nothing is heard, 3 if the kernel dropped datagrams or a log is damaged.
+/// Exit code with --once: 1 if an alarm is raised or no message was received, 3 if the kernel dropped datagrams or the log is damaged.
 #[derive(clap::Args)]
 #[command(after_help = "Example: hoof spy\n         \
     hoof spy --log run.mcap\n         \
     hoof spy --once --json --seconds 5 --alarm 'ROBOT_STATE rate<900' --alarm '.* lost>0'\n         \
     hoof spy --lcm-types ~/other/types --lcm-url 'udpm://239.255.76.67:7667?ttl=1'\n\n\
     Alarms: CHANNEL_REGEX QUANTITY<NUMBER or >NUMBER, with rate (Hz), jitter, jitter_rms, gap (us), age (s), lost, late, count, senders,\n\
-    bandwidth (B/s). A channel that was never heard is slow; what is neither raised nor about any channel heard is told (a name misspelt?). In a TOML file: alarms = [\"ROBOT_STATE rate<900\", \"ROBOT_STATE gap>20000\"]\n\n\
-    JSON: format, events, duration_s, lost, damaged as of `hoof log info`; bytes and heard, of datagrams; channels with name, type, fingerprint, count,\n\
-    rate_hz, bytes, lost (null: nobody knows, at most lost_at_most), late, jitter_us, jitter_rms_us, gap_us, age_s, bytes_per_s, senders; senders; alarms;\n\
-    unmatched: conditions about no channel heard")]
+    bandwidth (B/s). A channel without messages has rate 0; conditions that match no channel are reported. In a TOML file: alarms = [\"ROBOT_STATE rate<900\", \"ROBOT_STATE gap>20000\"]\n\n\
+    JSON: format, events, duration_s, lost, damaged as in `hoof log info`; bytes and heard, for datagrams; channels with name, type, fingerprint, count,\n\
+    rate_hz, bytes, lost (null: unknown, at most lost_at_most), late, jitter_us, jitter_rms_us, gap_us, age_s, bytes_per_s, senders; senders; alarms;\n\
+    unmatched: conditions that match no channel")]
 pub struct Args {
-    /// Network, else that of LCM_DEFAULT_URL, else udpm://239.255.76.67:7667?ttl=0
+    /// LCM URL of the network [default: LCM_DEFAULT_URL, or udpm://239.255.76.67:7667?ttl=0]
     #[arg(long, value_name = "URL", conflicts_with = "log")]
     lcm_url: Option<String>,
-    /// Log to watch instead of a network, LCM event log or MCAP
+    /// Show this log instead of a network (LCM event log or MCAP)
     #[arg(long, value_name = "FILE")]
     log: Option<PathBuf>,
     #[command(flatten)]
     types: LogTypes,
-    /// Condition to be told of, such as 'ROBOT_STATE rate<900'. May be repeated
+    /// Alarm condition, such as 'ROBOT_STATE rate<900'; may be repeated
     #[arg(long, value_name = "CONDITION")]
     alarm: Vec<String>,
-    /// TOML file with a list `alarms` of conditions
+    /// Read alarm conditions from the list `alarms` of a TOML file
     #[arg(long, value_name = "FILE")]
     alarms: Option<PathBuf>,
-    /// Plot a field from the start, such as `ROBOT_STATE q[2]`. May be repeated
+    /// Plot a field from the start, such as 'ROBOT_STATE q[2]'; may be repeated
     #[arg(long, value_name = "CHANNEL FIELD", conflicts_with = "once")]
     plot: Vec<String>,
-    /// Listen for a while (of a log: read it to its end), print the table and end
+    /// Listen for --seconds, or read the whole log, print the table and exit
     #[arg(long)]
     once: bool,
-    /// How long --once listens; it ends earlier on Ctrl-C
+    /// Listening time of --once, s; Ctrl-C ends it earlier
     #[arg(long, value_name = "S", value_parser = seconds, default_value = "2", requires = "once", conflicts_with = "log")]
     seconds: f64,
     /// Print JSON; needs --once
@@ -90,7 +90,7 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
     match &args.log {
         Some(log) if args.once => once_log(args, log, alarms),
         None if args.once => once_live(args, alarms),
-        Some(log) => watch(Source::Log(Box::new(Played::open(log, args.types.read()?)?)), args, alarms),
+        Some(log) => watch(Source::Log(Box::new(LogPlayback::open(log, args.types.read()?)?)), args, alarms),
         None => {
             let live = Live::start(&Url::choose(args.lcm_url.as_deref())?, args.types.read()?)?;
             watch(Source::Live(live), args, alarms)
@@ -111,7 +111,7 @@ fn watch(mut source: Source, args: &Args, alarms: Alarms) -> anyhow::Result<Outc
     Ok(Outcome::Good)
 }
 
-/// The conditions of the command line and of the file.
+/// Alarm conditions from the command line and from the file.
 fn alarms(args: &Args) -> anyhow::Result<Alarms> {
     #[derive(Deserialize)]
     #[serde(deny_unknown_fields)]
@@ -137,7 +137,7 @@ fn once_live(args: &Args, mut alarms: Alarms) -> anyhow::Result<Outcome> {
     eprintln!("listening on {url}");
     let end = Instant::now() + Duration::from_secs_f64(args.seconds);
     while Instant::now() < end && !stopped.load(Ordering::Relaxed) && !live.has_failed() {
-        std::thread::sleep(LOOK);
+        std::thread::sleep(POLL);
     }
     let now_ns = live.now_ns();
     live.end()?;
@@ -146,8 +146,8 @@ fn once_live(args: &Args, mut alarms: Alarms) -> anyhow::Result<Outcome> {
     let summary = traffic.summary(now_ns);
     let report = Report::new(url.to_string(), "udpm".to_owned(), &Health::default(), summary, &mut alarms);
     let outcome = report.say(args.json)?;
-    if report.is_silent() {
-        eprintln!("{}", source::nothing_heard(&url));
+    if report.is_empty() {
+        eprintln!("{}", source::nothing_received(&url));
     }
     Ok(outcome)
 }
@@ -160,7 +160,7 @@ fn once_log(args: &Args, log: &Path, mut alarms: Alarms) -> anyhow::Result<Outco
     report.say(args.json)
 }
 
-/// Set by the signals that end a program.
+/// A flag that SIGINT and SIGTERM set.
 fn stop_signals() -> anyhow::Result<Arc<AtomicBool>> {
     let stopped = Arc::new(AtomicBool::new(false));
     for signal in [SIGINT, SIGTERM] {

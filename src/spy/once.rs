@@ -1,4 +1,4 @@
-//! `hoof spy --once`: the table, or its JSON, for scripts.
+//! `hoof spy --once`: prints the table, or JSON, for scripts.
 
 use super::table;
 use crate::{Outcome, say, say_json};
@@ -6,27 +6,27 @@ use replay::log::Health;
 use replay::traffic::{Alarms, Raised, Summary};
 use serde::Serialize;
 
-/// What `--once` says.
+/// The output of `--once`.
 #[derive(Serialize)]
 pub struct Report {
-    /// The network's URL or the log's name.
+    /// URL of the network or name of the log.
     source: String,
     /// `udpm`, `lcmlog` or `mcap`.
     format: String,
-    /// Stretches of a log that could not be read.
+    /// Damaged parts of a log.
     damaged: u64,
-    /// The log stops inside a record.
+    /// The log ends inside a record.
     cut: bool,
     #[serde(flatten)]
     summary: Summary,
-    /// Conditions that hold.
+    /// Raised alarms.
     alarms: Vec<Raised>,
-    /// Conditions that do not and are about no channel that was heard.
+    /// Conditions that are not raised and match no channel.
     unmatched: Vec<String>,
 }
 
 impl Report {
-    /// Judges what was heard or read.
+    /// Checks the alarms against the received messages.
     pub fn new(source: String, format: String, health: &Health, summary: Summary, alarms: &mut Alarms) -> Self {
         let raised = alarms.check(&summary.channels);
         let is_raised = |text: &&str| raised.iter().any(|raised| raised.alarm == *text);
@@ -35,12 +35,12 @@ impl Report {
         Report { source, format, damaged, cut, summary, alarms: raised, unmatched }
     }
 
-    /// Whether nothing was heard.
-    pub fn is_silent(&self) -> bool {
+    /// Whether no message was received.
+    pub fn is_empty(&self) -> bool {
         self.summary.events == 0
     }
 
-    /// Prints it, and judges it: a raised alarm and silence have failed, and what this program itself missed is data loss.
+    /// Prints the report. A raised alarm or no message is a failure; datagrams dropped by the kernel are data loss.
     pub fn say(&self, as_json: bool) -> anyhow::Result<Outcome> {
         if as_json {
             say_json(self)?
@@ -48,8 +48,8 @@ impl Report {
             say(self.text())?
         }
         Ok(match self {
-            _ if self.is_silent() || !self.alarms.is_empty() => Outcome::Failed,
-            _ if self.damaged > 0 || self.cut || self.summary.tally.kernel_dropped > 0 => Outcome::DataLoss,
+            _ if self.is_empty() || !self.alarms.is_empty() => Outcome::Failed,
+            _ if self.damaged > 0 || self.cut || self.summary.counts.kernel_dropped > 0 => Outcome::DataLoss,
             _ => Outcome::Good,
         })
     }
@@ -68,11 +68,11 @@ impl Report {
                 text += &format!("\n{n} {what}");
             }
         };
-        note(s.untold, "messages of too many channels to be told apart");
-        note(s.tally.malformed, "datagrams that no LCM sends");
-        note(s.tally.kernel_dropped, "datagrams dropped by the kernel: its receive buffer was full");
-        note(*damaged, "stretches of the log are damaged");
-        note(u64::from(*cut), "cut: the log stops inside a record");
+        note(s.ignored, "messages not counted: too many channels");
+        note(s.counts.malformed, "malformed datagrams");
+        note(s.counts.kernel_dropped, "datagrams dropped by the kernel: its receive buffer was full");
+        note(*damaged, "damaged parts of the log");
+        note(u64::from(*cut), "cut: the log ends inside a record");
         text += &format!("\n\n{}", table::text(&s.channels));
         for (place, account) in s.senders.iter().enumerate() {
             text += if place == 0 { "\n\n" } else { "\n" };
@@ -82,7 +82,7 @@ impl Report {
             text += &format!("\nALARM {}", table::alarm_text(raised));
         }
         for alarm in unmatched {
-            text += &format!("\nwarning: {alarm}: no channel of that name was heard");
+            text += &format!("\nwarning: alarm {alarm:?} matches no channel");
         }
         text
     }

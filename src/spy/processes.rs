@@ -1,4 +1,4 @@
-//! Which program on this machine a sender is, as far as the system tells: a port means little to a person.
+//! Finds the program on this machine that owns a sender's port, as far as /proc shows it.
 
 use std::collections::BTreeMap;
 use std::fs;
@@ -6,23 +6,23 @@ use std::net::{SocketAddrV4, UdpSocket};
 use std::path::Path;
 use std::time::{Duration, Instant};
 
-/// How often senders that are not known yet are looked for.
-const LOOK: Duration = Duration::from_secs(2);
-/// Senders that are remembered.
+/// Time between two searches for unknown senders.
+const INTERVAL: Duration = Duration::from_secs(2);
+/// Largest number of senders that are stored.
 const MAX: usize = 1000;
 
-/// Programs by sender.
+/// Program names by sender.
 #[derive(Default)]
 pub struct Processes {
-    /// `None` of a sender on another machine, or whose program may not be looked at.
+    /// `None` for a sender on another machine, or a process that this user may not inspect.
     known: BTreeMap<String, Option<String>>,
     looked: Option<Instant>,
 }
 
 impl Processes {
-    /// Looks for the programs of senders that are new.
+    /// Finds the programs of new senders.
     pub fn look<'s>(&mut self, senders: impl Iterator<Item = &'s str>) {
-        if self.looked.is_some_and(|looked| looked.elapsed() < LOOK) {
+        if self.looked.is_some_and(|looked| looked.elapsed() < INTERVAL) {
             return;
         }
         let new: Vec<&str> =
@@ -48,11 +48,11 @@ impl Processes {
 /// The port of a sender on this machine.
 fn local_port(sender: &str) -> Option<u16> {
     let address: SocketAddrV4 = sender.parse().ok()?;
-    // Only an address of this machine can be bound.
+    // bind succeeds only for an address of this machine.
     UdpSocket::bind((*address.ip(), 0)).ok().map(|_| address.port())
 }
 
-/// UDP sockets by port, as the kernel numbers them.
+/// Inode numbers of UDP sockets by port, from /proc/net/udp.
 fn sockets() -> BTreeMap<u16, String> {
     let table = fs::read_to_string("/proc/net/udp").unwrap_or_default();
     let socket = |line: &str| {
@@ -63,12 +63,12 @@ fn sockets() -> BTreeMap<u16, String> {
     table.lines().skip(1).filter_map(socket).collect()
 }
 
-/// Programs by the number of each socket that they hold; those of other users only for root.
+/// Programs by the inode number of each socket that they hold; processes of other users are visible to root only.
 fn programs() -> BTreeMap<String, String> {
     let mut programs = BTreeMap::new();
     for process in fs::read_dir("/proc").into_iter().flatten().flatten() {
         let path = process.path();
-        // `self` is a process by another name.
+        // Skip `self` and `thread-self`, which are links to processes.
         if !process.file_name().to_string_lossy().bytes().all(|byte| byte.is_ascii_digit()) {
             continue;
         }
@@ -82,16 +82,16 @@ fn programs() -> BTreeMap<String, String> {
     programs
 }
 
-/// `hoof driver [812]` of `/usr/bin/hoof driver --robot hyq`.
+/// Short name of a process: `hoof driver [812]` for `/usr/bin/hoof driver --robot hyq`.
 fn name(process: &Path) -> String {
     let line = fs::read(process.join("cmdline")).unwrap_or_default();
-    let words = line.split(|byte| *byte == 0).map(|word| String::from_utf8_lossy(word).into_owned());
+    let parts = line.split(|byte| *byte == 0).map(|part| String::from_utf8_lossy(part).into_owned());
     let file =
-        |word: String| Path::new(&word).file_name().map_or(word.clone(), |name| name.to_string_lossy().into_owned());
-    let words: Vec<String> =
-        words.take(2).filter(|word| !word.is_empty() && !word.starts_with('-')).map(file).collect();
+        |part: String| Path::new(&part).file_name().map_or(part.clone(), |name| name.to_string_lossy().into_owned());
+    let parts: Vec<String> =
+        parts.take(2).filter(|part| !part.is_empty() && !part.starts_with('-')).map(file).collect();
     let number = process.file_name().unwrap_or_default().to_string_lossy();
-    let text: String = words.join(" ").chars().map(|c| if c.is_control() { ' ' } else { c }).collect();
+    let text: String = parts.join(" ").chars().map(|c| if c.is_control() { ' ' } else { c }).collect();
     format!("{text} [{number}]")
 }
 
@@ -101,10 +101,10 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_socket_of_this_program_is_known_as_such() {
+    fn a_socket_of_this_process_is_found() {
         let socket = UdpSocket::bind("127.0.0.1:0").unwrap();
         let ours = socket.local_addr().unwrap().to_string();
-        // Of those documentation addresses (RFC 5737) that no machine has.
+        // A documentation address (RFC 5737), which no machine has.
         let (far, none) = ("203.0.113.7:9".to_owned(), "others".to_owned());
         let mut processes = Processes::default();
         processes.look([&ours, &far, &none].into_iter().map(String::as_str));

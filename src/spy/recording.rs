@@ -1,7 +1,7 @@
-//! A recording that is started and stopped by a key.
+//! A recording that a key starts and stops.
 
 use crate::log::record_name;
-use replay::record::{Filter, Progress, RecordOptions, Recorded, Recorder, Rotation};
+use replay::record::{Filter, Progress, RecordOptions, RecordSummary, Recorder, Rotation};
 use replay::udpm::Url;
 use std::path::PathBuf;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -9,22 +9,22 @@ use std::sync::{Arc, Mutex, PoisonError};
 use std::thread::JoinHandle;
 use std::time::Instant;
 
-/// Free space that only replay inputs may use, bytes, as for `hoof log record`.
+/// Free disk space reserved for replay inputs, bytes, as in `hoof log record`.
 const RESERVE: u64 = 500_000_000;
-/// Bytes of the ring before the disk, as for `hoof log record`.
+/// Size of the write buffer, bytes, as in `hoof log record`.
 const BUFFER: usize = 64_000_000;
 
-/// A recorder at work, on threads of its own and with a socket of its own.
+/// A running recorder with its own threads and socket.
 pub struct Recording {
     out: PathBuf,
     began: Instant,
     stop: Arc<AtomicBool>,
     progress: Arc<Mutex<Option<Progress>>>,
-    thread: JoinHandle<Result<Recorded, replay::Error>>,
+    thread: JoinHandle<Result<RecordSummary, replay::Error>>,
 }
 
 impl Recording {
-    /// Begins one in the folder where the program runs.
+    /// Starts a recording in the working directory.
     pub fn start(url: &Url) -> anyhow::Result<Self> {
         let out = record_name();
         let recorder = Recorder::start(RecordOptions {
@@ -37,21 +37,21 @@ impl Recording {
             buffer: BUFFER,
         })?;
         let (stop, progress) = (Arc::<AtomicBool>::default(), Arc::<Mutex<Option<Progress>>>::default());
-        let (stopped, told) = (Arc::clone(&stop), Arc::clone(&progress));
-        let tell = move |now: &Progress| *told.lock().unwrap_or_else(PoisonError::into_inner) = Some(now.clone());
+        let (stopped, shared) = (Arc::clone(&stop), Arc::clone(&progress));
+        let store = move |now: &Progress| *shared.lock().unwrap_or_else(PoisonError::into_inner) = Some(now.clone());
         let thread = std::thread::Builder::new().name("recorder".to_owned()).spawn(move || {
-            let mut tell = tell;
-            recorder.run(&|| stopped.load(Ordering::Relaxed), &mut tell)
+            let mut store = store;
+            recorder.run(&|| stopped.load(Ordering::Relaxed), &mut store)
         })?;
         Ok(Recording { out, began: Instant::now(), stop, progress, thread })
     }
 
-    /// Whether it ended by itself, as it does when the log cannot be written any more.
+    /// Whether it stopped on its own because the log cannot be written.
     pub fn has_ended(&self) -> bool {
         self.thread.is_finished()
     }
 
-    /// How it goes.
+    /// Status text.
     pub fn status(&self) -> String {
         let progress = self.progress.lock().unwrap_or_else(PoisonError::into_inner);
         let seconds = self.began.elapsed().as_secs_f64();
@@ -59,7 +59,7 @@ impl Recording {
             return format!("REC {}", self.out.display());
         };
         let mut text = format!("REC {} {seconds:.0} s {:.1} MB", file.display(), *file_bytes as f64 * 1e-6);
-        for (count, what) in [(status.lost_twice_late[0], "lost"), (status.left_out, "left out")] {
+        for (count, what) in [(status.lost_duplicate_late[0], "lost"), (status.left_out, "left out")] {
             if count > 0 {
                 text += &format!(" {what} {count}");
             }
@@ -70,28 +70,28 @@ impl Recording {
         text
     }
 
-    /// Completes the log; what became of it.
+    /// Completes the log and returns a summary.
     pub fn end(self) -> String {
         self.stop.store(true, Ordering::Relaxed);
         match self.thread.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic)) {
-            Ok(recorded) => told(&recorded),
+            Ok(recorded) => summary(&recorded),
             Err(error) => format!("the recording failed: {error}"),
         }
     }
 }
 
-fn told(recorded: &Recorded) -> String {
-    let Recorded { files, file_bytes, heard } = recorded;
+fn summary(recorded: &RecordSummary) -> String {
+    let RecordSummary { files, file_bytes, intake } = recorded;
     let files: Vec<_> = files.iter().map(|file| file.display().to_string()).collect();
-    let left_out: u64 = heard.left_out.values().sum();
+    let left_out: u64 = intake.left_out.values().sum();
     let mut text = format!(
         "{}: {} events, {:.1} MB, lost {}, left out {left_out}",
         files.join(", "),
-        heard.events.unwrap_or(0),
+        intake.events.unwrap_or(0),
         *file_bytes as f64 * 1e-6,
-        heard.lost
+        intake.lost
     );
-    if let Some(failure) = &heard.failure {
+    if let Some(failure) = &intake.failure {
         text += &format!("; the log ends early: {failure}");
     }
     text

@@ -1,10 +1,10 @@
-//! The screen at work: keys in, pictures out.
+//! The interactive session: reads keys, updates the view and draws it.
 
-use super::picture::{Picture, Wanted};
 use super::processes::Processes;
 use super::recording::Recording;
-use super::source::{Source, nothing_heard};
-use super::state::{State, Wish};
+use super::screen_data::{Scope, ScreenData};
+use super::source::{Source, nothing_received};
+use super::state::{Action, State};
 use super::view::Screen;
 use anyhow::Context;
 use crossterm::event::{Event as Input, KeyEventKind, poll, read};
@@ -14,23 +14,23 @@ use replay::udpm::Url;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
-/// How often the screen is drawn: a person reads no faster, and a slow line carries it.
+/// Time between two redraws; also suitable for a slow terminal connection.
 const REDRAW: Duration = Duration::from_millis(200);
-/// How often a log is played on in between.
+/// Time between two steps of log playback.
 const PLAY: Duration = Duration::from_millis(20);
-/// How long nothing is said of silence, and alarms wait, since rates have to be known first.
-const PATIENCE: Duration = Duration::from_secs(2);
+/// Time after the start or a reset without alarms and without the "nothing received" text: rates need this long to be known.
+const WARM_UP: Duration = Duration::from_secs(2);
 
-/// Shows what is heard until the person has seen enough; what is left to be said then.
+/// Runs the screen until the user quits. Returns a summary of the recording, if one was running.
 pub fn interact(source: Source, alarms: Alarms, stop: &AtomicBool) -> anyhow::Result<Option<String>> {
-    let terminal = ratatui::try_init().context("no terminal to draw on (--once prints the table)")?;
+    let terminal = ratatui::try_init().context("no terminal; use --once to print the table")?;
     let now = Instant::now();
-    let (state, picture) = (State::default(), Picture::default());
+    let (state, screen_data) = (State::default(), ScreenData::default());
     let session = Session {
         source,
         alarms,
         state,
-        picture,
+        screen_data,
         frozen: false,
         recording: None,
         processes: Processes::default(),
@@ -47,12 +47,12 @@ struct Session {
     source: Source,
     alarms: Alarms,
     state: State,
-    picture: Picture,
+    screen_data: ScreenData,
     frozen: bool,
     recording: Option<Recording>,
     processes: Processes,
     message: String,
-    /// When counting began.
+    /// Time of the start or of the last reset.
     since: Instant,
     terminal: DefaultTerminal,
 }
@@ -77,9 +77,9 @@ impl Session {
             match read()? {
                 Input::Key(key) if key.kind != KeyEventKind::Release => {
                     self.message.clear();
-                    match self.state.key(&key, &self.picture) {
-                        Some(Wish::Quit) => break,
-                        Some(wish) => self.grant(wish)?,
+                    match self.state.key(&key, &self.screen_data) {
+                        Some(Action::Quit) => break,
+                        Some(action) => self.execute(action)?,
                         None => {}
                     }
                     drawn = None;
@@ -94,11 +94,11 @@ impl Session {
         Ok(self.recording.map(Recording::end))
     }
 
-    /// Takes a new picture, unless it is to stand still; alarms are counted all the same.
+    /// Updates the data of the screen unless it is frozen; alarms are always checked.
     fn look(&mut self) {
         let now_ns = self.source.now_ns();
-        let Session { source, alarms, state, picture, frozen, since, .. } = self;
-        let is_early = since.elapsed() < PATIENCE;
+        let Session { source, alarms, state, screen_data, frozen, since, .. } = self;
+        let is_early = since.elapsed() < WARM_UP;
         let mut taken = source.with(|traffic| {
             let rows = traffic.rows(now_ns);
             let raised = if is_early { Vec::new() } else { alarms.check(&rows) };
@@ -106,18 +106,18 @@ impl Session {
                 return None;
             }
             let channel = state.channel.as_deref().unwrap_or_default();
-            let wanted = Wanted { message: Some(channel), span_s: state.span_s };
-            Some(Picture::take(traffic, now_ns, rows, raised, &wanted))
+            let scope = Scope { message: Some(channel), span_s: state.span_s };
+            Some(ScreenData::take(traffic, now_ns, rows, raised, &scope))
         });
         if let Some(taken) = taken.take() {
-            *picture = taken;
+            *screen_data = taken;
         }
-        self.state.settle(&self.picture);
-        self.processes.look(self.picture.senders.iter().map(|account| &*account.sender));
+        self.state.settle(&self.screen_data);
+        self.processes.look(self.screen_data.senders.iter().map(|account| &*account.sender));
         if let Source::Live(live) = &self.source
             && live.has_failed()
         {
-            "the socket has failed; q says why".clone_into(&mut self.message);
+            "socket error; quit with q to see it".clone_into(&mut self.message);
         }
         if let Some(ended) = self.recording.take_if(|recording| recording.has_ended()) {
             self.message = ended.end();
@@ -125,11 +125,12 @@ impl Session {
     }
 
     fn draw(&mut self) -> anyhow::Result<()> {
-        let Session { source, alarms, state, picture, frozen, recording, processes, message, since, terminal } = self;
-        let (title, silence, is_log) = match source {
+        let Session { source, alarms, state, screen_data, frozen, recording, processes, message, since, terminal } =
+            self;
+        let (title, no_data_text, is_log) = match source {
             Source::Live(live) => {
-                let silence = if since.elapsed() < PATIENCE { String::new() } else { nothing_heard(live.url()) };
-                (short_name(live.url()), silence, false)
+                let no_data_text = if since.elapsed() < WARM_UP { String::new() } else { nothing_received(live.url()) };
+                (short_name(live.url()), no_data_text, false)
             }
             Source::Log(played) => (played.title(), String::new(), true),
         };
@@ -139,9 +140,9 @@ impl Session {
             is_frozen: *frozen,
             recording: recording.as_ref().map(Recording::status),
             message,
-            silence: &silence,
-            alarms: alarms.times().map(|(text, times)| (told(text, alarms), times)).collect(),
-            picture,
+            no_data_text: &no_data_text,
+            alarms: alarms.times().map(|(text, times)| (alarm_label(text, alarms), times)).collect(),
+            screen_data,
             state,
             processes,
         };
@@ -149,27 +150,27 @@ impl Session {
         Ok(())
     }
 
-    fn grant(&mut self, wish: Wish) -> anyhow::Result<()> {
-        match wish {
-            Wish::Quit => {}
-            Wish::Freeze => self.freeze(),
-            Wish::Record => self.record(),
-            Wish::Clear => {
+    fn execute(&mut self, action: Action) -> anyhow::Result<()> {
+        match action {
+            Action::Quit => {}
+            Action::Freeze => self.freeze(),
+            Action::Record => self.record(),
+            Action::Clear => {
                 self.source.with(replay::traffic::Traffic::clear);
                 self.since = Instant::now();
             }
-            Wish::Follow(channel, path) => self.follow(&channel, &path),
-            Wish::Seek(_) | Wish::Step | Wish::Faster(_) => match self.source.log() {
+            Action::Follow(channel, path) => self.follow(&channel, &path),
+            Action::Seek(_) | Action::Step | Action::Faster(_) => match self.source.log() {
                 Some(log) => {
-                    match wish {
-                        Wish::Seek(seconds) => log.seek(log.position_ns() + nanoseconds(seconds))?,
-                        Wish::Step => log.step()?,
-                        Wish::Faster(factor) => log.faster(factor),
+                    match action {
+                        Action::Seek(seconds) => log.seek(log.position_ns() + nanoseconds(seconds))?,
+                        Action::Step => log.step()?,
+                        Action::Faster(factor) => log.faster(factor),
                         _ => {}
                     }
                     self.since = Instant::now();
                 }
-                None => "only a log can be played at will: hoof spy --log FILE".clone_into(&mut self.message),
+                None => "this key works with a log only: hoof spy --log FILE".clone_into(&mut self.message),
             },
         }
         Ok(())
@@ -183,16 +184,17 @@ impl Session {
         self.frozen = !self.frozen;
         if self.frozen {
             let now_ns = self.source.now_ns();
-            let raised = std::mem::take(&mut self.picture.raised);
-            self.picture =
-                self.source.with(|traffic| Picture::take(traffic, now_ns, traffic.rows(now_ns), raised, &Wanted::ALL));
+            let raised = std::mem::take(&mut self.screen_data.raised);
+            self.screen_data = self
+                .source
+                .with(|traffic| ScreenData::take(traffic, now_ns, traffic.rows(now_ns), raised, &Scope::ALL));
         }
     }
 
     fn record(&mut self) {
         self.message = match (self.recording.take(), &self.source) {
             (Some(recording), _) => recording.end(),
-            (None, Source::Log(_)) => "this is a log already: hoof log trim copies a part of it".to_owned(),
+            (None, Source::Log(_)) => "the source is a log; hoof log trim copies a part of it".to_owned(),
             (None, Source::Live(live)) => match Recording::start(live.url()) {
                 Ok(recording) => {
                     self.recording = Some(recording);
@@ -204,7 +206,7 @@ impl Session {
     }
 
     fn follow(&mut self, channel: &str, path: &str) {
-        let is_followed = self.picture.curves.iter().any(|curve| curve.channel == channel && curve.path == path);
+        let is_followed = self.screen_data.curves.iter().any(|curve| curve.channel == channel && curve.path == path);
         self.source.with(|traffic| {
             if is_followed {
                 traffic.unfollow(channel, path);
@@ -212,27 +214,28 @@ impl Session {
                 traffic.follow(channel, path);
             }
         });
-        self.picture.curves.retain(|curve| !is_followed || curve.channel != channel || curve.path != path);
-        self.message = format!("{path} {}", if is_followed { "is plotted no more" } else { "is plotted: 3" });
+        self.screen_data.curves.retain(|curve| !is_followed || curve.channel != channel || curve.path != path);
+        self.message =
+            format!("{path} {}", if is_followed { "removed from the plot" } else { "added to the plot (page 3)" });
     }
 }
 
-/// A network, without what goes without saying.
-/// A condition, and whether it is about anything.
-fn told(text: &str, alarms: &Alarms) -> String {
+/// An alarm condition, with a note if it matches no channel.
+fn alarm_label(text: &str, alarms: &Alarms) -> String {
     match alarms.unmatched().find(|alarm| *alarm == text) {
-        Some(_) => format!("{text}  (no channel of that name yet)"),
+        Some(_) => format!("{text}  (matches no channel yet)"),
         None => text.to_owned(),
     }
 }
 
+/// Address of a network: group, port, and TTL if it is not 0.
 fn short_name(url: &Url) -> String {
     let ttl = if url.ttl > 0 { format!(" ttl={}", url.ttl) } else { String::new() };
     format!("{}:{}{ttl}", url.group, url.port)
 }
 
 fn nanoseconds(seconds: f64) -> i64 {
-    #[expect(clippy::cast_possible_truncation, reason = "the keys say 1 or 10 s")]
+    #[expect(clippy::cast_possible_truncation, reason = "the keys give 1 or 10 s")]
     let ns = (seconds * 1e9) as i64;
     ns
 }

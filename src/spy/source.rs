@@ -1,4 +1,4 @@
-//! Where messages come from: a network, or a log.
+//! The source of the messages: a network or a log.
 
 use crate::progress::Progress;
 use replay::log::{EventRef, Format, Health, LogReader, Types};
@@ -8,25 +8,25 @@ use replay::udpm::Url;
 use std::path::Path;
 use std::time::Instant;
 
-/// Events read between two looks at the progress bar.
+/// Events read between two updates of the progress bar.
 const AT_A_TIME: u64 = 10_000;
 
-/// Events of a log that are played before keys are looked at again.
+/// Largest number of log events played before keys are read again.
 const AT_ONCE: usize = 20_000;
 
-/// How far in front of the place to which one goes in a log counting begins, ns: as far as rates look back.
+/// Time before a seek position from which messages are counted, ns: rates use the last 2 s.
 const RUN_UP_NS: i64 = 2_000_000_000;
 
-/// What is watched.
+/// The source of the messages.
 pub enum Source {
     /// A network.
     Live(Live),
-    /// A log, as if it happened now.
-    Log(Box<Played>),
+    /// A log, played at its own speed.
+    Log(Box<LogPlayback>),
 }
 
 impl Source {
-    /// Does something with what was heard.
+    /// Calls a function with the traffic.
     pub fn with<R>(&mut self, with: impl FnOnce(&mut Traffic) -> R) -> R {
         match self {
             Source::Live(live) => with(&mut live.traffic()),
@@ -34,7 +34,7 @@ impl Source {
         }
     }
 
-    /// The time by the clock of the messages' arrival, ns.
+    /// The time now in the clock of the receive times, ns.
     pub fn now_ns(&self) -> i64 {
         match self {
             Source::Live(live) => live.now_ns(),
@@ -42,8 +42,8 @@ impl Source {
         }
     }
 
-    /// The log, if it is one.
-    pub fn log(&mut self) -> Option<&mut Played> {
+    /// The log, if the source is one.
+    pub fn log(&mut self) -> Option<&mut LogPlayback> {
         match self {
             Source::Live(_) => None,
             Source::Log(played) => Some(played),
@@ -51,8 +51,8 @@ impl Source {
     }
 }
 
-/// A log that is being played.
-pub struct Played {
+/// Playback of a log.
+pub struct LogPlayback {
     name: String,
     player: Player,
     traffic: Traffic,
@@ -61,17 +61,17 @@ pub struct Played {
     length_ns: i64,
 }
 
-impl Played {
-    /// Reads a log once, for its types and its length, and begins to play it.
+impl LogPlayback {
+    /// Reads a log once for its types and its length, and starts the playback.
     pub fn open(log: &Path, types: Types) -> anyhow::Result<Self> {
         let ReadLog { mut traffic, first_ns, last_ns, .. } = read_log(log, types)?;
         traffic.clear();
         let player = Player::open(log, PlayOptions::default(), 0)?;
         let (name, length_ns) = (log.display().to_string(), last_ns.saturating_sub(first_ns));
-        Ok(Played { name, player, traffic, began: Instant::now(), first_ns, length_ns })
+        Ok(LogPlayback { name, player, traffic, began: Instant::now(), first_ns, length_ns })
     }
 
-    /// Plays what is due.
+    /// Plays the events that are due.
     pub fn advance(&mut self) -> anyhow::Result<()> {
         let now_ns = self.clock_ns();
         for _ in 0..AT_ONCE {
@@ -91,7 +91,7 @@ impl Played {
         Ok(())
     }
 
-    /// The next event, and a pause behind it.
+    /// Plays the next event and pauses.
     pub fn step(&mut self) -> anyhow::Result<()> {
         let now_ns = self.clock_ns();
         self.player.pause(now_ns);
@@ -105,7 +105,7 @@ impl Played {
         let (now_ns, is_paused) = (self.clock_ns(), self.player.is_paused());
         self.player.resume(now_ns);
         self.player.seek(from_ns + self.player.begin_ns(), now_ns)?;
-        // As if it had begun so long ago that it arrives there now.
+        // As if the playback had started early enough to reach the position now.
         #[expect(clippy::cast_possible_truncation, reason = "two seconds, at most a thousand times slower")]
         let ago_ns = ((to_ns - from_ns) as f64 / self.player.speed().unwrap_or(1.0)) as i64;
         self.player.pause(now_ns);
@@ -120,7 +120,7 @@ impl Played {
         Ok(())
     }
 
-    /// Lets the time stand still, or go on.
+    /// Pauses or resumes.
     pub fn pause(&mut self) {
         let now_ns = self.clock_ns();
         if self.player.is_paused() {
@@ -130,7 +130,7 @@ impl Played {
         }
     }
 
-    /// Goes on so many times faster.
+    /// Multiplies the speed.
     pub fn faster(&mut self, factor: f64) {
         let now_ns = self.clock_ns();
         self.player.set_speed((self.player.speed().unwrap_or(1.0) * factor).clamp(1e-3, 1e3), now_ns);
@@ -163,13 +163,13 @@ impl Played {
     }
 }
 
-/// A log that has been read to its end.
+/// The contents of a log.
 pub struct ReadLog {
-    /// All that it holds, and the types that it brings along.
+    /// Its messages and types.
     pub traffic: Traffic,
     /// Its format.
     pub format: Format,
-    /// What is wrong with it.
+    /// Damage, if any.
     pub health: Health,
     /// Time of its first event, ns.
     pub first_ns: i64,
@@ -198,16 +198,16 @@ pub fn read_log(log: &Path, types: Types) -> anyhow::Result<ReadLog> {
     Ok(ReadLog { traffic, format, health, first_ns: first_ns.unwrap_or(0), last_ns })
 }
 
-/// What to do when a network is silent.
-pub fn nothing_heard(url: &Url) -> String {
+/// Text for a network without messages: what to check.
+pub fn nothing_received(url: &Url) -> String {
     let mut lines = vec![
-        format!("nothing heard on {url}"),
-        "- does anybody send there? look at the senders' LCM_DEFAULT_URL or --lcm-url".to_owned(),
-        format!("- is there a route for multicast? see: ip route get {}", url.group),
-        "  on one machine: sudo ip route replace 224.0.0.0/4 dev lo".to_owned(),
+        format!("no message received on {url}"),
+        "- do the senders use this URL? check their LCM_DEFAULT_URL and --lcm-url".to_owned(),
+        format!("- is there a route for multicast? run: ip route get {}", url.group),
+        "  for one machine: sudo ip route replace 224.0.0.0/4 dev lo".to_owned(),
     ];
     if url.ttl == 0 {
-        lines.push("- from another machine: ttl=1 or more in the URL of the senders".to_owned());
+        lines.push("- senders on another machine: they need ttl=1 or more in their URL".to_owned());
     }
     lines.push("hoof doctor checks this machine.".to_owned());
     lines.join("\n")

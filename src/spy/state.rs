@@ -1,6 +1,6 @@
-//! What a person has chosen to see, and what keys change of it.
+//! View state of the screen, and how keys change it.
 
-use super::picture::Picture;
+use super::screen_data::ScreenData;
 use super::table::Column;
 use super::tree::{self, Decoded, Line};
 use crossterm::event::{KeyCode, KeyEvent, KeyModifiers};
@@ -8,12 +8,12 @@ use regex_lite::Regex;
 use replay::traffic::Row;
 use std::collections::{BTreeMap, BTreeSet};
 
-/// Lines that a page key moves by.
+/// Lines per page key.
 const PAGE: usize = 10;
-/// Shortest and longest stretch of time that is plotted, s.
+/// Shortest and longest time span of a plot, s.
 const SPANS: (f64, f64) = (0.25, 600.0);
 
-/// One screen of several.
+/// A page of the screen.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Page {
     Channels,
@@ -23,53 +23,53 @@ pub enum Page {
     Help,
 }
 
-/// What a key asks for that is not a matter of looking.
+/// An action that a key requests and that is more than a change of the view.
 #[derive(Debug, Clone, PartialEq)]
-pub enum Wish {
-    /// End.
+pub enum Action {
+    /// Exit.
     Quit,
-    /// Let the picture stand still, or go on.
+    /// Freeze or resume the display; of a log: pause or resume.
     Freeze,
-    /// Begin or end a recording.
+    /// Start or stop a recording.
     Record,
-    /// Count anew.
+    /// Reset all counts.
     Clear,
-    /// Follow a field of a channel, or follow it no more.
+    /// Start or stop plotting a field of a channel.
     Follow(String, String),
-    /// Go to another time of a log, s from here.
+    /// Seek in a log, s relative to the position.
     Seek(f64),
-    /// The next event of a log.
+    /// Show the next event of a log.
     Step,
-    /// Play a log so many times faster.
+    /// Multiply the playback speed of a log.
     Faster(f64),
 }
 
-/// The choices.
+/// View state.
 pub struct State {
     pub page: Page,
-    /// Where help was asked for.
+    /// Page to which help returns.
     before_help: Page,
     pub sort: Column,
     pub is_reversed: bool,
-    /// Being typed: a regular expression of which channels show it in their name.
+    /// Text of the filter: a regular expression that matches any part of a channel's name.
     pub filter: String,
     pub is_typing: bool,
-    /// The last filter that is one.
+    /// The last valid filter.
     regex: Option<Regex>,
     pub is_filter_bad: bool,
     /// Channel at the cursor.
     pub channel: Option<String>,
-    /// Branches that were folded or unfolded, of each channel.
+    /// Branches whose expansion differs from the default, by channel.
     toggled: BTreeMap<String, BTreeSet<String>>,
-    /// Part of the message at the cursor.
+    /// Field at the cursor.
     pub part: String,
-    /// First row of bytes of a message of no known type.
+    /// First byte row shown of a message of unknown type.
     pub hex_from: usize,
     /// Curve at the cursor.
     pub curve: usize,
-    /// Stretch of time that is plotted, s.
+    /// Time span of the plot, s.
     pub span_s: f64,
-    /// Each curve fills the plot.
+    /// Each curve is scaled to the height of the plot.
     pub is_normalised: bool,
 }
 
@@ -96,10 +96,10 @@ impl Default for State {
 }
 
 impl State {
-    /// The rows that pass the filter, in order.
-    pub fn rows<'p>(&self, picture: &'p Picture) -> Vec<&'p Row> {
+    /// The rows that match the filter, sorted.
+    pub fn rows<'p>(&self, screen_data: &'p ScreenData) -> Vec<&'p Row> {
         let passes = |row: &&Row| self.regex.as_ref().is_none_or(|regex| regex.is_match(&row.name));
-        let mut rows: Vec<&Row> = picture.rows.iter().filter(passes).collect();
+        let mut rows: Vec<&Row> = screen_data.rows.iter().filter(passes).collect();
         rows.sort_by(|a, b| self.sort.order(a, b));
         if self.is_reversed {
             rows.reverse();
@@ -107,20 +107,20 @@ impl State {
         rows
     }
 
-    /// Place of the cursor among rows.
+    /// Index of the cursor in the rows.
     pub fn row_at(&self, rows: &[&Row]) -> usize {
         rows.iter().position(|row| Some(&row.name) == self.channel.as_ref()).unwrap_or(0)
     }
 
-    /// The lines of the message at the cursor; `None` if its type is not known.
-    pub fn lines(&self, picture: &Picture) -> Option<Vec<Line>> {
+    /// The lines of the message at the cursor; `None` if its type is unknown.
+    pub fn lines(&self, screen_data: &ScreenData) -> Option<Vec<Line>> {
         let none = BTreeSet::new();
         let channel = self.channel.as_ref()?;
-        let Decoded::Fields(nodes) = picture.messages.get(channel)? else { return None };
+        let Decoded::Fields(nodes) = screen_data.messages.get(channel)? else { return None };
         Some(tree::lines(nodes, self.toggled.get(channel).unwrap_or(&none)))
     }
 
-    /// Place of the cursor among lines: where the part is, or what it lies in.
+    /// Index of the cursor in the lines: the field, or the innermost visible branch that contains it.
     pub fn line_at(&self, lines: &[Line]) -> usize {
         let holds = |line: &Line| {
             let rest = self.part.strip_prefix(&line.path);
@@ -129,19 +129,19 @@ impl State {
         lines.iter().rposition(holds).unwrap_or(0)
     }
 
-    /// Puts the cursor on a channel, if it is on none.
-    pub fn settle(&mut self, picture: &Picture) {
-        let rows = self.rows(picture);
+    /// Puts the cursor on the first channel if it is on none.
+    pub fn settle(&mut self, screen_data: &ScreenData) {
+        let rows = self.rows(screen_data);
         if !rows.iter().any(|row| Some(&row.name) == self.channel.as_ref()) && self.page == Page::Channels {
             self.channel = rows.first().map(|row| row.name.clone());
         }
-        self.curve = self.curve.min(picture.curves.len().saturating_sub(1));
+        self.curve = self.curve.min(screen_data.curves.len().saturating_sub(1));
     }
 
-    /// Does what a key says; what it asks of others.
-    pub fn key(&mut self, key: &KeyEvent, picture: &Picture) -> Option<Wish> {
+    /// Applies a key to the view. Returns the action that the session must do, if any.
+    pub fn key(&mut self, key: &KeyEvent, screen_data: &ScreenData) -> Option<Action> {
         if key.code == KeyCode::Char('c') && key.modifiers.contains(KeyModifiers::CONTROL) {
-            return Some(Wish::Quit);
+            return Some(Action::Quit);
         }
         if self.is_typing {
             self.type_filter(key.code);
@@ -152,17 +152,17 @@ impl State {
             return None;
         }
         match key.code {
-            KeyCode::Char('q') => return Some(Wish::Quit),
-            KeyCode::Char(' ' | 'f') => return Some(Wish::Freeze),
-            KeyCode::Char('r') => return Some(Wish::Record),
-            KeyCode::Char('c') => return Some(Wish::Clear),
-            KeyCode::Char(',') => return Some(Wish::Seek(-1.0)),
-            KeyCode::Char('.') => return Some(Wish::Seek(1.0)),
-            KeyCode::Char('<') => return Some(Wish::Seek(-10.0)),
-            KeyCode::Char('>') => return Some(Wish::Seek(10.0)),
-            KeyCode::Char('n') => return Some(Wish::Step),
-            KeyCode::Char('[') => return Some(Wish::Faster(0.5)),
-            KeyCode::Char(']') => return Some(Wish::Faster(2.0)),
+            KeyCode::Char('q') => return Some(Action::Quit),
+            KeyCode::Char(' ' | 'f') => return Some(Action::Freeze),
+            KeyCode::Char('r') => return Some(Action::Record),
+            KeyCode::Char('c') => return Some(Action::Clear),
+            KeyCode::Char(',') => return Some(Action::Seek(-1.0)),
+            KeyCode::Char('.') => return Some(Action::Seek(1.0)),
+            KeyCode::Char('<') => return Some(Action::Seek(-10.0)),
+            KeyCode::Char('>') => return Some(Action::Seek(10.0)),
+            KeyCode::Char('n') => return Some(Action::Step),
+            KeyCode::Char('[') => return Some(Action::Faster(0.5)),
+            KeyCode::Char(']') => return Some(Action::Faster(2.0)),
             KeyCode::Char('?') => {
                 self.before_help = self.page;
                 self.page = Page::Help;
@@ -181,9 +181,9 @@ impl State {
             KeyCode::Char('z') => self.is_normalised = !self.is_normalised,
             code => {
                 return match self.page {
-                    Page::Channels => self.channels_key(code, picture),
-                    Page::Message => self.message_key(code, picture),
-                    Page::Plot => self.plot_key(code, picture),
+                    Page::Channels => self.channels_key(code, screen_data),
+                    Page::Message => self.message_key(code, screen_data),
+                    Page::Plot => self.plot_key(code, screen_data),
                     Page::Network | Page::Help => self.back_key(code),
                 };
             }
@@ -202,7 +202,7 @@ impl State {
             KeyCode::Char(c) => self.filter.push(c),
             _ => {}
         }
-        // What is half typed is often no regular expression yet: the last that was one stays.
+        // A partly typed expression is often invalid; the last valid one stays in use.
         let regex = Regex::new(&format!("(?i){}", self.filter));
         self.is_filter_bad = regex.is_err();
         if let Ok(regex) = regex {
@@ -210,8 +210,8 @@ impl State {
         }
     }
 
-    fn channels_key(&mut self, code: KeyCode, picture: &Picture) -> Option<Wish> {
-        let rows = self.rows(picture);
+    fn channels_key(&mut self, code: KeyCode, screen_data: &ScreenData) -> Option<Action> {
+        let rows = self.rows(screen_data);
         match code {
             KeyCode::Enter | KeyCode::Right | KeyCode::Char('l') if self.channel.is_some() => self.page = Page::Message,
             KeyCode::Char('s') => self.sort = self.sort.next(),
@@ -231,9 +231,9 @@ impl State {
         None
     }
 
-    fn message_key(&mut self, code: KeyCode, picture: &Picture) -> Option<Wish> {
-        let Some(lines) = self.lines(picture) else {
-            let rows = match self.channel.as_ref().and_then(|channel| picture.messages.get(channel)) {
+    fn message_key(&mut self, code: KeyCode, screen_data: &ScreenData) -> Option<Action> {
+        let Some(lines) = self.lines(screen_data) else {
+            let rows = match self.channel.as_ref().and_then(|channel| screen_data.messages.get(channel)) {
                 Some(Decoded::Bytes(_, rows)) => rows.len(),
                 _ => 0,
             };
@@ -244,7 +244,7 @@ impl State {
         let Some(line) = lines.get(at) else { return self.back_key(code) };
         match (code, line.is_open) {
             (KeyCode::Char('p'), _) | (KeyCode::Enter, None) if line.is_number => {
-                return self.channel.clone().map(|channel| Wish::Follow(channel, line.path.clone()));
+                return self.channel.clone().map(|channel| Action::Follow(channel, line.path.clone()));
             }
             (KeyCode::Enter, Some(_))
             | (KeyCode::Right | KeyCode::Char('l'), Some(false))
@@ -273,13 +273,13 @@ impl State {
         path.clone_into(&mut self.part);
     }
 
-    fn plot_key(&mut self, code: KeyCode, picture: &Picture) -> Option<Wish> {
-        let curve = picture.curves.get(self.curve);
+    fn plot_key(&mut self, code: KeyCode, screen_data: &ScreenData) -> Option<Action> {
+        let curve = screen_data.curves.get(self.curve);
         match (code, curve) {
             (KeyCode::Char('p') | KeyCode::Delete, Some(curve)) => {
-                return Some(Wish::Follow(curve.channel.clone(), curve.path.clone()));
+                return Some(Action::Follow(curve.channel.clone(), curve.path.clone()));
             }
-            _ => match moved(self.curve, picture.curves.len(), code) {
+            _ => match moved(self.curve, screen_data.curves.len(), code) {
                 Some(at) => self.curve = at,
                 None => return self.back_key(code),
             },
@@ -287,7 +287,7 @@ impl State {
         None
     }
 
-    fn back_key(&mut self, code: KeyCode) -> Option<Wish> {
+    fn back_key(&mut self, code: KeyCode) -> Option<Action> {
         if let KeyCode::Esc | KeyCode::Backspace | KeyCode::Left = code {
             self.page = Page::Channels;
         }
@@ -306,7 +306,7 @@ impl Page {
     }
 }
 
-/// Where a key leads in a list; `None` if it is no key for that, or there is nowhere to go.
+/// New index in a list after a key; `None` for an empty list or another key.
 fn moved(at: usize, length: usize, code: KeyCode) -> Option<usize> {
     let last = length.checked_sub(1)?;
     Some(match code {

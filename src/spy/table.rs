@@ -1,6 +1,6 @@
-//! Rows as text: the columns, how wide they are, and how numbers are written.
+//! Rows as text: columns, widths and number formats.
 
-use replay::record::Account;
+use replay::record::SenderCounts;
 use replay::traffic::{Raised, Row};
 use std::cmp::Ordering;
 
@@ -20,8 +20,8 @@ pub enum Column {
     Sender,
 }
 
-/// Columns in the order in which they are left out where there is no room, the last first.
-const BY_WORTH: [Column; 11] = [
+/// Columns by priority: on a narrow screen the last are left out first.
+const BY_PRIORITY: [Column; 11] = [
     Column::Name,
     Column::Rate,
     Column::Jitter,
@@ -36,7 +36,7 @@ const BY_WORTH: [Column; 11] = [
 ];
 
 /// Columns from left to right.
-const BY_PLACE: [Column; 11] = [
+const LEFT_TO_RIGHT: [Column; 11] = [
     Column::Name,
     Column::Type,
     Column::Count,
@@ -51,7 +51,7 @@ const BY_PLACE: [Column; 11] = [
 ];
 
 impl Column {
-    /// Heading, unit included.
+    /// Heading with unit.
     pub fn title(self) -> &'static str {
         match self {
             Column::Name => "channel",
@@ -68,7 +68,7 @@ impl Column {
         }
     }
 
-    /// Characters.
+    /// Width in characters.
     pub fn width(self) -> usize {
         match self {
             Column::Name => 21,
@@ -81,12 +81,12 @@ impl Column {
         }
     }
 
-    /// Text stands on the left, numbers on the right.
+    /// Text columns are aligned left, numbers right.
     pub fn is_text(self) -> bool {
         matches!(self, Column::Name | Column::Type | Column::Sender)
     }
 
-    /// What stands in a row.
+    /// Text of a cell.
     pub fn cell(self, row: &Row) -> String {
         match self {
             Column::Name => row.name.clone(),
@@ -107,7 +107,7 @@ impl Column {
         }
     }
 
-    /// Order of two rows by this column; equal ones by name.
+    /// Order of two rows by this column, then by name.
     pub fn order(self, a: &Row, b: &Row) -> Ordering {
         let float = |of: fn(&Row) -> f64| of(b).total_cmp(&of(a));
         let lost = |row: &Row| row.lost.or(row.lost_at_most).unwrap_or(0);
@@ -127,14 +127,14 @@ impl Column {
         by_value.then_with(|| a.name.cmp(&b.name))
     }
 
-    /// The column by which is sorted next.
+    /// The next column to sort by.
     pub fn next(self) -> Self {
-        let at = BY_PLACE.iter().position(|column| *column == self).map_or(0, |at| at + 1);
-        BY_PLACE[at % BY_PLACE.len()]
+        let at = LEFT_TO_RIGHT.iter().position(|column| *column == self).map_or(0, |at| at + 1);
+        LEFT_TO_RIGHT[at % LEFT_TO_RIGHT.len()]
     }
 }
 
-/// The columns for which there is room, from left to right.
+/// The columns that fit into a width, from left to right.
 pub fn fitting(width: usize) -> Vec<Column> {
     let mut left = width + 1;
     let mut room = |column: &&Column| {
@@ -143,11 +143,11 @@ pub fn fitting(width: usize) -> Vec<Column> {
         left = if fits { left - needed } else { 0 };
         fits
     };
-    let chosen: Vec<Column> = BY_WORTH.iter().take_while(&mut room).copied().collect();
-    BY_PLACE.into_iter().filter(|column| chosen.contains(column)).collect()
+    let chosen: Vec<Column> = BY_PRIORITY.iter().take_while(&mut room).copied().collect();
+    LEFT_TO_RIGHT.into_iter().filter(|column| chosen.contains(column)).collect()
 }
 
-/// A cell in its width, cut where it is longer.
+/// A cell padded or truncated to its width.
 pub fn padded(column: Column, text: &str) -> String {
     let width = column.width();
     let mut text = text.to_owned();
@@ -157,55 +157,53 @@ pub fn padded(column: Column, text: &str) -> String {
     if column.is_text() { format!("{text:<width$}") } else { format!("{text:>width$}") }
 }
 
-/// Cells beside each other.
+/// One line of cells.
 pub fn line(columns: &[Column], cell: impl Fn(Column) -> String) -> String {
     columns.iter().map(|column| padded(*column, &cell(*column))).collect::<Vec<_>>().join(" ")
 }
 
-/// The whole table, nothing cut.
+/// The whole table without truncation.
 pub fn text(rows: &[Row]) -> String {
-    let cells = |cell: &dyn Fn(Column) -> String| BY_PLACE.map(cell);
+    let cells = |cell: &dyn Fn(Column) -> String| LEFT_TO_RIGHT.map(cell);
     let mut table = vec![cells(&|column| column.title().to_owned())];
     table.extend(rows.iter().map(|row| cells(&|column| column.cell(row))));
     let width = |place: usize| table.iter().map(|cells| cells[place].chars().count()).max().unwrap_or(0);
-    let widths: [usize; BY_PLACE.len()] = std::array::from_fn(width);
-    let line = |cells: &[String; BY_PLACE.len()]| {
-        let place = |place: usize| match (widths[place], BY_PLACE[place].is_text()) {
+    let widths: [usize; LEFT_TO_RIGHT.len()] = std::array::from_fn(width);
+    let line = |cells: &[String; LEFT_TO_RIGHT.len()]| {
+        let place = |place: usize| match (widths[place], LEFT_TO_RIGHT[place].is_text()) {
             (width, true) => format!("{:<width$}", cells[place]),
             (width, false) => format!("{:>width$}", cells[place]),
         };
-        (0..BY_PLACE.len()).map(place).collect::<Vec<_>>().join("  ").trim_end().to_owned()
+        (0..LEFT_TO_RIGHT.len()).map(place).collect::<Vec<_>>().join("  ").trim_end().to_owned()
     };
     table.iter().map(line).collect::<Vec<_>>().join("\n")
 }
 
-/// The account of a sender.
-pub fn sender_text(account: &Account) -> String {
-    let Account { sender, received, lost, duplicates, reordered, restarts, lost_runs: _ } = account;
-    let restarts = if *restarts > 0 { format!(", began anew {restarts} times") } else { String::new() };
-    format!(
-        "{sender:<21} {received:>9} received, lost {lost}, came again {duplicates}, came late {reordered}{restarts}"
-    )
+/// One line of statistics of a sender.
+pub fn sender_text(account: &SenderCounts) -> String {
+    let SenderCounts { sender, received, lost, duplicates, reordered, restarts, lost_runs: _ } = account;
+    let restarts = if *restarts > 0 { format!(", restarts {restarts}") } else { String::new() };
+    format!("{sender:<21} {received:>9} received, lost {lost}, duplicate {duplicates}, late {reordered}{restarts}")
 }
 
-/// An alarm in a sentence.
+/// An alarm as text.
 pub fn alarm_text(raised: &Raised) -> String {
     let Raised { alarm, channel, value, times } = raised;
-    let found = value.map_or("never heard".to_owned(), |value| format!("{channel} is {}", number(value)));
+    let found = value.map_or("no messages".to_owned(), |value| format!("{channel} is {}", number(value)));
     let times = if *times == 1 { "once".to_owned() } else { format!("{times} times") };
     format!("{alarm}: {found}, raised {times}")
 }
 
-/// The type, or what stands for one that is not known.
+/// The type's name, or its fingerprint if it is unknown.
 pub fn type_text(row: &Row) -> String {
     match (&row.type_name, &row.fingerprint) {
         (Some(name), _) => name.strip_prefix("hoofprint.").unwrap_or(name).to_owned(),
         (None, Some(fingerprint)) => format!("? {fingerprint}"),
-        (None, None) => "? shorter than a type".to_owned(),
+        (None, None) => "? too short for a fingerprint".to_owned(),
     }
 }
 
-/// What a channel lost: a number where it is known, else the most that it can be.
+/// Messages lost: the number if it is known, else its upper bound.
 fn lost(row: &Row) -> String {
     match (row.lost, row.lost_at_most) {
         (Some(lost), _) => lost.to_string(),
@@ -218,7 +216,7 @@ fn none() -> String {
     "-".to_owned()
 }
 
-/// Four digits and more, without a unit.
+/// A number with at least four significant digits, without unit.
 pub fn number(x: f64) -> String {
     match x.abs() {
         size if size >= 99_999.5 => format!("{x:.3e}"),
@@ -228,7 +226,7 @@ pub fn number(x: f64) -> String {
     }
 }
 
-/// A quantity with a prefix of a thousand.
+/// A number with an SI prefix.
 pub fn scaled(x: f64) -> String {
     match x {
         x if x < 999.5 => format!("{x:.0} "),
@@ -238,7 +236,7 @@ pub fn scaled(x: f64) -> String {
     }
 }
 
-/// A time of so many us.
+/// A time in us, with a suitable unit.
 pub fn time(us: f64) -> String {
     match us {
         us if us < 999.5 => format!("{us:.0} us"),
@@ -254,7 +252,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn numbers_are_short_and_keep_their_digits() {
+    fn numbers_keep_their_significant_digits() {
         assert_eq!(
             [0.0, 0.25, 99.94, 999.96, 20_000.0, 1.5e6].map(number),
             ["0.0", "0.250", "99.9", "1000", "20000", "1.500e6"]
@@ -264,7 +262,7 @@ mod tests {
     }
 
     #[test]
-    fn eighty_columns_hold_what_matters_most() {
+    fn eighty_characters_hold_the_columns_of_highest_priority() {
         use Column::{Age, Bandwidth, Count, Jitter, Late, Lost, Name, Rate};
         assert_eq!(fitting(80), [Name, Count, Rate, Jitter, Bandwidth, Lost, Late, Age]);
         let line = line(&fitting(80), |column| column.title().to_owned());
@@ -274,7 +272,7 @@ mod tests {
     }
 
     #[test]
-    fn a_loss_that_is_not_known_is_shown_as_what_it_can_be() {
+    fn an_unknown_loss_is_shown_as_upper_bound() {
         let row = |lost, lost_at_most| Row { lost, lost_at_most, ..Row::default() };
         assert_eq!(Column::Lost.cell(&row(Some(3), Some(9))), "3");
         assert_eq!(Column::Lost.cell(&row(None, Some(9))), "≤9");

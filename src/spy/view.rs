@@ -1,10 +1,10 @@
-//! How a picture is drawn.
+//! Draws the screen.
 
 use super::curve::Curve;
 use super::help;
-use super::picture::Picture;
 use super::plot;
 use super::processes::Processes;
+use super::screen_data::ScreenData;
 use super::state::{Page, State};
 use super::table::{self, Column};
 use super::tree::{self, Decoded};
@@ -15,44 +15,44 @@ use ratatui::text::{Line, Span};
 use ratatui::widgets::{Block, Borders, Paragraph, Wrap};
 use replay::traffic::Row;
 
-/// From so many columns on, channels and message stand beside each other.
+/// Width from which channels and message are shown side by side.
 const WIDE: u16 = 150;
 /// Curves shown below the table.
 const STRIP: usize = 4;
 /// Columns of a field's name beside its bars.
 const NAME: usize = 34;
 
-/// All that is shown.
+/// Everything that is drawn.
 pub struct Screen<'a> {
-    /// Network, or log with place and pace.
+    /// Network, or log with position and speed.
     pub title: &'a str,
-    /// It is a log.
+    /// The source is a log.
     pub is_log: bool,
-    /// The picture stands still while counting goes on.
+    /// The display is frozen; counting continues.
     pub is_frozen: bool,
-    /// How a recording goes.
+    /// Status of the recording.
     pub recording: Option<String>,
-    /// What the last key led to, if it is worth saying.
+    /// Result of the last key, if any.
     pub message: &'a str,
-    /// What to say while nothing has been heard.
-    pub silence: &'a str,
-    /// Conditions, and how often each was raised.
+    /// Text while no message has been received.
+    pub no_data_text: &'a str,
+    /// Alarm conditions and how often each was raised.
     pub alarms: Vec<(String, u64)>,
-    pub picture: &'a Picture,
+    pub screen_data: &'a ScreenData,
     pub state: &'a State,
-    /// Who the senders are.
+    /// Programs of the senders.
     pub processes: &'a Processes,
 }
 
 impl Screen<'_> {
-    /// Draws it; what does not fit is cut.
+    /// Draws everything; text that does not fit is truncated.
     pub fn draw(&self, frame: &mut Frame) {
         let rows = [Constraint::Length(2), Constraint::Min(3), Constraint::Length(2)];
         let [head, body, foot] = Layout::vertical(rows).areas(frame.area());
         self.head(frame, head);
         match self.state.page {
-            _ if self.picture.is_silent && self.state.page != Page::Help => {
-                frame.render_widget(Paragraph::new(self.silence).wrap(Wrap { trim: false }), body);
+            _ if self.screen_data.is_empty && self.state.page != Page::Help => {
+                frame.render_widget(Paragraph::new(self.no_data_text).wrap(Wrap { trim: false }), body);
             }
             Page::Channels | Page::Message if body.width >= WIDE => {
                 let [left, right] =
@@ -62,7 +62,7 @@ impl Screen<'_> {
             }
             Page::Channels => self.channels(frame, body),
             Page::Message => self.message(frame, body),
-            Page::Plot => plot::draw(frame, body, self.picture, self.state),
+            Page::Plot => plot::draw(frame, body, self.screen_data, self.state),
             Page::Network => self.network(frame, body),
             Page::Help => frame.render_widget(Paragraph::new(help::text(self.is_log)).wrap(Wrap { trim: false }), body),
         }
@@ -70,7 +70,7 @@ impl Screen<'_> {
     }
 
     fn head(&self, frame: &mut Frame, area: Rect) {
-        let Picture { rows, lost_twice_late: [lost, twice, late], raised, .. } = self.picture;
+        let ScreenData { rows, lost_duplicate_late: [lost, twice, late], raised, .. } = self.screen_data;
         let sum = |of: fn(&Row) -> f64| rows.iter().map(of).fold(0.0, |sum, one| sum + one);
         let mut first = vec![bold(self.title.to_owned()), Span::raw(format!("  {} channels", rows.len()))];
         if !self.is_log {
@@ -106,8 +106,8 @@ impl Screen<'_> {
         if !raised.is_empty() {
             flag(format!("ALARM {}", raised.len()), Color::Red);
         }
-        if self.picture.kernel_dropped > 0 {
-            flag(format!("too slow for {} datagrams", self.picture.kernel_dropped), Color::Red);
+        if self.screen_data.kernel_dropped > 0 {
+            flag(format!("{} datagrams dropped by the kernel", self.screen_data.kernel_dropped), Color::Red);
         }
         if let Some(recording) = &self.recording {
             flag(recording.clone(), Color::Magenta);
@@ -116,7 +116,7 @@ impl Screen<'_> {
     }
 
     fn channels(&self, frame: &mut Frame, area: Rect) {
-        let strip = self.picture.curves.len().min(STRIP) as u16;
+        let strip = self.screen_data.curves.len().min(STRIP) as u16;
         let heights = [Constraint::Length(1), Constraint::Min(1), Constraint::Length(strip), Constraint::Length(1)];
         let [head, body, curves, detail] = Layout::vertical(heights).areas(area);
         let columns = table::fitting(area.width.into());
@@ -126,7 +126,7 @@ impl Screen<'_> {
         };
         frame.render_widget(Line::styled(table::line(&columns, title), dim_style()), head);
 
-        let rows = self.state.rows(self.picture);
+        let rows = self.state.rows(self.screen_data);
         let at = self.state.row_at(&rows);
         let line = |(place, row): (usize, &&Row)| {
             let style = self.row_style(row);
@@ -143,7 +143,7 @@ impl Screen<'_> {
             let last = curve.last().map_or(String::new(), table::number);
             Line::from(format!("{:<NAME$} {last:>11} {}", cut(&name, NAME), curve.bars(self.state.span_s, width)))
         };
-        let strip: Vec<Line> = self.picture.curves.iter().take(STRIP).map(bars).collect();
+        let strip: Vec<Line> = self.screen_data.curves.iter().take(STRIP).map(bars).collect();
         frame.render_widget(Paragraph::new(strip).style(Style::new().fg(Color::Cyan)), curves);
         if let Some(row) = rows.get(at) {
             let sender = |sender: &String| self.processes.of(sender).unwrap_or(sender).to_owned();
@@ -156,7 +156,7 @@ impl Screen<'_> {
     }
 
     fn row_style(&self, row: &Row) -> Style {
-        if self.picture.raised.iter().any(|raised| raised.channel == row.name) {
+        if self.screen_data.raised.iter().any(|raised| raised.channel == row.name) {
             Style::new().fg(Color::Red).add_modifier(Modifier::BOLD)
         } else if row.rate_hz == 0.0 && row.count > 1 {
             dim_style()
@@ -168,16 +168,16 @@ impl Screen<'_> {
     fn message(&self, frame: &mut Frame, area: Rect) {
         let [head, body] = Layout::vertical([Constraint::Length(1), Constraint::Min(1)]).areas(area);
         let channel = self.state.channel.as_deref().unwrap_or_default();
-        let Some(row) = self.picture.rows.iter().find(|row| row.name == channel) else {
-            frame.render_widget("no channel is chosen: 1, then Enter", body);
+        let Some(row) = self.screen_data.rows.iter().find(|row| row.name == channel) else {
+            frame.render_widget("no channel selected: press 1, then Enter", body);
             return;
         };
         let title = format!("{channel}  {}  #{}  {} ago", table::type_text(row), row.count, Column::Age.cell(row));
         frame.render_widget(Line::styled(title, self.row_style(row).add_modifier(Modifier::BOLD)), head);
         let height = usize::from(body.height);
-        let lines: Vec<Line> = match self.picture.messages.get(channel) {
+        let lines: Vec<Line> = match self.screen_data.messages.get(channel) {
             Some(Decoded::Fields(_)) => {
-                let lines = self.state.lines(self.picture).unwrap_or_default();
+                let lines = self.state.lines(self.screen_data).unwrap_or_default();
                 let at = self.state.line_at(&lines);
                 let from = first_shown(at, lines.len(), height);
                 let shown = lines.iter().enumerate().skip(from).take(height);
@@ -193,14 +193,14 @@ impl Screen<'_> {
         frame.render_widget(Paragraph::new(lines), body);
     }
 
-    /// A line of the tree; behind a chosen field stand its bars.
+    /// A line of the tree; a plotted field is followed by its bars.
     fn part(&self, channel: &str, line: &tree::Line, is_at: bool, width: usize) -> Line<'static> {
         let fold = match line.is_open {
             Some(true) => "▾ ",
             Some(false) => "▸ ",
             None => "  ",
         };
-        let curve = self.picture.curves.iter().find(|curve| curve.channel == channel && curve.path == line.path);
+        let curve = self.screen_data.curves.iter().find(|curve| curve.channel == channel && curve.path == line.path);
         let name = format!("{}{fold}{:<18} ", "  ".repeat(line.depth), line.name);
         let mut text = format!("{name}{}", line.text);
         let mut spans = Vec::new();
@@ -215,10 +215,10 @@ impl Screen<'_> {
     }
 
     fn network(&self, frame: &mut Frame, area: Rect) {
-        let Picture { senders, raised, news, .. } = self.picture;
+        let ScreenData { senders, raised, news, .. } = self.screen_data;
         let mut lines = Vec::new();
         if !self.is_log {
-            lines.push(heading("Senders: messages, from the sequence numbers of each"));
+            lines.push(heading("Senders: messages, counted by sequence number"));
             for account in senders {
                 lines.push(Line::from(table::sender_text(account)));
                 lines.extend(
@@ -229,13 +229,13 @@ impl Screen<'_> {
         }
         lines.push(heading("Alarms: how often each was raised"));
         if self.alarms.is_empty() {
-            lines.push(Line::styled("none asked for (--alarm 'ROBOT_STATE rate<900')", dim_style()));
+            lines.push(Line::styled("none given (--alarm 'ROBOT_STATE rate<900')", dim_style()));
         }
         lines.extend(self.alarms.iter().map(|(text, times)| Line::from(format!("{times:>5}  {text}"))));
         let red = Style::new().fg(Color::Red);
         lines.extend(raised.iter().map(|raised| Line::styled(format!("now    {}", table::alarm_text(raised)), red)));
         if !self.is_log {
-            lines.extend([Line::default(), heading("Found")]);
+            lines.extend([Line::default(), heading("Network events")]);
             let found =
                 |(age_s, text): &(f64, String)| Line::from(format!("{:>8} ago  {text}", table::time(age_s * 1e6)));
             lines.extend(news.iter().map(found));
@@ -248,14 +248,14 @@ impl Screen<'_> {
         let yellow = Style::new().fg(Color::Yellow);
         let first = if state.is_typing || !state.filter.is_empty() {
             let (cursor, note) = match (state.is_typing, state.is_filter_bad) {
-                (true, true) => ("_", "  no regular expression yet"),
-                (true, false) => ("_", "  Enter keeps it, Esc drops it"),
-                (false, _) => ("", "  Esc drops it"),
+                (true, true) => ("_", "  invalid regular expression"),
+                (true, false) => ("_", "  Enter: apply, Esc: clear"),
+                (false, _) => ("", "  Esc: clear"),
             };
             Line::styled(format!("/{}{cursor}{note}", state.filter), yellow)
         } else if !self.message.is_empty() {
             Line::styled(self.message.to_owned(), yellow)
-        } else if let Some(raised) = self.picture.raised.first() {
+        } else if let Some(raised) = self.screen_data.raised.first() {
             Line::styled(table::alarm_text(raised), Style::new().fg(Color::Red))
         } else {
             Line::default()
@@ -265,12 +265,12 @@ impl Screen<'_> {
     }
 }
 
-/// First line that is shown, so that the one at the cursor is in the middle where there is more than fits.
+/// First visible line, so that the line at the cursor is in the middle if the list is longer than the area.
 pub fn first_shown(at: usize, length: usize, height: usize) -> usize {
     at.saturating_sub(height / 2).min(length.saturating_sub(height))
 }
 
-/// A text cut to a width.
+/// A text truncated to a width.
 pub fn cut(text: &str, width: usize) -> String {
     if text.chars().count() <= width {
         return text.to_owned();
@@ -278,7 +278,7 @@ pub fn cut(text: &str, width: usize) -> String {
     text.chars().take(width.saturating_sub(1)).chain(['…']).collect()
 }
 
-/// A line with a title in it.
+/// A horizontal line with a title.
 pub fn ruled(title: &str) -> Block<'static> {
     Block::new().borders(Borders::TOP).title(format!(" {title} ")).border_style(dim_style())
 }
@@ -295,7 +295,7 @@ fn bold_style() -> Style {
     Style::new().add_modifier(Modifier::BOLD)
 }
 
-/// What matters less.
+/// Style of secondary text.
 pub fn dim_style() -> Style {
     Style::new().fg(Color::DarkGray)
 }

@@ -1,6 +1,6 @@
-//! The controllers of a run whose parameters change on the way.
+//! Builds the controllers of a run whose parameters change.
 
-use super::{Change, Load, Options, Replay, When};
+use super::{Load, Options, Replay, TimedOverride, When};
 use crate::Error;
 use controller::Controller;
 use controller::params::apply_overrides;
@@ -9,28 +9,28 @@ use std::collections::VecDeque;
 use std::path::Path;
 use std::sync::Arc;
 
-/// Builds the controller that a run had, or would have had, at a place in its log.
+/// Builds the controller of a run for the parameters at a place in its log.
 #[derive(Clone)]
 pub(super) struct Builder<'b> {
     path: &'b Path,
     load: &'b Load<'b>,
-    /// The run's description, with all that is to be other from the beginning on.
+    /// RUN_INFO with all overrides that hold from the start.
     pub info: Arc<RunInfo>,
-    /// Keys that are to be other than they were, from the beginning on.
-    held: Arc<[String]>,
+    /// Overridden keys; changes of them in the log are ignored.
+    overridden: Arc<[String]>,
 }
 
 impl<'b> Builder<'b> {
-    /// For a log, with what is to be other.
+    /// A builder for a log and the overrides of `options`.
     ///
     /// # Errors
-    /// [`Error::Load`]: a parameter that does not exist, or has another value than it may have.
+    /// [`Error::Load`]: unknown parameter or invalid value.
     pub fn new(replay: &'b Replay<'b>, options: &Options) -> Result<Self, Error> {
-        let held = options.set.iter().map(|(key, _)| key.clone()).collect();
-        Ok(Builder { path: &replay.path, load: &*replay.load, info: Arc::new(replay.changed(options)?), held })
+        let overridden = options.set.iter().map(|(key, _)| key.clone()).collect();
+        Ok(Builder { path: &replay.path, load: &*replay.load, info: Arc::new(replay.changed(options)?), overridden })
     }
 
-    /// The controller after changes, in the order in which they came.
+    /// Builds the controller after parameter changes, in order.
     ///
     /// # Errors
     /// [`Error::Load`].
@@ -44,17 +44,17 @@ impl<'b> Builder<'b> {
         (self.load)(&RunInfo { params, ..RunInfo::clone(&self.info) }).map_err(wrong)
     }
 
-    /// Whether a change in the log is followed: what is asked to be other stays so.
-    pub fn follows(&self, change: &ParameterChange) -> bool {
-        !self.held.contains(&change.key)
+    /// Whether a change in the log applies: overridden keys keep their override.
+    pub fn applies(&self, change: &ParameterChange) -> bool {
+        !self.overridden.contains(&change.key)
     }
 
-    /// What is to change on the way, in the order of time. Each of the controllers can be built.
+    /// The timed overrides as parameter changes. Checks that each controller can be built.
     ///
     /// # Errors
     /// As [`Builder::build`].
-    pub fn later(&self, changes: &[Change]) -> Result<Later, Error> {
-        let change = |change: &Change| ParameterChange {
+    pub fn timed_overrides(&self, changes: &[TimedOverride]) -> Result<PendingOverrides, Error> {
+        let change = |change: &TimedOverride| ParameterChange {
             key: change.key.clone(),
             value: change.value.clone(),
             ..ParameterChange::default()
@@ -66,11 +66,11 @@ impl<'b> Builder<'b> {
         Ok(changes.iter().map(|change| change.when).zip(all).collect())
     }
 
-    /// What an error says of the state of a tick.
+    /// [`Error::Restore`] for a snapshot of this log.
     pub fn restore_error(&self, tick: i64, source: controller::RestoreError) -> Error {
         Error::Restore { path: self.path.into(), tick, source: source.into() }
     }
 }
 
-/// What a what-if replay changes on the way, in the order of time.
-pub(super) type Later = VecDeque<(When, ParameterChange)>;
+/// Timed overrides that are not applied yet, in the order of time.
+pub(super) type PendingOverrides = VecDeque<(When, ParameterChange)>;

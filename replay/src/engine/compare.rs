@@ -1,4 +1,4 @@
-//! Where two runs of a tick part: the earliest stage, then the first field.
+//! Finds the first difference of a tick: the earliest stage, then the first field.
 
 use controller::dump::Quantity;
 use lcm_idl::{Leaf, Value};
@@ -17,9 +17,9 @@ pub struct Divergence {
     pub t_s: f64,
     /// The earliest stage of the tick that differs: input, estimation, gait, tasks, qp, output.
     pub stage: &'static str,
-    /// Channel on which it shows.
+    /// Channel with the difference.
     pub channel: String,
-    /// Field, such as `state.q`; empty if the whole message is on one side only.
+    /// Field, such as `state.q`; empty if the message is on one side only.
     pub field: String,
     /// Index in the field, if it is an array.
     pub index: Option<Index>,
@@ -27,13 +27,13 @@ pub struct Divergence {
     pub recorded: String,
     /// Replayed value.
     pub replayed: String,
-    /// Floats that lie between the two, plus one; `None` unless both are floats and numbers.
+    /// Distance of the two floats in ulp; `None` for other types and NaN.
     pub ulp: Option<u64>,
-    /// What else differs in this tick: the first field of every other message, in the order of the controller's messages.
+    /// First different field of every other message of the tick, in the order of the controller's outputs.
     pub also: Vec<FieldDifference>,
-    /// The last tick before that agreed, or whose recorded state the replay began with; `None` if there is none.
+    /// The last identical tick, or the tick of the snapshot that the replay started from; `None` if there is none.
     pub last_agreed_tick: Option<i64>,
-    /// What the stage was computed from in the replay, besides the state before the tick; large arrays by their digest.
+    /// Inputs of the stage in the replay, except the state before the tick; large arrays as digest.
     pub inputs: Quantity,
 }
 
@@ -42,7 +42,7 @@ pub struct Divergence {
 pub struct FieldDifference {
     /// Channel.
     pub channel: String,
-    /// Field; empty if the whole message is on one side only.
+    /// Field; empty if the message is on one side only.
     pub field: String,
     /// Index in the field, if it is an array.
     pub index: Option<Index>,
@@ -50,28 +50,28 @@ pub struct FieldDifference {
     pub recorded: String,
     /// Replayed value.
     pub replayed: String,
-    /// Floats that lie between the two, plus one; `None` unless both are floats and numbers.
+    /// Distance of the two floats in ulp; `None` for other types and NaN.
     pub ulp: Option<u64>,
 }
 
-/// Place in an array: one number, or one a dimension.
+/// Index in an array: one number, or one per dimension.
 #[derive(Debug, Clone, PartialEq, Eq, serde::Serialize)]
 #[serde(untagged)]
 pub enum Index {
-    /// Place in an array of one dimension.
+    /// Index in a one-dimensional array.
     One(usize),
-    /// Place in an array of several dimensions.
+    /// Index in a multi-dimensional array.
     Many(Vec<usize>),
 }
 
-/// One message of a tick on both sides, where it is there.
+/// A recorded and a replayed message; `None` if absent.
 pub(super) struct Pair<'a> {
     pub channel: &'a str,
     pub recorded: Option<&'a [u8]>,
     pub replayed: Option<&'a [u8]>,
 }
 
-/// Attributes a tick that differs. `different` holds every pair that does, in the order of the controller's messages.
+/// Finds the first difference of a tick. `different`: all different pairs in the order of the controller's outputs.
 pub(super) fn attribute(tick: i64, t_ns: i64, t_s: f64, different: &[Pair]) -> Option<Divergence> {
     let digests = different.iter().find(|pair| pair.channel == channels::CONTROLLER_TICK);
     let (stage, shown) = match digests.and_then(first_digest) {
@@ -113,17 +113,17 @@ pub(super) fn attribute(tick: i64, t_ns: i64, t_s: f64, different: &[Pair]) -> O
     })
 }
 
-/// Digests say which stage it was, but no more.
+/// Digests name the stage only, not the field.
 fn is_tick(pair: &Pair) -> bool {
     pair.channel == channels::CONTROLLER_TICK
 }
 
-/// The stage that a channel shows; what is in no table counts as output.
+/// The stage of a channel; output for unknown channels.
 fn stage_of(channel: &str) -> Stage {
     channels::find(channel).and_then(|known| known.stage).unwrap_or(Stage::Output)
 }
 
-/// The earliest stage whose digests differ, and the two.
+/// The earliest stage with different digests, and both digests.
 fn first_digest(pair: &Pair) -> Option<(Stage, i64, i64)> {
     let digests = |bytes: &[u8]| {
         let tick = ControllerTick::decode(bytes).ok()?;
@@ -141,7 +141,7 @@ fn first_digest(pair: &Pair) -> Option<(Stage, i64, i64)> {
     stages.map(|(stage, (a, b))| (stage, a, b)).find(|(_, a, b)| a != b)
 }
 
-/// The first field in which a pair differs, by reflection.
+/// The first different field of a pair, by reflection.
 fn difference(pair: &Pair) -> FieldDifference {
     let side = |bytes: Option<&[u8]>| bytes.map_or("absent".to_owned(), |bytes| format!("{} bytes", bytes.len()));
     let channel = pair.channel.to_owned();
@@ -166,7 +166,7 @@ fn difference(pair: &Pair) -> FieldDifference {
     FieldDifference { channel, field, index, recorded: show(&found.left), replayed: show(&found.right), ulp }
 }
 
-/// The largest distance of two floats at the same place of a pair, in floats; `None` if no floats differ.
+/// The largest difference of two floats of a pair, ulp; `None` if no floats differ.
 pub(super) fn largest_ulp(pair: &Pair) -> Option<u64> {
     let (recorded, replayed) = (pair.recorded?, pair.replayed?);
     let ty = lcmtypes::types().of_message(recorded)?;
@@ -188,7 +188,7 @@ pub(super) fn largest_ulp(pair: &Pair) -> Option<u64> {
     recorded.into_iter().zip(replayed).filter_map(distance).max()
 }
 
-/// `f_F_W[2][1]` is the field `f_F_W` at the index 2, 1. Indices on the way, as in `legs[2].q`, stay in the field.
+/// `f_F_W[2][1]` is the field `f_F_W` at the index 2, 1. Indices inside the path, as in `legs[2].q`, stay in the field.
 fn split_path(path: &str) -> (String, Option<Index>) {
     let (mut field, mut indices) = (path, Vec::new());
     while let Some((before, number)) = field.strip_suffix(']').and_then(|open| open.rsplit_once('[')) {
@@ -204,7 +204,7 @@ fn split_path(path: &str) -> (String, Option<Index>) {
     (field.to_owned(), index)
 }
 
-/// A value as reports show it: a float also as hexadecimal float.
+/// A value as text; a float as hexadecimal float and decimal.
 pub(crate) fn show(value: &Value) -> String {
     match value {
         Value::Double(v) => format!("{} ({v:?})", hex_float(*v)),
@@ -213,7 +213,7 @@ pub(crate) fn show(value: &Value) -> String {
     }
 }
 
-/// A float to the last bit, as C's `%a` writes it: `0x1.8p+1` is 3. A NaN shows its bits.
+/// A float as exact hexadecimal text, as C's `%a` prints it: `0x1.8p+1` is 3. A NaN is shown with its bits.
 fn hex_float(v: f64) -> String {
     let bits = v.to_bits();
     let mut text = String::from(if v.is_sign_negative() { "-" } else { "" });
@@ -228,7 +228,7 @@ fn hex_float(v: f64) -> String {
     let digits = format!("{mantissa:013x}");
     let digits = digits.trim_end_matches('0');
     let point = if digits.is_empty() { "" } else { "." };
-    write!(text, "0x{lead}{point}{digits}p{power:+}").expect("a string takes everything");
+    write!(text, "0x{lead}{point}{digits}p{power:+}").expect("writing to a string does not fail");
     text
 }
 
@@ -238,7 +238,7 @@ mod tests {
 
     /// Expected values: `float.hex` of Python 3.11, without its trailing zeros.
     #[test]
-    fn floats_are_shown_to_the_last_bit() {
+    fn hexadecimal_floats_are_exact() {
         let cases = [
             (3.0, "0x1.8p+1"),
             (-0.1, "-0x1.999999999999ap-4"),
@@ -256,7 +256,7 @@ mod tests {
     }
 
     #[test]
-    fn a_path_ends_with_its_indices() {
+    fn trailing_indices_are_split_from_the_path() {
         assert_eq!(split_path("tau[7]"), ("tau".into(), Some(Index::One(7))));
         assert_eq!(split_path("f_F_W[2][1]"), ("f_F_W".into(), Some(Index::Many(vec![2, 1]))));
         assert_eq!(split_path("legs[2].q"), ("legs[2].q".into(), None));

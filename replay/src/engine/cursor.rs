@@ -1,7 +1,7 @@
-//! A place in a replay that can be moved: every quantity of any tick.
+//! Random access to a replay: every quantity of any tick.
 
 use super::builder::Builder;
-use super::runner::Runner;
+use super::stepper::Stepper;
 use super::ticks::{Beside, Tick, Ticks};
 use super::{Divergence, Options, Replay};
 use crate::Error;
@@ -12,31 +12,31 @@ use lcmtypes::{ControllerInput, ParameterChange};
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
-/// Pages that are kept: a minute of a usual log.
+/// Number of cached pages: about a minute of a log.
 const PAGES: usize = 64;
 
-/// Everything about one tick of a log and its replay.
+/// One tick of a log and its replay.
 #[derive(Debug, Clone)]
 pub struct Moment {
     /// Tick.
     pub tick: i64,
-    /// Its time, ns.
+    /// Its time, controller clock, ns.
     pub t_ns: i64,
     /// Time since the run's first tick, s.
     pub since_s: f64,
-    /// What the controller was given.
+    /// Input of the controller.
     pub input: ControllerInput,
-    /// What it put out when it ran, as far as the log says, by channel.
+    /// Recorded outputs by channel.
     pub recorded: Vec<(Arc<str>, Vec<u8>)>,
-    /// What it puts out now, by channel.
+    /// Replayed outputs by channel.
     pub replayed: Vec<(&'static str, Vec<u8>)>,
     /// TIMING and EVENT of the tick.
     pub beside: Vec<Event>,
-    /// Where the two part, if they do.
+    /// The first difference, if any.
     pub divergence: Option<Divergence>,
     /// Every quantity of the replayed tick.
     pub dump: Dump,
-    /// The log holds the state after this tick.
+    /// The log contains the state after this tick.
     pub is_snapshot: bool,
 }
 
@@ -46,59 +46,59 @@ impl Moment {
         super::inputs::of_message(&self.input)
     }
 
-    /// The message on a channel as replayed.
+    /// Replayed message of a channel.
     pub fn replayed(&self, channel: &str) -> Option<&[u8]> {
         self.replayed.iter().find(|(c, _)| *c == channel).map(|(_, bytes)| &**bytes)
     }
 
-    /// The message on a channel as recorded.
+    /// Recorded message of a channel.
     pub fn recorded(&self, channel: &str) -> Option<&[u8]> {
         self.recorded.iter().find(|(c, _)| **c == *channel).map(|(_, bytes)| &**bytes)
     }
 }
 
-/// The ticks from behind one snapshot up to the next.
+/// The ticks after one snapshot up to and including the next.
 struct Page {
-    /// Tick of the snapshot it begins behind, and the state; `None` at the beginning of a log.
+    /// Tick and state of the snapshot before it; `None` at the start of a log.
     start: Option<(i64, Vec<u8>)>,
-    /// Changes of parameters before it, in order.
+    /// Parameter changes before it, in order.
     changes: Vec<ParameterChange>,
     ticks: Vec<Tick>,
 }
 
-/// A replay that stands at a tick.
+/// A replay with a position.
 pub struct Cursor<'r> {
     replay: &'r Replay<'r>,
     builder: Builder<'r>,
-    own_state: bool,
-    runner: Runner<'r>,
+    keep_state: bool,
+    stepper: Stepper<'r>,
     reader: Ticks,
-    /// State behind which the reader stands.
-    behind: Option<(i64, Vec<u8>)>,
-    /// Changes of parameters up to there.
+    /// Last snapshot that the reader has passed.
+    last_snapshot: Option<(i64, Vec<u8>)>,
+    /// Parameter changes up to there.
     changes: Vec<ParameterChange>,
-    /// By the number of their first tick.
+    /// Cached pages by their first tick.
     pages: BTreeMap<i64, Arc<Page>>,
-    /// First tick of the page and index of the tick that comes next in it.
+    /// First tick of the current page, and index of the next tick in it.
     place: Option<(i64, usize)>,
     first_tick: i64,
     last_tick: i64,
     snapshots: Vec<i64>,
-    /// Quantities are wanted of the ticks gone to.
+    /// Whether to collect the quantities of a tick.
     dumps: bool,
 }
 
 impl<'r> Cursor<'r> {
-    /// Reads the log once, to learn what is in it, and stands before its first tick.
+    /// Reads the log once to index it. The position is before the first tick.
     ///
-    /// - `options`: `set` and `urdf` are followed, the rest is not. `progress` is told which part of the file has been read.
+    /// - `options`: only `set` and `urdf` are used. `progress` receives the fraction of the file that was read.
     ///
     /// # Errors
     /// As [`Replay::run`].
     pub fn open(replay: &'r Replay<'r>, options: &Options, progress: &mut dyn FnMut(f64)) -> Result<Self, Error> {
         let options = Options { set: options.set.clone(), urdf: options.urdf.clone(), ..Options::default() };
-        let (builder, own_state) = (Builder::new(replay, &options)?, options.asks_what_if());
-        let runner = Runner::new(&builder, own_state)?;
+        let (builder, keep_state) = (Builder::new(replay, &options)?, options.is_what_if());
+        let stepper = Stepper::new(&builder, keep_state)?;
         let bytes = super::file_length(&replay.path)?.max(1);
         let mut ticks = Ticks::open(&replay.path, Beside::Nothing)?;
         let (mut first, mut last, mut snapshots) = (None, 0, Vec::new());
@@ -117,9 +117,9 @@ impl<'r> Cursor<'r> {
         let Some(first_tick) = first else { return Err(Error::NoInput { path: replay.path.clone() }) };
         Ok(Cursor {
             replay,
-            runner,
+            stepper,
             reader: Ticks::open(&replay.path, Beside::ByTick)?,
-            behind: None,
+            last_snapshot: None,
             changes: Vec::new(),
             pages: BTreeMap::new(),
             place: None,
@@ -128,7 +128,7 @@ impl<'r> Cursor<'r> {
             snapshots,
             dumps: true,
             builder,
-            own_state,
+            keep_state,
         })
     }
 
@@ -142,7 +142,7 @@ impl<'r> Cursor<'r> {
         self.last_tick
     }
 
-    /// Ticks whose states the log holds.
+    /// Ticks with a snapshot in the log.
     pub fn snapshots(&self) -> &[i64] {
         &self.snapshots
     }
@@ -165,7 +165,7 @@ impl<'r> Cursor<'r> {
         Ok(found)
     }
 
-    /// Goes to a tick: from the last recorded state before it, or on from where it stands.
+    /// Goes to a tick, computing from the last snapshot before it or from the current position.
     ///
     /// # Errors
     /// [`Error::NoSuchTick`], [`Error::StateUnknown`], and those of reading the log.
@@ -205,7 +205,8 @@ impl<'r> Cursor<'r> {
         Err(missing)
     }
 
-    /// Goes on tick by tick until `stop`, which is shown no quantities, says so. `None` if the log ends before, or `stop` never does within `most` ticks.
+    /// Goes forward until `stop` returns true; the moments passed to `stop` contain no quantities. `None` at the end of the log or after `most`
+    /// ticks.
     ///
     /// # Errors
     /// Those of reading the log.
@@ -215,12 +216,12 @@ impl<'r> Cursor<'r> {
         most: u64,
         stop: &mut dyn FnMut(&Moment) -> bool,
     ) -> Result<Option<Moment>, Error> {
-        // Quantities of ticks that are passed by are not put together.
+        // Do not collect the quantities of ticks that are only passed.
         self.dumps = false;
         let found = self.pass(from, most, stop);
         self.dumps = true;
         let found = found?;
-        Ok(found.map(|moment| Moment { dump: self.runner.controller().dump(), ..moment }))
+        Ok(found.map(|moment| Moment { dump: self.stepper.controller().dump(), ..moment }))
     }
 
     fn pass(&mut self, from: i64, most: u64, stop: &mut dyn FnMut(&Moment) -> bool) -> Result<Option<Moment>, Error> {
@@ -235,21 +236,21 @@ impl<'r> Cursor<'r> {
         Ok(None)
     }
 
-    /// Puts the controller before the first tick of a page.
+    /// Restores the controller to the start of a page.
     fn enter(&mut self, page: &Page) -> Result<(), Error> {
-        let mut runner = Runner::new(&self.builder, self.own_state)?;
+        let mut stepper = Stepper::new(&self.builder, self.keep_state)?;
         if let Some((tick, state)) = &page.start {
-            runner.start(*tick, state, &page.changes)?;
+            stepper.start(*tick, state, &page.changes)?;
         }
-        self.runner = runner;
+        self.stepper = stepper;
         Ok(())
     }
 
-    /// Computes a tick; the moment is put together only if it is looked at.
-    fn step(&mut self, tick: &Tick, looked_at: bool) -> Result<Option<Moment>, Error> {
-        self.runner.tally = super::Tally::default();
-        let done = self.runner.tick(tick)?;
-        let (Some(outbox), Some(input), true) = (done, &tick.input, looked_at) else { return Ok(None) };
+    /// Computes a tick; returns its moment only if requested.
+    fn step(&mut self, tick: &Tick, is_requested: bool) -> Result<Option<Moment>, Error> {
+        self.stepper.counts = super::Counts::default();
+        let done = self.stepper.tick(tick)?;
+        let (Some(outbox), Some(input), true) = (done, &tick.input, is_requested) else { return Ok(None) };
         let replayed = outbox.iter().map(|(channel, bytes)| (channel, bytes.to_vec())).collect();
         Ok(Some(Moment {
             tick: tick.tick,
@@ -259,13 +260,13 @@ impl<'r> Cursor<'r> {
             recorded: tick.recorded.clone(),
             replayed,
             beside: tick.beside.clone(),
-            divergence: self.runner.tally.first.clone(),
-            dump: if self.dumps { self.runner.controller().dump() } else { Dump::default() },
+            divergence: self.stepper.counts.first.clone(),
+            dump: if self.dumps { self.stepper.controller().dump() } else { Dump::default() },
             is_snapshot: tick.snapshot().is_some(),
         }))
     }
 
-    /// The page that a tick stands on.
+    /// The page that contains a tick.
     fn page_of(&mut self, tick: i64) -> Result<Arc<Page>, Error> {
         let holds = |page: &Arc<Page>| page.ticks.last().is_some_and(|last| last.tick >= tick);
         if let Some((_, page)) = self.pages.range(..=tick).next_back()
@@ -273,14 +274,14 @@ impl<'r> Cursor<'r> {
         {
             return Ok(Arc::clone(page));
         }
-        // If the reader has passed it, and the page is forgotten, it begins again.
+        // If the reader has passed the page and it is not cached, read again from the start.
         for again in [false, true] {
             if again {
                 self.reader = Ticks::open(&self.replay.path, Beside::ByTick)?;
-                self.behind = None;
+                self.last_snapshot = None;
                 self.changes.clear();
             }
-            if self.behind.as_ref().is_some_and(|(behind, _)| *behind >= tick) {
+            if self.last_snapshot.as_ref().is_some_and(|(last, _)| *last >= tick) {
                 continue;
             }
             while let Some(page) = self.read_page(tick)? {
@@ -292,16 +293,16 @@ impl<'r> Cursor<'r> {
         Err(Error::NoSuchTick { path: self.replay.path.clone(), tick, first: self.first_tick, last: self.last_tick })
     }
 
-    /// Reads the next page; of those that are kept, the one farthest from `wanted` is forgotten.
+    /// Reads and caches the next page. If the cache is full, removes the page farthest from `wanted`.
     fn read_page(&mut self, wanted: i64) -> Result<Option<Arc<Page>>, Error> {
         let mut ticks = Vec::new();
-        let (start, changes) = (self.behind.take(), self.changes.clone());
+        let (start, changes) = (self.last_snapshot.take(), self.changes.clone());
         while let Some(tick) = self.reader.next()? {
             self.changes.extend(tick.changes.iter().cloned());
             let state = tick.snapshot().map(|state| (tick.tick, state.to_vec()));
             ticks.push(tick);
             if state.is_some() {
-                self.behind = state;
+                self.last_snapshot = state;
                 break;
             }
         }

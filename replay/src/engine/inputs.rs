@@ -1,14 +1,13 @@
-//! What a stage of a tick is computed from, and how a message becomes a tree of quantities.
+//! Inputs of a stage, and messages as trees of quantities.
 
 use controller::dump::{Dump, Quantity};
 use lcm_idl::Value;
 use lcmtypes::{ControllerInput, Message};
 
-/// Numbers of a vector or matrix that are written out where an overview is asked for.
+/// Largest number of elements that an overview lists of a vector or matrix.
 const WRITTEN_OUT: usize = 48;
 
-/// What a stage is computed from besides the state before the tick: the results of the stages before it, matrices and long vectors by
-/// their digest only.
+/// Inputs of a stage except the state before the tick: the results of the stages before it, with matrices and long vectors as digest.
 pub(super) fn stage_inputs(stage: &str, input: Option<&ControllerInput>, dump: &Dump) -> Quantity {
     let of: &[&str] = match stage {
         "input" | "estimation" => &[],
@@ -70,7 +69,7 @@ fn of_value(value: &Value) -> Quantity {
     }
 }
 
-/// The same tree with a digest in the place of every large array: equal digests, equal bits.
+/// The tree with a digest instead of every large array; equal digests mean equal bits.
 pub fn brief(quantity: &Quantity) -> Quantity {
     let digest = |size: String, numbers: &mut dyn Iterator<Item = f64>| {
         let mut digest = controller::digest::Digest::default();
@@ -91,7 +90,7 @@ pub fn brief(quantity: &Quantity) -> Quantity {
     }
 }
 
-/// The tree as indented lines, one quantity a line; matrices one row a line.
+/// The tree as indented lines: one quantity per line, matrices one row per line.
 pub fn lines(quantity: &Quantity) -> Vec<String> {
     let mut out = Vec::new();
     write(&mut out, 0, "", quantity);

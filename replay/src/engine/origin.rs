@@ -1,4 +1,4 @@
-//! What may be other than it was when the log was written: build, parameters, robot, types. Named before any difference in bits.
+//! Differences between a log and its replay in build, parameters, robot and types. They are reported before any difference in bits.
 
 use controller::params::Params;
 use lcm_idl::TypeSet;
@@ -14,7 +14,7 @@ pub(super) type Consumed = (Arc<str>, Option<u64>);
 pub struct Build {
     /// Git commit.
     pub revision: String,
-    /// Its tree had uncommitted changes.
+    /// The source tree had uncommitted changes.
     pub dirty: bool,
     /// Compiler version.
     pub toolchain: String,
@@ -34,14 +34,14 @@ impl Build {
     }
 }
 
-/// Something that is not as it was when the log was written.
+/// A difference between the log and its replay.
 #[derive(Debug, Clone, PartialEq, Eq, serde::Serialize)]
 pub struct Deviation {
     /// `revision`, `dirty`, `toolchain`, `build`, `urdf`, `types`, or the key of a parameter.
     pub what: String,
-    /// What the log says; empty for a parameter that there was not.
+    /// Value in the log; empty for a parameter that the log does not contain.
     pub log: String,
-    /// What it is here; empty for a parameter that there is no more.
+    /// Value in the replay; empty for a parameter that no longer exists.
     pub here: String,
 }
 
@@ -68,7 +68,7 @@ pub(super) fn deviations(log: &RunInfo, used: &RunInfo, here: Option<&Build>, co
         compare("urdf", &format!("{} as recorded", size(&log.urdf)), &format!("{} as given", size(&used.urdf)));
     }
     changed_types(log, consumed, &mut compare);
-    // Defaults of parameters that came after the log count too, so the text is completed.
+    // Complete the text, so that the defaults of parameters added after the log count too.
     let completed =
         |text: &str| Params::from_toml(text, "").map_or_else(|_| text.to_owned(), |params| params.to_toml());
     let (before, now) = (keys(&log.params), keys(&completed(&used.params)));

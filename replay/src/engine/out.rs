@@ -1,4 +1,4 @@
-//! The log of a replay: what the replayed log holds, with the outputs of the replay.
+//! Writes a copy of a log with the replayed outputs.
 
 use super::ticks::{Tick, integer_at};
 use crate::Error;
@@ -6,7 +6,7 @@ use crate::log::{Event, LogWriter};
 use lcmtypes::{Message, RunInfo, TextFile, channels};
 use std::path::Path;
 
-/// A log that is written while another is replayed.
+/// The log that is written during a replay.
 pub(super) struct Out {
     log: LogWriter,
     info: Vec<u8>,
@@ -16,7 +16,7 @@ pub(super) struct Out {
 impl Out {
     /// Creates the file.
     pub fn create(path: &Path, info: &RunInfo) -> Result<Self, Error> {
-        // The outputs are of today's types, and so are the texts that explain them.
+        // The outputs have the types of this build, so RUN_INFO gets their texts.
         let text_file = |(name, text): &(&str, &str)| TextFile { name: (*name).into(), text: (*text).into() };
         let lcm_types: Vec<_> = lcmtypes::SOURCES.iter().map(text_file).collect();
         let info = RunInfo { num_lcm_types: lcm_types.len() as i32, lcm_types, ..info.clone() };
@@ -25,7 +25,7 @@ impl Out {
         Ok(Out { log: LogWriter::create(path)?, info: bytes, bytes: Vec::new() })
     }
 
-    /// What stands before a tick's input, the input, and what the controller made of it.
+    /// Writes the events before a tick's input, the input, and the replayed outputs.
     pub fn tick(&mut self, tick: &mut Tick, outbox: Option<&controller::Outbox>) -> Result<(), Error> {
         self.rest(std::mem::take(&mut tick.others))?;
         if let Some(input) = &tick.input {
@@ -33,7 +33,7 @@ impl Out {
             encode(Path::new(channels::CONTROLLER_INPUT), input, &mut self.bytes)?;
             self.log.write(channels::CONTROLLER_INPUT, tick.t_log_ns, &self.bytes)?;
         }
-        // What could not be computed leaves the state from which the replay goes on.
+        // A tick that was not computed keeps the snapshot from which the replay continues.
         if let (None, Some(state)) = (outbox, tick.snapshot()) {
             let t_ns = integer_at(state, 8).unwrap_or(tick.t_log_ns);
             self.log.write(channels::CONTROLLER_SNAPSHOT, t_ns, state)?;
@@ -44,7 +44,7 @@ impl Out {
         Ok(())
     }
 
-    /// Messages that are nobody's output.
+    /// Writes events that are not outputs.
     pub fn rest(&mut self, events: Vec<Event>) -> Result<(), Error> {
         for event in events {
             let is_info = *event.channel == *channels::RUN_INFO;

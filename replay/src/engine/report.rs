@@ -1,59 +1,59 @@
-//! What a replay found.
+//! The report of a replay.
 
 use super::compare::{Divergence, Pair, largest_ulp};
 use super::origin::Deviation;
 use super::what_if::WhatIf;
 
-/// What a replay found. Serialises to the JSON that `hoof replay --json` prints.
+/// The report of a replay; the JSON of `hoof replay --json`.
 #[derive(Debug, Clone, PartialEq, serde::Serialize)]
 pub struct ReplayReport {
-    /// At least one message was compared, and every one was equal in every bit.
+    /// At least one message was compared, and all are equal in every bit.
     pub identical: bool,
-    /// Ticks that were computed again.
+    /// Computed ticks.
     pub ticks: u64,
-    /// Messages, snapshots included, that were found in the log and computed again.
+    /// Messages compared, including snapshots.
     pub messages_compared: u64,
-    /// Those of them that differ.
+    /// Compared messages that differ.
     pub messages_different: u64,
-    /// Snapshots among the messages compared.
+    /// Compared snapshots.
     pub snapshots_compared: u64,
-    /// Computed messages that the log does not hold: a log may be trimmed to some channels.
+    /// Computed messages that are not in the log, which may contain selected channels only.
     pub messages_not_recorded: u64,
-    /// Ticks of which the log holds no output at all.
+    /// Ticks without any output in the log.
     pub unverifiable_ticks: u64,
-    /// Ticks whose input is not in the log.
+    /// Ticks without input in the log.
     pub missing_input_ticks: u64,
-    /// Ticks not computed because the state before them is unknown: between missing inputs and the next snapshot.
+    /// Ticks that were not computed because the state is unknown: from missing inputs to the next snapshot.
     pub skipped_ticks: u64,
-    /// Messages that came behind the inputs of 256 later ticks, or twice, and were left out.
+    /// Messages ignored because they came after the inputs of 256 later ticks, or twice.
     pub late_messages: u64,
-    /// Stretches of the log that could not be read.
+    /// Damaged parts of the log.
     pub damaged: u64,
-    /// The log stops inside a record.
+    /// The log ends inside a record.
     pub cut: bool,
-    /// Time of the first tick computed, ns.
+    /// Time of the first computed tick, controller clock, ns.
     pub first_t_ns: Option<i64>,
-    /// Time of the last tick computed, ns.
+    /// Time of the last computed tick, controller clock, ns.
     pub last_t_ns: Option<i64>,
     /// Wall time of the replay, s.
     pub wall_seconds: f64,
-    /// Time replayed by wall time.
+    /// Replayed time divided by wall time.
     pub real_time_factor: f64,
-    /// What is not as it was when the log was written: build, parameters, robot, types.
+    /// Differences between log and replay in build, parameters, robot and types.
     pub deviations: Vec<Deviation>,
-    /// Stretches of ticks whose input is not in the log, first and last.
+    /// Ranges of ticks without input in the log, first and last.
     pub missing_ticks: Vec<(i64, i64)>,
-    /// Largest distance of two floats anywhere, in floats. `None` if no floats differ, and for what-if replays.
+    /// Largest difference of two floats, ulp. `None` if no floats differ, and for what-if replays.
     pub largest_ulp: Option<u64>,
-    /// How far a changed controller goes from the one that ran; only with changes.
+    /// Comparison of a changed controller with the recorded one; only for what-if replays.
     pub what_if: Option<WhatIf>,
-    /// Where replay and record part first.
+    /// The first difference.
     pub first_divergence: Option<Divergence>,
 }
 
-/// What is counted on the way. Counts of different stretches of a log add up in any order.
+/// Counts of a replay. Those of different segments can be added in any order.
 #[derive(Default)]
-pub(super) struct Tally {
+pub(super) struct Counts {
     pub ticks: u64,
     pub compared: u64,
     pub different: u64,
@@ -64,15 +64,15 @@ pub(super) struct Tally {
     pub skipped: u64,
     pub t_ns: Option<(i64, i64)>,
     pub gaps: Vec<(i64, i64)>,
-    /// Wanted only where the run is not meant to differ.
+    /// Whether to compute `ulp`: not for what-if replays.
     pub ulps: bool,
     pub ulp: Option<u64>,
     pub first: Option<Divergence>,
 }
 
-impl Tally {
-    pub fn add(&mut self, other: Tally) {
-        let Tally {
+impl Counts {
+    pub fn add(&mut self, other: Counts) {
+        let Counts {
             ticks,
             compared,
             different,
@@ -113,14 +113,14 @@ impl Tally {
         }
     }
 
-    /// Looks through messages that differ.
+    /// Updates the largest difference of two floats.
     pub fn largest_ulp(&mut self, different: &[Pair]) {
         if self.ulps {
             self.ulp = self.ulp.max(different.iter().filter_map(largest_ulp).max());
         }
     }
 
-    /// Takes the time of a tick computed.
+    /// Adds the time of a computed tick.
     pub fn time(&mut self, t_ns: i64) {
         let (from, to) = self.t_ns.unwrap_or((t_ns, t_ns));
         self.t_ns = Some((from.min(t_ns), to.max(t_ns)));

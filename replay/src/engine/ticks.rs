@@ -1,4 +1,4 @@
-//! The messages of a log, put together tick by tick.
+//! Groups the messages of a log by tick.
 
 use crate::Error;
 use crate::log::{Event, Events, Health, LogReader};
@@ -9,83 +9,83 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-/// How many later ticks may have their inputs before a tick is handed out: over a bus, messages of one tick do not all arrive before those of the next.
+/// A tick is returned once this many later ticks have their inputs: over a bus, messages of different ticks arrive interleaved.
 const WINDOW: usize = 256;
-/// Ticks that wait at most, with and without input. A live controller sends its commands by itself, and all else through a ring, from which a busy
-/// machine may take it seconds later: inputs are worth waiting for as long as such a ring lasts.
-const MOST: usize = 1 << 14;
+/// Largest number of ticks that wait, with and without input. A live controller publishes its commands directly and all other messages through a
+/// ring that a busy machine may read seconds later, so inputs can arrive this much later than commands.
+const MAX_WAITING: usize = 1 << 14;
 
-/// All that a log holds of one tick.
+/// The messages of one tick.
 #[derive(Default)]
 pub(crate) struct Tick {
     pub tick: i64,
-    /// Time that the log gives the input, ns.
+    /// Log time of the input, ns.
     pub t_log_ns: i64,
     pub input: Option<ControllerInput>,
-    /// What the controller put out then, in the order of the log.
+    /// Recorded outputs, in log order.
     pub recorded: Vec<(Arc<str>, Vec<u8>)>,
-    /// Changes of parameters that hold from this tick on, or from one before it that is not in the log, in order.
+    /// Parameter changes that hold from this tick on, or from an earlier tick that is not in the log, in order.
     pub changes: Vec<ParameterChange>,
     /// Time since the run's first tick, ns.
     pub since_ns: Option<i64>,
-    /// Everything else that stands in the log between the last input and this one, if it was asked for.
+    /// All other events between the previous input and this one; only with [`Beside::InPlace`].
     pub others: Vec<Event>,
-    /// What others said of this tick (TIMING, EVENT), if it was asked for.
+    /// TIMING and EVENT of this tick; only with [`Beside::ByTick`].
     pub beside: Vec<Event>,
 }
 
 impl Tick {
-    /// The state after the tick, if it was recorded.
+    /// The recorded state after the tick, if any.
     pub fn snapshot(&self) -> Option<&[u8]> {
         self.recorded.iter().find(|(channel, _)| **channel == *channels::CONTROLLER_SNAPSHOT).map(|(_, bytes)| &**bytes)
     }
 }
 
-/// What is kept besides the inputs and outputs of a controller.
+/// Which events to return in addition to inputs and outputs.
 #[derive(Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Beside {
-    /// Nothing.
+    /// None.
     Nothing,
-    /// Everything, where it stands in the log: [`Tick::others`].
+    /// All, in log order: [`Tick::others`].
     InPlace,
-    /// Timing and events, by tick: [`Tick::beside`].
+    /// TIMING and EVENT by tick: [`Tick::beside`].
     ByTick,
 }
 
-/// The ticks of a log in the order of their numbers. Memory is bounded by a number of ticks.
+/// The ticks of a log in order. Memory is bounded by the number of waiting ticks.
 pub(crate) struct Ticks {
     path: PathBuf,
     events: Events,
     waiting: BTreeMap<i64, Tick>,
-    /// Ticks among those waiting that have their input.
+    /// Number of waiting ticks that have their input.
     with_input: usize,
-    /// Changes of parameters whose ticks have not been handed out, by the first tick that they hold in.
+    /// Parameter changes of ticks that are not returned yet, by their first tick.
     changes: BTreeMap<i64, Vec<ParameterChange>>,
-    /// All of them so far: a live run says them again for those who come late.
+    /// All parameter changes read so far: a live run repeats them.
     known: Vec<ParameterChange>,
-    handed_out: Option<i64>,
+    returned: Option<i64>,
     kinds: Vec<(Arc<str>, Option<u64>, Kind)>,
     run_info: Option<Vec<u8>>,
-    /// Events that wait for the next input; `None` if nobody wants them.
+    /// Events since the last input; `None` if not requested.
     others: Option<Vec<Event>>,
-    /// Timing and events that wait for their ticks; `None` if nobody wants them.
+    /// TIMING and EVENT of waiting ticks; `None` if not requested.
     beside: Option<BTreeMap<i64, Vec<Event>>>,
-    /// Messages of ticks that were already handed out: too late, or a second time.
+    /// Messages of ticks that were already returned: late or duplicate.
     pub late: u64,
     /// Offset of the last event read.
     pub offset: u64,
 }
 
-/// What a message is to a replay.
+/// Role of a message in a replay.
 #[derive(Clone, Copy)]
 enum Kind {
     RunInfo,
     Input,
-    /// Says which parameter is otherwise from a tick on.
+    /// A parameter change.
     Change,
-    /// Says its tick, so the controller may have put it out.
+    /// An output of the controller: it contains its tick.
     Output,
-    /// Says of which tick it speaks, but does not come from the controller.
+    /// Contains a tick but is not an output of the controller.
     Beside,
     Other,
 }
@@ -102,7 +102,7 @@ impl Ticks {
             with_input: 0,
             changes,
             known,
-            handed_out: None,
+            returned: None,
             kinds: Vec::new(),
             run_info: None,
             others: (beside == Beside::InPlace).then(Vec::new),
@@ -122,7 +122,7 @@ impl Ticks {
         consumed.map(|(channel, fingerprint, _)| (Arc::clone(channel), *fingerprint)).collect()
     }
 
-    /// What stands in the log behind the last input.
+    /// Events after the last input.
     pub fn rest(&mut self) -> Vec<Event> {
         self.others.take().unwrap_or_default()
     }
@@ -130,15 +130,15 @@ impl Ticks {
     /// The next tick, or `None` at the end of the log.
     ///
     /// # Errors
-    /// A second run in the log, a type of another version, an input that cannot be decoded, a file that cannot be read.
+    /// A second run in the log, another type version, an undecodable input, an I/O error.
     pub fn next(&mut self) -> Result<Option<Tick>, Error> {
-        while self.with_input <= WINDOW && self.waiting.len() <= MOST {
+        while self.with_input <= WINDOW && self.waiting.len() <= MAX_WAITING {
             let Some(event) = self.events.next().transpose()? else { break };
             self.offset = event.offset;
             self.take(event)?;
         }
         let mut tick = self.waiting.pop_first().map(|(_, tick)| tick);
-        self.handed_out = tick.as_ref().map(|tick| tick.tick).or(self.handed_out);
+        self.returned = tick.as_ref().map(|tick| tick.tick).or(self.returned);
         if let Some(tick) = &mut tick {
             self.with_input -= usize::from(tick.input.is_some());
             let later = self.changes.split_off(&tick.tick.saturating_add(1));
@@ -155,7 +155,7 @@ impl Ticks {
     fn take(&mut self, event: Event) -> Result<(), Error> {
         match self.kind(&event)? {
             Kind::RunInfo => {
-                // It may be repeated for those who come late; another one is another run.
+                // A live run repeats RUN_INFO; different contents are another run.
                 let first = self.run_info.get_or_insert_with(|| event.data.clone());
                 if *first != event.data {
                     return Err(Error::SeveralRuns { path: self.path.clone(), offset: event.offset });
@@ -181,7 +181,7 @@ impl Ticks {
             Kind::Change => {
                 let change = change_of(&self.path, &event)?;
                 if !self.known.contains(&change) {
-                    if self.handed_out.is_some_and(|last| change.tick <= last) {
+                    if self.returned.is_some_and(|last| change.tick <= last) {
                         self.late += 1;
                     } else {
                         self.changes.entry(change.tick).or_default().push(change.clone());
@@ -198,7 +198,7 @@ impl Ticks {
             }
             Kind::Beside => {
                 if let (Some(waiting), Some(number)) = (&mut self.beside, integer_at(&event.data, 16)) {
-                    // A number that no tick of this part of the log has is not waited for.
+                    // Do not store a message whose tick is far ahead of the log.
                     if self.waiting.last_key_value().is_none_or(|(last, _)| number <= last + WINDOW as i64) {
                         waiting.entry(number).or_default().push(event);
                     }
@@ -218,7 +218,7 @@ impl Ticks {
     }
 
     fn slot(&mut self, number: i64) -> Option<&mut Tick> {
-        if self.handed_out.is_some_and(|last| number <= last) {
+        if self.returned.is_some_and(|last| number <= last) {
             self.late += 1;
             return None;
         }
@@ -232,7 +232,7 @@ impl Ticks {
             return Ok(*kind);
         }
         let kind = match channels::find(&event.channel) {
-            // Its type is that of the controller at hand, which checks it.
+            // The type depends on the controller, which checks it.
             Some(known) if known.name == channels::CONTROLLER_SNAPSHOT => Kind::Output,
             Some(known) => {
                 let kind = match (known.name, known.class, known.stage) {
@@ -248,7 +248,7 @@ impl Ticks {
                 }
                 kind
             }
-            None if fingerprint.is_some_and(says_its_tick) => Kind::Output,
+            None if fingerprint.is_some_and(has_tick) => Kind::Output,
             None => Kind::Other,
         };
         self.kinds.push((Arc::clone(&event.channel), fingerprint, kind));
@@ -256,8 +256,7 @@ impl Ticks {
     }
 }
 
-/// Changes of parameters before the first tick of a log, which stand in it where they were said again: a log that was begun in the middle of a
-/// run is read for them.
+/// Parameter changes before the first tick of a log that starts in the middle of a run. The run repeats them, so the whole log is searched.
 fn changes_before(path: &Path) -> Result<Vec<ParameterChange>, Error> {
     let (mut first, mut found) = (None, Vec::<ParameterChange>::new());
     for event in LogReader::open(path)?.events() {
@@ -289,7 +288,7 @@ fn change_of(path: &Path, event: &Event) -> Result<ParameterChange, Error> {
     })
 }
 
-/// Whether the type of a message is still the one of its channel.
+/// Checks that a message has the type of its channel in this build.
 pub(crate) fn same_version(path: &Path, event: &Event, known: &channels::Channel) -> Result<(), Error> {
     if event.fingerprint() == Some(known.fingerprint) {
         return Ok(());
@@ -303,8 +302,8 @@ pub(crate) fn same_version(path: &Path, event: &Event, known: &channels::Channel
     })
 }
 
-/// Whether a type begins with `int64_t t_ns; int64_t tick;`.
-fn says_its_tick(fingerprint: u64) -> bool {
+/// Whether a type starts with `int64_t t_ns; int64_t tick;`.
+fn has_tick(fingerprint: u64) -> bool {
     let Some(ty) = lcmtypes::types().by_fingerprint(fingerprint) else { return false };
     let is = |field: &Field, name: &str| {
         *field.name == *name && field.dims.is_empty() && matches!(field.ty, FieldType::Primitive(Primitive::Int64))
@@ -312,7 +311,7 @@ fn says_its_tick(fingerprint: u64) -> bool {
     matches!(&ty.def().fields[..], [time, tick, ..] if is(time, "t_ns") && is(tick, "tick"))
 }
 
-/// The big-endian `int64_t` at an offset of a message: `t_ns` stands at 8, `tick` or `seq` at 16.
+/// The big-endian `int64_t` at an offset of a message: `t_ns` is at 8, `tick` or `seq` at 16.
 pub(crate) fn integer_at(message: &[u8], offset: usize) -> Option<i64> {
     message.get(offset..)?.first_chunk().map(|bytes| i64::from_be_bytes(*bytes))
 }

@@ -1,17 +1,17 @@
-//! How far a changed controller goes from the one that ran, on the same inputs.
+//! Compares a changed controller with the recorded one on the same inputs.
 //!
-//! The robot in the log obeyed the recorded command, not the new one. So what a what-if replay says holds as long as the two commands
-//! are close; from the first tick on at which a joint's torques part by more than a bound, the inputs answer another controller.
+//! The recorded inputs are the response to the recorded commands. A what-if replay is therefore valid while the two commands are close,
+//! until the first tick at which the torques of a joint differ by more than a bound.
 
 use lcmtypes::{ControllerTick, Message, RobotCommand, WbcSolution, channels};
 
-/// Difference of a joint's torques, N m, above which the recorded inputs no longer stand for the new controller.
+/// Default bound: largest torque difference of a joint for which a what-if replay is valid, N m.
 pub const DEFAULT_BOUND: f64 = 20.0;
 
-/// A parameter that changes on the way.
+/// A parameter override from a tick or time on.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Change {
-    /// From when on.
+pub struct TimedOverride {
+    /// First tick or time.
     pub when: When,
     /// Dotted key.
     pub key: String,
@@ -19,18 +19,18 @@ pub struct Change {
     pub value: String,
 }
 
-/// A moment of a log.
+/// A tick or a time.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum When {
     /// The tick of this number.
     Tick(i64),
-    /// The first tick at or after this time, s since the first tick of the log.
+    /// The first tick at or after this time, s since the run's first tick.
     Seconds(f64),
 }
 
 impl When {
-    /// Whether a tick is there, or behind.
-    pub(super) fn has_come(self, tick: i64, since_s: f64) -> bool {
+    /// Whether a tick is at or after this.
+    pub(super) fn is_reached(self, tick: i64, since_s: f64) -> bool {
         match self {
             When::Tick(at) => tick >= at,
             When::Seconds(at) => since_s >= at,
@@ -38,14 +38,14 @@ impl When {
     }
 }
 
-/// What a what-if replay found. Quantities of the new controller, up to the departure if there is one.
+/// Results of a what-if replay. Statistics are of the changed controller, up to the departure.
 #[derive(Debug, Clone, PartialEq, serde::Serialize)]
 pub struct WhatIf {
     /// The bound, N m.
     pub bound: f64,
-    /// Where the commands part by more than the bound; `None` if they never do, or the log holds no ROBOT_COMMAND.
+    /// First tick at which a torque exceeds the bound; `None` if none does, or the log contains no ROBOT_COMMAND.
     pub departure: Option<Departure>,
-    /// Ticks that the following is made of.
+    /// Number of ticks before it, over which the following is computed.
     pub ticks: u64,
     /// Largest difference of a joint's torques, N m.
     pub tau_difference_max: f64,
@@ -53,9 +53,9 @@ pub struct WhatIf {
     pub tau_difference_rms: f64,
     /// Root mean square of the new torques of all joints, N m.
     pub tau_rms: f64,
-    /// Ticks in which the new quadratic program had no solution.
+    /// Ticks without a QP solution.
     pub qp_failed_ticks: u64,
-    /// Mean iterations of its solver.
+    /// Mean iterations of the QP solver.
     pub qp_iterations: f64,
     /// Mean residuals of contact (m/s²), trunk and posture (rad/s²).
     pub residuals: [f64; 3],
@@ -68,7 +68,7 @@ pub struct WhatIf {
     pub samples: Vec<Sample>,
 }
 
-/// Where recorded inputs stop to stand for the new controller.
+/// The tick from which a what-if replay is not valid.
 #[derive(Debug, Clone, Copy, PartialEq, serde::Serialize)]
 pub struct Departure {
     /// Tick.
@@ -90,7 +90,7 @@ pub struct Sample {
     pub t_s: f64,
     /// As recorded; empty if the log does not say.
     pub recorded: Vec<f32>,
-    /// As computed now.
+    /// Replayed.
     pub replayed: Vec<f32>,
 }
 
@@ -130,7 +130,7 @@ impl Collector {
         }
     }
 
-    /// Takes a tick: the recorded command, if there is one, and what the controller put out now.
+    /// Adds a tick: the recorded command, if any, and the replayed outputs.
     pub fn tick(&mut self, (tick, t_ns, t_s): (i64, i64, f64), recorded: Option<&[u8]>, outbox: &controller::Outbox) {
         let command = |bytes: Option<&[u8]>| bytes.and_then(|bytes| RobotCommand::decode(bytes).ok());
         let recorded = command(recorded).map(|command| command.tau).unwrap_or_default();
@@ -168,7 +168,7 @@ impl Collector {
         }
     }
 
-    /// What was collected; `changes_not_reached` as in [`WhatIf`].
+    /// The results. `changes_not_reached`: as in [`WhatIf`].
     pub fn finish(self, changes_not_reached: u64) -> WhatIf {
         let mean = |sum: f64, n: u64| if n > 0 { sum / n as f64 } else { 0.0 };
         WhatIf {

@@ -1,24 +1,24 @@
-//! A lock-free ring of byte strings between two threads, allocated once.
+//! A preallocated lock-free ring of byte strings between two threads.
 
 use rtrb::{Consumer, Producer, RingBuffer};
 
-/// Length before each string, bytes.
+/// Size of the length prefix of each string, bytes.
 const PREFIX: usize = 4;
 
-/// The end that puts in.
+/// The writing end of the ring.
 pub struct BytesIn(Producer<u8>);
 
-/// The end that takes out.
+/// The reading end of the ring.
 pub struct BytesOut(Consumer<u8>);
 
-/// A ring that holds `capacity` bytes.
+/// Creates a ring of `capacity` bytes.
 pub fn byte_ring(capacity: usize) -> (BytesIn, BytesOut) {
     let (input, output) = RingBuffer::new(capacity);
     (BytesIn(input), BytesOut(output))
 }
 
 impl BytesIn {
-    /// Puts in one string, given in parts; `false` if there is no room for it now.
+    /// Appends one string, given in parts; `false` if it does not fit now.
     pub fn push(&mut self, parts: &[&[u8]]) -> bool {
         let length: usize = parts.iter().map(|part| part.len()).sum();
         let Ok(prefix) = u32::try_from(length) else { return false };
@@ -35,36 +35,37 @@ impl BytesIn {
         true
     }
 
-    /// Longest string that an empty ring takes.
+    /// Longest string that fits into the empty ring, bytes.
     pub fn longest(&self) -> usize {
         (self.0.buffer().capacity() - PREFIX).min(u32::MAX as usize)
     }
 
-    /// Bytes that wait in the ring.
+    /// Used bytes of the ring.
     pub fn waiting(&self) -> usize {
         self.0.buffer().capacity() - self.0.slots()
     }
 
-    /// All bytes that the ring holds.
+    /// Size of the ring, bytes.
     pub fn capacity(&self) -> usize {
         self.0.buffer().capacity()
     }
 
-    /// Nobody takes out any more.
+    /// Whether the reading end was dropped.
     pub fn is_abandoned(&self) -> bool {
         self.0.is_abandoned()
     }
 }
 
 impl BytesOut {
-    /// Takes the next string into `out`, whatever was there before; `false` if there is none.
+    /// Moves the next string into `out`, replacing its contents; `false` if the ring is empty.
     pub fn pop(&mut self, out: &mut Vec<u8>) -> bool {
         let mut prefix = [0; PREFIX];
         if self.0.pop_entire_slice(&mut prefix).is_err() {
             return false;
         }
-        // A string is put in at once, so all of it is there.
-        let chunk = self.0.read_chunk(u32::from_ne_bytes(prefix) as usize).expect("put in with its length");
+        // A string is written in one step, so it is complete.
+        let chunk =
+            self.0.read_chunk(u32::from_ne_bytes(prefix) as usize).expect("the prefix is the length of the string");
         let (first, second) = chunk.as_slices();
         out.clear();
         out.extend_from_slice(first);
@@ -73,7 +74,7 @@ impl BytesOut {
         true
     }
 
-    /// Nobody puts in any more; what is in the ring can still be taken.
+    /// Whether the writing end was dropped; the strings in the ring can still be read.
     pub fn is_abandoned(&self) -> bool {
         self.0.is_abandoned()
     }

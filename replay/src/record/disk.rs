@@ -1,7 +1,7 @@
-//! A file on a disk that may be full for a while.
+//! A file on a disk that may be full temporarily.
 //!
-//! A full disk is met as a slow one: the writing thread tries again until there is room, the ring before it fills, and what is left out is
-//! decided there, by channel. So the file never has a hole, and once there is room it goes on.
+//! A full disk is handled like a slow one: the writing thread retries until there is space, the ring before it fills up, and the drop
+//! policy of the ring drops messages by channel. The file has no hole and continues when there is space.
 
 use crate::log::Output;
 use std::io::{self, Write};
@@ -9,10 +9,10 @@ use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
 
-/// How long to wait before trying again.
+/// Time between two attempts.
 const RETRY: Duration = Duration::from_millis(20);
 
-/// How writing goes, for whoever watches.
+/// Status of writing, shared with other threads.
 #[derive(Default)]
 pub struct DiskState {
     bytes: AtomicU64,
@@ -26,12 +26,12 @@ impl DiskState {
         self.bytes.load(Ordering::Relaxed)
     }
 
-    /// Why nothing can be written at the moment.
+    /// Error of the last attempt, while nothing can be written.
     pub fn trouble(&self) -> Option<String> {
         self.trouble.lock().unwrap_or_else(PoisonError::into_inner).clone()
     }
 
-    /// Ends the waiting: what cannot be written now is left out, and the file ends there.
+    /// Stops retrying: the file ends at the first failed write.
     pub fn give_up(&self) {
         self.give_up.store(true, Ordering::Relaxed);
     }
@@ -41,22 +41,22 @@ impl DiskState {
     }
 }
 
-/// Writes to a disk, however long it takes.
-pub struct PatientFile {
+/// A writer that retries until the disk accepts the data.
+pub struct RetryingFile {
     disk: Output,
     state: Arc<DiskState>,
     in_trouble: bool,
     ended: bool,
 }
 
-impl PatientFile {
-    /// Writes to `disk`.
+impl RetryingFile {
+    /// Wraps `disk`.
     pub fn new(disk: Output, state: Arc<DiskState>) -> Self {
-        PatientFile { disk, state, in_trouble: false, ended: false }
+        RetryingFile { disk, state, in_trouble: false, ended: false }
     }
 }
 
-impl Write for PatientFile {
+impl Write for RetryingFile {
     fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
         if self.ended {
             return Err(io::ErrorKind::StorageFull.into());
@@ -75,7 +75,7 @@ impl Write for PatientFile {
                 Err(error) => error,
             };
             if self.state.give_up.load(Ordering::Relaxed) {
-                // For good, or the next piece would follow a hole.
+                // Permanently, or later data would follow a hole.
                 self.ended = true;
                 return Err(error);
             }

@@ -1,91 +1,91 @@
-//! What a log goes without when not everything fits: debug channels first, replay inputs never.
+//! Drop policy under overload: debug channels are dropped first, replay inputs never.
 
 use super::Pattern;
 use lcmtypes::channels::{self, Class};
 use std::collections::BTreeMap;
 
-/// What is recorded.
+/// Which channels are recorded.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Default, serde::Serialize)]
 #[serde(rename_all = "snake_case")]
-pub enum Keep {
+pub enum RecordLevel {
     /// Every channel.
     #[default]
     All,
-    /// What a replay needs and compares: not the channels for people, nor those that this stack does not know.
+    /// Channels that a replay needs or compares; debug channels and channels unknown to this stack are dropped.
     Replay,
-    /// Only what a replay needs.
+    /// Only channels that a replay needs.
     Inputs,
 }
 
-impl Keep {
-    /// In words, for the log and for people.
+impl RecordLevel {
+    /// Text for EVENT messages and screens.
     pub fn text(self) -> &'static str {
         match self {
-            Keep::All => "every channel is recorded",
-            Keep::Replay => "debug channels are not recorded",
-            Keep::Inputs => "only what a replay needs is recorded",
+            RecordLevel::All => "all channels are recorded",
+            RecordLevel::Replay => "debug channels are not recorded",
+            RecordLevel::Inputs => "only channels that a replay needs are recorded",
         }
     }
 
     fn takes(self, class: Option<Class>) -> bool {
         match class {
             Some(Class::Meta | Class::ReplayInput) => true,
-            Some(Class::Output) => self <= Keep::Replay,
-            Some(Class::Debug | Class::Truth | Class::Timing) | None => self == Keep::All,
+            Some(Class::Output) => self <= RecordLevel::Replay,
+            Some(Class::Debug | Class::Truth | Class::Timing) | None => self == RecordLevel::All,
         }
     }
 }
 
-/// Decides message by message, and counts what was left out.
+/// Decides for each message whether it is recorded, and counts the dropped ones.
 #[derive(Default)]
-pub(super) struct Shedder {
-    /// Channels never left out, beside those of the table.
+pub(super) struct DropPolicy {
+    /// Channels that are never dropped, in addition to the replay inputs.
     vital: Option<Pattern>,
-    /// What the free space on the disk allows.
-    pub disk: Keep,
-    /// What the room in the ring allows.
-    room: Keep,
-    /// Messages left out since this was last said.
-    unsaid: BTreeMap<String, u64>,
-    /// Messages left out, by channel.
+    /// Level permitted by the free disk space.
+    pub disk: RecordLevel,
+    /// Level permitted by the free space in the ring.
+    ring: RecordLevel,
+    /// Messages dropped since the last report.
+    unreported: BTreeMap<String, u64>,
+    /// Dropped messages by channel.
     pub total: BTreeMap<String, u64>,
 }
 
-impl Shedder {
-    /// One that never leaves out what `vital` matches.
+impl DropPolicy {
+    /// A policy that never drops channels that match `vital`.
     pub fn new(vital: Option<Pattern>) -> Self {
-        Shedder { vital, ..Self::default() }
+        DropPolicy { vital, ..Self::default() }
     }
 
-    /// What is recorded now.
-    pub fn keep(&self) -> Keep {
-        self.disk.max(self.room)
+    /// Level in use.
+    pub fn level(&self) -> RecordLevel {
+        self.disk.max(self.ring)
     }
 
-    /// Takes notice of how much waits. Between falling behind and having caught up lies a quarter of the ring, so that the answer does
-    /// not change with every message.
-    pub fn see(&mut self, waiting: usize, capacity: usize) {
+    /// Sets the level from the fill of the ring. The thresholds have a hysteresis of a quarter of the ring, so that the level does not
+    /// change with every message.
+    pub fn update(&mut self, waiting: usize, capacity: usize) {
         let quarters = |n: usize| capacity / 4 * n;
-        self.room = match self.room {
-            _ if waiting > quarters(3) => Keep::Inputs,
-            Keep::Inputs if waiting > quarters(2) => Keep::Inputs,
-            _ if waiting > quarters(2) => Keep::Replay,
-            Keep::Replay | Keep::Inputs if waiting > quarters(1) => Keep::Replay,
-            _ => Keep::All,
+        self.ring = match self.ring {
+            _ if waiting > quarters(3) => RecordLevel::Inputs,
+            RecordLevel::Inputs if waiting > quarters(2) => RecordLevel::Inputs,
+            _ if waiting > quarters(2) => RecordLevel::Replay,
+            RecordLevel::Replay | RecordLevel::Inputs if waiting > quarters(1) => RecordLevel::Replay,
+            _ => RecordLevel::All,
         };
     }
 
     /// Whether a message of this channel is recorded.
     pub fn takes(&self, channel: &str) -> bool {
-        let keep = self.keep();
-        keep == Keep::All
-            || keep.takes(channels::find(channel).map(|c| c.class))
+        let level = self.level();
+        level == RecordLevel::All
+            || level.takes(channels::find(channel).map(|c| c.class))
             || self.vital.as_ref().is_some_and(|vital| vital.matches(channel))
     }
 
-    /// Counts a message that was left out.
-    pub fn left_out(&mut self, channel: &str) {
-        for counts in [&mut self.unsaid, &mut self.total] {
+    /// Counts a dropped message.
+    pub fn count_dropped(&mut self, channel: &str) {
+        for counts in [&mut self.unreported, &mut self.total] {
             match counts.get_mut(channel) {
                 Some(count) => *count += 1,
                 None => drop(counts.insert(channel.to_owned(), 1)),
@@ -93,15 +93,16 @@ impl Shedder {
         }
     }
 
-    /// Something was left out that nobody has been told of.
-    pub fn has_unsaid(&self) -> bool {
-        !self.unsaid.is_empty()
+    /// Whether messages were dropped since the last report.
+    pub fn has_unreported(&self) -> bool {
+        !self.unreported.is_empty()
     }
 
-    /// What was left out since this was last asked: `ROBOT_STATE 120, LEG_STATE 7`.
-    pub fn say(&mut self) -> String {
-        let said: Vec<_> = std::mem::take(&mut self.unsaid).iter().map(|(name, n)| format!("{name} {n}")).collect();
-        said.join(", ")
+    /// Messages dropped since the last call: `ROBOT_STATE 120, LEG_STATE 7`.
+    pub fn take_report(&mut self) -> String {
+        let report: Vec<_> =
+            std::mem::take(&mut self.unreported).iter().map(|(name, n)| format!("{name} {n}")).collect();
+        report.join(", ")
     }
 }
 
@@ -109,17 +110,17 @@ impl Shedder {
 mod tests {
     use super::*;
 
-    fn kept(shedder: &Shedder) -> Vec<&'static str> {
-        channels::CHANNELS.iter().map(|c| c.name).chain(["OTHER"]).filter(|name| shedder.takes(name)).collect()
+    fn kept(policy: &DropPolicy) -> Vec<&'static str> {
+        channels::CHANNELS.iter().map(|c| c.name).chain(["OTHER"]).filter(|name| policy.takes(name)).collect()
     }
 
     #[test]
-    fn debug_goes_first_and_replay_inputs_never() {
-        let mut shedder = Shedder::default();
-        assert_eq!(kept(&shedder).len(), channels::CHANNELS.len() + 1);
-        shedder.see(51, 100);
+    fn debug_channels_are_dropped_first_and_replay_inputs_never() {
+        let mut policy = DropPolicy::default();
+        assert_eq!(kept(&policy).len(), channels::CHANNELS.len() + 1);
+        policy.update(51, 100);
         assert_eq!(
-            kept(&shedder),
+            kept(&policy),
             [
                 "RUN_INFO",
                 "PARAMETER_CHANGE",
@@ -130,42 +131,45 @@ mod tests {
                 "EVENT"
             ]
         );
-        shedder.see(76, 100);
-        assert_eq!(kept(&shedder), ["RUN_INFO", "PARAMETER_CHANGE", "CONTROLLER_INPUT", "EVENT"]);
-        shedder.see(100, 100);
-        assert_eq!(kept(&shedder), ["RUN_INFO", "PARAMETER_CHANGE", "CONTROLLER_INPUT", "EVENT"]);
+        policy.update(76, 100);
+        assert_eq!(kept(&policy), ["RUN_INFO", "PARAMETER_CHANGE", "CONTROLLER_INPUT", "EVENT"]);
+        policy.update(100, 100);
+        assert_eq!(kept(&policy), ["RUN_INFO", "PARAMETER_CHANGE", "CONTROLLER_INPUT", "EVENT"]);
     }
 
     #[test]
-    fn what_was_left_out_comes_back_a_quarter_later() {
-        let mut shedder = Shedder::default();
+    fn channels_are_recorded_again_below_the_hysteresis() {
+        let mut policy = DropPolicy::default();
         let mut after = |waiting| {
-            shedder.see(waiting, 100);
-            shedder.keep()
+            policy.update(waiting, 100);
+            policy.level()
         };
-        assert_eq!([50, 51, 26, 25].map(&mut after), [Keep::All, Keep::Replay, Keep::Replay, Keep::All]);
+        assert_eq!(
+            [50, 51, 26, 25].map(&mut after),
+            [RecordLevel::All, RecordLevel::Replay, RecordLevel::Replay, RecordLevel::All]
+        );
         assert_eq!(
             [76, 51, 50, 26, 25].map(after),
-            [Keep::Inputs, Keep::Inputs, Keep::Replay, Keep::Replay, Keep::All]
+            [RecordLevel::Inputs, RecordLevel::Inputs, RecordLevel::Replay, RecordLevel::Replay, RecordLevel::All]
         );
     }
 
     #[test]
-    fn the_disk_counts_too_and_a_vital_channel_stays() {
-        let mut shedder = Shedder::new(Pattern::new("OTHER|LEG.*").ok());
-        shedder.disk = Keep::Inputs;
-        assert_eq!(kept(&shedder), ["RUN_INFO", "PARAMETER_CHANGE", "CONTROLLER_INPUT", "LEG_STATE", "EVENT", "OTHER"]);
+    fn low_disk_space_drops_channels_except_vital_ones() {
+        let mut policy = DropPolicy::new(Pattern::new("OTHER|LEG.*").ok());
+        policy.disk = RecordLevel::Inputs;
+        assert_eq!(kept(&policy), ["RUN_INFO", "PARAMETER_CHANGE", "CONTROLLER_INPUT", "LEG_STATE", "EVENT", "OTHER"]);
     }
 
     #[test]
-    fn each_loss_is_said_once() {
-        let mut shedder = Shedder::default();
+    fn each_drop_is_reported_once() {
+        let mut policy = DropPolicy::default();
         for channel in ["B", "A", "B"] {
-            shedder.left_out(channel);
+            policy.count_dropped(channel);
         }
-        assert_eq!(shedder.say(), "A 1, B 2");
-        shedder.left_out("B");
-        assert_eq!((shedder.say(), shedder.has_unsaid()), ("B 1".to_owned(), false));
-        assert_eq!(shedder.total["B"], 3);
+        assert_eq!(policy.take_report(), "A 1, B 2");
+        policy.count_dropped("B");
+        assert_eq!((policy.take_report(), policy.has_unreported()), ("B 1".to_owned(), false));
+        assert_eq!(policy.total["B"], 3);
     }
 }

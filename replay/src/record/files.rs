@@ -1,7 +1,7 @@
-//! The files of a recording: one, or one after another.
+//! The files of a recording: one, or several with rotation.
 
-use super::disk::{DiskState, PatientFile};
-use super::fresh::Fresh;
+use super::disk::{DiskState, RetryingFile};
+use super::new_file::NewFile;
 use super::ring::{EventSink, Target};
 use crate::Error;
 use crate::log::{Format, LogWriter, Output};
@@ -10,14 +10,14 @@ use std::collections::VecDeque;
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, PoisonError};
 
-/// When a new file begins, and how many are kept.
+/// When to start a new file, and how many to keep.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct Rotation {
-    /// Bytes in a file.
+    /// Largest size of a file, bytes.
     pub bytes: Option<u64>,
-    /// Time from a file's first to its last event, ns.
+    /// Longest time from a file's first to its last event, ns.
     pub time_ns: Option<i64>,
-    /// Files kept: the oldest goes when one more begins.
+    /// Number of files to keep; the oldest is deleted.
     pub keep: Option<usize>,
 }
 
@@ -27,12 +27,12 @@ impl Rotation {
     }
 }
 
-/// Makes a file.
+/// Creates a file.
 pub type Create = Box<dyn Fn(&Path) -> std::io::Result<Output> + Send>;
 
-/// Writes events to a file, and to the next one when it is time.
+/// Writes events to a file and rotates it.
 ///
-/// Every further file begins with the RUN_INFO heard last, so that it explains itself.
+/// Every further file starts with the last RUN_INFO, so that it can be read on its own.
 pub struct Files {
     path: PathBuf,
     rotation: Rotation,
@@ -40,8 +40,8 @@ pub struct Files {
     state: Arc<DiskState>,
     log: LogWriter,
     index: u32,
-    /// Bytes of the state when this file began.
-    began_at: u64,
+    /// Bytes written before this file.
+    bytes_before: u64,
     first_ns: Option<i64>,
     run_info: Option<Vec<u8>>,
     names: Names,
@@ -49,29 +49,29 @@ pub struct Files {
     events: u64,
 }
 
-/// Names of the files, for whoever watches.
+/// Names of the files, shared with other threads.
 pub type Names = Arc<Mutex<VecDeque<PathBuf>>>;
 
 impl Files {
-    /// The first file: `path`, or `path` with a number before its ending where others may follow. What is there is moved aside ([`Files::moved`]),
-    /// and what is written is locked.
+    /// Creates the first file: `path`, or with rotation `path` with a number before its extension. An existing file is renamed
+    /// ([`Files::moved`]); the new file is locked.
     ///
     /// # Errors
     /// [`Error::UnknownExtension`]; [`Error::Io`] if it cannot be created or another process records into it.
     pub fn create(path: &Path, rotation: Rotation, state: Arc<DiskState>) -> Result<Self, Error> {
         let moved = Arc::<Mutex<Option<PathBuf>>>::default();
-        let tell = Arc::clone(&moved);
+        let shared = Arc::clone(&moved);
         let create = move |path: &Path| {
-            let fresh = Fresh::create(path)?;
-            *tell.lock().unwrap_or_else(PoisonError::into_inner) = fresh.moved;
-            Ok(Box::new(fresh.file) as Output)
+            let new = NewFile::create(path)?;
+            *shared.lock().unwrap_or_else(PoisonError::into_inner) = new.moved;
+            Ok(Box::new(new.file) as Output)
         };
         let mut files = Self::create_on(path, rotation, state, Box::new(create))?;
         files.moved = moved.lock().unwrap_or_else(PoisonError::into_inner).take();
         Ok(files)
     }
 
-    /// The same on any kind of disk.
+    /// [`Files::create`] with another way to create a file.
     ///
     /// # Errors
     /// As [`Files::create`].
@@ -87,7 +87,7 @@ impl Files {
             state,
             log,
             index: 0,
-            began_at: 0,
+            bytes_before: 0,
             first_ns: None,
             run_info: None,
             names,
@@ -96,41 +96,41 @@ impl Files {
         })
     }
 
-    /// Names of the files that are there, oldest first; goes on being true while the recording does.
+    /// Names of the existing files, oldest first; updated during the recording.
     pub fn names(&self) -> Names {
         Arc::clone(&self.names)
     }
 
-    /// What had the name of the first file before, by its new name.
+    /// New name of the file that had the name of the first file before.
     pub fn moved(&self) -> Option<&Path> {
         self.moved.as_deref()
     }
 
     fn is_due(&self, t_ns: i64) -> bool {
         let Some(first_ns) = self.first_ns else { return false };
-        let bytes = self.state.bytes() - self.began_at;
+        let bytes = self.state.bytes() - self.bytes_before;
         self.rotation.bytes.is_some_and(|limit| bytes >= limit)
             || self.rotation.time_ns.is_some_and(|limit| t_ns.saturating_sub(first_ns) >= limit)
     }
 
-    /// Ends this file and begins the next. Where none can be created, this one goes on.
+    /// Completes this file and starts the next. If the next cannot be created, this one continues.
     fn next(&mut self, t_ns: i64) -> Result<(), Error> {
         let next = numbered(&self.path, &self.rotation, self.index + 1);
-        // So that another attempt is made at the next limit, not at every event.
-        self.began_at = self.state.bytes();
+        // The next attempt is at the next limit, not at the next event.
+        self.bytes_before = self.state.bytes();
         self.first_ns = Some(t_ns);
         let Ok(log) = open(&next, &self.create, &self.state) else { return Ok(()) };
         self.index += 1;
         let ended = std::mem::replace(&mut self.log, log);
         self.events += ended.finish()?;
-        self.began_at = self.state.bytes();
+        self.bytes_before = self.state.bytes();
         if let Some(info) = &self.run_info {
             self.log.write(channels::RUN_INFO, t_ns, info)?;
         }
         let mut names = self.names.lock().unwrap_or_else(PoisonError::into_inner);
         names.push_back(next);
         while self.rotation.keep.is_some_and(|keep| names.len() > keep.max(1)) {
-            // A file that somebody has taken away already is gone, which is what was wanted.
+            // The file may have been deleted already.
             let _ = names.pop_front().map(std::fs::remove_file);
         }
         Ok(())
@@ -163,10 +163,10 @@ impl Target for Files {
 fn open(path: &Path, create: &Create, state: &Arc<DiskState>) -> Result<LogWriter, Error> {
     let format = Format::of_name(path)?;
     let disk = create(path).map_err(|source| Error::Io { path: path.into(), source })?;
-    LogWriter::to_output(path, format, Box::new(PatientFile::new(disk, Arc::clone(state))))
+    LogWriter::to_output(path, format, Box::new(RetryingFile::new(disk, Arc::clone(state))))
 }
 
-/// `run.mcap`, or `run_0000.mcap` where others follow.
+/// `run.mcap`, or `run_0000.mcap` with rotation.
 fn numbered(path: &Path, rotation: &Rotation, index: u32) -> PathBuf {
     if !rotation.is_on() {
         return path.into();

@@ -1,79 +1,79 @@
-//! From datagrams to events: what is whole goes into the log, what is missing is said there.
+//! From datagrams to events: writes complete messages to the log, and reports losses there as EVENT messages.
 
-use super::account::Account;
-use super::drop_policy::Keep;
-use super::hearing::{Hearing, Tally};
+use super::drop_policy::RecordLevel;
+use super::message_decoder::{MessageDecoder, ReceiveCounts};
 use super::pattern::Filter;
 use super::ring::{EventSink, RingWriter};
+use super::sender_counts::SenderCounts;
 use crate::Error;
 use crate::udpm::Datagram;
 use lcmtypes::Event;
 use std::collections::BTreeMap;
 
-/// How often findings go into the log, ns.
+/// Time between two reports in the log, ns.
 const REPORT_NS: i64 = 1_000_000_000;
 
-/// Sorts what was heard.
+/// Decodes datagrams, filters channels and writes the messages.
 pub struct Intake {
     filter: Filter,
     writer: RingWriter,
-    hearing: Hearing,
+    decoder: MessageDecoder,
     now_ns: i64,
     reported_ns: i64,
 }
 
-/// How a recording goes.
+/// Status of a running recording.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Status {
-    /// What was heard.
-    pub tally: Tally,
-    /// Messages lost, datagrams that came again, datagrams that came late.
-    pub lost_twice_late: [u64; 3],
-    /// Senders heard.
+    /// Received messages and datagrams.
+    pub counts: ReceiveCounts,
+    /// Lost messages, duplicate datagrams, late datagrams.
+    pub lost_duplicate_late: [u64; 3],
+    /// Number of senders.
     pub senders: usize,
-    /// What is recorded now.
-    pub keep: Keep,
-    /// Part of the ring before the disk that is in use, 0 to 1.
+    /// Channels that are recorded now.
+    pub level: RecordLevel,
+    /// Used part of the write buffer, 0 to 1.
     pub fill: f64,
-    /// Messages that were left out.
+    /// Received messages that were not recorded.
     pub left_out: u64,
 }
 
-/// How a recording went.
+/// Summary of a recording.
 #[derive(Debug, Clone, PartialEq, Eq, serde::Serialize)]
-pub struct Heard {
-    /// Events in the log, with those of the recorder itself; `None` if it could not be completed.
+pub struct IntakeSummary {
+    /// Events in the log, including those of the recorder; `None` if the log could not be completed.
     pub events: Option<u64>,
-    /// Why it could not: it then ends where the disk took no more.
+    /// Why the log could not be completed; it ends at the last successful write.
     pub failure: Option<String>,
-    /// What was heard.
+    /// Received messages and datagrams.
     #[serde(flatten)]
-    pub tally: Tally,
-    /// Messages lost on the way to the recorder.
+    pub counts: ReceiveCounts,
+    /// Messages lost between senders and recorder.
     pub lost: u64,
-    /// Datagrams that came again.
+    /// Duplicate datagrams.
     pub duplicates: u64,
-    /// Datagrams that came after a later one.
+    /// Datagrams received after a later one of their sender.
     pub reordered: u64,
-    /// Messages that came and were left out, by channel.
+    /// Received messages that were not recorded, by channel.
     pub left_out: BTreeMap<String, u64>,
-    /// Account of each sender.
-    pub senders: Vec<Account>,
+    /// Counts of each sender.
+    pub senders: Vec<SenderCounts>,
 }
 
 impl Intake {
-    /// Hands what passes the filter to `writer`.
+    /// Writes the messages of the filter's channels to `writer`.
     pub fn new(filter: Filter, writer: RingWriter) -> Self {
-        Intake { filter, writer, hearing: Hearing::default(), now_ns: 0, reported_ns: 0 }
+        Intake { filter, writer, decoder: MessageDecoder::default(), now_ns: 0, reported_ns: 0 }
     }
 
     /// Takes a datagram.
     ///
     /// # Errors
-    /// [`Error::WriterFailed`] once the log cannot be written any more.
+    /// [`Error::WriterFailed`] once a write has failed.
     pub fn datagram(&mut self, datagram: &Datagram) -> Result<(), Error> {
         self.now_ns = datagram.t_ns;
-        match self.hearing.datagram(datagram) {
+        match self.decoder.datagram(datagram) {
             Some(message) if self.filter.takes(&message.channel) => {
                 self.writer.write(&message.channel, datagram.t_ns, &message.data)
             }
@@ -81,72 +81,74 @@ impl Intake {
         }
     }
 
-    /// To be called a few times a second, whether anything came or not: gives up waiting for what is too late, and says in the log what
-    /// was found.
+    /// Call a few times per second, with or without datagrams: counts messages that are overdue as lost, and writes findings to the log.
     ///
     /// # Errors
     /// As [`Intake::datagram`].
-    pub fn look_up(&mut self, now_ns: i64) -> Result<(), Error> {
+    pub fn update(&mut self, now_ns: i64) -> Result<(), Error> {
         self.now_ns = self.now_ns.max(now_ns);
         if now_ns - self.reported_ns < REPORT_NS {
             return Ok(());
         }
         self.reported_ns = now_ns;
-        self.hearing.settle(now_ns);
+        self.decoder.settle(now_ns);
         self.report()
     }
 
-    /// What the free space on the disk allows from now on.
-    pub fn set_disk(&mut self, keep: Keep) {
-        self.writer.set_disk(keep);
+    /// Sets the channels that the free disk space permits.
+    pub fn set_disk_level(&mut self, level: RecordLevel) {
+        self.writer.set_disk_level(level);
     }
 
-    /// How it goes.
+    /// Current status.
     pub fn status(&self) -> Status {
         Status {
-            tally: self.hearing.tally(),
-            lost_twice_late: self.hearing.totals(),
-            senders: self.hearing.senders(),
-            keep: self.writer.keep(),
+            counts: self.decoder.counts(),
+            lost_duplicate_late: self.decoder.totals(),
+            senders: self.decoder.senders(),
+            level: self.writer.level(),
             fill: self.writer.fill(),
             left_out: self.writer.left_out_total(),
         }
     }
 
-    /// Says the rest and the sum in the log, and completes it.
-    pub fn finish(mut self) -> Heard {
-        self.hearing.settle_all();
-        let said = self.report_and_sum_up();
-        let [lost, duplicates, reordered] = self.hearing.totals();
+    /// Writes the last findings and the totals to the log and completes it.
+    pub fn finish(mut self) -> IntakeSummary {
+        self.decoder.settle_all();
+        let reported = self.report_totals();
+        let [lost, duplicates, reordered] = self.decoder.totals();
         let left_out = self.writer.left_out();
-        // A writer that has failed refuses to say anything more; its own error is the one that tells why.
-        let written = self.writer.finish().and_then(|events| said.map(|()| events));
+        // After a failed write the reports fail too; the error of the writer is the cause.
+        let written = self.writer.finish().and_then(|events| reported.map(|()| events));
         let (events, failure) = match written {
             Ok(events) => (Some(events), None),
             Err(error) => (None, Some(error.to_string())),
         };
-        let senders = self.hearing.accounts();
-        Heard { events, failure, tally: self.hearing.tally(), lost, duplicates, reordered, left_out, senders }
+        let senders = self.decoder.all_counts();
+        IntakeSummary { events, failure, counts: self.decoder.counts(), lost, duplicates, reordered, left_out, senders }
     }
 
-    fn report_and_sum_up(&mut self) -> Result<(), Error> {
+    fn report_totals(&mut self) -> Result<(), Error> {
         self.report()?;
-        let [lost, twice, late] = self.hearing.totals();
+        let [lost, duplicate, late] = self.decoder.totals();
         let left_out = self.writer.left_out_total();
-        let tally = self.hearing.tally();
+        let counts = self.decoder.counts();
         let text = format!(
-            "end of the recording: {} messages heard of {} senders; lost {lost}, came again {twice}, came late {late}, \
-             dropped by the kernel {}, malformed {}, left out {left_out}",
-            tally.heard,
-            self.hearing.senders(),
-            tally.kernel_dropped,
-            tally.malformed
+            "end of the recording: {} messages received from {} senders; lost {lost}, duplicate {duplicate}, late {late}, \
+             dropped by the kernel {}, malformed {}, not recorded {left_out}",
+            counts.received,
+            self.decoder.senders(),
+            counts.kernel_dropped,
+            counts.malformed
         );
         let level = if lost + left_out > 0 { Event::LEVEL_WARNING } else { Event::LEVEL_INFO };
-        self.writer.say(self.now_ns, level, text)
+        self.writer.report(self.now_ns, level, text)
     }
 
     fn report(&mut self) -> Result<(), Error> {
-        self.hearing.news().into_iter().try_for_each(|(level, text)| self.writer.say(self.now_ns, level, text))
+        self.decoder
+            .take_events()
+            .into_iter()
+            .try_for_each(|(level, text)| self.writer.report(self.now_ns, level, text))
     }
 }

@@ -1,33 +1,33 @@
-//! Recording: everything that a network or a run says, in one log, with what is missing said there too.
+//! Recording: writes all messages of a network or a run to a log, and reports losses in the log.
 //!
-//! - [`Recorder`]: hears an LCM network without taking part in it. It counts loss, duplicates and late arrivals of each sender from the
-//!   sequence numbers that LCM sends and no LCM library shows, and writes its findings into the log as ordinary EVENT messages.
-//! - [`RingWriter`]: the way of a run in this process to its log: a lock-free ring and a thread.
+//! - [`Recorder`]: records an LCM network passively. It counts lost, duplicate and late messages of each sender from the sequence numbers
+//!   of LCM's datagrams, which no LCM library exposes, and writes its findings to the log as EVENT messages.
+//! - [`RingWriter`]: writes the log of a run in this process through a lock-free ring and a thread.
 //! - [`byte_ring`]: that ring.
 //!
-//! What it must never do: leave out a message in silence, leave out a replay input while anything else is recorded, make a control loop
-//! wait, or leave behind a file that cannot be read.
+//! It must never drop a message without reporting it, drop a replay input while any other channel is recorded, block a control loop, or
+//! leave an unreadable file.
 
-mod account;
 mod bytes;
 mod disk;
 mod drop_policy;
 mod files;
-mod fresh;
-mod hearing;
 mod intake;
+mod message_decoder;
+mod new_file;
 mod pattern;
 mod recorder;
 mod ring;
+mod sender_counts;
 
-pub use account::{Account, Run};
 pub use bytes::{BytesIn, BytesOut, byte_ring};
-pub use disk::{DiskState, PatientFile};
-pub use drop_policy::Keep;
+pub use disk::{DiskState, RetryingFile};
+pub use drop_policy::RecordLevel;
 pub use files::{Create, Files, Names, Rotation};
-pub use fresh::Fresh;
-pub use hearing::{Hearing, Message, Tally};
-pub use intake::{Heard, Intake, Status};
+pub use intake::{Intake, IntakeSummary, Status};
+pub use message_decoder::{Message, MessageDecoder, ReceiveCounts};
+pub use new_file::NewFile;
 pub use pattern::{Filter, Pattern};
-pub use recorder::{Progress, RecordOptions, Recorded, Recorder};
+pub use recorder::{Progress, RecordOptions, RecordSummary, Recorder};
 pub use ring::{EventSink, RingOptions, RingWriter, Target, WhenFull};
+pub use sender_counts::{SenderCounts, SequenceRange};

@@ -1,17 +1,17 @@
-//! Channels by regular expression.
+//! Selects channels by regular expression.
 
 use crate::Error;
 use regex_lite::Regex;
 
-/// A regular expression that has to match a channel's whole name, as LCM's subscriptions do.
+/// A regular expression that must match the whole name of a channel, as in LCM's subscriptions.
 #[derive(Debug, Clone)]
 pub struct Pattern(Regex);
 
 impl Pattern {
     /// # Errors
-    /// [`Error::Pattern`] if it is no regular expression.
+    /// [`Error::Pattern`] if it is not a valid regular expression.
     pub fn new(pattern: &str) -> Result<Self, Error> {
-        // The pattern by itself first: `)|(` is none, though it becomes one in brackets.
+        // Compile the pattern alone first: `)|(` is invalid, but would be valid inside the group.
         Regex::new(pattern)
             .and_then(|_| Regex::new(&format!("^(?:{pattern})$")))
             .map(Pattern)
@@ -24,17 +24,17 @@ impl Pattern {
     }
 }
 
-/// Which channels are wanted.
+/// Selects channels.
 #[derive(Debug, Clone, Default)]
 pub struct Filter {
-    /// Only these, if given.
+    /// Only channels that match this, if given.
     pub include: Option<Pattern>,
-    /// And none of these.
+    /// Except channels that match this, if given.
     pub exclude: Option<Pattern>,
 }
 
 impl Filter {
-    /// Whether a channel is wanted.
+    /// Whether a channel is selected.
     pub fn takes(&self, channel: &str) -> bool {
         self.include.as_ref().is_none_or(|include| include.matches(channel))
             && !self.exclude.as_ref().is_some_and(|exclude| exclude.matches(channel))
@@ -47,7 +47,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn whole_names_count() {
+    fn patterns_match_whole_names() {
         let filter = Filter { include: Pattern::new("A|B.*").ok(), exclude: Pattern::new("B1").ok() };
         let taken: Vec<_> = ["A", "AA", "XA", "B", "B1", "B12", "C"].into_iter().filter(|c| filter.takes(c)).collect();
         assert_eq!(taken, ["A", "B", "B12"]);

@@ -1,16 +1,16 @@
-//! The recorder: a socket, three threads, a log.
+//! The recorder: one socket, three threads, one log.
 //!
 //! ```text
 //! socket --receive thread--> ring of datagrams --this thread: Intake--> ring of events --log writer--> file
 //! ```
-//! The receive thread does nothing but fetch datagrams, so that the kernel's buffer stays empty. The desk never waits for the disk. What the
-//! log writer cannot take in time is left out by channel, at the ring before it.
+//! The receive thread only reads datagrams, so that the kernel's buffer stays empty. The intake never waits for the disk. If the log writer
+//! is too slow, the ring before it drops messages by channel.
 
 use super::bytes::{BytesIn, BytesOut, byte_ring};
 use super::disk::DiskState;
-use super::drop_policy::Keep;
+use super::drop_policy::RecordLevel;
 use super::files::{Files, Names, Rotation};
-use super::intake::{Heard, Intake, Status};
+use super::intake::{Intake, IntakeSummary, Status};
 use super::pattern::{Filter, Pattern};
 use super::ring::{RingOptions, RingWriter, WhenFull};
 use crate::Error;
@@ -23,39 +23,39 @@ use std::sync::{Arc, PoisonError};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
-/// Bytes of the ring between socket and desk.
+/// Size of the ring between socket and intake, bytes.
 const DATAGRAMS: usize = 1 << 24;
-/// Address, port, time, count of the kernel: before each datagram in the ring.
+/// Header of each datagram in the ring, bytes: address, port, time, kernel's drop count.
 const HEADER: usize = 18;
-/// How long the desk rests when nothing has come.
+/// Sleep of the intake while the ring is empty.
 const REST: Duration = Duration::from_millis(1);
-/// How often free space is looked up and the caller is told how it goes.
-const LOOK: Duration = Duration::from_millis(100);
-/// How long a full disk is waited for when the recording is to end.
-const PATIENCE: Duration = Duration::from_secs(2);
+/// Time between two checks of the free disk space and two progress reports.
+const CHECK: Duration = Duration::from_millis(100);
+/// Time to wait for space on a full disk at the end of a recording.
+const FULL_DISK_TIMEOUT: Duration = Duration::from_secs(2);
 
-/// What to record, and where to.
+/// Options of a recording.
 #[derive(Debug, Clone)]
 pub struct RecordOptions {
     /// Network.
     pub url: Url,
-    /// Log; the format is that of the name's ending.
+    /// Log to write; the file extension selects the format.
     pub out: PathBuf,
     /// Channels.
     pub filter: Filter,
-    /// Channels that are never left out, beside those that a replay needs.
+    /// Channels that are never dropped, in addition to those that a replay needs.
     pub vital: Option<Pattern>,
-    /// When a new file begins.
+    /// When to start a new file.
     pub rotation: Rotation,
-    /// Free space that only replay inputs may use, bytes.
+    /// Free disk space reserved for replay inputs, bytes.
     pub reserve: u64,
-    /// Bytes of the ring before the disk.
+    /// Size of the write buffer, bytes.
     pub buffer: usize,
 }
 
-/// A recording that has begun.
+/// A running recording.
 pub struct Recorder {
-    desk: Intake,
+    intake: Intake,
     datagrams: BytesOut,
     receiver: Receiver,
     disk: Arc<DiskState>,
@@ -67,37 +67,37 @@ pub struct Recorder {
     moved: Option<PathBuf>,
 }
 
-/// How a recording goes, and how its disk does.
+/// Status of a recording and its disk.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Progress {
-    /// What was heard.
+    /// Received messages.
     pub status: Status,
-    /// Bytes in the files.
+    /// Bytes written.
     pub file_bytes: u64,
-    /// Bytes free on the disk, where that is known.
+    /// Free disk space, bytes; `None` if unknown.
     pub free_bytes: Option<u64>,
-    /// Why nothing can be written at the moment.
+    /// Write error, while nothing can be written.
     pub trouble: Option<String>,
-    /// The file that is being written.
+    /// Current file.
     pub file: PathBuf,
 }
 
-/// How a recording went.
+/// Summary of a completed recording.
 #[derive(Debug, Clone, PartialEq, Eq, serde::Serialize)]
-pub struct Recorded {
-    /// Files that are there, oldest first.
+pub struct RecordSummary {
+    /// Existing files, oldest first.
     pub files: Vec<PathBuf>,
     /// Bytes written.
     pub file_bytes: u64,
-    /// What was heard.
+    /// Received and recorded messages.
     #[serde(flatten)]
-    pub heard: Heard,
+    pub intake: IntakeSummary,
 }
 
-impl Recorded {
-    /// Something is missing in the log that was sent.
+impl RecordSummary {
+    /// Whether messages that were sent are missing in the log.
     pub fn is_lossy(&self) -> bool {
-        self.heard.lost > 0 || !self.heard.left_out.is_empty() || self.heard.failure.is_some()
+        self.intake.lost > 0 || !self.intake.left_out.is_empty() || self.intake.failure.is_some()
     }
 }
 
@@ -107,7 +107,7 @@ struct Receiver {
 }
 
 impl Recorder {
-    /// Joins the network, creates the log and begins to listen.
+    /// Joins the network, creates the log and starts to receive.
     ///
     /// # Errors
     /// Those of [`Listener::open`] and [`Files::create`].
@@ -119,57 +119,57 @@ impl Recorder {
         let files = Files::create(&out, rotation, Arc::clone(&disk))?;
         let (names, moved) = (files.names(), files.moved().map(Path::to_path_buf));
         let live = RingOptions::live();
-        let ring_options = RingOptions { capacity: buffer, when_full: WhenFull::Shed { vital }, ..live };
+        let ring_options = RingOptions { capacity: buffer, when_full: WhenFull::Drop { vital }, ..live };
         let writer = RingWriter::start(&out, Box::new(files), &ring_options)?;
         let (input, datagrams) = byte_ring(DATAGRAMS);
         let receiver = Receiver::start(listener, input).map_err(|source| Error::Io { path: out.clone(), source })?;
         let folder = out.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new(".")).into();
-        let (desk, url) = (Intake::new(filter, writer), url.to_string());
-        Ok(Recorder { desk, datagrams, receiver, disk, names, folder, reserve, url, warning, moved })
+        let (intake, url) = (Intake::new(filter, writer), url.to_string());
+        Ok(Recorder { intake, datagrams, receiver, disk, names, folder, reserve, url, warning, moved })
     }
 
-    /// What a person should know before it goes on.
+    /// Warning for the user, such as a small receive buffer.
     pub fn warning(&self) -> Option<&str> {
         self.warning.as_deref()
     }
 
-    /// What had the log's name before, by its new name: nothing is overwritten.
+    /// New name of an existing log with the same name; nothing is overwritten.
     pub fn moved(&self) -> Option<&Path> {
         self.moved.as_deref()
     }
 
-    /// Records until `stop` says so; `progress` is told ten times a second how it goes.
+    /// Records until `stop` returns true; calls `progress` ten times per second.
     ///
-    /// A stop fetches what has already come and completes the log. Where the disk is full, it waits two seconds for room, then leaves out
-    /// what does not fit: the file ends there, and can be read up to there.
+    /// A stop records the datagrams already received and completes the log. On a full disk it waits two seconds for space and then drops
+    /// the rest: the file ends there and is readable up to there.
     ///
-    /// A log that cannot be written any more ends the recording, and [`Heard::failure`] says why.
+    /// A write error ends the recording; [`IntakeSummary::failure`] contains it.
     ///
     /// # Errors
-    /// [`Error::Socket`] if the network fails; the file can be read in any case.
-    pub fn run(mut self, stop: &dyn Fn() -> bool, progress: &mut dyn FnMut(&Progress)) -> Result<Recorded, Error> {
+    /// [`Error::Socket`] if the socket fails; the file is readable in any case.
+    pub fn run(mut self, stop: &dyn Fn() -> bool, progress: &mut dyn FnMut(&Progress)) -> Result<RecordSummary, Error> {
         let listened = self.listen(stop, progress);
         self.finish(listened)
     }
 
     fn listen(&mut self, stop: &dyn Fn() -> bool, progress: &mut dyn FnMut(&Progress)) -> Result<(), Error> {
         let mut datagram = Vec::new();
-        let mut looked: Option<Instant> = None;
+        let mut checked: Option<Instant> = None;
         loop {
             if stop() {
                 self.receiver.stop.store(true, Ordering::Relaxed);
             }
-            // Asked before the ring is: the receiver has put in its last datagram before it lets go.
+            // Check this before reading the ring: the receiver drops its end only after its last datagram.
             let ended = self.datagrams.is_abandoned();
             let mut idle = true;
-            while !is_time(looked) && self.datagrams.pop(&mut datagram) {
+            while !is_time(checked) && self.datagrams.pop(&mut datagram) {
                 idle = false;
-                self.desk.datagram(&unpacked(&datagram))?;
+                self.intake.datagram(&unpacked(&datagram))?;
             }
-            if is_time(looked) {
-                looked = Some(Instant::now());
-                progress(&self.look());
-                self.desk.look_up(udpm::now_ns())?;
+            if is_time(checked) {
+                checked = Some(Instant::now());
+                progress(&self.check());
+                self.intake.update(udpm::now_ns())?;
             } else if idle && ended {
                 return Ok(());
             } else if idle {
@@ -178,16 +178,16 @@ impl Recorder {
         }
     }
 
-    fn look(&mut self) -> Progress {
+    fn check(&mut self) -> Progress {
         let free_bytes = statvfs(&self.folder).ok().map(|disk| disk.blocks_available() * disk.fragment_size());
-        self.desk.set_disk(match free_bytes {
-            Some(free) if free < self.reserve => Keep::Inputs,
-            Some(free) if free < self.reserve.saturating_mul(2) => Keep::Replay,
-            _ => Keep::All,
+        self.intake.set_disk_level(match free_bytes {
+            Some(free) if free < self.reserve => RecordLevel::Inputs,
+            Some(free) if free < self.reserve.saturating_mul(2) => RecordLevel::Replay,
+            _ => RecordLevel::All,
         });
         let names = self.names.lock().unwrap_or_else(PoisonError::into_inner);
         Progress {
-            status: self.desk.status(),
+            status: self.intake.status(),
             file_bytes: self.disk.bytes(),
             free_bytes,
             trouble: self.disk.trouble(),
@@ -195,26 +195,26 @@ impl Recorder {
         }
     }
 
-    fn finish(self, listened: Result<(), Error>) -> Result<Recorded, Error> {
-        let Recorder { desk, receiver, disk, names, url, .. } = self;
+    fn finish(self, listened: Result<(), Error>) -> Result<RecordSummary, Error> {
+        let Recorder { intake, receiver, disk, names, url, .. } = self;
         receiver.stop.store(true, Ordering::Relaxed);
         let received = receiver.thread.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic));
-        // Whoever waits for a full disk is told to give up after a while; if nobody does, nobody hears it.
+        // Stop waiting for a full disk after the timeout; no effect if the disk is not full.
         let waiting = Arc::clone(&disk);
         std::thread::spawn(move || {
-            std::thread::sleep(PATIENCE);
+            std::thread::sleep(FULL_DISK_TIMEOUT);
             waiting.give_up();
         });
-        let mut heard = desk.finish();
-        if heard.failure.is_some() {
-            // What the operating system said is more than what became of it in the layers above.
-            heard.failure = disk.trouble().or(heard.failure);
+        let mut summary = intake.finish();
+        if summary.failure.is_some() {
+            // The error of the operating system is the cause.
+            summary.failure = disk.trouble().or(summary.failure);
         }
-        // That the log cannot be written is told with what is in it; nothing else ends the listening.
+        // A write error is already in the summary; the loop returns no other error.
         drop(listened);
         received.map_err(|errno| Error::Socket { url, at: "recvmsg", source: errno.into() })?;
         let files = names.lock().unwrap_or_else(PoisonError::into_inner).iter().cloned().collect();
-        Ok(Recorded { files, file_bytes: disk.bytes(), heard })
+        Ok(RecordSummary { files, file_bytes: disk.bytes(), intake: summary })
     }
 }
 
@@ -228,8 +228,8 @@ impl Receiver {
                     put(&mut ring, &datagram);
                 }
             }
-            // What came before the stop belongs to the recording; what goes on coming does not hold it up.
-            let until = Instant::now() + LOOK;
+            // Record the datagrams received before the stop, within a time limit.
+            let until = Instant::now() + CHECK;
             while let (Some(datagram), true) = (listener.receive_now()?, Instant::now() < until) {
                 put(&mut ring, &datagram);
             }
@@ -240,7 +240,7 @@ impl Receiver {
     }
 }
 
-/// Where the ring is full, datagrams wait in the kernel, which counts what it has to drop.
+/// Appends a datagram to the ring. While the ring is full, datagrams stay in the kernel, which counts those that it drops.
 fn put(ring: &mut BytesIn, datagram: &Datagram) {
     let Datagram { sender, t_ns, kernel_dropped, bytes } = datagram;
     let mut header = [0; HEADER];
@@ -263,11 +263,11 @@ fn unpacked(record: &[u8]) -> Datagram<'_> {
 }
 
 fn taken<const N: usize>(bytes: &mut &[u8]) -> [u8; N] {
-    let (first, rest) = bytes.split_first_chunk().expect("put in with a header");
+    let (first, rest) = bytes.split_first_chunk().expect("each record has a header");
     *bytes = rest;
     *first
 }
 
-fn is_time(looked: Option<Instant>) -> bool {
-    looked.is_none_or(|at| at.elapsed() >= LOOK)
+fn is_time(checked: Option<Instant>) -> bool {
+    checked.is_none_or(|at| at.elapsed() >= CHECK)
 }

@@ -1,11 +1,11 @@
-//! A log written by a thread of its own, so that neither a slow disk nor a compressor is ever met where events come from.
+//! A log writer with its own thread, so that neither a slow disk nor compression delays the caller.
 //!
-//! Events go through a lock-free ring that is allocated once. To write one is to copy it; the writing thread looks into the ring every
-//! millisecond and hands everything on to the kernel in time, so that a process that is killed takes little with it.
+//! Events go through a preallocated lock-free ring; writing one is a copy. The writing thread reads the ring every millisecond and flushes
+//! to the kernel at a fixed interval, so that a killed process loses little.
 
 use super::Pattern;
 use super::bytes::{BytesIn, BytesOut, byte_ring};
-use super::drop_policy::{Keep, Shedder};
+use super::drop_policy::{DropPolicy, RecordLevel};
 use crate::Error;
 use crate::log::{LogWriter, check_event};
 use crate::udpm::monotonic_ns;
@@ -17,7 +17,7 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
-/// Something that takes events in order: a log, or the way to one.
+/// Receives events in order: a log, or a writer in front of one.
 pub trait EventSink {
     /// Appends an event; see [`LogWriter::write`].
     ///
@@ -26,18 +26,18 @@ pub trait EventSink {
     fn write(&mut self, channel: &str, t_ns: i64, data: &[u8]) -> Result<(), Error>;
 }
 
-/// A whole log to write: where the writing thread puts the events, or the way to it.
+/// A log that can be flushed and completed.
 pub trait Target: EventSink + Send {
-    /// Hands everything so far to the kernel.
+    /// Writes everything so far to the kernel.
     ///
     /// # Errors
-    /// If that fails.
+    /// If the write fails.
     fn flush(&mut self) -> Result<(), Error>;
 
-    /// Completes the log; how many events it holds.
+    /// Completes the log. Returns its number of events.
     ///
     /// # Errors
-    /// If that fails.
+    /// If the write fails.
     fn finish(self: Box<Self>) -> Result<u64, Error>;
 }
 
@@ -57,61 +57,60 @@ impl Target for LogWriter {
     }
 }
 
-/// What happens when the ring is full.
+/// Behaviour when the ring is full.
 #[derive(Debug, Clone)]
 pub enum WhenFull {
-    /// Whoever writes waits: nothing is ever left out. For runs that need not keep up with the world.
+    /// The caller waits; nothing is dropped. For runs without real-time requirements.
     Wait,
-    /// Nobody waits: messages are left out, debug channels first, and the log says so. `vital` are channels never left out beside
-    /// those that a replay needs.
-    Shed {
-        /// Channels of other projects that matter as much as replay inputs.
+    /// The caller never waits: messages are dropped, debug channels first, and the log reports it.
+    Drop {
+        /// Channels that are never dropped, in addition to those that a replay needs.
         vital: Option<Pattern>,
     },
 }
 
-/// How a [`RingWriter`] works.
+/// Options of a [`RingWriter`].
 #[derive(Debug, Clone)]
 pub struct RingOptions {
-    /// Bytes of the ring.
+    /// Size of the ring, bytes.
     pub capacity: usize,
-    /// How long an event may stay in this process. `None`: until a buffer or a chunk is full, so that equal events give equal files.
+    /// Longest time until an event is flushed to the kernel. `None`: until a buffer or a chunk is full, so that equal events give equal files.
     pub flush_every: Option<Duration>,
-    /// What happens when the ring is full.
+    /// Behaviour when the ring is full.
     pub when_full: WhenFull,
-    /// Clock of the messages, ns, for what [`RingWriter::say`] says; `None`: it is that of the log.
+    /// Clock for `t_ns` of the messages of [`RingWriter::report`], ns; `None`: the log time.
     pub clock: Option<fn() -> i64>,
 }
 
 impl RingOptions {
-    /// For lockstep runs: nothing is left out, and equal events give equal files.
+    /// For lockstep runs: nothing is dropped, and equal events give equal files.
     pub fn lockstep() -> Self {
         RingOptions { capacity: 1 << 24, flush_every: None, when_full: WhenFull::Wait, clock: None }
     }
 
-    /// For runs that must not wait: 50 ms to the kernel, so that a killed process loses less than 100 ms. Messages have the monotonic clock.
+    /// For real-time runs: flush every 50 ms, so that a killed process loses less than 100 ms. Messages have monotonic times.
     pub fn live() -> Self {
         let (flush_every, clock) = (Some(Duration::from_millis(50)), Some(monotonic_ns as fn() -> i64));
-        RingOptions { capacity: 1 << 26, flush_every, when_full: WhenFull::Shed { vital: None }, clock }
+        RingOptions { capacity: 1 << 26, flush_every, when_full: WhenFull::Drop { vital: None }, clock }
     }
 }
 
-/// How long the writing thread rests when the ring is empty.
+/// Sleep of the writing thread while the ring is empty.
 const REST: Duration = Duration::from_millis(1);
 
-/// Time and length of the channel's name, before each event in the ring.
+/// Header of each event in the ring, bytes: time and length of the channel's name.
 const HEADER: usize = 9;
 
 /// Writes a log through a ring and a thread.
 ///
-/// Dropping it completes the log; only [`RingWriter::finish`] tells whether that went well.
+/// Dropping it completes the log without reporting errors; [`RingWriter::finish`] reports them.
 pub struct RingWriter {
     path: PathBuf,
     ring: Option<BytesIn>,
     thread: Option<JoinHandle<Result<u64, Error>>>,
-    shedder: Option<Shedder>,
+    policy: Option<DropPolicy>,
     clock: Option<fn() -> i64>,
-    said: Keep,
+    reported_level: RecordLevel,
     last_ns: i64,
     message: Vec<u8>,
     flushes: u64,
@@ -128,10 +127,10 @@ impl RingWriter {
         Self::start(path, Box::new(LogWriter::create(path)?), options)
     }
 
-    /// Writes to any target; `path` names it in errors.
+    /// Writes to any target. `path`: name of the log in errors.
     ///
     /// # Errors
-    /// [`Error::Io`] if there can be no further thread.
+    /// [`Error::Io`] if the thread cannot be created.
     pub fn start(path: &Path, target: Box<dyn Target>, options: &RingOptions) -> Result<Self, Error> {
         let (input, output) = byte_ring(options.capacity);
         let (flush_every, flushed) = (options.flush_every, Arc::<AtomicU64>::default());
@@ -140,17 +139,17 @@ impl RingWriter {
             .name("log writer".to_owned())
             .spawn(move || drain(output, target, flush_every, &counter))
             .map_err(|source| Error::Io { path: path.into(), source })?;
-        let shedder = match &options.when_full {
+        let policy = match &options.when_full {
             WhenFull::Wait => None,
-            WhenFull::Shed { vital } => Some(Shedder::new(vital.clone())),
+            WhenFull::Drop { vital } => Some(DropPolicy::new(vital.clone())),
         };
         Ok(RingWriter {
             path: path.into(),
             ring: Some(input),
             thread: Some(thread),
-            shedder,
+            policy,
             clock: options.clock,
-            said: Keep::All,
+            reported_level: RecordLevel::All,
             last_ns: 0,
             message: Vec::new(),
             flushes: 0,
@@ -158,41 +157,41 @@ impl RingWriter {
         })
     }
 
-    /// What the space on the disk allows from now on. Without effect on a writer that waits.
-    pub fn set_disk(&mut self, keep: Keep) {
-        if let Some(shedder) = &mut self.shedder {
-            shedder.disk = keep;
+    /// Sets the channels that the free disk space permits. No effect with [`WhenFull::Wait`].
+    pub fn set_disk_level(&mut self, level: RecordLevel) {
+        if let Some(policy) = &mut self.policy {
+            policy.disk = level;
         }
     }
 
-    /// What is recorded now.
-    pub fn keep(&self) -> Keep {
-        self.shedder.as_ref().map_or(Keep::All, Shedder::keep)
+    /// Channels that are recorded now.
+    pub fn level(&self) -> RecordLevel {
+        self.policy.as_ref().map_or(RecordLevel::All, DropPolicy::level)
     }
 
-    /// Messages left out so far, by channel.
+    /// Dropped messages by channel.
     pub fn left_out(&self) -> BTreeMap<String, u64> {
-        self.shedder.as_ref().map_or_else(BTreeMap::new, |shedder| shedder.total.clone())
+        self.policy.as_ref().map_or_else(BTreeMap::new, |policy| policy.total.clone())
     }
 
-    /// How many messages were left out so far.
+    /// Number of dropped messages.
     pub fn left_out_total(&self) -> u64 {
-        self.shedder.as_ref().map_or(0, |shedder| shedder.total.values().sum())
+        self.policy.as_ref().map_or(0, |policy| policy.total.values().sum())
     }
 
-    /// Part of the ring that is in use, 0 to 1.
-    #[expect(clippy::cast_precision_loss, reason = "a fraction for people")]
+    /// Used part of the ring, 0 to 1.
+    #[expect(clippy::cast_precision_loss, reason = "a fraction for display")]
     pub fn fill(&self) -> f64 {
         self.ring.as_ref().map_or(0.0, |ring| ring.waiting() as f64 / ring.capacity() as f64)
     }
 
-    /// Says something in the log, on channel EVENT, as the recorder; never left out but where nothing fits any more.
+    /// Writes an EVENT with source `recorder`; it is dropped only if the ring is full.
     ///
-    /// - `t_ns`: when, by the clock of the log; the message has the time of [`RingOptions::clock`].
+    /// - `t_ns`: log time; the message has the time of [`RingOptions::clock`].
     ///
     /// # Errors
     /// As [`EventSink::write`].
-    pub fn say(&mut self, t_ns: i64, level: i8, text: String) -> Result<(), Error> {
+    pub fn report(&mut self, t_ns: i64, level: i8, text: String) -> Result<(), Error> {
         let message_ns = self.clock.map_or(t_ns, |clock| clock());
         let event = Event { t_ns: message_ns, tick: -1, level, source: "recorder".to_owned(), text };
         let mut bytes = std::mem::take(&mut self.message);
@@ -203,14 +202,14 @@ impl RingWriter {
         written
     }
 
-    /// Waits until everything is written and completes the log; how many events it holds.
+    /// Waits until everything is written and completes the log. Returns its number of events.
     ///
     /// # Errors
-    /// What the writing thread met with.
+    /// Those of the writing thread.
     pub fn finish(mut self) -> Result<u64, Error> {
-        if self.shedder.as_ref().is_some_and(Shedder::has_unsaid) {
-            // Once more with the writer's own failure in mind: that one is told below.
-            let _ = self.tell();
+        if self.policy.as_ref().is_some_and(DropPolicy::has_unreported) {
+            // If this fails, the writing thread has failed; its error is returned below.
+            let _ = self.report_level();
         }
         self.close().unwrap_or(Ok(0))
     }
@@ -222,21 +221,21 @@ impl RingWriter {
         Some(thread.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic)))
     }
 
-    /// Says in the log what is recorded from here on, and what was left out before.
-    fn tell(&mut self) -> Result<(), Error> {
-        let Some(shedder) = &mut self.shedder else { return Ok(()) };
-        let keep = shedder.keep();
-        let why = if shedder.disk >= keep && keep > Keep::All { " (too little space on the disk)" } else { "" };
-        let mut text = format!("{}{why}", keep.text());
-        if shedder.has_unsaid() {
-            text += &format!("; not recorded until here: {}", shedder.say());
+    /// Writes an EVENT with the channels recorded from now on and the messages dropped before.
+    fn report_level(&mut self) -> Result<(), Error> {
+        let Some(policy) = &mut self.policy else { return Ok(()) };
+        let level = policy.level();
+        let why = if policy.disk >= level && level > RecordLevel::All { " (low disk space)" } else { "" };
+        let mut text = format!("{}{why}", level.text());
+        if policy.has_unreported() {
+            text += &format!("; dropped before this event: {}", policy.take_report());
         }
-        self.said = keep;
-        let level = if keep == Keep::All { Event::LEVEL_INFO } else { Event::LEVEL_WARNING };
-        self.say(self.last_ns, level, text)
+        self.reported_level = level;
+        let event_level = if level == RecordLevel::All { Event::LEVEL_INFO } else { Event::LEVEL_WARNING };
+        self.report(self.last_ns, event_level, text)
     }
 
-    /// Puts an event into the ring; counts it where it does not fit and nobody may wait.
+    /// Puts an event into the ring. If the ring is full, waits or counts the event as dropped.
     fn put(&mut self, channel: &str, t_ns: i64, data: &[u8]) -> Result<(), Error> {
         let failed = || Error::WriterFailed { path: self.path.clone() };
         let ring = self.ring.as_mut().ok_or_else(failed)?;
@@ -250,8 +249,8 @@ impl RingWriter {
             if ring.push(&parts) {
                 return Ok(());
             }
-            if let Some(shedder) = &mut self.shedder {
-                shedder.left_out(channel);
+            if let Some(policy) = &mut self.policy {
+                policy.count_dropped(channel);
                 return Ok(());
             }
             if bytes > ring.longest() {
@@ -267,23 +266,23 @@ impl RingWriter {
 }
 
 impl EventSink for RingWriter {
-    /// Copies an event into the ring. With [`WhenFull::Shed`] it never waits, and what is left out is counted and told, not an error.
+    /// Copies an event into the ring. With [`WhenFull::Drop`] it never waits; dropped events are counted and reported and are not an error.
     ///
     /// # Errors
     /// As [`LogWriter::write`] for a bad channel, time or length; [`Error::RingTooSmall`]; [`Error::WriterFailed`] once the writing thread
-    /// has failed: [`RingWriter::finish`] says why.
+    /// has failed: [`RingWriter::finish`] returns its error.
     fn write(&mut self, channel: &str, t_ns: i64, data: &[u8]) -> Result<(), Error> {
         check_event(&self.path, channel, t_ns, data)?;
         self.last_ns = t_ns;
-        if let (Some(shedder), Some(ring)) = (&mut self.shedder, &self.ring) {
-            shedder.see(ring.waiting(), ring.capacity());
-            let keep = shedder.keep();
-            let taken = shedder.takes(channel);
-            if keep != self.said {
-                self.tell()?;
+        if let (Some(policy), Some(ring)) = (&mut self.policy, &self.ring) {
+            policy.update(ring.waiting(), ring.capacity());
+            let level = policy.level();
+            let taken = policy.takes(channel);
+            if level != self.reported_level {
+                self.report_level()?;
             }
-            if let (false, Some(shedder)) = (taken, &mut self.shedder) {
-                shedder.left_out(channel);
+            if let (false, Some(policy)) = (taken, &mut self.policy) {
+                policy.count_dropped(channel);
                 return Ok(());
             }
         }
@@ -292,12 +291,12 @@ impl EventSink for RingWriter {
 }
 
 impl Target for RingWriter {
-    /// Waits until everything so far is with the kernel; not for a control loop.
+    /// Waits until everything so far is flushed to the kernel. Not for use in a control loop.
     fn flush(&mut self) -> Result<(), Error> {
         let failed = || Error::WriterFailed { path: self.path.clone() };
         let ring = self.ring.as_mut().ok_or_else(failed)?;
         self.flushes += 1;
-        // An event without a channel, which no log holds, is the request.
+        // An event without a channel name requests a flush.
         while !ring.push(&[&[0; HEADER]]) && !ring.is_abandoned() {
             std::thread::yield_now();
         }
@@ -321,7 +320,7 @@ impl Drop for RingWriter {
     }
 }
 
-/// The writing thread: until nobody puts in any more and the ring is empty.
+/// The writing thread: runs until the writing end of the ring is dropped and the ring is empty.
 fn drain(
     mut ring: BytesOut,
     mut target: Box<dyn Target>,
@@ -331,13 +330,13 @@ fn drain(
     let mut event = Vec::new();
     let mut unflushed: Option<Instant> = None;
     loop {
-        // Asked before the ring is: whoever put in the last event has let go of the ring afterwards.
+        // Check this before reading the ring: the writing end is dropped only after the last event.
         let ended = ring.is_abandoned();
         if ring.pop(&mut event) {
-            let (header, rest) = event.split_first_chunk::<HEADER>().expect("put in with a header");
+            let (header, rest) = event.split_first_chunk::<HEADER>().expect("each event has a header");
             let (time, length) = header.split_first_chunk().expect("the header begins with the time");
             let (channel, data) = rest.split_at(usize::from(length[0]));
-            let channel = std::str::from_utf8(channel).expect("put in as text");
+            let channel = std::str::from_utf8(channel).expect("written from a str");
             if channel.is_empty() {
                 target.flush()?;
                 flushed.fetch_add(1, Ordering::Release);

@@ -1,11 +1,11 @@
-//! Conditions that somebody wants to be told of.
+//! Alarm conditions on channels.
 
 use super::Row;
 use crate::Error;
 use crate::record::Pattern;
 use std::collections::{BTreeMap, BTreeSet};
 
-/// One condition, such as `ROBOT_STATE rate<900`: a regular expression for whole names of channels, a quantity, `<` or `>`, a limit.
+/// One condition, such as `ROBOT_STATE rate<900`: a regular expression for the whole channel name, a quantity, `<` or `>`, a limit.
 #[derive(Debug, Clone)]
 pub struct Alarm {
     text: String,
@@ -16,7 +16,7 @@ pub struct Alarm {
     limit: f64,
 }
 
-/// What can be watched.
+/// Quantities of a condition.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Quantity {
     Rate,
@@ -31,7 +31,7 @@ enum Quantity {
     Senders,
 }
 
-/// Names of the quantities, with their units.
+/// Names of the quantities.
 const QUANTITIES: [(&str, Quantity); 10] = [
     ("rate", Quantity::Rate),
     ("jitter", Quantity::Jitter),
@@ -46,10 +46,10 @@ const QUANTITIES: [(&str, Quantity); 10] = [
 ];
 
 impl Alarm {
-    /// Reads a condition.
+    /// Parses a condition.
     ///
     /// # Errors
-    /// [`Error::Alarm`], which says what was expected; [`Error::Pattern`].
+    /// [`Error::Alarm`] with the expected syntax; [`Error::Pattern`].
     pub fn new(text: &str) -> Result<Self, Error> {
         let error = |why: String| Error::Alarm { alarm: text.to_owned(), why };
         let Some((names, condition)) = text.trim().split_once(char::is_whitespace) else {
@@ -59,9 +59,10 @@ impl Alarm {
         let (name, limit) = (condition[..at].trim(), condition[at + 1..].trim());
         let quantity = QUANTITIES.iter().find(|(known, _)| *known == name).map(|(_, quantity)| *quantity);
         let known = QUANTITIES.map(|(name, _)| name).join(", ");
-        let quantity = quantity.ok_or_else(|| error(format!("{name:?} is no quantity; known: {known}")))?;
+        let quantity =
+            quantity.ok_or_else(|| error(format!("{name:?} is not a quantity, expected one of: {known}")))?;
         let number = limit.parse().ok().filter(|limit: &f64| limit.is_finite());
-        let limit = number.ok_or_else(|| error(format!("{limit:?} is no number")))?;
+        let limit = number.ok_or_else(|| error(format!("{limit:?} is not a finite number")))?;
         let (channels, is_above) = (Pattern::new(names)?, condition[at..].starts_with('>'));
         let (text, names) = (text.trim().to_owned(), names.to_owned());
         Ok(Alarm { text, channels, names, quantity, is_above, limit })
@@ -74,7 +75,7 @@ impl Alarm {
             Quantity::JitterRms => row.jitter_rms_us,
             Quantity::Gap => row.gap_us,
             Quantity::Age => Some(row.age_s),
-            // Where nobody knows, the worst that is possible is what one wants to be told of.
+            // If the number is unknown, use its upper bound.
             Quantity::Lost => row.lost.or(row.lost_at_most).map(|lost| lost as f64),
             Quantity::Late => Some(row.late as f64),
             Quantity::Bandwidth => Some(row.bytes_per_s),
@@ -87,8 +88,8 @@ impl Alarm {
         if self.is_above { value > self.limit } else { value < self.limit }
     }
 
-    /// Whether a channel that has never been heard is what this is about.
-    fn is_raised_by_silence(&self) -> bool {
+    /// Whether a channel without messages raises this alarm.
+    fn is_raised_without_messages(&self) -> bool {
         match self.quantity {
             Quantity::Rate | Quantity::Count | Quantity::Senders | Quantity::Bandwidth => self.is_raised(0.0),
             Quantity::Age => self.is_above,
@@ -97,25 +98,25 @@ impl Alarm {
     }
 }
 
-/// A condition that holds.
+/// A raised alarm.
 #[derive(Debug, Clone, PartialEq, serde::Serialize)]
 pub struct Raised {
     /// The condition.
     pub alarm: String,
-    /// The channel; what the condition calls it, if none was ever heard.
+    /// Channel, or the condition's expression if no channel matches it.
     pub channel: String,
-    /// What was found, in the unit of the condition; `None` of a channel that was never heard.
+    /// Value in the unit of the condition; `None` if no channel matches.
     pub value: Option<f64>,
-    /// How often it was raised after it had not been.
+    /// Number of changes from not raised to raised.
     pub times: u64,
 }
 
-/// Conditions, and how often each was raised.
+/// Alarm conditions and their states.
 #[derive(Debug, Clone, Default)]
 pub struct Alarms {
     alarms: Vec<Alarm>,
     states: BTreeMap<(usize, String), State>,
-    /// Places of those that some channel matched, at some time.
+    /// Indices of conditions that matched a channel at some time.
     matched: BTreeSet<usize>,
 }
 
@@ -126,12 +127,12 @@ struct State {
 }
 
 impl Alarms {
-    /// Those.
+    /// Conditions that are not raised.
     pub fn new(alarms: Vec<Alarm>) -> Self {
         Alarms { alarms, ..Alarms::default() }
     }
 
-    /// Every condition that holds now.
+    /// Checks all conditions. Returns those that are raised now.
     pub fn check(&mut self, rows: &[Row]) -> Vec<Raised> {
         let mut raised = Vec::new();
         for (at, alarm) in self.alarms.iter().enumerate() {
@@ -142,7 +143,7 @@ impl Alarms {
             if rows.iter().any(|row| alarm.channels.matches(&row.name)) {
                 self.matched.insert(at);
             } else {
-                found.push((&alarm.names, None, alarm.is_raised_by_silence()));
+                found.push((&alarm.names, None, alarm.is_raised_without_messages()));
             }
             for (channel, value, is_raised) in found {
                 let state = self.states.entry((at, channel.to_owned())).or_default();
@@ -157,13 +158,13 @@ impl Alarms {
         raised
     }
 
-    /// Conditions that were about no channel in any [`Alarms::check`] so far: a name that is misspelt, or somebody who has been silent.
+    /// Conditions that have not matched a channel in any [`Alarms::check`], for example because of a misspelled name.
     pub fn unmatched(&self) -> impl Iterator<Item = &str> {
         let alarms = self.alarms.iter().enumerate();
         alarms.filter(|(at, _)| !self.matched.contains(at)).map(|(_, alarm)| &*alarm.text)
     }
 
-    /// How often each was raised, over all channels.
+    /// How often each condition was raised, over all channels.
     pub fn times(&self) -> impl Iterator<Item = (&str, u64)> {
         let times = |at| self.states.iter().filter(move |((of, _), _)| *of == at).map(|(_, state)| state.times).sum();
         self.alarms.iter().enumerate().map(move |(at, alarm)| (&*alarm.text, times(at)))
@@ -188,7 +189,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_about_no_channel_is_known() {
+    fn conditions_that_match_no_channel_are_listed() {
         let mut alarms = alarms(&["A.* rate<900", "AA rate>10", "B rate<900"]);
         raised(&mut alarms, &[row("A1", 1000.0)]);
         assert_eq!(alarms.unmatched().collect::<Vec<_>>(), ["AA rate>10", "B rate<900"]);
@@ -209,7 +210,7 @@ mod tests {
     }
 
     #[test]
-    fn a_channel_that_was_never_heard_is_slow_and_old_but_has_lost_nothing() {
+    fn a_channel_without_messages_raises_rate_age_and_senders_only() {
         let texts = ["GONE rate<900", "GONE age>1", "GONE rate>5", "GONE lost>0", "GONE gap>1", "GONE senders<1"];
         let mut alarms = alarms(&texts);
         let found: Vec<_> = alarms.check(&[row("A", 1.0)]).into_iter().map(|raised| raised.alarm).collect();
@@ -217,23 +218,23 @@ mod tests {
     }
 
     #[test]
-    fn a_loss_that_nobody_can_place_is_told_of_every_channel_that_may_have_it() {
+    fn an_unknown_loss_uses_its_upper_bound() {
         assert_eq!(raised(&mut alarms(&["A lost>1"]), &[row("A", 1.0)]), [("A".to_owned(), Some(2.0), 1)]);
         assert_eq!(raised(&mut alarms(&["A lost>2"]), &[row("A", 1.0)]), []);
     }
 
     #[test]
-    fn a_condition_that_cannot_be_read_says_what_was_expected() {
-        for (text, why) in [
-            ("ROBOT_STATE", "such as ROBOT_STATE rate<900"),
-            ("A rate", "expected < or >"),
-            ("A speed<1", "\"speed\" is no quantity; known: rate, jitter"),
-            ("A rate<many", "\"many\" is no number"),
-            ("A rate<NaN", "\"NaN\" is no number"),
-            ("A( rate<1", "A("),
+    fn an_invalid_condition_is_rejected() {
+        for (text, named) in [
+            ("ROBOT_STATE", "ROBOT_STATE"),
+            ("A rate", "<"),
+            ("A speed<1", "\"speed\""),
+            ("A rate<many", "\"many\""),
+            ("A rate<NaN", "\"NaN\""),
         ] {
-            let error = Alarm::new(text).unwrap_err().to_string();
-            assert!(error.contains(why), "{error}");
+            let error = Alarm::new(text).unwrap_err();
+            assert!(matches!(&error, Error::Alarm { alarm, why } if alarm == text && why.contains(named)), "{error}");
         }
+        assert!(matches!(Alarm::new("A( rate<1").unwrap_err(), Error::Pattern { pattern, .. } if pattern == "A("));
     }
 }

@@ -1,12 +1,12 @@
-//! What is known of one channel.
+//! Statistics of one channel.
 
 use super::intervals::{Intervals, Pace, SAMPLE, Window};
 use crate::log::{SequenceTracker, Types, fingerprint, sequence_field, sequence_number};
 use std::net::SocketAddrV4;
 
-/// Senders of one channel that are told apart; messages of further ones count for the channel alone.
+/// Largest number of senders per channel; messages of further senders count for the channel only.
 const MAX_LANES: usize = 32;
-/// Longest message of which a copy is kept to be looked at, bytes.
+/// Longest message that is stored, bytes.
 pub(super) const KEPT: usize = 1 << 20;
 
 /// One channel.
@@ -20,25 +20,25 @@ pub(super) struct Channel {
     pub fingerprint: Option<u64>,
     pub type_name: Option<String>,
     pub lanes: Vec<Lane>,
-    /// The last message, if it is not too long.
+    /// The last message; empty if it was too long.
     pub message: Vec<u8>,
     /// Length of the last message, bytes.
     pub length: usize,
     window: Window,
     whole: Intervals,
     has_counter: bool,
-    /// State of knowledge at which type and counter were looked up.
-    known_at: Option<u64>,
+    /// Version of the types at which type and counter were looked up.
+    types_version: Option<u64>,
 }
 
-/// One sender's part of a channel. A log does not say who sent.
+/// The messages of one sender. In a log the sender is unknown.
 #[derive(Debug, Clone)]
 pub(super) struct Lane {
     pub sender: Option<SocketAddrV4>,
     numbers: SequenceTracker,
 }
 
-/// A message as it comes to its channel.
+/// A received message.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Arrival<'a> {
     pub sender: Option<SocketAddrV4>,
@@ -64,24 +64,24 @@ impl Channel {
             window: Window::default(),
             whole: Intervals::new(SAMPLE),
             has_counter: false,
-            known_at: None,
+            types_version: None,
         }
     }
 
-    /// Takes a message; `knowledge` changes whenever `types` learns. `keep` says whether a copy of it may be kept.
-    pub fn take(&mut self, arrival: &Arrival, types: &Types, knowledge: u64, keep: bool) {
+    /// Takes a message. `types_version` changes when `types` does; `keep`: whether to store a copy of the message.
+    pub fn take(&mut self, arrival: &Arrival, types: &Types, types_version: u64, keep: bool) {
         let Arrival { sender, t_ns, name, data, is_late } = *arrival;
         let found = fingerprint(data);
-        if self.known_at != Some(knowledge) || self.fingerprint != found {
+        if self.types_version != Some(types_version) || self.fingerprint != found {
             let ty = found.and_then(|found| types.of(name, found));
             self.type_name = ty.map(|ty| ty.name().to_owned());
             self.has_counter = ty.and_then(sequence_field).is_some();
-            (self.fingerprint, self.known_at) = (found, Some(knowledge));
+            (self.fingerprint, self.types_version) = (found, Some(types_version));
         }
         self.count += 1;
         self.bytes += data.len() as u64;
         self.late += u64::from(is_late);
-        // A clock that was set back, or a log behind another, is no interval.
+        // Skip negative intervals: the clock was set back, or logs were concatenated.
         if let Some(interval) = t_ns.checked_sub(self.last_ns).filter(|ns| *ns >= 0 && self.count > 1) {
             self.window.add(t_ns, interval, data.len());
             self.whole.add(interval, data.len());
@@ -98,12 +98,12 @@ impl Channel {
         }
     }
 
-    /// How it goes at `now_ns`.
+    /// Rates at `now_ns`.
     pub fn pace(&self, now_ns: i64) -> Pace {
         self.window.pace(now_ns, self.age_ns(now_ns))
     }
 
-    /// How it went from its first to its last message.
+    /// Rates from the first to the last message.
     pub fn whole(&self) -> Pace {
         let span_s = self.last_ns.saturating_sub(self.first_ns) as f64 * 1e-9;
         let per_s = |n: f64| if span_s > 0.0 { n / span_s } else { 0.0 };
@@ -116,8 +116,8 @@ impl Channel {
         now_ns.saturating_sub(self.last_ns).max(0)
     }
 
-    /// Messages that the counters in them (`seq`, `tick`) say are missing, each sender's by itself. `None` without a counter, or with
-    /// one that does not count every message.
+    /// Missing messages by the counters in them (`seq`, `tick`), summed over the senders. `None` without a counter, or with one that does
+    /// not count every message.
     pub fn skipped(&self) -> Option<u64> {
         if !self.has_counter || self.lanes.is_empty() {
             return None;

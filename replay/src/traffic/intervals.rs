@@ -1,8 +1,7 @@
-//! Intervals between messages: how long they are, and by how much they vary.
+//! Statistics of the intervals between messages: rate and jitter.
 //!
-//! Times are those at which the kernel took a message off the network, so neither the rate at which a screen is drawn nor a listener that
-//! comes late shows in them. Mean, deviation and the largest are exact. Quantiles are those of a random sample once there are more
-//! intervals than [`SAMPLE`]: memory does not grow with the rate.
+//! Times are the kernel's receive times, so that neither the redraw rate nor a late reader affects them. Mean, deviation and maximum are
+//! exact. Quantiles are those of a random sample if there are more intervals than [`SAMPLE`], so that memory is bounded.
 
 use std::collections::VecDeque;
 
@@ -10,17 +9,17 @@ use std::collections::VecDeque;
 const SLICE_NS: i64 = 250_000_000;
 /// Slices of the window: two seconds.
 const SLICES: i64 = 8;
-/// Intervals that a slice keeps for quantiles.
+/// Sample size of a slice for quantiles.
 const SLICE_SAMPLE: usize = 256;
-/// Below so many intervals in the window, the last ones count, however old: a channel of 0.1 Hz has a rate too.
+/// With fewer intervals in the window, the last ones are used regardless of their age, so that a channel of 0.1 Hz has a rate.
 const FEW: usize = 16;
-/// A channel is silent when it says nothing for so many of its largest intervals, and this long in addition, ns.
-const SILENT: (i64, i64) = (3, SLICE_NS * SLICES);
+/// A channel is inactive after this many times its largest interval plus this time, ns, without a message.
+const INACTIVE: (i64, i64) = (3, SLICE_NS * SLICES);
 
-/// Intervals kept for quantiles over a whole recording.
+/// Sample size for quantiles over a whole recording.
 pub const SAMPLE: usize = 4096;
 
-/// Any number of intervals in bounded memory.
+/// Statistics of any number of intervals in bounded memory.
 #[derive(Debug, Clone)]
 pub struct Intervals {
     count: u64,
@@ -36,23 +35,23 @@ pub struct Intervals {
     random: u64,
 }
 
-/// What there is to say of intervals.
+/// Statistics of intervals.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Spread {
-    /// How many.
+    /// Count.
     pub count: u64,
     /// Mean, ns.
     pub mean_ns: f64,
-    /// Root of the mean square of what they differ by from the mean, ns. One late message in a thousand shows in it.
+    /// Standard deviation, ns; sensitive to outliers.
     pub rms_ns: f64,
-    /// Half the range that the middle 68.27 % of all intervals fill, ns: the standard deviation, were it not for outliers.
+    /// Half the range of the middle 68.27 % of the intervals, ns: an outlier-robust standard deviation.
     pub jitter_ns: f64,
-    /// The largest, ns.
+    /// Largest interval, ns.
     pub max_ns: i64,
 }
 
 impl Intervals {
-    /// Keeps so many for quantiles.
+    /// Empty statistics. `capacity`: sample size for quantiles.
     pub fn new(capacity: usize) -> Self {
         Intervals {
             count: 0,
@@ -67,7 +66,7 @@ impl Intervals {
         }
     }
 
-    /// Enters an interval, and the bytes of the message at its end.
+    /// Adds an interval and the bytes of the message at its end.
     pub fn add(&mut self, interval_ns: i64, bytes: usize) {
         self.count += 1;
         self.bytes += bytes as u64;
@@ -85,13 +84,13 @@ impl Intervals {
         }
     }
 
-    /// `None` of none.
+    /// The statistics; `None` without intervals.
     pub fn spread(&self) -> Option<Spread> {
         spread([self].into_iter())
     }
 }
 
-/// A number from 0 to `below` - 1; xorshift64, since it only has to be evenly spread.
+/// A pseudorandom number from 0 to `below` - 1 (xorshift64).
 fn random(state: &mut u64, below: u64) -> u64 {
     *state ^= *state << 13;
     *state ^= *state >> 7;
@@ -99,7 +98,7 @@ fn random(state: &mut u64, below: u64) -> u64 {
     *state % below
 }
 
-/// The spread of several collections as if they were one.
+/// Statistics of several collections combined.
 fn spread<'a>(parts: impl Iterator<Item = &'a Intervals> + Clone) -> Option<Spread> {
     let count: u64 = parts.clone().map(|part| part.count).sum();
     if count == 0 {
@@ -110,7 +109,7 @@ fn spread<'a>(parts: impl Iterator<Item = &'a Intervals> + Clone) -> Option<Spre
     let squares: f64 =
         parts.clone().map(|part| part.squares + part.count as f64 * (part.mean_ns - mean_ns).powi(2)).sum();
     let max_ns = parts.clone().map(|part| part.max_ns).max().unwrap_or(0);
-    // An interval in the sample of a slice stands for as many as the slice has intervals to one in its sample.
+    // Each interval in a slice's sample has the weight: intervals of the slice / size of its sample.
     let mut weighted: Vec<(i64, f64)> = parts
         .flat_map(|part| {
             let weight = part.count as f64 / part.sample.len().max(1) as f64;
@@ -118,12 +117,12 @@ fn spread<'a>(parts: impl Iterator<Item = &'a Intervals> + Clone) -> Option<Spre
         })
         .collect();
     weighted.sort_unstable_by_key(|(interval, _)| *interval);
-    // One sigma to either side of the median of a normal distribution.
+    // Quantiles at -1 and +1 standard deviation of a normal distribution.
     let [low, high] = [0.158_655, 0.841_345].map(|part| quantile(&weighted, part * n));
     Some(Spread { count, mean_ns, rms_ns: (squares / n).sqrt(), jitter_ns: (high - low) as f64 / 2.0, max_ns })
 }
 
-/// The first interval up to which `weight` of all are.
+/// The first interval at which the cumulative weight reaches `weight`.
 fn quantile(sorted: &[(i64, f64)], weight: f64) -> i64 {
     let mut sum = 0.0;
     let reached = sorted.iter().find(|(_, one)| {
@@ -141,19 +140,19 @@ pub struct Window {
     last: VecDeque<(i64, usize)>,
 }
 
-/// How a channel goes now.
+/// Rates of a channel.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct Pace {
     /// Messages per second.
     pub rate_hz: f64,
     /// Bytes of messages per second.
     pub bytes_per_s: f64,
-    /// The intervals; `None` before the second message and of a channel that has fallen silent.
+    /// Statistics of the intervals; `None` before the second message and for an inactive channel.
     pub spread: Option<Spread>,
 }
 
 impl Window {
-    /// Enters the interval that ends with a message at `t_ns`, and the bytes of the message.
+    /// Adds the interval that ends with a message at `t_ns`, and the bytes of the message.
     pub fn add(&mut self, t_ns: i64, interval_ns: i64, bytes: usize) {
         let slice = t_ns.div_euclid(SLICE_NS);
         self.slices.retain(|(at, _)| (slice - SLICES + 1..=slice).contains(at));
@@ -169,7 +168,7 @@ impl Window {
         self.last.push_back((interval_ns, bytes));
     }
 
-    /// How it goes at `now_ns`, when the last message is `age_ns` old.
+    /// Rates at `now_ns`. `age_ns`: age of the last message.
     pub fn pace(&self, now_ns: i64, age_ns: i64) -> Pace {
         let slice = now_ns.div_euclid(SLICE_NS);
         let in_window = self.slices.iter().filter(|(at, _)| *at > slice - SLICES).map(|(_, intervals)| intervals);
@@ -185,12 +184,12 @@ impl Window {
 impl Pace {
     fn of<'a>(parts: impl Iterator<Item = &'a Intervals> + Clone, age_ns: i64) -> Self {
         let Some(spread) = spread(parts.clone()) else { return Pace::default() };
-        if age_ns > spread.max_ns.saturating_mul(SILENT.0).saturating_add(SILENT.1) {
+        if age_ns > spread.max_ns.saturating_mul(INACTIVE.0).saturating_add(INACTIVE.1) {
             return Pace::default();
         }
         let sum_ns: f64 = parts.clone().map(|part| part.sum_ns).sum();
         let bytes: u64 = parts.map(|part| part.bytes).sum();
-        // The interval that has not ended yet counts from where it is longer than usual, so that a rate sinks when a channel stops.
+        // The current interval counts by the time that it exceeds the mean, so that the rate decreases when a channel stops.
         let span_s = (sum_ns + (age_ns as f64 - spread.mean_ns).max(0.0)) * 1e-9;
         if span_s <= 0.0 {
             return Pace { spread: Some(spread), ..Pace::default() };
@@ -216,7 +215,7 @@ mod tests {
     }
 
     #[test]
-    fn a_hand_case() {
+    fn five_intervals_computed_by_hand() {
         let mut intervals = Intervals::new(SAMPLE);
         // Mean 1 ms, deviations -0.2, -0.1, 0, 0.1, 0.2: squares sum to 0.1, a fifth of it is 0.02.
         [1.0, 0.8, 1.2, 0.9, 1.1].into_iter().for_each(|ms| intervals.add((ms * 1e6) as i64, 0));
@@ -229,7 +228,7 @@ mod tests {
     }
 
     #[test]
-    fn a_late_message_in_a_hundred_moves_the_deviation_and_not_the_jitter() {
+    fn one_percent_of_outliers_changes_the_deviation_but_not_the_jitter() {
         let (window, now) = window((0..1000).map(|n| if n % 100 == 50 { 21 * MS } else { MS + n % 2 * 10_000 }));
         let spread = window.pace(now, 0).spread.unwrap();
         assert_eq!(spread.jitter_ns, 5000.0);
@@ -238,7 +237,7 @@ mod tests {
     }
 
     #[test]
-    fn rate_and_jitter_are_right_from_a_message_in_ten_seconds_to_fifty_thousand_a_second() {
+    fn rate_and_jitter_are_correct_from_0_1_hz_to_50_khz() {
         for (period, count) in [(10_000 * MS, 30), (MS, 5000), (20_000, 200_000)] {
             // Every other interval is a tenth longer or shorter.
             let (window, now) =
@@ -252,8 +251,8 @@ mod tests {
     }
 
     #[test]
-    fn a_sample_stands_for_all() {
-        // Evenly spread from 0.5 to 1.5 ms, in an order that has nothing to do with the size: the middle 68.27 % are 0.6827 ms wide.
+    fn quantiles_of_a_sample_approximate_those_of_all_intervals() {
+        // Uniform from 0.5 to 1.5 ms, shuffled: the middle 68.27 % have a range of 0.6827 ms.
         let mut intervals = Intervals::new(SAMPLE);
         (0..100_000).for_each(|n| intervals.add(500_000 + n * 7919 % 100_000 * 10, 0));
         assert_eq!(intervals.sample.len(), SAMPLE);
@@ -263,27 +262,27 @@ mod tests {
     }
 
     #[test]
-    fn slices_with_and_without_all_their_intervals_weigh_what_they_hold() {
-        // One second of 10 kHz, then one of 500 Hz: of all intervals a twentieth is long, of those in the samples a third.
+    fn slices_are_weighted_by_their_number_of_intervals() {
+        // One second at 10 kHz, then one at 500 Hz: 1/20 of all intervals is long, but 1/3 of those in the samples.
         let (window, now) = window((0..10_000).map(|_| 100_000).chain((0..500).map(|_| 2 * MS)));
         let spread = window.pace(now, 0).spread.unwrap();
         assert_eq!((spread.jitter_ns, spread.max_ns), (0.0, 2 * MS));
     }
 
     #[test]
-    fn a_channel_that_stops_slows_down_and_falls_silent() {
+    fn the_rate_of_a_stopped_channel_decreases_to_zero() {
         let (window, now) = window((0..5000).map(|_| MS));
         let rate = |age: i64| window.pace(now + age, age).rate_hz;
         assert!((rate(0) - 1000.0).abs() < 1e-6 && (rate(MS) - 1000.0).abs() < 1e-6);
-        // After a second, three whole slices of 250 messages are left in the window and one message of the next: they took 0.751 s, and
-        // the message that does not come is 0.999 s overdue.
+        // After a second the window contains three slices of 250 messages and one message of the next: they took 0.751 s, and the next
+        // message is 0.999 s overdue.
         assert!((rate(1000 * MS) - 751.0 / 1.75).abs() < 0.5, "{}", rate(1000 * MS));
         assert_eq!(rate(2100 * MS), 0.0);
         assert_eq!(window.pace(now + 9000 * MS, 9000 * MS).spread, None);
     }
 
     #[test]
-    fn messages_at_one_time_have_no_rate() {
+    fn messages_with_equal_times_have_rate_zero() {
         let (window, now) = window([0, 0, 0]);
         assert_eq!(window.pace(now, 0).rate_hz, 0.0);
         assert_eq!(Window::default().pace(0, 0), Pace::default());

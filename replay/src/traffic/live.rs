@@ -1,4 +1,4 @@
-//! A network as it is heard now.
+//! Statistics of a live network.
 
 use super::Traffic;
 use crate::Error;
@@ -10,16 +10,14 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
-/// How long datagrams are left to gather in the kernel before they are fetched. The kernel has written down when each came, so nothing is lost
-/// by it but wake-ups, which are what a listener costs at high rates.
-const NAP: Duration = Duration::from_millis(5);
-/// Datagrams taken before others get to look.
-const AT_ONCE: usize = 512;
-/// Longest that what has come before the end is fetched.
-const LAST: Duration = Duration::from_millis(200);
+/// Sleep between two batches of datagrams. The kernel stores the receive time of each, so a batch only reduces the number of wake-ups.
+const BATCH_INTERVAL: Duration = Duration::from_millis(5);
+/// Largest number of datagrams read while the lock is held.
+const BATCH: usize = 512;
+/// Longest time to read remaining datagrams at the end.
+const DRAIN_LIMIT: Duration = Duration::from_millis(200);
 
-/// Listens on a thread of its own. It joins the group as a socket, not as a subscriber of liblcm, and never sends: those who talk cannot tell
-/// whether it is there.
+/// Receives on its own thread. It joins the multicast group with its own socket, not through liblcm, and never sends.
 pub struct Live {
     traffic: Arc<Mutex<Traffic>>,
     stop: Arc<AtomicBool>,
@@ -29,7 +27,7 @@ pub struct Live {
 }
 
 impl Live {
-    /// Joins the network and begins to listen.
+    /// Joins the network and starts to receive.
     ///
     /// # Errors
     /// Those of [`Listener::open`].
@@ -46,7 +44,7 @@ impl Live {
         Ok(Live { traffic, stop, thread: Some(thread), url: url.clone(), warning })
     }
 
-    /// What a person should know before it goes on.
+    /// Warning for the user, such as a small receive buffer.
     pub fn warning(&self) -> Option<&str> {
         self.warning.as_deref()
     }
@@ -56,25 +54,25 @@ impl Live {
         &self.url
     }
 
-    /// What was heard so far; whoever holds it stops the listener, and the kernel waits for both.
+    /// The statistics. While the guard is held, the receiving thread waits and datagrams stay in the kernel.
     pub fn traffic(&self) -> MutexGuard<'_, Traffic> {
         self.traffic.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Time of the network's clock, ns since the Unix epoch.
+    /// Time now in the clock of the receive times, ns since the Unix epoch.
     pub fn now_ns(&self) -> i64 {
         udpm::now_ns()
     }
 
-    /// Whether the socket has failed; [`Live::end`] says why.
+    /// Whether the socket has failed; [`Live::end`] returns the error.
     pub fn has_failed(&self) -> bool {
         self.thread.as_ref().is_none_or(JoinHandle::is_finished)
     }
 
-    /// Fetches what has come and listens no more.
+    /// Reads the remaining datagrams and stops.
     ///
     /// # Errors
-    /// [`Error::Socket`] if the network failed.
+    /// [`Error::Socket`] if the socket failed.
     pub fn end(&mut self) -> Result<(), Error> {
         self.stop.store(true, Ordering::Relaxed);
         let Some(thread) = self.thread.take() else { return Ok(()) };
@@ -85,7 +83,7 @@ impl Live {
 
 impl Drop for Live {
     fn drop(&mut self) {
-        // Nobody is left to be told.
+        // An error cannot be reported from drop.
         let _ = self.end();
     }
 }
@@ -93,7 +91,7 @@ impl Drop for Live {
 fn listen(listener: &mut Listener, traffic: &Mutex<Traffic>, stop: &AtomicBool) -> Result<(), Errno> {
     while !stop.load(Ordering::Relaxed) {
         let first = listener.receive()?;
-        let came = first.is_some();
+        let received = first.is_some();
         {
             let mut traffic = traffic.lock().unwrap_or_else(PoisonError::into_inner);
             if let Some(datagram) = first {
@@ -101,19 +99,19 @@ fn listen(listener: &mut Listener, traffic: &Mutex<Traffic>, stop: &AtomicBool) 
             }
             traffic.settle(udpm::now_ns());
         }
-        if came && !fetch(listener, traffic)? {
-            std::thread::sleep(NAP);
+        if received && !fetch(listener, traffic)? {
+            std::thread::sleep(BATCH_INTERVAL);
         }
     }
-    let until = Instant::now() + LAST;
+    let until = Instant::now() + DRAIN_LIMIT;
     while fetch(listener, traffic)? && Instant::now() < until {}
     Ok(())
 }
 
-/// Takes what has come; whether there may be more.
+/// Reads a batch of datagrams. Returns whether there may be more.
 fn fetch(listener: &mut Listener, traffic: &Mutex<Traffic>) -> Result<bool, Errno> {
     let mut traffic = traffic.lock().unwrap_or_else(PoisonError::into_inner);
-    for _ in 0..AT_ONCE {
+    for _ in 0..BATCH {
         let Some(datagram) = listener.receive_now()? else { return Ok(false) };
         traffic.datagram(&datagram);
     }

@@ -1,17 +1,17 @@
-//! Who says what, how often, how evenly, and what of it does not come: the numbers behind `hoof spy`, of a network or of a log.
+//! Traffic statistics of a network or a log, for `hoof spy`: channels, rates, jitter, losses and senders.
 //!
-//! - [`Traffic`]: takes datagrams, or the events of a log, and keeps an account by channel and by sender in bounded memory.
-//! - [`Live`]: hears a network with a socket of its own, and sends nothing.
-//! - [`Row`]: one channel of it; [`Summary`]: all of it. Their names in JSON are those of `hoof log info`, and more.
-//! - [`Intervals`], [`Window`]: rate and jitter, right at any rate.
+//! - [`Traffic`]: takes datagrams, or the events of a log, and keeps statistics per channel and per sender in bounded memory.
+//! - [`Live`]: receives a network with its own socket; never sends.
+//! - [`Row`]: one channel; [`Summary`]: all channels. JSON keys include those of `hoof log info`.
+//! - [`Intervals`], [`Window`]: rate and jitter, from 0.1 Hz to 50 kHz.
 //! - [`Alarm`], [`Alarms`]: conditions on rows, such as `ROBOT_STATE rate<900`.
 //! - [`Trace`]: a field of a channel's messages over time.
 //!
-//! What is lost is known exactly for a sender, from LCM's sequence numbers, which count all its messages, whatever their channel. What a
-//! channel lost is known where its messages count themselves (`seq`, `tick`); elsewhere it is at most what its senders lost. A row
-//! says which of the two it is.
+//! The number of messages lost per sender is exact: LCM's sequence numbers count all messages of a sender over all channels. The number
+//! lost per channel is known if its messages have a counter (`seq`, `tick`); otherwise its upper bound is the number that its senders lost. A
+//! row contains both.
 //!
-//! What it must never do: send anything, guess a number that nobody knows, or grow with what is heard.
+//! It must never send, report an estimate as a count, or use memory without bound.
 
 mod alarm;
 mod channel;
@@ -27,45 +27,45 @@ pub use row::{Row, Summary};
 pub use trace::Trace;
 
 use crate::log::{EventRef, Types};
-use crate::record::{Account, Hearing};
+use crate::record::{MessageDecoder, SenderCounts};
 use crate::udpm::Datagram;
 use channel::{Arrival, Channel};
 use lcmtypes::channels;
 use std::collections::{BTreeMap, VecDeque};
 use std::hash::{DefaultHasher, Hash, Hasher};
 
-/// Channels that are told apart; beyond, messages are counted together.
+/// Largest number of channels; messages of further channels are counted together.
 const MAX_CHANNELS: usize = 1000;
-/// Bytes of last messages kept over all channels.
+/// Largest size of the stored last messages of all channels, bytes.
 const MAX_KEPT: usize = 1 << 26;
-/// RUN_INFO messages of which types are learnt.
+/// Largest number of different RUN_INFO messages from which types are read.
 const MAX_RUNS: usize = 16;
-/// How often it is judged what is lost, ns.
+/// Time between two checks for lost messages, ns.
 const SETTLE_NS: i64 = 500_000_000;
-/// Findings that are kept to be read.
-const NEWS: usize = 100;
+/// Largest number of stored network events.
+const MAX_NETWORK_EVENTS: usize = 100;
 
-/// What is heard.
+/// Statistics of received messages.
 #[derive(Default)]
 pub struct Traffic {
-    hearing: Hearing,
+    decoder: MessageDecoder,
     channels: BTreeMap<String, Channel>,
     types: Types,
-    /// How often the types have changed.
-    knowledge: u64,
+    /// Incremented when types are added.
+    types_version: u64,
     runs: Vec<u64>,
     traces: Vec<Trace>,
     kept: usize,
     /// Messages of channels beyond [`MAX_CHANNELS`].
-    untold: u64,
+    ignored: u64,
     first_ns: Option<i64>,
     last_ns: i64,
     settled_ns: i64,
-    news: VecDeque<(i64, String)>,
+    network_events: VecDeque<(i64, String)>,
 }
 
 impl Traffic {
-    /// With types that others describe.
+    /// Empty statistics. `types`: types that are known besides those of this build.
     pub fn new(types: Types) -> Self {
         Traffic { types, ..Traffic::default() }
     }
@@ -73,7 +73,7 @@ impl Traffic {
     /// Takes a datagram.
     pub fn datagram(&mut self, datagram: &Datagram) {
         let Datagram { sender, t_ns, .. } = *datagram;
-        if let Some(message) = self.hearing.datagram(datagram) {
+        if let Some(message) = self.decoder.datagram(datagram) {
             let (name, data, is_late) = (&*message.channel, &*message.data, message.is_late);
             self.take(&Arrival { sender: Some(sender), t_ns, name, data, is_late });
         }
@@ -82,7 +82,7 @@ impl Traffic {
     /// Takes an event of a log.
     pub fn event(&mut self, event: &EventRef) {
         if let Some(schema) = event.schema {
-            self.knowledge += u64::from(self.types.learn_schema(schema));
+            self.types_version += u64::from(self.types.learn_schema(schema));
         }
         let EventRef { channel, t_ns, data, .. } = *event;
         self.take(&Arrival { sender: None, t_ns, name: channel, data, is_late: false });
@@ -96,7 +96,7 @@ impl Traffic {
             self.learn(data);
         }
         if self.channels.len() >= MAX_CHANNELS && !self.channels.contains_key(name) {
-            self.untold += 1;
+            self.ignored += 1;
             return;
         }
         if !self.channels.contains_key(name) {
@@ -105,7 +105,7 @@ impl Traffic {
         let Some(channel) = self.channels.get_mut(name) else { return };
         self.kept -= channel.message.len();
         let keep = self.kept + data.len() <= MAX_KEPT;
-        channel.take(arrival, &self.types, self.knowledge, keep);
+        channel.take(arrival, &self.types, self.types_version, keep);
         self.kept += channel.message.len();
         let is_due = |trace: &Trace| trace.channel == name && trace.is_due(t_ns);
         if self.traces.iter().any(is_due)
@@ -115,7 +115,7 @@ impl Traffic {
         }
     }
 
-    /// Takes the types of a RUN_INFO. A run says it again and again; whoever listens reads it once.
+    /// Reads the types of a RUN_INFO. A run repeats it; each content is read once.
     fn learn(&mut self, run_info: &[u8]) {
         let mut hasher = DefaultHasher::new();
         run_info.hash(&mut hasher);
@@ -125,43 +125,43 @@ impl Traffic {
         }
         self.runs.push(hash);
         self.types.learn_run_info(channels::RUN_INFO, run_info);
-        self.knowledge += 1;
+        self.types_version += 1;
     }
 
-    /// To be called a few times a second, with the time of the network's clock: what is too late is lost.
+    /// Counts overdue messages as lost. Call it a few times per second. `now_ns`: time now in the clock of the receive times.
     pub fn settle(&mut self, now_ns: i64) {
         if (0..SETTLE_NS).contains(&now_ns.saturating_sub(self.settled_ns)) {
             return;
         }
         self.settled_ns = now_ns;
-        self.hearing.settle(now_ns);
-        self.read_news(now_ns);
+        self.decoder.settle(now_ns);
+        self.read_network_events(now_ns);
     }
 
-    /// Nothing more comes: what is missing is lost.
+    /// Counts all missing messages as lost, at the end of reception.
     pub fn settle_all(&mut self) {
-        self.hearing.settle_all();
-        self.read_news(self.last_ns);
+        self.decoder.settle_all();
+        self.read_network_events(self.last_ns);
     }
 
-    fn read_news(&mut self, now_ns: i64) {
-        for (_, text) in self.hearing.news() {
-            if self.news.len() == NEWS {
-                self.news.pop_front();
+    fn read_network_events(&mut self, now_ns: i64) {
+        for (_, text) in self.decoder.take_events() {
+            if self.network_events.len() == MAX_NETWORK_EVENTS {
+                self.network_events.pop_front();
             }
-            self.news.push_back((now_ns, text));
+            self.network_events.push_back((now_ns, text));
         }
     }
 
-    /// Begins to count anew; types and choice of traces stay.
+    /// Resets all counts; types and traced fields stay.
     pub fn clear(&mut self) {
-        let (types, knowledge) = (std::mem::take(&mut self.types), self.knowledge);
+        let (types, types_version) = (std::mem::take(&mut self.types), self.types_version);
         let (runs, mut traces) = (std::mem::take(&mut self.runs), std::mem::take(&mut self.traces));
         traces.iter_mut().for_each(Trace::clear);
-        *self = Traffic { types, knowledge, runs, traces, ..Traffic::default() };
+        *self = Traffic { types, types_version, runs, traces, ..Traffic::default() };
     }
 
-    /// Follows a field from now on; whether its path could be read.
+    /// Starts to trace a field. Returns false for an invalid path.
     pub fn follow(&mut self, channel: &str, path: &str) -> bool {
         let trace = Trace::new(channel, path);
         let is_some = trace.is_some();
@@ -169,64 +169,64 @@ impl Traffic {
         is_some
     }
 
-    /// Follows a field no more.
+    /// Stops tracing a field.
     pub fn unfollow(&mut self, channel: &str, path: &str) {
         self.traces.retain(|trace| trace.channel != channel || trace.path != path);
     }
 
-    /// The fields that are followed.
+    /// The traced fields.
     pub fn traces(&self) -> &[Trace] {
         &self.traces
     }
 
-    /// What is known of types.
+    /// The known types.
     pub fn types(&self) -> &Types {
         &self.types
     }
 
-    /// The last message of a channel: as many of its bytes as are kept (none of one that is too long), and its length.
+    /// The last message of a channel: its bytes (empty if it was too long to be stored) and its length.
     pub fn message(&self, channel: &str) -> Option<(&[u8], usize)> {
         self.channels.get(channel).map(|channel| (&channel.message[..], channel.length))
     }
 
-    /// Every channel as it goes at `now_ns`.
+    /// Every channel at `now_ns`.
     pub fn rows(&self, now_ns: i64) -> Vec<Row> {
         self.all(|channel| channel.pace(now_ns), now_ns)
     }
 
     fn all(&self, pace: impl Fn(&Channel) -> Pace, now_ns: i64) -> Vec<Row> {
-        let row = |(name, channel): (&String, &Channel)| Row::new(name, channel, pace(channel), now_ns, &self.hearing);
+        let row = |(name, channel): (&String, &Channel)| Row::new(name, channel, pace(channel), now_ns, &self.decoder);
         self.channels.iter().map(row).collect()
     }
 
-    /// Every channel as it went, from its first to its last message.
+    /// Every channel, from its first to its last message.
     pub fn summary(&self, now_ns: i64) -> Summary {
         Summary::new(self, self.all(Channel::whole, now_ns))
     }
 
-    /// Accounts of the senders, by address.
-    pub fn senders(&self) -> Vec<Account> {
-        self.hearing.accounts()
+    /// Counts of the senders, by address.
+    pub fn senders(&self) -> Vec<SenderCounts> {
+        self.decoder.all_counts()
     }
 
-    /// Messages lost, datagrams that came again, datagrams that came late: of all senders.
-    pub fn lost_twice_late(&self) -> [u64; 3] {
-        self.hearing.totals()
+    /// Lost messages, duplicate datagrams and late datagrams of all senders.
+    pub fn lost_duplicate_late(&self) -> [u64; 3] {
+        self.decoder.totals()
     }
 
-    /// Datagrams that the kernel dropped because nobody fetched them in time.
+    /// Datagrams that the kernel dropped because the receive buffer was full.
     pub fn kernel_dropped(&self) -> u64 {
-        self.hearing.tally().kernel_dropped
+        self.decoder.counts().kernel_dropped
     }
 
-    /// Whether anything was heard at all, LCM or not.
-    pub fn is_silent(&self) -> bool {
-        self.first_ns.is_none() && self.hearing.tally() == crate::record::Tally::default()
+    /// Whether no datagram was received.
+    pub fn is_empty(&self) -> bool {
+        self.first_ns.is_none() && self.decoder.counts() == crate::record::ReceiveCounts::default()
     }
 
-    /// What was found, with the time when, ns; oldest first.
-    pub fn news(&self) -> impl DoubleEndedIterator<Item = &(i64, String)> {
-        self.news.iter()
+    /// Network events with their times, ns; oldest first.
+    pub fn network_events(&self) -> impl DoubleEndedIterator<Item = &(i64, String)> {
+        self.network_events.iter()
     }
 }
 
@@ -236,39 +236,39 @@ mod tests {
     use super::*;
     use std::sync::Arc;
 
-    fn say(traffic: &mut Traffic, channel: &str, t_ns: i64, data: &[u8]) {
+    fn receive(traffic: &mut Traffic, channel: &str, t_ns: i64, data: &[u8]) {
         let channel: &Arc<str> = &channel.into();
         traffic.event(&EventRef { channel, t_ns, number: 0, data, offset: 0, schema: None });
     }
 
     #[test]
-    fn memory_does_not_grow_with_channels_or_messages() {
+    fn memory_is_bounded_for_any_number_of_channels_and_messages() {
         let mut traffic = Traffic::default();
         for n in 0..1500 {
-            say(&mut traffic, &format!("C{n}"), n, &[0; 100_000]);
+            receive(&mut traffic, &format!("C{n}"), n, &[0; 100_000]);
         }
         let summary = traffic.summary(1500);
-        assert_eq!((summary.channels.len(), summary.untold, summary.events), (MAX_CHANNELS, 500, 1500));
-        // 671 of them fit into 64 MiB; of the others, the length is known.
+        assert_eq!((summary.channels.len(), summary.ignored, summary.events), (MAX_CHANNELS, 500, 1500));
+        // 671 messages fit into 64 MiB; of the others the length is known.
         let kept = |name: &str| traffic.message(name).map(|(bytes, length)| (bytes.len(), length));
         assert_eq!((kept("C670"), kept("C671")), (Some((100_000, 100_000)), Some((0, 100_000))));
         assert_eq!(traffic.kept, 671 * 100_000);
-        // A channel known already is counted on, and what it gives up others may keep.
-        say(&mut traffic, "C0", 1500, b"short");
-        say(&mut traffic, "C671", 1500, &[0; 100_000]);
+        // Known channels are still counted; space that one frees is available to others.
+        receive(&mut traffic, "C0", 1500, b"short");
+        receive(&mut traffic, "C671", 1500, &[0; 100_000]);
         assert_eq!(traffic.message("C671").unwrap().0.len(), 100_000);
-        // Longer than anybody wants to look at.
-        say(&mut traffic, "C0", 1501, &vec![0; channel::KEPT + 1]);
+        // Too long to be stored.
+        receive(&mut traffic, "C0", 1501, &vec![0; channel::KEPT + 1]);
         assert_eq!(traffic.message("C0").unwrap().0.len(), 0);
     }
 
     #[test]
-    fn counting_anew_keeps_what_was_chosen() {
+    fn a_reset_keeps_traced_fields() {
         let mut traffic = Traffic::default();
         assert!(traffic.follow("A", "x") && !traffic.follow("A", "x[one]"));
-        say(&mut traffic, "A", 5, b"12345678");
+        receive(&mut traffic, "A", 5, b"12345678");
         traffic.clear();
-        assert_eq!((traffic.rows(10).len(), traffic.traces().len(), traffic.is_silent()), (0, 1, true));
+        assert_eq!((traffic.rows(10).len(), traffic.traces().len(), traffic.is_empty()), (0, 1, true));
         traffic.unfollow("A", "x");
         assert_eq!(traffic.traces().len(), 0);
     }

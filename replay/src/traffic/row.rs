@@ -1,8 +1,8 @@
-//! A channel in numbers.
+//! Statistics of one channel, and of all channels.
 
 use super::channel::Channel;
 use super::{Pace, Traffic};
-use crate::record::{Account, Hearing, Tally};
+use crate::record::{MessageDecoder, ReceiveCounts, SenderCounts};
 use std::net::SocketAddrV4;
 
 /// One channel.
@@ -10,10 +10,10 @@ use std::net::SocketAddrV4;
 pub struct Row {
     /// Channel.
     pub name: String,
-    /// Type with package of its last message, if it is known here.
+    /// Type of the last message with package; `None` if unknown.
     #[serde(rename = "type")]
     pub type_name: Option<String>,
-    /// Fingerprint in hexadecimal, if the messages are long enough to have one.
+    /// Fingerprint in hexadecimal; `None` if the message is too short to have one.
     pub fingerprint: Option<String>,
     /// Messages.
     pub count: u64,
@@ -23,15 +23,15 @@ pub struct Row {
     pub bytes: u64,
     /// Bytes of messages per second.
     pub bytes_per_s: f64,
-    /// Messages that were sent and did not come. `None` where nobody can know: see `lost_at_most`.
+    /// Lost messages. `None` if unknown: see `lost_at_most`.
     pub lost: Option<u64>,
-    /// What the channel's senders lost on all their channels. `None` of a log, which does not say who sent.
+    /// Messages that the channel's senders lost on all their channels. `None` for a log, whose senders are unknown.
     pub lost_at_most: Option<u64>,
-    /// Numbers that the counters in the messages skip, for whatever reason.
+    /// Numbers skipped by the counters in the messages.
     pub skipped: Option<u64>,
-    /// Messages that came after a later one of their sender.
+    /// Messages received after a later one of their sender.
     pub late: u64,
-    /// Half the range of the middle 68.27 % of all intervals, us.
+    /// Half the range of the middle 68.27 % of the intervals, us.
     pub jitter_us: Option<f64>,
     /// Standard deviation of the intervals, us.
     pub jitter_rms_us: Option<f64>,
@@ -39,15 +39,15 @@ pub struct Row {
     pub gap_us: Option<f64>,
     /// Time since the last message, s.
     pub age_s: f64,
-    /// Who sent: addresses and ports.
+    /// Senders: address and port.
     pub senders: Vec<String>,
 }
 
 impl Row {
-    pub(super) fn new(name: &str, channel: &Channel, pace: Pace, now_ns: i64, hearing: &Hearing) -> Self {
+    pub(super) fn new(name: &str, channel: &Channel, pace: Pace, now_ns: i64, decoder: &MessageDecoder) -> Self {
         let senders: Vec<SocketAddrV4> = channel.lanes.iter().filter_map(|lane| lane.sender).collect();
-        let account = |sender: &SocketAddrV4| hearing.account(*sender);
-        let lost_by = |sender| account(sender).map(|account| account.lost);
+        let account = |sender: &SocketAddrV4| decoder.sender_counts(*sender);
+        let lost_by = |sender| account(sender).map(|counts| counts.lost);
         let lost_at_most = if senders.is_empty() { None } else { senders.iter().map(lost_by).sum() };
         let skipped = channel.skipped();
         let us = |ns: f64| ns * 1e-3;
@@ -72,8 +72,8 @@ impl Row {
     }
 }
 
-/// What a channel lost, from what its counters skip and what its senders lost on all channels. A number that was skipped and not lost on
-/// the way was never sent.
+/// Lost messages of a channel, from the numbers skipped by its counters and the loss of its senders on all channels. A skipped number that
+/// the sender did not lose was never sent.
 fn lost(skipped: Option<u64>, lost_at_most: Option<u64>) -> Option<u64> {
     match (skipped, lost_at_most) {
         (_, Some(0)) => Some(0),
@@ -83,44 +83,45 @@ fn lost(skipped: Option<u64>, lost_at_most: Option<u64>) -> Option<u64> {
     }
 }
 
-/// All that was heard.
+/// Statistics of all channels.
 #[derive(Debug, Clone, PartialEq, serde::Serialize)]
 pub struct Summary {
     /// Messages.
     pub events: u64,
     /// From the first to the last message, s.
     pub duration_s: f64,
-    /// Messages lost: on a network those of all senders, in a log those that the counters in the messages miss.
+    /// Lost messages: on a network of all senders, in a log by the counters in the messages.
     pub lost: u64,
-    /// Datagrams that came again.
+    /// Duplicate datagrams.
     pub duplicates: u64,
-    /// Datagrams that came after a later one of their sender.
+    /// Datagrams received after a later one of their sender.
     pub reordered: u64,
-    /// Messages of channels of which there are too many to be told apart.
-    pub untold: u64,
-    /// What came off the network.
+    /// Messages of channels above the largest number of channels.
+    #[serde(rename = "untold")]
+    pub ignored: u64,
+    /// Received messages and datagrams.
     #[serde(flatten)]
-    pub tally: Tally,
+    pub counts: ReceiveCounts,
     /// Channels by name.
     pub channels: Vec<Row>,
     /// Senders by address.
-    pub senders: Vec<Account>,
+    pub senders: Vec<SenderCounts>,
 }
 
 impl Summary {
     pub(super) fn new(traffic: &Traffic, channels: Vec<Row>) -> Self {
-        let [lost, duplicates, reordered] = traffic.lost_twice_late();
+        let [lost, duplicates, reordered] = traffic.lost_duplicate_late();
         let senders = traffic.senders();
         let skipped = channels.iter().filter_map(|row| row.skipped).sum();
         let span_ns = traffic.first_ns.map_or(0, |first| traffic.last_ns.saturating_sub(first));
         Summary {
-            events: channels.iter().map(|row| row.count).sum::<u64>() + traffic.untold,
+            events: channels.iter().map(|row| row.count).sum::<u64>() + traffic.ignored,
             duration_s: span_ns as f64 * 1e-9,
             lost: if senders.is_empty() { skipped } else { lost },
             duplicates,
             reordered,
-            untold: traffic.untold,
-            tally: traffic.hearing.tally(),
+            ignored: traffic.ignored,
+            counts: traffic.decoder.counts(),
             channels,
             senders,
         }
@@ -132,16 +133,16 @@ mod tests {
     use super::lost;
 
     #[test]
-    fn a_loss_is_told_as_far_as_it_is_known() {
-        // A counter, and the senders' sequence numbers, which say at most how many.
+    fn lost_messages_follow_from_counters_and_senders() {
+        // A counter, and the sequence numbers of the senders as upper bound.
         assert_eq!(lost(Some(3), Some(10)), Some(3));
-        // Numbers that the sender left out by itself are not lost.
+        // Numbers that the sender skipped are not lost.
         assert_eq!(lost(Some(3), Some(0)), Some(0));
         assert_eq!(lost(Some(3), Some(1)), Some(1));
-        // Without a counter, nothing is known but where nothing was lost at all.
+        // Without a counter the number is unknown unless nothing was lost.
         assert_eq!(lost(None, Some(10)), None);
         assert_eq!(lost(None, Some(0)), Some(0));
-        // A log knows no senders.
+        // In a log the senders are unknown.
         assert_eq!((lost(Some(3), None), lost(None, None)), (Some(3), None));
     }
 }

@@ -1,19 +1,19 @@
-//! Chosen fields over time.
+//! Values of selected fields over time.
 
 use lcm_idl::{Leaf, Segment, Type};
 use std::collections::VecDeque;
 
-/// Points that a trace keeps: a minute of 1 kHz.
+/// Largest number of points per trace: a minute at 1 kHz.
 const POINTS: usize = 60_000;
-/// Messages that follow each other faster than this are left out, ns: no screen shows more, and decoding takes time.
+/// Shortest time between two points, ns; messages in between are not decoded.
 const FASTEST_NS: i64 = 500_000;
 
-/// A numeric field of a channel's messages, as it came.
+/// The values of a numeric field.
 #[derive(Debug, Clone)]
 pub struct Trace {
     /// Channel.
     pub channel: String,
-    /// The way to it, such as `state.q[3]`.
+    /// Path, such as `state.q[3]`.
     pub path: String,
     steps: Vec<Step>,
     points: VecDeque<(i64, f64)>,
@@ -26,7 +26,7 @@ enum Step {
 }
 
 impl Trace {
-    /// A field that has not come yet; `None` if the path is none.
+    /// An empty trace; `None` for an invalid path.
     pub fn new(channel: &str, path: &str) -> Option<Self> {
         let step = |text: &str| match text.strip_suffix(']') {
             Some(index) => index.parse().ok().map(Step::Index),
@@ -37,23 +37,23 @@ impl Trace {
         is_some.then(|| Trace { channel: channel.to_owned(), path: path.to_owned(), steps, points: VecDeque::new() })
     }
 
-    /// Time of arrival, ns, and value, oldest first.
+    /// Receive time, ns, and value; oldest first.
     pub fn points(&self) -> impl DoubleEndedIterator<Item = (i64, f64)> + ExactSizeIterator {
         self.points.iter().copied()
     }
 
-    /// Forgets what came.
+    /// Removes all points.
     pub fn clear(&mut self) {
         self.points.clear();
     }
 
-    /// Whether a message at `t_ns` is worth decoding.
+    /// Whether a message at `t_ns` gives a new point.
     pub(super) fn is_due(&self, t_ns: i64) -> bool {
-        // A time before the last one is that of a clock set back.
+        // An earlier time means that the clock was set back.
         self.points.back().is_none_or(|(last, _)| !(0..FASTEST_NS).contains(&t_ns.saturating_sub(*last)))
     }
 
-    fn enter(&mut self, t_ns: i64, value: f64) {
+    fn add(&mut self, t_ns: i64, value: f64) {
         if self.points.len() == POINTS {
             self.points.pop_front();
         }
@@ -70,13 +70,13 @@ impl Trace {
     }
 }
 
-/// Enters a message of `channel` into the traces of its fields.
+/// Adds a message of `channel` to the traces of its fields.
 pub(super) fn trace(traces: &mut [Trace], channel: &str, ty: Type, data: &[u8], t_ns: i64) {
     let mut due: Vec<&mut Trace> = traces.iter_mut().filter(|t| t.channel == channel && t.is_due(t_ns)).collect();
-    // What stands before damage in a message has been entered by then; the damage itself shows where the message is.
+    // If the message is malformed, the fields before the error are used; the message page shows the error.
     let _ = ty.walk(data, |path, leaf: Leaf| {
         let Some(value) = leaf.as_f64() else { return };
-        due.iter_mut().filter(|trace| trace.is_at(path.segments())).for_each(|trace| trace.enter(t_ns, value));
+        due.iter_mut().filter(|trace| trace.is_at(path.segments())).for_each(|trace| trace.add(t_ns, value));
     });
 }
 
@@ -87,7 +87,7 @@ mod tests {
     use lcmtypes::{Message, RobotState, channels};
 
     #[test]
-    fn a_field_is_followed_through_its_messages() {
+    fn a_trace_contains_the_values_of_its_field() {
         let ty = lcmtypes::types().by_name(RobotState::TYPE).unwrap();
         let named = |path| Trace::new(channels::ROBOT_STATE, path).unwrap();
         let mut traces = [named("q[1]"), named("seq"), named("q[2]"), Trace::new("OTHER", "seq").unwrap()];
@@ -98,7 +98,7 @@ mod tests {
             state.encode(&mut bytes).unwrap();
             trace(&mut traces, channels::ROBOT_STATE, ty, &bytes, t_ns);
         }
-        // The third came too soon after the second.
+        // The third is too close to the second.
         let points = |trace: &Trace| trace.points().collect::<Vec<_>>();
         assert_eq!(points(&traces[0]), [(0, 2.5), (1_000_000, 3.0), (3_000_000, 4.0)]);
         assert_eq!(points(&traces[1]), [(0, 5.0), (1_000_000, 6.0), (3_000_000, 8.0)]);
@@ -106,7 +106,7 @@ mod tests {
     }
 
     #[test]
-    fn a_path_that_is_none_is_no_trace() {
+    fn an_invalid_path_is_rejected() {
         assert!(Trace::new("A", "q[x]").is_none() && Trace::new("A", "").is_none());
     }
 }

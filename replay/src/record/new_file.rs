@@ -1,23 +1,23 @@
-//! The file of a new recording: nobody else's, and never one that holds something already.
+//! Creates the file of a recording: exclusive, and never over an existing log.
 
 use std::fs::{File, OpenOptions, TryLockError};
 use std::io;
 use std::os::unix::fs::MetadataExt;
 use std::path::{Path, PathBuf};
 
-/// A file to record into.
-pub struct Fresh {
-    /// Empty and locked for as long as it is open, so that no second recorder writes it.
+/// A new, empty file for a recording.
+pub struct NewFile {
+    /// Empty, and locked while it is open, so that no second recorder writes to it.
     pub file: File,
-    /// What had the name before, by its new name.
+    /// New name of the file that had this name before.
     pub moved: Option<PathBuf>,
 }
 
-impl Fresh {
-    /// Creates `path`. A file of that name that is not empty is moved aside: `run.mcap` to `run.1.mcap`, or the next number that is free.
+impl NewFile {
+    /// Creates `path`. A non-empty file of that name is renamed: `run.mcap` to `run.1.mcap`, or the next free number.
     ///
     /// # Errors
-    /// [`io::ErrorKind::ResourceBusy`] if another process records into it; whatever the operating system refuses.
+    /// [`io::ErrorKind::ResourceBusy`] if another process records into it; other errors of the operating system.
     pub fn create(path: &Path) -> io::Result<Self> {
         let mut moved = None;
         loop {
@@ -27,26 +27,26 @@ impl Fresh {
                     let text = "another process is recording into it";
                     return Err(io::Error::new(io::ErrorKind::ResourceBusy, text));
                 }
-                // A file system without locks is no reason not to record.
+                // Record also on a file system without locks.
                 Ok(()) | Err(TryLockError::Error(_)) => {}
             }
             let found = file.metadata()?;
             if !found.is_file() {
-                return Ok(Fresh { file, moved });
+                return Ok(NewFile { file, moved });
             }
-            // Between opening and locking another recorder may have moved it aside.
+            // Another recorder may have renamed the file between open and lock.
             let is_there =
                 std::fs::metadata(path).is_ok_and(|there| (there.dev(), there.ino()) == (found.dev(), found.ino()));
             if !is_there {
                 continue;
             }
             if found.len() == 0 {
-                return Ok(Fresh { file, moved });
+                return Ok(NewFile { file, moved });
             }
-            // What it is moved to is claimed first, so that two who move never choose one name.
+            // Create the new name first, so that two processes never choose the same.
             let aside = claim(path)?;
             if let Err(error) = std::fs::rename(path, &aside) {
-                // The one that tells is the first.
+                // The first error is the cause.
                 let _ = std::fs::remove_file(&aside);
                 return Err(error);
             }
@@ -77,44 +77,44 @@ mod tests {
     use std::io::Write;
 
     fn folder(name: &str) -> PathBuf {
-        let folder = std::env::temp_dir().join(format!("fresh-{name}-{}", std::process::id()));
+        let folder = std::env::temp_dir().join(format!("new-file-{name}-{}", std::process::id()));
         std::fs::create_dir_all(&folder).unwrap();
         folder
     }
 
     #[test]
-    fn a_log_that_is_there_is_moved_aside() {
+    fn an_existing_log_is_renamed() {
         let folder = folder("aside");
         let path = folder.join("run.mcap");
         let aside = ["run.1.mcap", "run.3.mcap"].map(|name| folder.join(name));
-        std::fs::write(folder.join("run.2.mcap"), "of somebody else").unwrap();
+        std::fs::write(folder.join("run.2.mcap"), "of another process").unwrap();
         let mut moved = Vec::new();
         for text in ["first", "second", "third"] {
-            let mut fresh = Fresh::create(&path).unwrap();
-            moved.push(fresh.moved.take());
-            fresh.file.write_all(text.as_bytes()).unwrap();
+            let mut new = NewFile::create(&path).unwrap();
+            moved.push(new.moved.take());
+            new.file.write_all(text.as_bytes()).unwrap();
         }
         assert_eq!(moved, [None, Some(aside[0].clone()), Some(aside[1].clone())]);
         let texts = ["run.1.mcap", "run.2.mcap", "run.3.mcap", "run.mcap"]
             .map(|name| std::fs::read_to_string(folder.join(name)).unwrap());
-        assert_eq!(texts, ["first", "of somebody else", "second", "third"]);
-        // An empty one holds nothing to keep.
+        assert_eq!(texts, ["first", "of another process", "second", "third"]);
+        // An empty file is reused.
         std::fs::write(&path, "").unwrap();
-        assert_eq!(Fresh::create(&path).unwrap().moved, None);
+        assert_eq!(NewFile::create(&path).unwrap().moved, None);
         std::fs::remove_dir_all(&folder).unwrap();
     }
 
     #[test]
-    fn a_file_has_one_recorder() {
+    fn a_second_recorder_of_one_file_is_rejected() {
         let folder = folder("lock");
         let path = folder.join("run.mcap");
-        let mut first = Fresh::create(&path).unwrap();
+        let mut first = NewFile::create(&path).unwrap();
         first.file.write_all(b"first").unwrap();
-        let refused = Fresh::create(&path).err().unwrap();
-        assert_eq!(refused.to_string(), "another process is recording into it");
+        let error = NewFile::create(&path).err().unwrap();
+        assert_eq!(error.kind(), io::ErrorKind::ResourceBusy);
         assert_eq!(std::fs::read(&path).unwrap(), b"first");
         drop(first);
-        assert!(Fresh::create(&path).unwrap().moved.is_some());
+        assert!(NewFile::create(&path).unwrap().moved.is_some());
         std::fs::remove_dir_all(&folder).unwrap();
     }
 }

@@ -1,4 +1,4 @@
-//! Which ticks of a log are replayed, and the state from which.
+//! The segment of a log that is replayed, and the steps of its replay.
 
 use super::Options;
 use super::ticks::{Beside, Tick, Ticks};
@@ -7,12 +7,12 @@ use crate::log::RunClock;
 use lcmtypes::ParameterChange;
 use std::path::Path;
 
-/// The part of a log that is to be replayed.
+/// The part of a log to replay.
 #[derive(Debug)]
-pub(super) struct Stretch {
-    /// Tick whose snapshot the replay starts from.
+pub(super) struct Segment {
+    /// Tick of the snapshot to start from; `None`: the first tick.
     pub start: Option<i64>,
-    /// Time behind which it ends, ns since the run's first tick.
+    /// Last time, ns since the run's first tick.
     pub to_ns: Option<i64>,
     /// Times of the run.
     pub clock: RunClock,
@@ -20,15 +20,15 @@ pub(super) struct Stretch {
     pub has_input: bool,
 }
 
-impl Stretch {
-    /// With [`Options::from_s`] the log is read once more, up to there.
+impl Segment {
+    /// With [`Options::from_s`] this reads the log up to that time.
     ///
     /// # Errors
-    /// [`Error::BeyondEnd`] if it ends before.
+    /// [`Error::BeyondEnd`] if the log ends before that time.
     pub fn find(path: &Path, clock: RunClock, options: &Options) -> Result<Self, Error> {
         let nanoseconds = |s: f64| (s * 1e9).round() as i64;
         let to_ns = options.to_s.map(nanoseconds);
-        let Some(from_s) = options.from_s else { return Ok(Stretch { start: None, to_ns, clock, has_input: false }) };
+        let Some(from_s) = options.from_s else { return Ok(Segment { start: None, to_ns, clock, has_input: false }) };
         let from_ns = nanoseconds(from_s);
         let mut ticks = Ticks::open(path, Beside::Nothing)?;
         let (mut start, mut last_ns) = (None, None);
@@ -47,53 +47,53 @@ impl Stretch {
             Some(last_ns) if last_ns < from_ns => {
                 Err(Error::BeyondEnd { path: path.into(), from_s, last_s: last_ns as f64 * 1e-9 })
             }
-            _ => Ok(Stretch { start, to_ns, clock, has_input: false }),
+            _ => Ok(Segment { start, to_ns, clock, has_input: false }),
         }
     }
 }
 
-/// What a runner is given.
-pub(super) enum Part {
-    /// Take over the state that was recorded after a tick, and the parameters that held after these changes.
-    Start(i64, Vec<u8>, Vec<ParameterChange>),
-    /// Go on by a tick.
+/// One step of a replay.
+pub(super) enum Step {
+    /// Restore the state after a tick, with the parameters after these changes.
+    Restore(i64, Vec<u8>, Vec<ParameterChange>),
+    /// Compute a tick.
     Tick(Box<Tick>),
 }
 
-/// The parts of the stretch that is to be replayed.
-pub(super) struct Feed<'f> {
+/// Reads the steps of a segment.
+pub(super) struct Source<'f> {
     pub ticks: &'f mut Ticks,
-    pub stretch: &'f mut Stretch,
+    pub segment: &'f mut Segment,
     /// Length of the file.
     pub bytes: u64,
-    /// Changes of parameters up to the last tick read, in order.
+    /// Parameter changes up to the last tick read, in order.
     pub changes: Vec<ParameterChange>,
 }
 
-impl Feed<'_> {
-    /// Which part of the file has been read, 0 to 1.
-    pub fn read(&self) -> f64 {
+impl Source<'_> {
+    /// Fraction of the file that was read, 0 to 1.
+    pub fn fraction_read(&self) -> f64 {
         self.ticks.offset as f64 / self.bytes.max(1) as f64
     }
 
-    /// The next part, or `None` behind the last.
-    pub fn next(&mut self) -> Result<Option<Part>, Error> {
+    /// The next step, or `None` after the last.
+    pub fn next(&mut self) -> Result<Option<Step>, Error> {
         while let Some(mut tick) = self.ticks.next()? {
             self.changes.extend(tick.changes.iter().cloned());
             let t_ns = tick.input.as_ref().map(|input| input.t_ns);
-            self.stretch.has_input |= t_ns.is_some();
-            let since = t_ns.map(|t_ns| self.stretch.clock.since_ns(t_ns));
+            self.segment.has_input |= t_ns.is_some();
+            let since = t_ns.map(|t_ns| self.segment.clock.since_ns(t_ns));
             tick.since_ns = since;
-            if since.zip(self.stretch.to_ns).is_some_and(|(since, to)| since > to) {
+            if since.zip(self.segment.to_ns).is_some_and(|(since, to)| since > to) {
                 return Ok(None);
             }
-            match self.stretch.start {
+            match self.segment.start {
                 Some(start) if tick.tick < start => {}
                 Some(start) if tick.tick == start => {
                     let changes = self.changes.clone();
-                    return Ok(tick.snapshot().map(|snapshot| Part::Start(start, snapshot.to_vec(), changes)));
+                    return Ok(tick.snapshot().map(|snapshot| Step::Restore(start, snapshot.to_vec(), changes)));
                 }
-                _ => return Ok(Some(Part::Tick(Box::new(tick)))),
+                _ => return Ok(Some(Step::Tick(Box::new(tick)))),
             }
         }
         Ok(None)
