@@ -1,4 +1,4 @@
-//! The golden logs: today's controller repeats them, a changed one is named, an accepted one says why.
+//! Golden logs: the controller repeats them, a changed log fails at its tick, an accepted log has a reason.
 #![allow(clippy::unwrap_used, missing_docs)]
 
 mod common;
@@ -47,7 +47,7 @@ fn alter(log: &Path, change: impl Fn(&Path, &Path)) {
 fn a_changed_log_fails_by_tick_and_stage_until_it_is_accepted_with_a_reason() {
     let (corpus, log) = corpus("changed_output");
     assert_eq!(check(&corpus, 0)["ticks"], 2000);
-    // As if today's controller computed another task in tick 1500.
+    // As if the controller computed another task in tick 1500.
     alter(&log, |log, altered| {
         rewrite_one(log, altered, CONTROLLER_TICK, 1500, |tick: &mut ControllerTick| tick.digest_tasks ^= 1);
     });
@@ -55,8 +55,9 @@ fn a_changed_log_fails_by_tick_and_stage_until_it_is_accepted_with_a_reason() {
     assert_eq!(found["identical"], false);
     let divergence = &found["first_divergence"];
     assert_eq!((&divergence["tick"], &divergence["stage"]), (&json!(1500), &json!("tasks")), "{divergence:#}");
+    assert_eq!(divergence["t_s"], 1.5);
     let text = hoof(&format!("corpus check --dir {}", corpus.display())).exits(1).stdout;
-    assert!(text.contains("trot: differs from tick 1500 (t = 1.500 s) on, first in stage tasks"), "{text}");
+    assert!(text.starts_with("trot: ") && text.contains("1500") && text.contains("tasks"), "{text}");
 
     let accept = format!("corpus accept trot --why better_tasks --json --dir {}", corpus.display());
     assert_eq!(hoof(&accept).exits(0).json()["before"], found);
@@ -82,9 +83,9 @@ fn a_changed_input_fails_at_its_tick() {
     assert_eq!((&divergence["tick"], &divergence["stage"]), (&json!(42), &json!("input")));
 }
 
-/// Torques of another controller: the page names the first that was kept, and draws what has changed and nothing else.
+/// Torques of another controller: the page lists the first sampled difference and contains only the changed figures.
 #[test]
-fn a_page_shows_what_was_and_what_is() {
+fn the_page_shows_recorded_and_replayed_values() {
     let (corpus, log) = corpus("page");
     alter(&log, |log, altered| {
         rewrite(log, altered, |event| {
@@ -100,7 +101,9 @@ fn a_page_shows_what_was_and_what_is() {
     });
     let out = corpus.with_file_name("page");
     let found = hoof(&format!("corpus check --json --dir {} --html {}", corpus.display(), out.display())).exits(1);
-    assert_eq!(found.json()["page"], json!(out.join("index.html")));
+    let json = found.json();
+    assert_eq!(json["page"], json!(out.join("index.html")));
+    let found_tick = json["logs"][0]["first_divergence"]["tick"].as_i64().unwrap();
     let page = std::fs::read_to_string(out.join("index.html")).unwrap();
     // Kept are the ticks 1000, 1020, …, 1980: 49 of 100 differ.
     let row =
@@ -112,29 +115,26 @@ fn a_page_shows_what_was_and_what_is() {
     for (words, times) in [("<b>ROBOT_COMMAND.tau[3].</b>", 1), ("<figcaption>before", 1), ("<figcaption>after", 1)] {
         assert_eq!(page.matches(words).count(), times, "{words}");
     }
-    assert!(page.contains("differs from tick 1020"));
+    assert_eq!(found_tick, 1020);
     let files: Vec<_> = std::fs::read_dir(&out).unwrap().map(|entry| entry.unwrap().file_name()).collect();
     assert_eq!(files, ["index.html"]);
 }
 
 #[test]
-fn a_log_that_is_cut_or_gone_fails() {
+fn a_cut_or_missing_log_fails() {
     let (corpus, log) = corpus("cut");
     let whole = std::fs::read(&log).unwrap();
     std::fs::write(&log, &whole[..whole.len() / 2]).unwrap();
     let found = check(&corpus, 1);
-    assert_eq!(
-        (&found["identical"], &found["error"]),
-        (&json!(false), &json!("the log is damaged, cut, or lacks inputs"))
-    );
+    assert!(found["identical"] == false && found["error"].is_string(), "{found:#}");
     std::fs::remove_file(&log).unwrap();
     let error = check(&corpus, 1)["error"].take();
-    assert!(error.as_str().unwrap().contains("trot.mcap: No such file"), "{error}");
+    assert!(error.as_str().unwrap().contains("trot.mcap"), "{error}");
 }
 
 #[test]
-fn what_the_corpus_does_not_know_is_named() {
+fn an_unknown_golden_log_is_an_error() {
     let (corpus, _) = corpus("unknown");
     let ran = hoof(&format!("corpus accept gallop --why x --dir {}", corpus.display())).exits(2);
-    assert!(ran.stderr.contains("corpus.toml: no golden log \"gallop\", known: trot"), "{}", ran.stderr);
+    assert!(["corpus.toml", "gallop", "trot"].iter().all(|name| ran.stderr.contains(name)), "{}", ran.stderr);
 }

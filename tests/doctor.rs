@@ -29,18 +29,18 @@ fn every_check_has_a_line_and_what_is_wrong_has_a_remedy() {
     for check in checks {
         assert_eq!(check["mend"].is_string(), level(check) != "OK", "{check}");
     }
-    // "FAIL", "OK" and "WARN" are in the order of the alphabet, which is not that of what they mean.
+    // From worst to best.
     let has = |wanted: &str| checks.iter().any(|check| level(check) == wanted);
     let worst = ["FAIL", "WARN", "OK"].into_iter().find(|wanted| has(wanted)).unwrap();
     assert_eq!((json["worst"].as_str().unwrap(), ran.code), (worst, i32::from(worst == "FAIL")));
-    // The test bench has a route, or live runs could not be tested at all.
+    // The live tests need a multicast route, so it must exist.
     let of = |name: &str| checks.iter().find(|check| check["name"] == name).unwrap();
     assert_eq!(level(of("multicast route")), "OK", "{}", of("multicast route"));
     assert_ne!(level(of("liblcm")), "FAIL", "{}", of("liblcm"));
 }
 
 #[test]
-fn two_sides_count_what_came() {
+fn the_listener_counts_received_messages() {
     let url = url(1);
     let between = |side: &str| {
         let mut command = command();
@@ -50,9 +50,9 @@ fn two_sides_count_what_came() {
     };
     let mut listener = between("listen").args(["--seconds", "60"]).spawn().unwrap();
     let mut stderr = BufReader::new(listener.stderr.take().unwrap());
-    let mut said = String::new();
-    while !said.contains("listening to udpm://") {
-        assert!(stderr.read_line(&mut said).unwrap() > 0, "it ended: {said}");
+    let mut text = String::new();
+    while !text.contains("udpm://") {
+        assert!(stderr.read_line(&mut text).unwrap() > 0, "the listener ended: {text}");
     }
     ran(between("send").args(["--seconds", "1", "--rate", "300"]).output().unwrap()).exits(0);
     let heard = ran(listener.wait_with_output().unwrap());
@@ -60,17 +60,17 @@ fn two_sides_count_what_came() {
     let number = |key: &str| json[key].as_u64().unwrap();
     assert_eq!((number("sent"), number("sent_long"), number("came_again")), (297, 3, 0));
     assert!(json["sender"].is_string());
-    // Where the machine is busy, some may be lost on their way: then it says so, and fails.
+    // On a busy machine messages may be lost; then the exit code is 1.
     assert_eq!(heard.code, i32::from(number("lost") + number("lost_long") > 0), "{json}");
 }
 
 #[test]
-fn what_makes_no_sense_is_refused() {
+fn invalid_arguments_are_rejected() {
     for (arguments, wanted) in [
-        ("--between send --rate 0", "--rate 0: expected 1 to 20000"),
-        ("--between send --seconds -1", "unexpected argument"),
+        ("--between send --rate 0", "--rate 0"),
+        ("--between send --seconds -1", "-1"),
         ("--seconds 3", "--between <SIDE>"),
-        ("--lcm-url memq://", "does not begin with udpm://"),
+        ("--lcm-url memq://", "memq://"),
     ] {
         let ran = hoof(&format!("doctor {arguments}")).exits(2);
         assert!(ran.stderr.contains(wanted), "{arguments}: {}", ran.stderr);

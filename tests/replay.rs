@@ -1,4 +1,4 @@
-//! Every run replays bit for bit, and whatever is not the same is found where it is.
+//! Every run replays bit for bit, and every change of a log is found at its tick, stage and field.
 #![allow(clippy::unwrap_used, missing_docs)]
 
 mod common;
@@ -18,7 +18,7 @@ fn replay(log: &Path, more: &str) -> Ran {
     hoof(&format!("replay {} --json {more}", log.display()))
 }
 
-/// What a replay reports but for the time it took.
+/// The report without wall-clock times.
 fn without_time(mut report: Value) -> Value {
     for key in ["wall_seconds", "real_time_factor"] {
         assert!(report.as_object_mut().unwrap().remove(key).is_some(), "{key}");
@@ -36,7 +36,7 @@ fn assert_identical(report: &Value, ticks: u64) {
     }
 }
 
-/// Exit code 1, and the first difference where it is said to be.
+/// Checks exit code 1 and fields of the first difference.
 #[track_caller]
 fn divergence(ran: Ran, expected: &Value) -> Value {
     let report = ran.exits(1).json();
@@ -55,11 +55,11 @@ fn a_log_of_either_format_replays_bit_for_bit_in_any_number_of_threads_and_from_
         assert_eq!(run(&log, "").exits(0).json()["ticks"], 2000);
         let one = without_time(replay(&log, "--jobs 1").exits(0).json());
         assert_identical(&one, 2000);
-        // Six messages a tick, and a state a second.
+        // Six messages per tick, and a snapshot per second.
         assert_eq!((&one["messages_compared"], &one["snapshots_compared"]), (&json!(12_002), &json!(2)));
         assert_eq!(without_time(replay(&log, "--jobs 2").exits(0).json()), one);
 
-        // Starts with the state behind tick 1000, ends with tick 1500.
+        // Starts with the snapshot after tick 1000, ends with tick 1500.
         for jobs in ["", "--jobs 2"] {
             let middle = replay(&log, &format!("--from 1.2 --to 1.5 {jobs}")).exits(0).json();
             assert_identical(&middle, 500);
@@ -91,7 +91,7 @@ fn two_runs_of_one_scenario_and_seed_differ_in_timing_only() {
     let other = comparable(&logs[3]);
     for channel in [RUN_INFO, CONTROLLER_INPUT] {
         let of = |log: &[(String, i64, Vec<u8>)]| log.iter().filter(|e| e.0 == channel).cloned().collect::<Vec<_>>();
-        assert!(of(&first) != of(&other), "another seed leaves {channel} as it was");
+        assert!(of(&first) != of(&other), "another seed does not change {channel}");
     }
 }
 
@@ -124,7 +124,7 @@ fn one_flipped_bit_of_one_output_is_found_by_channel_field_and_tick() {
     let expected =
         json!({ "tick": 1234, "stage": "output", "channel": ROBOT_COMMAND, "field": "tau", "index": 7, "ulp": 1 });
     let report = divergence(replay(&flipped, ""), &expected);
-    // The inputs are whole, so everything else is as it was.
+    // The inputs are unchanged, so nothing else differs.
     assert_eq!((&report["ticks"], &report["messages_different"]), (&json!(2000), &json!(1)));
 
     rewrite_one(&log, &flipped, LEG_STATE, 900, |legs: &mut LegState| flip(&mut legs.p_BF_H_des[2][1]));
@@ -135,7 +135,7 @@ fn one_flipped_bit_of_one_output_is_found_by_channel_field_and_tick() {
 }
 
 #[test]
-fn a_changed_parameter_is_found_at_the_first_tick_in_which_it_matters() {
+fn a_changed_parameter_is_found_at_the_first_tick_that_it_affects() {
     let folder = folder("changed_parameter");
     let log = folder.join("run.mcap");
     run(&log, "").exits(0);
@@ -149,23 +149,23 @@ fn a_changed_parameter_is_found_at_the_first_tick_in_which_it_matters() {
     let expected = json!({ "tick": lift_off, "stage": "gait" });
     divergence(replay(&log, "--set swing.height=0.11"), &expected);
 
-    // In stance the reference is where the robot stood in the first tick: the stiffness multiplies nothing until an encoder has moved.
+    // In stance the reference is the posture of the first tick: the stiffness has no effect until a joint moves.
     let moved = inputs.iter().position(|input| input.state.q != inputs[0].state.q).unwrap();
     assert!(moved > 0);
     let expected = json!({ "tick": moved, "stage": "tasks" });
     divergence(replay(&log, "--set posture.stance_kp=[501,501,501]"), &expected);
 
-    // Friction stands in the constraints of every tick.
+    // Friction is in the constraints of every tick.
     divergence(replay(&log, "--set wbc.friction=0.7"), &json!({ "tick": 0, "stage": "tasks" }));
 
-    // A limit that the run never came near changes nothing, and neither does the value that was there before.
+    // A limit that is never reached and an unchanged value have no effect.
     for set in ["trunk.max_height_offset=0.11", "wbc.friction=0.6"] {
         assert_identical(&replay(&log, &format!("--set {set}")).exits(0).json(), 2000);
     }
 }
 
-/// One parameter of each stage behind the input, changed so that it first matters in a tick that the record tells. `scripts/mutants.py` does the same to the
-/// code.
+/// Changes one parameter of each stage after the input and computes from the log the first tick that it affects. `scripts/mutants.py` does the
+/// same with changes of the code.
 #[test]
 fn a_change_in_a_stage_of_the_controller_is_attributed_to_it() {
     let folder = folder("stages");
@@ -175,25 +175,25 @@ fn a_change_in_a_stage_of_the_controller_is_attributed_to_it() {
     let solutions: Vec<WbcSolution> = messages(&log, WBC_SOLUTION);
     let legs: Vec<LegState> = messages(&log, LEG_STATE);
 
-    // The filter of the velocity takes nothing in before time has passed and a joint has moved.
+    // The velocity filter has no effect before the first joint velocity.
     let moves = |input: &ControllerInput| input.tick > 0 && input.state.qd.iter().any(|qd| *qd != 0.0);
     let moves = inputs.iter().position(moves).unwrap();
     let set = "--set recovery.velocity_time_constant=0.06";
     divergence(replay(&log, set), &json!({ "tick": moves, "stage": "estimation", "field": "digest_estimation" }));
 
-    // A foot is drawn to its reference, and a joint to its own, from the tick on in which a leg lifts off.
+    // Gains of the swing foot and of swing joints have an effect from the first lift-off on.
     let swings = |legs: &LegState| legs.state.iter().any(|state| *state != LegState::STATE_STANCE);
     let lift_off = legs.iter().position(swings).unwrap();
     divergence(replay(&log, "--set swing.clik_gain=10.5"), &json!({ "tick": lift_off, "stage": "gait" }));
     divergence(replay(&log, "--set posture.swing_kd=[31,31,31]"), &json!({ "tick": lift_off, "stage": "tasks" }));
 
-    // A solver that may not go on so long gives up in the first tick that takes it longer.
+    // A lower iteration limit has an effect in the first tick that needs more iterations.
     let most = solutions.iter().map(|solution| solution.iterations).max().unwrap() - 1;
     let long = solutions.iter().position(|solution| solution.iterations > most).unwrap();
     let expected = json!({ "tick": long, "stage": "qp", "channel": WBC_SOLUTION, "field": "status" });
     divergence(replay(&log, &format!("--set wbc.max_iterations={most}")), &expected);
 
-    // Damping is put out in damping alone.
+    // The damping gain is used in MODE_DAMPING only.
     let fault = "[[fault]]\nkind = \"nan_sensor\"\njoint = \"rf_hfe_joint\"\nt_s = 0.9\nduration_s = 0.01";
     let (_, ticks) = run_with(&folder, "nan", fault);
     let damped = ticks.iter().position(|tick| tick.mode == ControllerTick::MODE_DAMPING).unwrap();
@@ -201,11 +201,11 @@ fn a_change_in_a_stage_of_the_controller_is_attributed_to_it() {
     divergence(replay(&folder.join("nan.mcap"), "--set safety.damping=6.5"), &expected);
 }
 
-/// Two seconds of trot on flat ground with something happening in it. Gives the summary of the run, and its ticks.
-fn run_with(folder: &Path, name: &str, happening: &str) -> (Ran, Vec<ControllerTick>) {
+/// Two seconds of trot on flat ground with additional scenario entries. Returns the summary of the run and its ticks.
+fn run_with(folder: &Path, name: &str, entries: &str) -> (Ran, Vec<ControllerTick>) {
     let (scenario, log) = (folder.join(format!("{name}.toml")), folder.join(format!("{name}.mcap")));
     let text = std::fs::read_to_string("scenarios/short_flat.toml").unwrap();
-    std::fs::write(&scenario, format!("{text}\n{happening}\n")).unwrap();
+    std::fs::write(&scenario, format!("{text}\n{entries}\n")).unwrap();
     let ran = hoof(&format!("sim --robot hyq --scenario {} --json --log {}", scenario.display(), log.display()));
     let ticks: Vec<ControllerTick> = messages(&log, CONTROLLER_TICK);
     for jobs in ["--jobs 1", "--jobs 2"] {
@@ -214,7 +214,7 @@ fn run_with(folder: &Path, name: &str, happening: &str) -> (Ran, Vec<ControllerT
     (ran, ticks)
 }
 
-/// Walks until `tick`, damps from then on and says why.
+/// Checks that the robot walks until `tick` and then is in MODE_DAMPING with this fault.
 #[track_caller]
 fn assert_damps_from((ran, ticks): (Ran, Vec<ControllerTick>), tick: usize, fault: i32, fault_index: i32) -> f64 {
     assert!(ran.exits(1).json()["safe_state"].is_string());
@@ -262,7 +262,7 @@ fn a_sensor_that_reads_nan_leads_to_damping_in_the_same_tick() {
 }
 
 #[test]
-fn states_that_stay_away_lead_to_damping_once_the_last_one_is_too_old() {
+fn missing_states_lead_to_damping_after_the_age_limit() {
     let folder = folder("drop_state");
     let drop = |milliseconds: i32| {
         let fault =
@@ -302,7 +302,7 @@ fn a_knee_without_torque_ends_in_damping_and_replays_bit_for_bit() {
     assert!(ran.exits(1).json()["safe_state"].is_string());
     let last = ticks.last().unwrap();
     assert_eq!(last.mode, ControllerTick::MODE_DAMPING);
-    // The leg gives way: which is noticed first depends on how.
+    // The leg collapses; which fault is detected first depends on the motion.
     let known = [ControllerTick::FAULT_QP, ControllerTick::FAULT_TILT, ControllerTick::FAULT_JOINT_VELOCITY];
     assert!(known.contains(&last.fault), "fault {}", last.fault);
     let gave_up = ticks.iter().position(|tick| tick.mode == ControllerTick::MODE_DAMPING).unwrap();

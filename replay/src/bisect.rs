@@ -1,57 +1,58 @@
-//! The first revision of the source tree that replays a log otherwise, and what in it did.
+//! Finds the first revision of the source tree that replays a log differently, and the kind of change that caused it.
 //!
-//! Each revision is checked out into a work tree of its own, the replay of golden logs is built there (`replay_golden`, without simulator and
-//! analysis) and run on the log. What it says is the revision's *outcome*; a revision whose outcome is not that of the good one is bad.
-//! Parameters and inputs come out of the log, so only the revision can have changed a bit.
+//! Each revision is checked out into a work tree; `replay_golden` (without simulator and analysis) is built there and run on the log. Its
+//! output is the *outcome* of the revision; a revision with another outcome than the good one is bad. Parameters and inputs are those of
+//! the log, so only the revision can change a bit.
 
 use crate::Error;
 use crate::corpus::Corpus;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
-/// What to look for, and where.
+/// Options of a search.
 #[derive(Debug, Clone)]
 pub struct Options {
     /// Log to replay.
     pub log: PathBuf,
     /// Root of the source tree, a git repository.
     pub repository: PathBuf,
-    /// Revision that replays it as it should.
+    /// Revision that replays the log correctly.
     pub good: String,
-    /// Later revision that does not.
+    /// Later revision that replays it differently.
     pub bad: String,
-    /// Folder for work tree and builds; what is there from the last time is used again.
+    /// Directory for the work tree and the builds; existing builds are reused.
     pub work: PathBuf,
-    /// Shell command to run in each work tree instead of build and replay, with the log's path in `$LOG`: 0 good, 125 cannot be judged, else bad.
+    /// Shell command to run in each work tree instead of build and replay, with the path of the log in `$LOG`. Exit codes: 0 good, 125 skip, any
+    /// other bad.
     pub run: Option<String>,
 }
 
-/// What was found out about a revision.
+/// Outcome of a revision.
 #[derive(Debug, Clone, PartialEq, Eq, serde::Serialize)]
 pub struct Outcome {
     /// Commit.
     pub revision: String,
     /// First line of its message.
     pub subject: String,
-    /// Its verdict.
+    /// Verdict.
     pub verdict: Verdict,
-    /// What the replay said.
+    /// Output of the replay or command.
     pub said: String,
 }
 
-/// How a revision is judged.
+/// Verdict on a revision.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Verdict {
-    /// As the good one.
+    /// Same outcome as the good revision.
     Good,
-    /// Otherwise.
+    /// Another outcome.
     Bad,
-    /// It cannot be built.
+    /// It cannot be tested.
     Skipped,
 }
 
-/// What in a revision can change a bit.
+/// Kind of change in a revision that can change a bit.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, serde::Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Cause {
@@ -59,7 +60,7 @@ pub enum Cause {
     Build,
     /// Parameters and their defaults: `robots`, `scenarios`, `controller/src/params`.
     Configuration,
-    /// A message that the log does not hold as it is wanted now: `lcmtypes/*.lcm`, or the replay says that inputs are missing.
+    /// A message type that differs from the log's: `lcmtypes/*.lcm`, or a replay that reports missing inputs.
     MissingInput,
     /// Everything else.
     Code,
@@ -68,20 +69,20 @@ pub enum Cause {
 /// The result of a search.
 #[derive(Debug, Clone, PartialEq, Eq, serde::Serialize)]
 pub struct Found {
-    /// The first bad revision; several, if those before it cannot be built.
+    /// The first bad revision, after the skipped revisions directly before it, which may also be the first.
     pub first_bad: Vec<Outcome>,
-    /// What in it did: those of its changes that alone make the good revision before it bad; all of them if only together.
+    /// Kinds of its changes that each make the revision before it bad on their own; all kinds if only their combination does.
     pub causes: Vec<Cause>,
-    /// Revisions between good and bad, the bad one included.
+    /// Number of revisions after the good one up to the bad one.
     pub revisions: usize,
-    /// Revisions that were tried, in the order in which they were.
+    /// Tested revisions, in order.
     pub tried: Vec<Outcome>,
 }
 
-/// Searches. `progress` is told each outcome and how many revisions are left.
+/// Searches by bisection. `progress` receives each outcome and the number of remaining revisions.
 ///
 /// # Errors
-/// [`Error::Command`] if git refuses, [`Error::Bisect`] if good and bad do not differ or are in no line, and what stops reading the log.
+/// [`Error::Command`] if git fails, [`Error::Bisect`] if good and bad do not differ or bad is not after good, and errors of reading the log.
 pub fn bisect(options: &Options, progress: &mut dyn FnMut(&Outcome, usize)) -> Result<Found, Error> {
     let tree = WorkTree::new(options)?;
     let found = search(options, &tree, progress);
@@ -96,13 +97,13 @@ fn search(options: &Options, tree: &WorkTree, progress: &mut dyn FnMut(&Outcome,
     let line = git(&options.repository, &["rev-list", "--reverse", "--first-parent", &format!("{good}..{bad}")])?;
     let revisions: Vec<&str> = line.lines().collect();
     if revisions.is_empty() {
-        return Err(failed(format!("{} is not behind {}: no revision lies between them", options.bad, options.good)));
+        return Err(failed(format!("{} is not after {}: no revision between them", options.bad, options.good)));
     }
     let mut tried = Vec::new();
     let reference = tree.outcome(&good, None)?;
     progress(&reference, revisions.len());
     if reference.verdict == Verdict::Skipped {
-        return Err(failed(format!("the good revision {} cannot be judged: {}", options.good, reference.said)));
+        return Err(failed(format!("the good revision {} cannot be tested: {}", options.good, reference.said)));
     }
     if options.run.is_some() && reference.verdict == Verdict::Bad {
         return Err(failed(format!("the good revision {} is bad: {}", options.good, reference.said)));
@@ -117,7 +118,7 @@ fn search(options: &Options, tree: &WorkTree, progress: &mut dyn FnMut(&Outcome,
     };
     let last = judge(revisions.len() - 1, revisions.len())?;
     if last.verdict != Verdict::Bad {
-        return Err(failed(format!("{} does what {} does: {}", options.bad, options.good, last.said)));
+        return Err(failed(format!("{} has the same outcome as {}: {}", options.bad, options.good, last.said)));
     }
     let (before, first_bad) = halve(revisions.len(), last, &mut judge)?;
     let causes = match &first_bad[..] {
@@ -130,8 +131,8 @@ fn search(options: &Options, tree: &WorkTree, progress: &mut dyn FnMut(&Outcome,
     Ok(Found { first_bad, causes, revisions: revisions.len(), tried })
 }
 
-/// Halves the stretch between the last revision known as good (`None`: the one before all) and the first known as bad, around those that cannot be
-/// judged. Gives the last good one, and the bad one behind the revisions that could not be judged, which come first.
+/// Bisects between the last good revision (`None`: before the first) and the first bad one, around skipped revisions. Returns the last good
+/// one, and the skipped revisions directly before the first bad one, followed by it.
 fn halve<E>(
     count: usize,
     last: Outcome,
@@ -144,7 +145,7 @@ fn halve<E>(
         let first = good.map_or(0, |good| good + 1);
         let middle = first + (bad - first) / 2;
         let open = (first..bad).filter(|i| skipped.iter().all(|(skipped, _)| skipped != i));
-        // The open one nearest to the middle.
+        // The untested revision nearest to the middle.
         let Some(next) = open.min_by_key(|i| i.abs_diff(middle)) else { break };
         let outcome = judge(next, bad - first)?;
         match outcome.verdict {
@@ -159,12 +160,12 @@ fn halve<E>(
     Ok((good, skipped.into_iter().map(|(_, outcome)| outcome).chain([bad_outcome]).collect()))
 }
 
-/// The work tree, and a corpus with the log alone.
+/// The work tree, and a corpus that contains only the log.
 struct WorkTree<'o> {
     options: &'o Options,
     dir: PathBuf,
     corpus: PathBuf,
-    /// Builds of all revisions, so that each compiles only what it changes.
+    /// Shared target directory, so that each revision compiles only its changes.
     target: PathBuf,
 }
 
@@ -184,7 +185,7 @@ impl<'o> WorkTree<'o> {
             std::fs::create_dir(&corpus).map_err(io(&corpus))?;
             let bytes =
                 Corpus::open_with(&corpus, controller::load)?.add(&options.log, "log", "bisect", &ALL_OUTPUTS)?;
-            // Revisions of any age read it: only the keys that a manifest has always had.
+            // Only keys that the manifest has had in all revisions.
             let manifest = format!("[[log]]\nname = \"log\"\nfile = \"log.mcap\"\nbytes = {bytes}\nwhy = \"bisect\"\n");
             let path = corpus.join("corpus.toml");
             std::fs::write(&path, manifest).map_err(io(&path))?;
@@ -196,7 +197,7 @@ impl<'o> WorkTree<'o> {
         Ok(tree)
     }
 
-    /// Without it the repository is as it was; what is not there need not be removed.
+    /// Removes the work tree; errors are ignored because it may not exist.
     fn remove(&self) {
         let dir = self.dir.display().to_string();
         let _ = git(&self.options.repository, &["worktree", "remove", "--force", &dir]);
@@ -207,7 +208,7 @@ impl<'o> WorkTree<'o> {
         git(&self.options.repository, &["rev-parse", "--verify", &format!("{revision}^{{commit}}")])
     }
 
-    /// Checks a revision out and judges it against the good one's outcome.
+    /// Checks out a revision and compares its outcome with the good one's.
     fn outcome(&self, revision: &str, good: Option<&Outcome>) -> Result<Outcome, Error> {
         git(&self.dir, &["checkout", "--quiet", "--force", "--detach", revision])?;
         git(&self.dir, &["clean", "--quiet", "--force", "-d"])?;
@@ -216,7 +217,7 @@ impl<'o> WorkTree<'o> {
         Ok(Outcome { revision: revision.to_owned(), subject, verdict, said })
     }
 
-    /// Judges what the work tree holds.
+    /// Tests the contents of the work tree.
     fn judge(&self, good: Option<&Outcome>) -> Result<(Verdict, String), Error> {
         if let Some(command) = &self.options.run {
             let log = self.options.log.canonicalize().unwrap_or_else(|_| self.options.log.clone());
@@ -232,7 +233,7 @@ impl<'o> WorkTree<'o> {
         let mut build = Command::new("cargo");
         build.args(["build", "--quiet", "--release", "--package", "replay", "--example", "replay_golden"]);
         build.arg("--target-dir").arg(&self.target).current_dir(&self.dir);
-        // A revision is built as it says, not as its caller would have it.
+        // Build with the revision's own settings, not those of the environment.
         for variable in ["CARGO_TARGET_DIR", "RUSTFLAGS", "CARGO_ENCODED_RUSTFLAGS", "CARGO_BUILD_RUSTFLAGS"] {
             build.env_remove(variable);
         }
@@ -251,13 +252,13 @@ impl<'o> WorkTree<'o> {
         Ok((verdict, said))
     }
 
-    /// Which of a revision's changes alone make the revision before it bad.
+    /// Kinds of changes of a revision that make the revision before it bad on their own.
     fn causes(&self, before: &str, bad: &Outcome, good: &Outcome) -> Result<Vec<Cause>, Error> {
         let names = git(&self.dir, &["diff", "--name-only", before, &bad.revision])?;
         let mut kinds: Vec<Cause> = names.lines().map(cause_of).collect();
         kinds.sort_unstable();
         kinds.dedup();
-        if says_missing(&bad.said) {
+        if reports_missing_input(&bad.said) {
             return Ok(vec![Cause::MissingInput]);
         }
         if kinds.len() < 2 {
@@ -269,7 +270,7 @@ impl<'o> WorkTree<'o> {
             git(&self.dir, &["checkout", "--quiet", "--force", "--detach", before])?;
             git(&self.dir, &["clean", "--quiet", "--force", "-d"])?;
             for file in files {
-                // A file that the revision takes away is taken away.
+                // The revision may delete the file.
                 if git(&self.dir, &["checkout", "--quiet", &bad.revision, "--", file]).is_err() {
                     git(&self.dir, &["rm", "--quiet", "--force", "--", file])?;
                 }
@@ -282,13 +283,13 @@ impl<'o> WorkTree<'o> {
     }
 }
 
-/// Every output, so that a difference is named by its field and not by its digest alone.
+/// All outputs, so that a difference is reported by field and not only by digest.
 const ALL_OUTPUTS: [&str; 5] = {
     use lcmtypes::channels::{BASE_TRACKING, CONTACT_ESTIMATE, LEG_STATE, ROBOT_COMMAND, WBC_SOLUTION};
     [CONTACT_ESTIMATE, BASE_TRACKING, LEG_STATE, WBC_SOLUTION, ROBOT_COMMAND]
 };
 
-/// What a change of a file is a change of.
+/// Kind of change of a file.
 fn cause_of(file: &str) -> Cause {
     let name = file.rsplit('/').next().unwrap_or(file);
     let starts = |prefixes: &[&str]| prefixes.iter().any(|prefix| file.starts_with(prefix));
@@ -301,13 +302,13 @@ fn cause_of(file: &str) -> Cause {
     }
 }
 
-/// Where the replay first differs; what else does is told by newer revisions only.
+/// The first difference in the output; only newer revisions print further ones.
 fn first_place(said: &str) -> &str {
     said.split_once("; also ").map_or(said, |(place, _)| place)
 }
 
-/// Whether a replay complains of what the log does not hold.
-fn says_missing(said: &str) -> bool {
+/// Whether the output reports missing or outdated inputs. The texts are those of all revisions, old and new.
+fn reports_missing_input(said: &str) -> bool {
     ["another type version", "no RUN_INFO", "no CONTROLLER_INPUT", "lacks inputs"]
         .iter()
         .any(|text| said.contains(text))
@@ -315,7 +316,7 @@ fn says_missing(said: &str) -> bool {
 
 fn git(dir: &Path, args: &[&str]) -> Result<String, Error> {
     let mut command = Command::new("git");
-    // A hook or an alias of who called us is not meant for this.
+    // Ignore the git environment of a calling hook or alias.
     command
         .arg("-C")
         .arg(dir)
@@ -329,7 +330,7 @@ fn git(dir: &Path, args: &[&str]) -> Result<String, Error> {
     }
 }
 
-/// Runs a command: its exit code, and the last lines of what it said.
+/// Runs a command. Returns its exit code and output.
 fn run(command: &mut Command) -> Result<(Option<i32>, String), Error> {
     let name = command.get_program().to_string_lossy().into_owned();
     let output = command
@@ -350,13 +351,13 @@ mod tests {
 
     /// Every place of the first bad revision among 20, with every one of the others skipped once.
     #[test]
-    fn the_first_bad_revision_is_found_around_those_that_cannot_be_judged() {
+    fn the_first_bad_revision_is_found_around_skipped_ones() {
         let count = 20;
         for first_bad in 0..count {
             for broken in (0..count - 1).map(Some).chain([None]) {
-                let mut asked = 0;
+                let mut tested = 0;
                 let judge = &mut |i: usize, _: usize| {
-                    asked += 1;
+                    tested += 1;
                     let verdict = match i {
                         i if Some(i) == broken => Verdict::Skipped,
                         i if i >= first_bad => Verdict::Bad,
@@ -366,7 +367,7 @@ mod tests {
                 };
                 let (good, found) = halve(count, outcome(count - 1, Verdict::Bad), judge).unwrap();
                 let found: Vec<usize> = found.iter().map(|outcome| outcome.revision.parse().unwrap()).collect();
-                // A broken one right before the first bad one, or in its place, cannot be told from it.
+                // A skipped revision directly before the first bad one, or in its place, may be the first bad one.
                 let expected: Vec<usize> = match broken {
                     Some(broken) if broken + 1 == first_bad => vec![broken, first_bad],
                     Some(broken) if broken == first_bad => vec![broken, broken + 1],
@@ -374,13 +375,13 @@ mod tests {
                 };
                 assert_eq!(found, expected, "bad from {first_bad} on, broken {broken:?}");
                 assert_eq!(good, expected[0].checked_sub(1));
-                assert!(asked <= 7, "{asked} asked");
+                assert!(tested <= 7, "{tested} tested");
             }
         }
     }
 
     #[test]
-    fn files_belong_to_causes() {
+    fn files_are_assigned_to_causes() {
         let causes = [
             "replay/Cargo.toml",
             ".cargo/config.toml",

@@ -1,13 +1,13 @@
-//! Golden logs: runs that today's controller must repeat bit for bit, and the way by which a change of behaviour is accepted.
+//! Golden logs: runs that the controller must replay bit for bit, and how a change of behaviour is accepted.
 //!
-//! A folder holds the logs, `corpus.toml` that lists them, and a `README.md` made from it. A golden log is trimmed to what a replay
-//! needs to start ([`CHANNELS`]) and to judge: the digests of every tick stand for all other outputs, of which it keeps a sample every
-//! [`SAMPLE_TICKS`] to show what they were.
+//! A directory contains the logs, the manifest `corpus.toml`, and a `README.md` generated from it. A golden log contains the channels that
+//! a replay needs ([`CHANNELS`]). The digests of every tick represent all other outputs, of which it contains every [`SAMPLE_TICKS`]th tick
+//! to show the values.
 //!
-//! A log of the field becomes a small regression test: [`Part`] cuts out the ticks around an incident, with the recorded state before them.
+//! A field log becomes a small regression test: [`Part`] selects the ticks around an incident, with the snapshot before them.
 //!
-//! [`check`] replays all of them. When a change of behaviour is meant, [`accept`] replays the inputs of one and writes today's outputs
-//! into it; the commit then shows the log, the reason, and the first place where it changed.
+//! [`check`] replays all golden logs. After an intended change, [`accept`] replays the inputs of one and stores the new outputs in it;
+//! the commit then shows the log, the reason, and the first difference.
 
 mod keep;
 
@@ -26,37 +26,37 @@ use std::path::{Path, PathBuf};
 const MANIFEST: &str = "corpus.toml";
 const README: &str = "README.md";
 
-/// How a golden log fared.
+/// Result of the check of a golden log.
 #[derive(Debug, Clone, PartialEq, serde::Serialize)]
 pub struct CorpusResult {
     /// Name in the manifest.
     pub name: String,
-    /// Every bit that the log holds came out again.
+    /// All recorded outputs are identical.
     pub identical: bool,
-    /// Ticks that were computed again.
+    /// Computed ticks.
     pub ticks: u64,
-    /// Where replay and record part first.
+    /// The first difference.
     pub first_divergence: Option<Divergence>,
-    /// Largest distance of two floats anywhere in what the log keeps, in floats.
+    /// Largest difference of two floats in the log, ulp.
     pub largest_ulp: Option<u64>,
-    /// The file is not the one that was added or accepted last: its SHA-256 is not that of the manifest.
+    /// The file was changed after it was accepted: its SHA-256 differs from the manifest.
     pub altered: bool,
     /// Why the log could not be replayed.
     pub error: Option<String>,
 }
 
-/// What [`accept`] has done.
+/// Result of [`accept`].
 #[derive(Debug, Clone, PartialEq, serde::Serialize)]
 pub struct Accepted {
-    /// How the log fared before.
+    /// Result of the check before.
     pub before: CorpusResult,
-    /// Length of the file before, bytes.
+    /// Previous size of the file, bytes.
     pub bytes_before: u64,
-    /// Length of the file now, bytes.
+    /// New size of the file, bytes.
     pub bytes: u64,
 }
 
-/// The manifest: what is in the folder, and why.
+/// The manifest.
 #[derive(Debug, Default, serde::Serialize, serde::Deserialize)]
 #[serde(deny_unknown_fields)]
 struct Manifest {
@@ -73,42 +73,42 @@ struct Golden {
     /// SHA-256 of the file, hexadecimal.
     #[serde(default)]
     sha256: String,
-    /// What the log is for, or why it was recorded anew.
+    /// Purpose of the log, or reason of its last acceptance.
     why: String,
 }
 
-/// The golden logs of a folder.
+/// The golden logs of a directory.
 pub struct Corpus<'a> {
     dir: PathBuf,
     manifest: Manifest,
     load: Box<crate::engine::Load<'a>>,
 }
 
-/// Replays every golden log of a folder, in the order of its manifest, with `jobs` threads each.
+/// Replays every golden log of a directory in the order of the manifest, with `jobs` threads each.
 ///
 /// # Errors
-/// [`Error::Manifest`] if there is no usable manifest. A log that cannot be replayed is a result, not an error.
+/// [`Error::Manifest`] for an invalid manifest. A log that cannot be replayed is a result, not an error.
 pub fn check(dir: impl AsRef<Path>, jobs: usize) -> Result<Vec<CorpusResult>, Error> {
     Ok(Corpus::open_with(dir, controller::load)?.check(jobs))
 }
 
-/// Records a golden log anew: its inputs, today's outputs.
+/// Records a golden log again: same inputs, outputs of this build.
 ///
 /// # Errors
-/// [`Error::UnknownGolden`], or what stops the replay. The old log stays then.
+/// [`Error::UnknownGolden`], or an error of the replay; the log is then unchanged.
 pub fn accept(dir: impl AsRef<Path>, name: &str, why: &str) -> Result<Accepted, Error> {
     Corpus::open_with(dir, controller::load)?.accept(name, why)
 }
 
-/// Makes a golden log of a run: `name.mcap` in the folder, trimmed as by [`trim_to_golden`], and a line in the manifest.
+/// Makes a golden log from a run: `name.mcap`, trimmed by [`trim_to_golden`], and an entry in the manifest.
 ///
 /// # Errors
-/// [`Error::Manifest`] if the name is taken, or what stops reading or writing.
+/// [`Error::Manifest`] if the name exists, or an I/O error.
 pub fn add(dir: impl AsRef<Path>, log: &Path, name: &str, why: &str, more: &[&str]) -> Result<u64, Error> {
     Corpus::open_with(dir, controller::load)?.add(log, name, why, more)
 }
 
-/// As [`add`], of a part of the run only.
+/// [`add`] for a part of the run.
 ///
 /// # Errors
 /// As [`add`]; [`Error::BeyondEnd`] if the log ends before the part.
@@ -124,10 +124,10 @@ pub fn add_part(
 }
 
 impl<'a> Corpus<'a> {
-    /// Reads the manifest of a folder; a folder without one is an empty corpus.
+    /// Reads the manifest of a directory; a directory without one is an empty corpus.
     ///
     /// # Errors
-    /// [`Error::Io`] if there is no such folder, [`Error::Manifest`] if its manifest cannot be used.
+    /// [`Error::Io`] if the directory does not exist, [`Error::Manifest`] for an invalid manifest.
     pub fn open_with(
         dir: impl AsRef<Path>,
         load: impl Fn(&RunInfo) -> Result<Box<dyn Controller>, LoadError> + Sync + 'a,
@@ -144,7 +144,7 @@ impl<'a> Corpus<'a> {
         let mut names = BTreeSet::new();
         for golden in &corpus.manifest.log {
             if !names.insert(&golden.name) {
-                return Err(manifest_error(&path, format!("two logs named \"{}\"", golden.name)));
+                return Err(manifest_error(&path, format!("two logs have the name \"{}\"", golden.name)));
             }
         }
         Ok(corpus)
@@ -167,7 +167,7 @@ impl<'a> Corpus<'a> {
         let bytes_before = length(&path)?;
         let steps = ["inputs", "replayed", "accepted"].map(|step| path.with_extension(format!("{step}.mcap")));
         let recorded = self.record(&path, &steps);
-        // The last step has become the log, unless something went wrong: then all of them are in the way.
+        // Remove temporary files; the last was renamed to the log unless a step failed.
         let leftover = steps.iter().filter(|step| step.exists()).map(std::fs::remove_file).find_map(Result::err);
         recorded?;
         leftover.map_or(Ok(()), |source| Err(io(&self.dir, source)))?;
@@ -199,9 +199,9 @@ impl<'a> Corpus<'a> {
         more: &[&str],
     ) -> Result<u64, Error> {
         if self.manifest.log.iter().any(|golden| golden.name == name) {
-            return Err(manifest_error(&self.dir.join(MANIFEST), format!("a log named \"{name}\" is there")));
+            return Err(manifest_error(&self.dir.join(MANIFEST), format!("the name \"{name}\" exists already")));
         }
-        // It becomes the name of a file in this folder.
+        // The name becomes a file name.
         if name.is_empty() || !name.chars().all(|c| c.is_ascii_alphanumeric() || c == '_' || c == '-') {
             let why = format!("name \"{name}\": expected letters, digits, _ and -");
             return Err(manifest_error(&self.dir.join(MANIFEST), why));
@@ -219,7 +219,7 @@ impl<'a> Corpus<'a> {
         Ok(bytes)
     }
 
-    /// Replays the inputs of a log, and puts what comes out in its place.
+    /// Replays the inputs of a log and replaces the log by the result.
     fn record(&self, path: &Path, [inputs, replayed, trimmed]: &[PathBuf; 3]) -> Result<(), Error> {
         let whole = copy_inputs(path, inputs)?;
         let options = Options { out: Some(replayed.clone()), ..Options::default() };
@@ -236,7 +236,7 @@ impl<'a> Corpus<'a> {
         let name = golden.name.clone();
         match report {
             Ok(report) => {
-                // A golden log has no holes: one that could be judged in part only has gone bad.
+                // A golden log must be complete; one that can be checked only in part is an error.
                 let whole =
                     report.damaged == 0 && !report.cut && report.skipped_ticks == 0 && report.missing_input_ticks == 0;
                 CorpusResult {
@@ -270,15 +270,15 @@ impl<'a> Corpus<'a> {
         self.manifest.log.iter().find(|golden| golden.name == name).map(|golden| self.dir.join(&golden.file))
     }
 
-    /// What a golden log is for, or why it was recorded anew.
+    /// Purpose of a golden log, or reason of its last acceptance.
     pub fn why(&self, name: &str) -> Option<&str> {
         self.manifest.log.iter().find(|golden| golden.name == name).map(|golden| &*golden.why)
     }
 
-    /// Writes what a golden log says of the ticks whose outputs it keeps, and what today's controller makes of them: two logs to be laid side by side.
+    /// Writes two logs for comparison: the sampled ticks of a golden log as recorded and as replayed by this build.
     ///
     /// # Errors
-    /// [`Error::UnknownGolden`], or what stops the replay.
+    /// [`Error::UnknownGolden`], or an error of the replay.
     pub fn sides(&self, name: &str, before: &Path, after: &Path) -> Result<(), Error> {
         let path = self.file(name).ok_or_else(|| self.unknown(name))?;
         let [inputs, replayed] = ["inputs", "replayed"].map(|step| after.with_extension(format!("{step}.mcap")));
@@ -305,7 +305,8 @@ impl<'a> Corpus<'a> {
              | log | kB | why |\n|---|---|---|\n",
         );
         for Golden { name, bytes, why, .. } in &self.manifest.log {
-            writeln!(readme, "| {name} | {} | {why} |", bytes.div_ceil(1000)).expect("a string takes everything");
+            writeln!(readme, "| {name} | {} | {why} |", bytes.div_ceil(1000))
+                .expect("writing to a string does not fail");
         }
         let path = self.dir.join(README);
         std::fs::write(&path, readme).map_err(|source| io(&path, source))

@@ -1,4 +1,4 @@
-//! A run that proves itself: before its log is completed, it is replayed, and the verdict becomes the log's last message.
+//! Replays the log of a run before it is completed, and appends the verdict as the last message.
 
 use crate::Error;
 use crate::engine::{Options, Replay, ReplayReport};
@@ -6,14 +6,13 @@ use crate::record::Target;
 use lcmtypes::{Event, Message, channels};
 use std::path::Path;
 
-/// Who signs the verdict, [`Event::source`].
+/// [`Event::source`] of the verdict.
 pub const SOURCE: &str = "proof";
 
-/// Replays what a writer has written so far, and appends the verdict as an EVENT.
+/// Flushes a log, replays it, and appends the verdict as an EVENT.
 ///
-/// - `path`: the file that `log` writes. What is written is handed to the system first; a reader takes a log without its end for one that
-///   is cut, which is no fault here.
-/// - `jobs`: threads of the replay.
+/// - `path`: the file that `log` writes. It has no end yet, so the reader reports it as cut; this is not a failure.
+/// - `jobs`: number of threads of the replay.
 ///
 /// # Errors
 /// Those of [`Target`] and of [`Replay::run`].
@@ -38,7 +37,7 @@ pub fn prove(path: &Path, log: &mut dyn Target, jobs: usize) -> Result<ReplayRep
     Ok(report)
 }
 
-/// Whether a replay proves its log: every tick was computed, and all of its bits came out again.
+/// Whether a replay proves its log: every tick was computed and compared, and all outputs are identical.
 pub fn is_proof(report: &ReplayReport) -> bool {
     let whole = report.missing_input_ticks == 0 && report.skipped_ticks == 0 && report.unverifiable_ticks == 0;
     report.identical && whole && report.damaged == 0

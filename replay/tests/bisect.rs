@@ -1,4 +1,4 @@
-//! The first revision that changes a bit, found in a repository of 20 revisions. What judges a revision is a command; build and replay are one too.
+//! Bisection in a repository of 20 revisions, with a shell command as test.
 #![allow(clippy::unwrap_used, reason = "a test may")]
 
 mod common;
@@ -20,7 +20,7 @@ fn git(dir: &Path, args: &[&str]) -> String {
     String::from_utf8(output.stdout).unwrap().trim().to_owned()
 }
 
-/// Revisions 0 to 20; in number 13 the code changes a bit, and so does nothing else, though parameters and flags change with it.
+/// Revisions 0 to 20. In revision 13 the code changes a bit; parameters and flags change too but have no effect.
 fn repository(name: &str) -> (PathBuf, Vec<String>) {
     let dir = common::path(name);
     let _ = std::fs::remove_dir_all(&dir);
@@ -69,20 +69,20 @@ fn a_seeded_change_is_found_among_twenty_revisions() {
     assert_eq!((&bad.revision, &*bad.subject), (&revisions[13], "revision 13"));
     assert_eq!(found.revisions, 20);
     assert_eq!(found.causes, [Cause::Code]);
-    // Both ends, and 20 revisions halved.
+    // Both ends, and bisection of 20 revisions.
     assert!(found.tried.len() <= 2 + 5, "{:?}", found.tried);
-    // The repository is as it was.
+    // The repository is unchanged.
     assert_eq!(git(&dir, &["worktree", "list"]).lines().count(), 1);
 }
 
 #[test]
-fn what_in_a_revision_did_it_is_told_apart() {
+fn the_kind_of_change_that_caused_it_is_found() {
     let (dir, revisions) = repository("causes");
     let causes = |run: &str| search("causes", &dir, &revisions[12], &revisions[13], run).unwrap().causes;
     assert_eq!(causes("! test -e Cargo.toml"), [Cause::Build]);
     assert_eq!(causes("! test -e robots/a.toml"), [Cause::Configuration]);
     assert_eq!(causes("grep -q 'tau = 1.0$' controller/step.rs"), [Cause::Code]);
-    // Only together: nothing can be left out.
+    // Only the combination causes it.
     assert_eq!(
         causes("! test -e Cargo.toml || ! test -e robots/a.toml"),
         [Cause::Build, Cause::Configuration, Cause::Code]
@@ -91,7 +91,7 @@ fn what_in_a_revision_did_it_is_told_apart() {
 }
 
 #[test]
-fn revisions_that_cannot_be_judged_are_named_with_the_first_bad_one() {
+fn skipped_revisions_are_reported_with_the_first_bad_one() {
     let (dir, revisions) = repository("skipped");
     let run = "test -e broken && exit 125; ! grep -q -E ' (9|1[0-9]|20)$' notes.md";
     let found = search("skipped", &dir, &revisions[0], &revisions[20], run).unwrap();
@@ -100,11 +100,16 @@ fn revisions_that_cannot_be_judged_are_named_with_the_first_bad_one() {
 }
 
 #[test]
-fn where_there_is_nothing_to_find_it_says_so() {
+fn an_impossible_search_is_an_error() {
     let (dir, revisions) = repository("nothing");
-    let error = |good: &str, bad: &str, run: &str| search("nothing", &dir, good, bad, run).unwrap_err().to_string();
-    assert!(error(&revisions[0], &revisions[5], "true").contains("does what"));
-    assert!(error(&revisions[0], &revisions[5], "echo sorry; false").contains("is bad: sorry"));
-    assert!(error(&revisions[5], &revisions[0], "true").contains("no revision lies between them"));
-    assert!(error("nowhere", &revisions[0], "true").contains("git"));
+    let error = |good: &str, bad: &str, run: &str| search("nothing", &dir, good, bad, run).unwrap_err();
+    let why = |good: &str, bad: &str, run: &str| match error(good, bad, run) {
+        Error::Bisect { why, .. } => why,
+        other => panic!("{other}"),
+    };
+    // Both revisions have the same outcome, the good one is bad, the bad one is before the good one.
+    assert!(why(&revisions[0], &revisions[5], "true").contains(&revisions[5]));
+    assert!(why(&revisions[0], &revisions[5], "echo sorry; false").ends_with("sorry"));
+    assert!(why(&revisions[5], &revisions[0], "true").contains(&revisions[0]));
+    assert!(matches!(error("nowhere", &revisions[0], "true"), Error::Command { .. }));
 }

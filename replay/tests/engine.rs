@@ -1,4 +1,4 @@
-//! A replay finds exactly what was changed: every test of equality has mutants that must be found, each at its tick and field.
+//! A replay finds every change at its tick and field: each test of equality has mutants that must be found.
 #![allow(clippy::unwrap_used, reason = "a test may")]
 
 mod common;
@@ -12,7 +12,7 @@ use replay::engine::{Divergence, Index, Options, Replay, ReplayReport};
 use std::path::Path;
 
 const TICKS: i64 = 1000;
-/// Messages that the toy puts out in each tick, besides snapshots.
+/// Outputs of the toy per tick, without snapshots.
 const OUTPUTS: u64 = 4;
 
 fn log(name: &str, change: impl FnOnce(&mut Vec<Message>)) -> std::path::PathBuf {
@@ -27,7 +27,7 @@ fn replay(path: &Path, options: &Options) -> ReplayReport {
     replay_toy(path, options, |toy| toy)
 }
 
-/// Replays with a toy that is no longer the one that ran.
+/// Replays with a changed toy.
 fn replay_toy(path: &Path, options: &Options, change: impl Fn(Toy) -> Toy + Sync) -> ReplayReport {
     let replay = Replay::open_with(path, |info| Ok(Box::new(change(toy::toy(info)?)))).unwrap();
     replay.run(options, &mut |_| {}).unwrap()
@@ -37,7 +37,7 @@ fn place(divergence: &Divergence) -> (i64, &str, &str, &str) {
     (divergence.tick, divergence.stage, &divergence.channel, &divergence.field)
 }
 
-/// All that does not depend on a clock.
+/// The report without wall-clock times.
 fn timeless(mut report: ReplayReport) -> ReplayReport {
     (report.wall_seconds, report.real_time_factor) = (0.0, 0.0);
     report
@@ -100,7 +100,7 @@ fn one_flipped_bit_of_an_input_is_found() {
     let first = replay(&path, &Options::default()).first_divergence.unwrap();
     assert_eq!(place(&first), (437, "input", "CONTROLLER_TICK", "digest_input"));
 
-    // Without digests it shows in the first stage that has a channel.
+    // Without digests the difference is found in the first stage with a channel.
     let path = log("flip_no_digests.mcap", |events| {
         toy::change(events, channels::CONTROLLER_INPUT, 437, flip);
         events.retain(|(channel, ..)| channel != channels::CONTROLLER_TICK);
@@ -112,17 +112,17 @@ fn one_flipped_bit_of_an_input_is_found() {
 }
 
 #[test]
-fn another_parameter_is_found_at_once() {
+fn a_changed_parameter_is_found_at_the_first_tick() {
     let path = log("parameter.mcap", |_| {});
     let set = vec![("gait.trot.swing_frequency".to_owned(), "2.5".to_owned())];
     let report = replay(&path, &Options { set, jobs: 2, ..Options::default() });
     let first = report.first_divergence.unwrap();
     assert_eq!(place(&first), (0, "tasks", "CONTROLLER_TICK", "digest_tasks"));
-    // The stage has no message of its own; those of later stages show what became of it.
+    // The stage has no message; later stages differ too.
     let also: Vec<_> = first.also.iter().map(|f| (&*f.channel, &*f.field, f.index.clone())).collect();
     assert_eq!(also, [("WBC_SOLUTION", "vd", Some(Index::One(1))), ("ROBOT_COMMAND", "tau", Some(Index::One(0)))]);
     assert_eq!(report.ticks, TICKS as u64);
-    // The state is carried through: the last snapshot differs too.
+    // The state is kept, so the last snapshot differs too.
     assert!(report.messages_different > 3 * TICKS as u64, "{}", report.messages_different);
 
     let set = vec![("gait.trot.no_such_thing".to_owned(), "2.5".to_owned())];
@@ -131,16 +131,16 @@ fn another_parameter_is_found_at_once() {
 }
 
 #[test]
-fn after_a_missing_input_it_goes_on_from_the_next_snapshot() {
+fn after_a_missing_input_the_replay_continues_from_the_next_snapshot() {
     let missing = |(channel, t_ns, _): &Message| channel == channels::CONTROLLER_INPUT && *t_ns == 437 * PERIOD_NS;
     let path = log("missing.mcap", |events| events.retain(|event| !missing(event)));
     let report = replay(&path, &Options::default());
     assert!(report.identical, "{report:?}");
-    // 438 to 499 have an input, but nobody knows the state before them.
+    // Ticks 438 to 499 have an input, but their state is unknown.
     assert_eq!((report.missing_input_ticks, report.skipped_ticks), (1, 62));
     assert_eq!(report.ticks, TICKS as u64 - 63);
 
-    // All that was known of the tick is gone, and of its neighbours: found by the numbers.
+    // All messages of the tick and its neighbours are missing: detected by the tick numbers.
     let path = log("gap.mcap", |events| events.retain(|(_, t_ns, _)| !(430..440).contains(&(t_ns / PERIOD_NS))));
     let report = replay(&path, &Options::default());
     assert_eq!((report.missing_input_ticks, report.skipped_ticks, report.identical), (10, 60, true));
@@ -160,7 +160,7 @@ fn a_perturbed_state_is_found_in_the_snapshot() {
 }
 
 #[test]
-fn a_state_that_is_restored_wrongly_is_found_behind_it() {
+fn a_wrongly_restored_state_is_found_in_the_next_tick() {
     let path = log("restore.mcap", |_| {});
     let options = Options { from_s: Some(0.35), ..Options::default() };
     assert!(replay(&path, &options).identical);
@@ -207,9 +207,9 @@ fn threads_do_not_change_the_report() {
     }
 }
 
-/// No thread can go on where another has not come to a state yet.
+/// A worker cannot start before the previous segment ends with a snapshot.
 #[test]
-fn a_long_log_without_states_is_replayed_by_any_number_of_threads() {
+fn a_long_log_without_snapshots_is_replayed_by_any_number_of_threads() {
     let path = path("stateless.mcap");
     let mut events = toy::events(5000);
     events.retain(|(channel, t_ns, _)| channel != channels::CONTROLLER_SNAPSHOT || *t_ns > 4500 * PERIOD_NS);
@@ -231,7 +231,7 @@ fn of_several_errors_any_number_of_threads_reports_the_first() {
         state.unwrap().2.truncate(40);
     };
     let path = log("errors.mcap", |events| {
-        // Of a state that cannot be taken over the replay only hears where the one before it is unknown.
+        // A snapshot is restored only where the state before it is unknown, or by another worker.
         events.retain(|(c, t_ns, _)| c != channels::CONTROLLER_INPUT || ![350, 650].contains(&(t_ns / PERIOD_NS)));
         cut_state(events, 399);
         cut_state(events, 699);
@@ -248,7 +248,7 @@ fn of_several_errors_any_number_of_threads_reports_the_first() {
 }
 
 #[test]
-fn what_is_not_in_the_log_is_counted_not_judged() {
+fn absent_messages_are_counted_and_not_compared() {
     let path = log("trimmed.mcap", |events| {
         let keep = [channels::RUN_INFO, channels::CONTROLLER_INPUT, channels::CONTROLLER_TICK];
         events.retain(|(channel, t_ns, _)| {
@@ -347,7 +347,7 @@ fn the_log_of_a_replay_is_the_replayed_log() {
 }
 
 #[test]
-fn a_log_is_not_written_over_itself() {
+fn a_log_cannot_be_its_own_output() {
     let path = log("itself.mcap", |_| {});
     let bytes = std::fs::read(&path).unwrap();
     let options = Options { out: Some(path.clone()), ..Options::default() };
@@ -359,7 +359,7 @@ fn a_log_is_not_written_over_itself() {
 }
 
 #[test]
-fn a_log_that_is_cut_is_replayed_up_to_there() {
+fn a_cut_log_is_replayed_up_to_the_cut() {
     let path = log("whole.lcmlog", |_| {});
     let bytes = std::fs::read(&path).unwrap();
     std::fs::write(&path, &bytes[..bytes.len() / 2]).unwrap();
@@ -368,7 +368,7 @@ fn a_log_that_is_cut_is_replayed_up_to_there() {
 }
 
 #[test]
-fn what_is_not_one_run_is_refused() {
+fn a_log_that_is_not_one_run_is_rejected() {
     let run = |path: &Path| Replay::open_with(path, toy::load)?.run(&Options::default(), &mut |_| {});
     let without = |name: &str, channel: &str| log(name, |events| events.retain(|(c, ..)| c != channel));
     let error = run(&without("no_info.mcap", channels::RUN_INFO)).unwrap_err();
@@ -382,7 +382,7 @@ fn what_is_not_one_run_is_refused() {
     });
     let error = run(&path).unwrap_err();
     assert!(matches!(error, Error::SeveralRuns { .. }), "{error}");
-    // Said again, it is still the same run.
+    // A repeated RUN_INFO is the same run.
     let path = log("info_again.mcap", |events| {
         let info = events[0].clone();
         events.insert(3000, info);

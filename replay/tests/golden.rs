@@ -1,4 +1,4 @@
-//! The golden logs, from every state in them and in any number of threads.
+//! The golden logs, replayed from every snapshot and with any number of threads.
 #![allow(clippy::unwrap_used, reason = "a test may")]
 
 use lcmtypes::{Message, RunInfo, TextFile, channels};
@@ -15,15 +15,15 @@ fn logs() -> Vec<PathBuf> {
     logs
 }
 
-/// All that does not depend on a clock.
+/// The report without wall-clock times.
 fn run(replay: &Replay, options: &Options) -> ReplayReport {
     let report = replay.run(options, &mut |_| {}).unwrap();
     ReplayReport { wall_seconds: 0.0, real_time_factor: 0.0, ..report }
 }
 
-/// A log keeps a state a second; from each of them on the replay is the rest of the record.
+/// A log contains a snapshot per second; the replay from each is identical to the rest of the log.
 #[test]
-fn every_state_of_every_golden_log_leads_to_its_tail() {
+fn every_golden_log_replays_from_every_snapshot() {
     for log in logs() {
         let replay = Replay::open(&log).unwrap();
         let mut cursor = Cursor::open(&replay, &Options::default(), &mut |_| {}).unwrap();
@@ -32,7 +32,7 @@ fn every_state_of_every_golden_log_leads_to_its_tail() {
         for state in states.into_iter().filter(|state| *state < last) {
             let since_s = cursor.go_to(state).unwrap().since_s;
             let report = run(&replay, &Options { from_s: Some(since_s), ..Options::default() });
-            let place = format!("{} behind tick {state}: {report:?}", log.display());
+            let place = format!("{} after tick {state}: {report:?}", log.display());
             assert_eq!((report.identical, report.skipped_ticks), (true, 0), "{place}");
             assert_eq!(report.ticks, last.abs_diff(state), "{place}");
         }

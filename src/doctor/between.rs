@@ -1,7 +1,7 @@
-//! Two machines: one sends numbered messages, the other counts which came.
+//! Multicast test between two machines: one sends numbered messages, the other counts those received.
 //!
-//! A message is a line of its own words: who sends, its number, of how many. Every hundredth is longer than a datagram. The last one is
-//! said many times, so that the listener knows what there should have been.
+//! Each message contains the sender's run, its number and the total. Every hundredth is longer than a datagram. The end is sent
+//! several times, so that the listener knows the total.
 
 use super::network::CHANNEL;
 use crate::{say, say_json};
@@ -11,14 +11,14 @@ use serde::Serialize;
 use std::net::{Ipv4Addr, SocketAddrV4, UdpSocket};
 use std::time::{Duration, Instant};
 
-/// Bytes of a message, and what every [`LONG_EVERY`]th has more.
+/// Size of a message, bytes, and additional bytes of every [`LONG_EVERY`]th.
 const SHORT: usize = 400;
 const LONG: usize = 100_000;
 const LONG_EVERY: u64 = 100;
-/// Times that the end is said.
+/// Number of end messages.
 const ENDS: u32 = 20;
 
-/// Which of the two this is.
+/// The two sides.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
 pub enum Side {
     /// Send numbered messages
@@ -27,14 +27,14 @@ pub enum Side {
     Listen,
 }
 
-/// Head of a message.
+/// Header of a message.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 struct Head {
-    /// Of this sending, among others.
+    /// Identifies the run of the sender.
     run: u64,
-    /// From 0; `total` is the end.
+    /// Number from 0; `total` marks the end.
     number: u64,
-    /// How many there are.
+    /// Number of messages in the run.
     total: u64,
 }
 
@@ -50,7 +50,7 @@ impl Head {
     fn of(data: &[u8]) -> Option<Self> {
         let word = |at: usize| data.get(at..)?.first_chunk().map(|bytes| u64::from_be_bytes(*bytes));
         let (run, number, total) = (word(0)?, word(8)?, word(16)?);
-        // Whoever claims more would have us keep books for nothing.
+        // Limit the memory that a foreign message can request.
         (total <= 100_000_000 && number <= total).then_some(Head { run, number, total })
     }
 
@@ -90,9 +90,9 @@ fn send(url: &Url, seconds: f64, rate: f64) -> anyhow::Result<crate::Outcome> {
     let since = std::time::SystemTime::now().duration_since(std::time::UNIX_EPOCH).unwrap_or_default();
     let run = u64::from(std::process::id()) << 32 | u64::from(since.subsec_nanos());
     let (began, mut sequence) = (Instant::now(), 0);
-    let mut say_it = |head: Head| -> anyhow::Result<()> {
+    let mut send_message = |head: Head| -> anyhow::Result<()> {
         for datagram in split(sequence, CHANNEL, &head.message()) {
-            socket.send_to(&datagram, to).with_context(|| format!("{to}: hoof doctor says what is wrong"))?;
+            socket.send_to(&datagram, to).with_context(|| format!("{to}: run hoof doctor to find the cause"))?;
         }
         sequence = sequence.wrapping_add(1);
         Ok(())
@@ -100,17 +100,17 @@ fn send(url: &Url, seconds: f64, rate: f64) -> anyhow::Result<crate::Outcome> {
     for number in 0..total {
         let due = period.mul_f64(number as f64);
         std::thread::sleep(due.saturating_sub(began.elapsed()));
-        say_it(Head { run, number, total })?;
+        send_message(Head { run, number, total })?;
     }
     for _ in 0..ENDS {
         std::thread::sleep(Duration::from_millis(10));
-        say_it(Head { run, number: total, total })?;
+        send_message(Head { run, number: total, total })?;
     }
-    say(format!("sent {total} messages in {:.1} s; the listener says what came", began.elapsed().as_secs_f64()))?;
+    say(format!("sent {total} messages in {:.1} s; the listener prints the result", began.elapsed().as_secs_f64()))?;
     Ok(crate::Outcome::Good)
 }
 
-/// What came of one sending; the JSON of `--json`.
+/// Received and lost messages of one run; the JSON of `--json`.
 #[derive(Debug, Default, PartialEq, Eq, Serialize)]
 struct Count {
     sender: Option<SocketAddrV4>,
@@ -122,17 +122,17 @@ struct Count {
     came_late: u64,
 }
 
-/// Notes the messages of the first sender that is heard.
+/// Counts the messages of the first sender that is received.
 #[derive(Default)]
-struct Notes {
+struct Counter {
     run: u64,
     came: Vec<bool>,
     highest: Option<u64>,
     count: Count,
 }
 
-impl Notes {
-    /// Takes a message; whether it was the end.
+impl Counter {
+    /// Counts a message. Returns whether it is the end.
     fn take(&mut self, sender: SocketAddrV4, head: Head) -> bool {
         if self.count.sender.is_none() {
             (self.count.sender, self.run) = (Some(sender), head.run);
@@ -150,7 +150,7 @@ impl Notes {
         false
     }
 
-    /// What there should have been, held against what came.
+    /// Compares the received messages with the total.
     fn finish(mut self) -> Count {
         for (number, came) in (0..).zip(&self.came) {
             let is_long = Head { run: 0, number, total: 0 }.is_long();
@@ -166,20 +166,20 @@ impl Notes {
     }
 }
 
-fn listen(url: &Url, patience: Duration, json: bool) -> anyhow::Result<crate::Outcome> {
-    let mut ear = Listener::open(url)?;
-    if let Some(warning) = ear.warning() {
+fn listen(url: &Url, timeout: Duration, json: bool) -> anyhow::Result<crate::Outcome> {
+    let mut listener = Listener::open(url)?;
+    if let Some(warning) = listener.warning() {
         eprintln!("warning: {warning}");
     }
-    eprintln!("listening to {url}; on the other machine: hoof doctor --between send --lcm-url '{url}'");
-    let (mut notes, mut pieces) = (Notes::default(), Reassembler::default());
+    eprintln!("listening to {url}; run on the other machine: hoof doctor --between send --lcm-url '{url}'");
+    let (mut counter, mut reassembler) = (Counter::default(), Reassembler::default());
     let mut last = Instant::now();
-    // After the first message, silence is short: the other side is done, or the network is.
-    while last.elapsed() < if notes.count.sender.is_some() { Duration::from_secs(3) } else { patience } {
-        let Some(datagram) = ear.receive().context("socket")? else { continue };
+    // After the first message a short timeout suffices: the sender has finished, or the network has failed.
+    while last.elapsed() < if counter.count.sender.is_some() { Duration::from_secs(3) } else { timeout } {
+        let Some(datagram) = listener.receive().context("socket")? else { continue };
         let head = match Packet::parse(datagram.bytes) {
             Ok(Packet::Short(message)) if message.channel == CHANNEL => Head::of(message.data),
-            Ok(Packet::Fragment(fragment)) => match pieces.accept(datagram.sender, datagram.t_ns, &fragment) {
+            Ok(Packet::Fragment(fragment)) => match reassembler.accept(datagram.sender, datagram.t_ns, &fragment) {
                 Outcome::Complete { message, .. } if message.channel == CHANNEL => Head::of(&message.data),
                 _ => None,
             },
@@ -187,11 +187,11 @@ fn listen(url: &Url, patience: Duration, json: bool) -> anyhow::Result<crate::Ou
         };
         let Some(head) = head else { continue };
         last = Instant::now();
-        if notes.take(datagram.sender, head) {
+        if counter.take(datagram.sender, head) {
             break;
         }
     }
-    let count = notes.finish();
+    let count = counter.finish();
     if json {
         say_json(&count)?;
     } else {
@@ -203,16 +203,16 @@ fn listen(url: &Url, patience: Duration, json: bool) -> anyhow::Result<crate::Ou
 fn text(count: &Count, url: &Url) -> String {
     let Count { sender: Some(sender), sent, lost, sent_long, lost_long, came_again, came_late } = count else {
         return format!(
-            "FAIL  nothing came. On the sender: hoof doctor --lcm-url '{url}' (route, ttl). Here: the firewall, as hoof doctor shows it, and\n      \
+            "FAIL  no message received. On the sender: hoof doctor --lcm-url '{url}' (route, ttl). Here: check the firewall with hoof doctor, and run\n      \
              tcpdump -ni INTERFACE 'host {} or igmp'\n      \
-             Datagrams in tcpdump and none here: a filter. No datagrams: a switch that passes multicast on to known members\n      \
-             (IGMP snooping) without a querier; switch it off there, or a querier on: docs/multicast.md",
+             If tcpdump shows datagrams, a filter drops them. If not, a switch with IGMP snooping and without a querier drops\n      \
+             them: disable snooping or enable a querier, see docs/multicast.md",
             url.group
         );
     };
     let word = if lost + lost_long == 0 { "OK   " } else { "FAIL " };
     format!(
-        "{word} from {sender}: lost {lost} of {sent} short and {lost_long} of {sent_long} long messages; {came_again} came again, {came_late} late"
+        "{word} from {sender}: lost {lost} of {sent} short and {lost_long} of {sent_long} long messages; {came_again} duplicate, {came_late} late"
     )
 }
 
@@ -225,7 +225,7 @@ mod tests {
     }
 
     #[test]
-    fn a_head_is_read_as_it_was_written_and_garbage_is_not() {
+    fn headers_are_parsed_and_garbage_is_rejected() {
         let head = Head { run: 9, number: 99, total: 200 };
         assert_eq!(Head::of(&head.message()), Some(head));
         assert_eq!(head.message().len(), SHORT + LONG);
@@ -236,15 +236,15 @@ mod tests {
     }
 
     #[test]
-    fn what_is_lost_late_and_double_is_counted() {
-        let (total, mut notes) = (250, Notes::default());
+    fn lost_late_and_duplicate_messages_are_counted() {
+        let (total, mut counter) = (250, Counter::default());
         let order = (0..total).filter(|n| ![3, 99, 249].contains(n)).chain([100, 99]);
         for number in order {
-            assert!(!notes.take(sender(), Head { run: 1, number, total }));
-            notes.take(sender(), Head { run: 2, number: 3, total });
+            assert!(!counter.take(sender(), Head { run: 1, number, total }));
+            counter.take(sender(), Head { run: 2, number: 3, total });
         }
-        assert!(notes.take(sender(), Head { run: 1, number: total, total }));
-        let count = notes.finish();
+        assert!(counter.take(sender(), Head { run: 1, number: total, total }));
+        let count = counter.finish();
         let wanted = Count {
             sender: Some(sender()),
             sent: 248,
@@ -255,13 +255,17 @@ mod tests {
             came_late: 2,
         };
         assert_eq!(count, wanted);
-        let said = "FAIL  from 10.0.0.7:4000: lost 2 of 248 short and 0 of 2 long messages; 1 came again, 2 late";
-        assert_eq!(text(&count, &Url::default()), said);
+        let text = text(&count, &Url::default());
+        let numbers: Vec<u64> = text.split(' ').filter_map(|word| word.parse().ok()).collect();
+        assert!(
+            text.starts_with("FAIL") && text.contains("10.0.0.7:4000") && numbers == [2, 248, 0, 2, 1, 2],
+            "{text}"
+        );
     }
 
     #[test]
-    fn silence_says_where_to_look() {
-        let said = text(&Notes::default().finish(), &Url::default());
-        assert!(said.starts_with("FAIL  nothing came.") && said.contains("IGMP snooping"), "{said}");
+    fn no_message_is_a_failure_with_advice() {
+        let text = text(&Counter::default().finish(), &Url::default());
+        assert!(text.starts_with("FAIL") && text.contains("IGMP snooping") && text.contains("tcpdump"), "{text}");
     }
 }

@@ -28,27 +28,27 @@ pub struct Check {
     pub level: Level,
     pub found: String,
     /// Command that fixes the problem; `mend` in JSON.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub mend: Option<String>,
+    #[serde(rename = "mend", skip_serializing_if = "Option::is_none")]
+    pub fix: Option<String>,
 }
 
 impl Check {
     pub fn ok(name: &'static str, found: impl Into<String>) -> Self {
-        Check { name, level: Level::Ok, found: found.into(), mend: None }
+        Check { name, level: Level::Ok, found: found.into(), fix: None }
     }
 
-    pub fn warn(name: &'static str, found: impl Into<String>, mend: impl Into<String>) -> Self {
-        Check { name, level: Level::Warn, found: found.into(), mend: Some(mend.into()) }
+    pub fn warn(name: &'static str, found: impl Into<String>, fix: impl Into<String>) -> Self {
+        Check { name, level: Level::Warn, found: found.into(), fix: Some(fix.into()) }
     }
 
-    pub fn fail(name: &'static str, found: impl Into<String>, mend: impl Into<String>) -> Self {
-        Check { name, level: Level::Fail, found: found.into(), mend: Some(mend.into()) }
+    pub fn fail(name: &'static str, found: impl Into<String>, fix: impl Into<String>) -> Self {
+        Check { name, level: Level::Fail, found: found.into(), fix: Some(fix.into()) }
     }
 
     pub fn text(&self) -> String {
         let mut text = format!("{:<5} {:<20} {}", self.level.label(), self.name, self.found);
-        if let Some(mend) = &self.mend {
-            text += &format!("\n{:27}-> {mend}", "");
+        if let Some(fix) = &self.fix {
+            text += &format!("\n{:27}-> {fix}", "");
         }
         text
     }

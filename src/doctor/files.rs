@@ -1,21 +1,21 @@
-//! What the kernel shows as files; a test has some of its own.
+//! Reads settings that the kernel exposes as files; tests use a directory of their own.
 
 use std::path::{Path, PathBuf};
 
-/// The files below a root.
+/// The file system below a root directory.
 pub struct System {
     root: PathBuf,
 }
 
-/// Capability that lets a process change its scheduler: bit in `CapEff`.
+/// Capability to change the scheduler: bit in `CapEff`.
 pub const CAP_SYS_NICE: u32 = 23;
-/// Capability that lets it lock memory.
+/// Capability to lock memory.
 pub const CAP_IPC_LOCK: u32 = 14;
-/// Capability that lets it have larger socket buffers than `rmem_max`.
+/// Capability to use socket buffers larger than `rmem_max`.
 pub const CAP_NET_ADMIN: u32 = 12;
 
 impl System {
-    /// This machine's.
+    /// The files of this machine.
     pub fn here() -> Self {
         System { root: PathBuf::from("/") }
     }
@@ -29,12 +29,12 @@ impl System {
         self.root.join(path.trim_start_matches('/'))
     }
 
-    /// The text of a file without blanks around it.
+    /// The trimmed text of a file.
     pub fn text(&self, path: &str) -> Option<String> {
         std::fs::read_to_string(self.path(path)).ok().map(|text| text.trim().to_owned())
     }
 
-    /// The text of a file that gzip has packed.
+    /// The text of a gzip file.
     pub fn unpacked(&self, path: &str) -> Option<String> {
         let output = std::process::Command::new("zcat").arg(self.path(path)).output().ok()?;
         output.status.success().then(|| String::from_utf8_lossy(&output.stdout).into_owned())
@@ -45,7 +45,7 @@ impl System {
         self.text(path)?.parse().ok()
     }
 
-    /// Names in a folder, in order.
+    /// Names in a directory, sorted.
     pub fn names(&self, folder: &str) -> Vec<String> {
         let entries = std::fs::read_dir(self.path(folder)).into_iter().flatten().flatten();
         let mut names: Vec<String> = entries.filter_map(|entry| entry.file_name().into_string().ok()).collect();
@@ -53,12 +53,12 @@ impl System {
         names
     }
 
-    /// Whether a file may be written.
+    /// Whether a file is writable.
     pub fn is_writable(&self, path: &str) -> bool {
         std::fs::File::options().write(true).open(self.path(path)).is_ok()
     }
 
-    /// Whether it is there.
+    /// Whether a file exists.
     pub fn has(&self, path: &str) -> bool {
         Path::exists(&self.path(path))
     }
@@ -70,7 +70,7 @@ impl System {
         mask.is_some_and(|mask| mask >> bit & 1 == 1)
     }
 
-    /// Soft limit of this process by its name in `/proc/self/limits`; `u64::MAX` is none.
+    /// Soft limit of this process by its name in `/proc/self/limits`; `u64::MAX` means unlimited.
     pub fn limit(&self, name: &str) -> Option<u64> {
         let limits = self.text("/proc/self/limits")?;
         let rest = limits.lines().find_map(|line| line.strip_prefix(name))?;
@@ -85,7 +85,7 @@ impl System {
 pub mod tests {
     use super::*;
 
-    /// A made-up machine: files and what they hold.
+    /// A test machine with these files and texts.
     pub fn machine(test: &str, files: &[(&str, &str)]) -> System {
         let root = std::env::temp_dir().join(format!("hoof-doctor-{test}-{}", std::process::id()));
         let _ = std::fs::remove_dir_all(&root);
@@ -107,7 +107,7 @@ pub mod tests {
     }
 
     #[test]
-    fn capabilities_and_limits_are_read_as_the_kernel_writes_them() {
+    fn capabilities_and_limits_are_parsed() {
         let limits = "Limit                     Soft Limit           Hard Limit           Units     \n\
                       Max locked memory         8388608              8388608              bytes     \n\
                       Max realtime priority     0                    0                              \n\

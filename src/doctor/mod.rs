@@ -1,4 +1,4 @@
-//! `hoof doctor`: whether this machine is fit for live runs, and what mends it.
+//! `hoof doctor`: checks this machine for live runs and prints the commands that fix problems.
 
 mod between;
 mod check;
@@ -15,29 +15,29 @@ use std::path::PathBuf;
 
 /// Check this machine for live runs: network, real-time settings, libraries
 ///
-/// A line each: OK, WARN (it works, with the drawback named) or FAIL, with the command that mends it. Commands need root where they change
-/// the system. What `sysctl -w` sets lasts until the next start: lines in /etc/sysctl.d keep it. docs/multicast.md explains the network.
+/// Prints one line per check: OK, WARN (works with the named drawback) or FAIL, with the command that fixes it. Commands that change the system
+/// need root. Settings of `sysctl -w` last until the next boot; add them to /etc/sysctl.d to keep them. See docs/multicast.md for the network.
 ///
-/// Between machines: start `--between listen` on one and `--between send` on the other, then the other way round. It counts what was lost. Switches
-/// with IGMP snooping and nobody who asks for members cut multicast off after some minutes only: `--seconds 300` outlasts that.
+/// Between machines: start `--between listen` on one and `--between send` on the other, then swap. The listener counts lost messages. A switch with
+/// IGMP snooping and without a querier stops multicast after some minutes only: use `--seconds 300` to detect it.
 #[derive(clap::Args)]
 #[command(after_help = "Example: hoof doctor\n         hoof doctor --json\n         \
     hoof doctor --between listen --lcm-url 'udpm://239.255.76.67:7667?ttl=1'\n         \
     hoof doctor --between send --lcm-url 'udpm://239.255.76.67:7667?ttl=1' --seconds 300")]
 pub struct Args {
-    /// Network, else that of LCM_DEFAULT_URL, else udpm://239.255.76.67:7667?ttl=0
+    /// LCM URL of the network [default: LCM_DEFAULT_URL, or udpm://239.255.76.67:7667?ttl=0]
     #[arg(long, value_name = "URL")]
     lcm_url: Option<String>,
-    /// Folder of the logs, whose disk is looked at
+    /// Directory of the logs; its disk is checked
     #[arg(long, value_name = "DIR", default_value = ".")]
     logs: PathBuf,
-    /// Send to, or listen to, another machine, and count what is lost
+    /// Send to, or listen to, another machine and count lost messages
     #[arg(long, value_enum, value_name = "SIDE")]
     between: Option<between::Side>,
-    /// How long to send; a listener waits as long for the first message
+    /// Sending time, s; the listener waits as long for the first message
     #[arg(long, value_name = "S", default_value_t = 10.0, requires = "between")]
     seconds: f64,
-    /// Messages a second of 400 bytes; one in a hundred has 100,000 bytes more
+    /// Messages of 400 bytes per second; every hundredth has 100,000 additional bytes
     #[arg(long, value_name = "HZ", default_value_t = 1000.0, requires = "between")]
     rate: f64,
     /// Print JSON

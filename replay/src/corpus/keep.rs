@@ -1,4 +1,4 @@
-//! What of a log goes into a golden log, and into what is made of one.
+//! Which messages of a log a golden log keeps.
 
 use crate::Error;
 use crate::engine::ticks::{Beside, Ticks, integer_at};
@@ -8,7 +8,7 @@ use lcmtypes::{ControllerInput, Message};
 use std::collections::BTreeSet;
 use std::path::Path;
 
-/// What every golden log keeps of every tick.
+/// Channels that a golden log keeps for every tick.
 pub const CHANNELS: [&str; 6] = [
     channels::RUN_INFO,
     channels::PARAMETER_CHANGE,
@@ -18,27 +18,27 @@ pub const CHANNELS: [&str; 6] = [
     channels::EVENT,
 ];
 
-/// Of all other outputs it keeps those of every so many ticks: enough for figures of what was, and for the distance from what is.
+/// Period, in ticks, of the samples that a golden log keeps of all other outputs, for figures and differences.
 pub const SAMPLE_TICKS: i64 = 20;
 
-/// A part of a log, for a small regression test.
+/// A part of a log for a small regression test.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Part {
-    /// Middle of what must be in it, s since the run's first tick.
+    /// Middle of the part, s since the run's first tick.
     pub around_s: f64,
-    /// How much of the log must be in it at least, s; it begins behind a recorded state, so it may be more.
+    /// Minimum length, s; the part starts after a snapshot, so it may be longer.
     pub span_s: f64,
 }
 
-/// Copies of a log what a golden log keeps: [`CHANNELS`], `more`, and samples of all other outputs. Gives back the number of events.
+/// Copies the messages that a golden log keeps: [`CHANNELS`], `more`, and samples of all other outputs. Returns the number of events.
 ///
 /// # Errors
-/// [`Error::SameFile`], or those of [`LogReader`] and [`LogWriter`].
+/// [`Error::SameFile`], or errors of [`LogReader`] and [`LogWriter`].
 pub fn trim_to_golden(log: &Path, out: &Path, more: &[&str]) -> Result<u64, Error> {
     copy(log, out, |event| is_kept(event, |channel| more.contains(&channel)))
 }
 
-/// Whether a golden log keeps a message. `whole`: channels that are kept besides those that always are.
+/// Whether a golden log keeps a message. `whole`: additional channels that are kept for every tick.
 pub(super) fn is_kept(event: &Event, whole: impl Fn(&str) -> bool) -> bool {
     CHANNELS.contains(&&*event.channel) || whole(&event.channel) || is_sample(event)
 }
@@ -47,12 +47,12 @@ fn is_sample(event: &Event) -> bool {
     is_output(&event.channel) && integer_at(&event.data, 16).is_some_and(|tick| tick % SAMPLE_TICKS == 0)
 }
 
-/// Whether a message on a channel is a result of a tick.
+/// Whether a channel is an output of a tick.
 fn is_output(channel: &str) -> bool {
     channels::find(channel).is_some_and(|known| known.stage.is_some() && known.class != Class::ReplayInput)
 }
 
-/// Copies the events that are to be kept.
+/// Copies the events for which `keep` returns true.
 pub(super) fn copy(log: &Path, out: &Path, mut keep: impl FnMut(&Event) -> bool) -> Result<u64, Error> {
     Error::check_distinct_files(log, out)?;
     let events = LogReader::open(log)?.events();
@@ -66,7 +66,7 @@ pub(super) fn copy(log: &Path, out: &Path, mut keep: impl FnMut(&Event) -> bool)
     out.finish()
 }
 
-/// Copies the ticks around an incident: RUN_INFO, changes of parameters, the recorded state before them, and of every tick what a golden log keeps.
+/// Copies the ticks around an incident: RUN_INFO, parameter changes, the snapshot before them, and the messages that a golden log keeps.
 pub(super) fn copy_part(log: &Path, out: &Path, part: Part, more: &[&str]) -> Result<u64, Error> {
     let (from_s, to_s) = (part.around_s - 0.5 * part.span_s, part.around_s + 0.5 * part.span_s);
     let clock = RunClock::read(log)?;
@@ -92,14 +92,14 @@ pub(super) fn copy_part(log: &Path, out: &Path, part: Part, more: &[&str]) -> Re
         let tick = integer_at(&event.data, 16);
         let is_start = *event.channel == *channels::CONTROLLER_SNAPSHOT && start.is_some() && tick == start;
         let kept = is_kept(event, |channel| more.contains(&channel));
-        // What changed before the part holds in it.
+        // Parameter changes before the part hold in it.
         let is_change = *event.channel == *channels::PARAMETER_CHANGE && tick.is_some_and(|tick| tick <= last);
         *event.channel == *channels::RUN_INFO || is_change || is_start || kept && tick.is_some_and(within)
     })
 }
 
-/// Copies what does not come from the controller, so that a changed output type does not stand in the way. A log that begins
-/// within a run keeps the states that it can start from. Gives back the channels of which the log has more than samples.
+/// Copies all messages except outputs, so that a changed output type does not prevent the replay. A log that starts inside a run
+/// keeps its snapshots. Returns the channels of which the log has more than samples.
 pub(super) fn copy_inputs(log: &Path, out: &Path) -> Result<BTreeSet<String>, Error> {
     let mut first_tick = None;
     for event in LogReader::open(log)?.events() {
@@ -123,7 +123,7 @@ pub(super) fn copy_inputs(log: &Path, out: &Path) -> Result<BTreeSet<String>, Er
     Ok(whole)
 }
 
-/// Ticks of which a log holds an output besides digests and states; all of its ticks if there is none.
+/// Ticks with an output other than digest and snapshot; all ticks if there is none.
 pub(super) fn shown_ticks(log: &Path) -> Result<BTreeSet<i64>, Error> {
     let (mut shown, mut all) = (BTreeSet::new(), BTreeSet::new());
     for event in LogReader::open(log)?.events() {
@@ -138,7 +138,7 @@ pub(super) fn shown_ticks(log: &Path) -> Result<BTreeSet<i64>, Error> {
     Ok(if shown.is_empty() { all } else { shown })
 }
 
-/// Copies what a log says of some ticks, and of its run.
+/// Copies the messages of some ticks, RUN_INFO and EVENT.
 pub(super) fn copy_ticks(log: &Path, out: &Path, ticks: &BTreeSet<i64>) -> Result<(), Error> {
     copy(log, out, |event| {
         let of_tick = is_output(&event.channel) || *event.channel == *channels::CONTROLLER_INPUT;

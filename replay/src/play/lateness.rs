@@ -1,4 +1,4 @@
-//! How late events went out.
+//! Statistics of the lateness of played events.
 
 use std::time::Duration;
 
@@ -6,7 +6,7 @@ use std::time::Duration;
 const STEPS: u64 = 64;
 const BITS: u32 = STEPS.trailing_zeros();
 
-/// Counts how often each lateness occurred, in bounded memory.
+/// Histogram of lateness in bounded memory.
 #[derive(Debug, Clone)]
 pub struct Lateness {
     counts: Vec<u64>,
@@ -14,18 +14,18 @@ pub struct Lateness {
     max_ns: u64,
 }
 
-/// How late events went out.
+/// Quantiles of the lateness.
 #[derive(Debug, Clone, Copy, Default, PartialEq, serde::Serialize)]
 pub struct LatenessSummary {
-    /// Events that had a time.
+    /// Number of events with a due time.
     pub events: u64,
-    /// Half of them were at most so late, us.
+    /// Median, us.
     pub p50_us: f64,
-    /// 99 of 100 were, us.
+    /// 99 % quantile, us.
     pub p99_us: f64,
-    /// 999 of 1000 were, us.
+    /// 99.9 % quantile, us.
     pub p999_us: f64,
-    /// All were, us.
+    /// Maximum, us.
     pub max_us: f64,
 }
 
@@ -36,7 +36,7 @@ impl Default for Lateness {
 }
 
 impl Lateness {
-    /// Counts one event.
+    /// Adds an event.
     pub fn add(&mut self, late: Duration) {
         let ns = u64::try_from(late.as_nanos()).unwrap_or(u64::MAX);
         self.counts[bin(ns)] += 1;
@@ -44,7 +44,7 @@ impl Lateness {
         self.max_ns = self.max_ns.max(ns);
     }
 
-    /// The upper edge of the bin that holds quantile `q`, at most the largest lateness; 0 without events.
+    /// Upper edge of the bin of quantile `q`, at most the maximum; 0 without events.
     #[expect(clippy::cast_precision_loss, clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a rank")]
     fn quantile_ns(&self, q: f64) -> u64 {
         let rank = ((q * self.count as f64).ceil() as u64).max(1);
@@ -57,7 +57,7 @@ impl Lateness {
     }
 
     /// Quantiles and maximum.
-    #[expect(clippy::cast_precision_loss, reason = "microseconds for people")]
+    #[expect(clippy::cast_precision_loss, reason = "microseconds for display")]
     pub fn summary(&self) -> LatenessSummary {
         let us = |ns: u64| ns as f64 * 1e-3;
         let quantile = |q| us(self.quantile_ns(q));
@@ -71,7 +71,7 @@ impl Lateness {
     }
 }
 
-/// Below `STEPS` each number has a bin; above, each doubling has `STEPS` of them.
+/// Bin of a value: one per value below `STEPS`, above it `STEPS` per doubling.
 fn bin(ns: u64) -> usize {
     if ns < STEPS {
         return ns as usize;
@@ -95,7 +95,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn every_lateness_lies_in_a_bin_of_its_size() {
+    fn bins_have_a_relative_width_of_at_most_one_64th() {
         for ns in (0..100_000).chain([u64::MAX / 3, u64::MAX - 1, u64::MAX]) {
             let (at, above) = (bin(ns), upper_edge(bin(ns)));
             assert!(above >= ns && above - ns <= ns / STEPS, "{ns} in bin {at}, up to {above}");
@@ -103,7 +103,7 @@ mod tests {
     }
 
     #[test]
-    fn quantiles_of_known_numbers() {
+    fn quantiles_of_known_values() {
         let mut lateness = Lateness::default();
         assert_eq!(lateness.summary(), LatenessSummary::default());
         for us in 1..=1000 {

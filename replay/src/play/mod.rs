@@ -1,9 +1,9 @@
-//! Playing a log: every event again, when its time has come.
+//! Plays a log: returns each event when it is due.
 //!
-//! - [`Player`]: which event is next and when it is due. It reads no clock and publishes nothing: whoever drives it says what time it is,
-//!   which is how pausing, stepping and seeking are tested.
-//! - [`TimeBase`]: which of an event's times sets the pace.
-//! - [`Lateness`]: how well the pace was kept.
+//! - [`Player`]: the next event and its due time. It reads no clock and publishes nothing; the caller passes the time, so that pausing,
+//!   stepping and seeking can be tested.
+//! - [`TimeBase`]: the clock that sets the pace.
+//! - [`Lateness`]: statistics of the lateness of events.
 
 mod lateness;
 mod player;

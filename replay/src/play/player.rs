@@ -1,4 +1,4 @@
-//! Which event is next, and when.
+//! The next event of a log and its due time.
 
 use super::times::{TimeBase, Times};
 use crate::Error;
@@ -7,22 +7,22 @@ use crate::record::Filter;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
-/// What to play, and how.
+/// Options of a [`Player`].
 #[derive(Debug, Clone)]
 pub struct PlayOptions {
     /// The clock that sets the pace.
     pub base: TimeBase,
-    /// How many times faster than recorded; `None`: as fast as it goes.
+    /// Speed factor; `None`: as fast as possible.
     pub speed: Option<f64>,
     /// Start, ns since the run's first tick; `None`: the log's first event.
     pub from_ns: Option<i64>,
     /// End, ns since the run's first tick, exclusive; `None`: the log's last event.
     pub to_ns: Option<i64>,
-    /// Begin again at the end.
+    /// Restart at the end.
     pub repeat: bool,
-    /// Channels.
+    /// Channels to play.
     pub filter: Filter,
-    /// Channels that go out under another name.
+    /// New names of channels.
     pub rename: BTreeMap<String, String>,
 }
 
@@ -45,7 +45,7 @@ impl Default for PlayOptions {
 /// Log time is in ns since the run's first tick, as [`RunClock`] defines it, so it is negative before that tick. The caller's time
 /// may come from any monotonic clock, in ns.
 ///
-/// Every event between two seeks comes once, in the order of the log, whatever is paused, stepped or sped up in between.
+/// Between two seeks every event is returned once, in log order, regardless of pauses, steps and speed changes.
 pub struct Player {
     path: PathBuf,
     options: PlayOptions,
@@ -58,9 +58,9 @@ pub struct Player {
     /// Log time at which playing begins, ns.
     from_ns: i64,
     next: Option<Next>,
-    /// This driver's time ...
+    /// The caller's time ...
     anchor_ns: i64,
-    /// ... is this log time.
+    /// ... corresponds to this log time.
     anchor_log_ns: i64,
     paused: bool,
     played: u64,
@@ -68,12 +68,12 @@ pub struct Player {
 
 struct Next {
     event: Event,
-    /// Log time at which it is due: its own, or that of the one before it, if that was later.
+    /// Log time at which it is due: its own, or that of the previous event if that is later.
     at_ns: i64,
 }
 
 impl Player {
-    /// Opens a log and goes to where playing begins; the driver's time is `now_ns`.
+    /// Opens a log and goes to the start position. `now_ns`: the caller's time.
     ///
     /// # Errors
     /// Those of [`LogReader::open`]; [`Error::NoTicks`] if the pace is that of the ticks and there are none.
@@ -103,32 +103,32 @@ impl Player {
         Ok(player)
     }
 
-    /// When the next event is due by the driver's time; a time that has passed means at once. `None` when paused, and at the end.
+    /// Due time of the next event in the caller's clock; a past time means now. `None` while paused and at the end.
     pub fn due_ns(&self) -> Option<i64> {
         let next = self.next.as_ref().filter(|_| !self.paused)?;
         Some(self.due_of(next.at_ns).unwrap_or(self.anchor_ns))
     }
 
-    /// Nothing is left to play.
+    /// Whether all events were played.
     pub fn is_at_end(&self) -> bool {
         self.next.is_none()
     }
 
-    /// Hands out the next event under the name that it goes out by, due or not, and goes on to the one after it. At the end of a log that
-    /// repeats it goes back; `now_ns` is the driver's time.
+    /// Returns the next event, renamed if requested, whether it is due or not, and advances. With `repeat` it restarts at the end. `now_ns`:
+    /// the caller's time.
     ///
     /// # Errors
-    /// [`Error::Io`] if the log cannot be read on.
+    /// [`Error::Io`] if the log cannot be read.
     pub fn take(&mut self, now_ns: i64) -> Result<Option<Event>, Error> {
         let Some(Next { mut event, at_ns }) = self.next.take() else { return Ok(None) };
         self.played += 1;
         if self.paused {
-            // A step moves the time along, so that going on goes on from here.
+            // A step moves the position, so that resuming continues here.
             self.anchor_log_ns = at_ns;
         }
         self.read_on(at_ns)?;
         if self.next.is_none() && self.options.repeat {
-            // The next round begins when this one was to end, so that lateness does not add up.
+            // The next round starts when this one was due to end, so that lateness does not accumulate.
             let ended_ns = self.due_of(at_ns).filter(|_| !self.paused).unwrap_or(now_ns);
             self.go_back()?;
             self.go_on_to(self.from_ns)?;
@@ -140,25 +140,25 @@ impl Player {
         Ok(Some(event))
     }
 
-    /// Stops the time.
+    /// Pauses.
     pub fn pause(&mut self, now_ns: i64) {
         self.anchor_log_ns = self.position_ns(now_ns);
         self.paused = true;
     }
 
-    /// Lets the time go on from where it stopped.
+    /// Resumes.
     pub fn resume(&mut self, now_ns: i64) {
         if std::mem::take(&mut self.paused) {
             self.anchor_ns = now_ns;
         }
     }
 
-    /// Whether the time stands still.
+    /// Whether it is paused.
     pub fn is_paused(&self) -> bool {
         self.paused
     }
 
-    /// Goes on from here at another speed; a speed that is no positive number is ignored.
+    /// Changes the speed; values that are not finite and positive are ignored.
     pub fn set_speed(&mut self, speed: f64, now_ns: i64) {
         if speed.is_finite() && speed > 0.0 {
             self.anchor_log_ns = self.position_ns(now_ns);
@@ -167,12 +167,12 @@ impl Player {
         }
     }
 
-    /// Times faster than recorded; `None`: as fast as it goes.
+    /// Speed factor; `None`: as fast as possible.
     pub fn speed(&self) -> Option<f64> {
         self.options.speed
     }
 
-    /// Goes to a log time, forward or back, within what is played: the next event is the first that is due then or later.
+    /// Seeks to a log time within the played part: the next event is the first due at or after it.
     ///
     /// # Errors
     /// Those of [`LogReader`].
@@ -183,7 +183,7 @@ impl Player {
         }
         self.go_on_to(to_ns)?;
         if self.next.is_none() && self.options.repeat {
-            // Behind the end of a log that repeats lies its beginning.
+            // With `repeat`, a position after the end is the start.
             to_ns = self.from_ns;
             self.go_back()?;
             self.go_on_to(to_ns)?;
@@ -197,7 +197,7 @@ impl Player {
         self.begin_ns
     }
 
-    /// Log time now, ns.
+    /// Current log time, ns.
     pub fn position_ns(&self, now_ns: i64) -> i64 {
         match (self.options.speed, &self.next) {
             _ if self.paused => self.anchor_log_ns,
@@ -209,17 +209,17 @@ impl Player {
         }
     }
 
-    /// Events handed out.
+    /// Number of returned events.
     pub fn played(&self) -> u64 {
         self.played
     }
 
-    /// What is wrong with the log, as far as it has been read.
+    /// Damage of the log found so far.
     pub fn health(&self) -> &Health {
         self.events.health()
     }
 
-    /// When what is at a log time is due by the driver's time; `None` if nothing is ever waited for.
+    /// Converts a log time to the caller's clock; `None` if events are never waited for.
     fn due_of(&self, at_ns: i64) -> Option<i64> {
         let speed = self.options.speed?;
         Some(self.anchor_ns.saturating_add(scaled(at_ns - self.anchor_log_ns, 1.0 / speed)))
@@ -232,7 +232,7 @@ impl Player {
         Ok(())
     }
 
-    /// Leaves out what is due before `at_ns`.
+    /// Skips events that are due before `at_ns`.
     fn go_on_to(&mut self, at_ns: i64) -> Result<(), Error> {
         while self.next.as_ref().is_none_or(|next| next.at_ns < at_ns) {
             let from_ns = self.next.take().map_or(i64::MIN, |next| next.at_ns);
@@ -244,7 +244,7 @@ impl Player {
         Ok(())
     }
 
-    /// Reads the next event that is wanted; `from_ns` is when the one before it was due.
+    /// Reads the next selected event. `from_ns`: due time of the previous one.
     fn read_on(&mut self, from_ns: i64) -> Result<(), Error> {
         self.next = None;
         for event in self.events.by_ref() {
@@ -263,7 +263,7 @@ impl Player {
     }
 }
 
-#[expect(clippy::cast_precision_loss, clippy::cast_possible_truncation, reason = "hours are exact to far below 1 us")]
+#[expect(clippy::cast_precision_loss, clippy::cast_possible_truncation, reason = "exact to far below 1 us for hours")]
 fn scaled(ns: i64, factor: f64) -> i64 {
     if factor == 1.0 { ns } else { (ns as f64 * factor) as i64 }
 }

@@ -1,4 +1,4 @@
-//! The time of an event, by the clock that sets the pace.
+//! Times of events in the clock that sets the pace.
 
 use crate::Error;
 use crate::log::{Event, LogReader, RunClock, Zero};
@@ -7,24 +7,24 @@ use lcmtypes::channels::{self, Class};
 use std::collections::BTreeMap;
 use std::path::Path;
 
-/// Which of an event's times sets the pace.
+/// The clock that sets the pace.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum TimeBase {
-    /// When it was recorded, with the network's jitter: the log's own time.
+    /// The log time: when the event was received, with the jitter of the network.
     #[default]
     Receive,
-    /// When its sender says it was: the message's `t_ns`.
+    /// The sender's time: `t_ns` of the message.
     Publish,
-    /// At an even pace, by the controller's `tick`.
+    /// A constant period, by the controller's `tick`.
     Tick,
 }
 
-/// Finds the times of a log's events.
+/// Computes the times of a log's events.
 pub(super) struct Times {
     base: TimeBase,
-    /// Control period, ns; only by tick.
+    /// Control period, ns; only for [`TimeBase::Tick`].
     period_ns: i64,
-    /// Where in a message `t_ns` and `tick` stand, by fingerprint.
+    /// Which types start with `t_ns` and `tick`, by fingerprint.
     fields: BTreeMap<u64, Fields>,
     last_ns: Option<i64>,
 }
@@ -37,7 +37,7 @@ struct Fields {
 
 impl Times {
     /// # Errors
-    /// [`Error::NoTicks`] if the pace is that of the ticks and there are none; those of [`LogReader`].
+    /// [`Error::NoTicks`] for [`TimeBase::Tick`] and a log without ticks; those of [`LogReader`].
     pub fn new(path: &Path, base: TimeBase) -> Result<Self, Error> {
         let mut times = Times { base, period_ns: 0, fields: BTreeMap::new(), last_ns: None };
         if base == TimeBase::Tick {
@@ -46,7 +46,7 @@ impl Times {
         Ok(times)
     }
 
-    /// Time of an event, ns. A message without the time asked for goes with the one before it; `None` if there is none before it.
+    /// Time of an event, ns. A message without the selected time has that of the previous event; `None` if there is none.
     pub fn of(&mut self, event: &Event) -> Option<i64> {
         let own = match self.base {
             TimeBase::Receive => Some(event.t_ns),
@@ -57,7 +57,7 @@ impl Times {
         self.last_ns
     }
 
-    /// `t_ns` and `tick` of a message. What people are told (EVENT, RUN_INFO) may be of another clock than the robot's.
+    /// `t_ns` and `tick` of a message. EVENT and RUN_INFO are skipped: their `t_ns` may be in another clock.
     fn own(&mut self, event: &Event) -> (Option<i64>, Option<i64>) {
         let is_meta = channels::find(&event.channel).is_some_and(|channel| channel.class == Class::Meta);
         let Some(fingerprint) = event.fingerprint().filter(|_| !is_meta) else { return (None, None) };
@@ -102,7 +102,7 @@ impl Times {
 }
 
 impl Fields {
-    /// Which of the two a type has, in the places that our types give them: `int64_t t_ns`, then `int64_t tick`.
+    /// Checks whether a type starts with `int64_t t_ns`, and whether `int64_t tick` follows.
     fn of(fingerprint: u64) -> Self {
         let Some(ty) = lcmtypes::types().by_fingerprint(fingerprint) else { return Fields::default() };
         let is = |at: usize, name: &str| {

@@ -6,14 +6,14 @@ pub mod toy;
 use replay::log::{Event, Item, LogReader, LogWriter};
 use std::path::{Path, PathBuf};
 
-/// A file name of its own for each test, in the folder that cargo keeps for tests.
+/// A file in cargo's directory for test data; each test file has its own subdirectory.
 pub fn path(name: &str) -> PathBuf {
     let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join("replay").join(env!("CARGO_CRATE_NAME"));
     std::fs::create_dir_all(&folder).unwrap();
     folder.join(name)
 }
 
-/// A generator of numbers that is the same on every machine (xorshift64*).
+/// A deterministic random number generator (xorshift64*).
 pub struct Random(pub u64);
 
 impl Random {

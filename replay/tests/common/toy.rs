@@ -1,4 +1,4 @@
-//! A controller with a filter and an integrator: enough state for a replay to go wrong in.
+//! A small controller with a filter and an integrator, so that its replay depends on its state.
 
 use controller::digest::Digest;
 use controller::params::Params;
@@ -30,14 +30,14 @@ pub struct Toy {
     pub gain: f64,
     pub height: f64,
     pub integral: f64,
-    /// Stage and tick from which on the controller computes something else than it did.
+    /// Stage and tick from which on the controller computes a different value.
     pub mutant: Option<(Stage, i64)>,
-    /// A state that is taken over is not quite the one that was written.
+    /// `restore` changes the state by one ulp.
     pub restores_badly: bool,
     pub last: (i64, i64),
 }
 
-/// What [`controller::load`] is to the real ones.
+/// Builds the toy, as [`controller::load`] builds real controllers.
 pub fn load(info: &RunInfo) -> Result<Box<dyn Controller>, LoadError> {
     Ok(Box::new(toy(info)?))
 }
@@ -180,7 +180,7 @@ pub fn events_from(ticks: i64, t0_ns: i64) -> Vec<super::Message> {
     events
 }
 
-/// Writes events as they are.
+/// Writes events to a log.
 pub fn write(path: &Path, events: &[super::Message]) {
     let mut log = LogWriter::create(path).unwrap();
     for (channel, t_ns, data) in events {
