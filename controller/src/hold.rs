@@ -105,7 +105,7 @@ impl Hold {
         }
     }
 
-    /// Computes the command from the state.
+    /// Computes the command from the state, before effort limits.
     fn fill_command(&mut self) {
         self.command.tau.fill(0.0);
         let Hold { params, q_posture, state, command, .. } = self;

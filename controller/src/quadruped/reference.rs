@@ -32,7 +32,7 @@ use crate::params::Params;
 use nalgebra::{DMatrix, Matrix3, Vector3};
 
 /// Smallest time constant of the stance blend, as a fraction of the stance time. It exceeds `posture.blend_time_constant` in slow gaits.
-const BLEND_PART: f64 = 0.25;
+const BLEND_FRACTION: f64 = 0.25;
 
 /// The inputs of the references in a tick, except for the state, which is updated.
 #[derive(Clone, Copy)]
@@ -167,7 +167,7 @@ impl References {
             BaseState { p_WB: Vector3::zeros(), R_WB: base.R_WB, v_WB: Vector3::zeros(), w_WB_W: Vector3::zeros() };
         self.kin.update(&robot.model, &at_reference, &state.q_des, &self.zeros);
         let p_FC_W = estimate.n_W * -robot.foot_radius;
-        let blend_in_stance = BLEND_PART * Timing::of(state, params).T_st;
+        let blend_in_stance = BLEND_FRACTION * Timing::of(state, params).T_st;
         let turn_W = Vector3::z() * base.yaw_rate;
         for leg in Leg::ALL {
             let of_robot = &robot.legs[leg];

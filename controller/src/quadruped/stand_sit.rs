@@ -144,12 +144,12 @@ impl StandSit {
         let waits = pace < STANDSTILL || (done && state.move_phase == MovePhase::Rise);
         state.t_held = if waits { state.t_held + dt } else { 0.0 };
 
-        let wanted = match state.move_phase {
+        let target = match state.move_phase {
             MovePhase::Gather | MovePhase::Rise | MovePhase::Lower => 1.0,
             MovePhase::Spread => 1.0 - state.move_progress,
             _ => 0.0,
         };
-        state.support = ramp(state.support, wanted, SUPPORT_RATE * dt);
+        state.support = ramp(state.support, target, SUPPORT_RATE * dt);
         self.references(state, dt);
         self.torques(robot, estimate, state);
 
@@ -189,11 +189,11 @@ impl StandSit {
 
     /// Whether standing can start: full support, feet in contact, joints at rest.
     fn is_up(&self, params: &Params, measured: &RobotState, state: &State) -> bool {
-        let rests = measured.qd.iter().all(|qd| qd.abs() < REST_SPEED);
+        let at_rest = measured.qd.iter().all(|qd| qd.abs() < REST_SPEED);
         let feet = state.contact.0.into_iter().filter(|contact| *contact).count();
         // The stance controller lowers a foot that is above a hole.
         let enough = if state.t_held > 0.5 * params.stand.timeout { 3 } else { 4 };
-        state.support >= 1.0 && rests && feet >= enough
+        state.support >= 1.0 && at_rest && feet >= enough
     }
 
     /// Duration of the present phase, s.
