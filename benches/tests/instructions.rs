@@ -14,7 +14,7 @@ use std::process::Command;
 
 /// Part by which a count may be above the stored one.
 const MARGIN: f64 = 0.02;
-const STEP: &str = "<controller::quadruped::Quadruped as controller::Controller>::step_probed";
+const STEP: &str = "<controller::quadruped::controller::Quadruped as controller::interface::Controller>::step_probed";
 const ROOT: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/..");
 
 /// Instructions per tick, and the compiler that they were stored with.
