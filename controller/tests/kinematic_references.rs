@@ -46,7 +46,7 @@ fn joint_references_follow_fixed_feet_while_the_base_rotates() {
     state.q_des.clone_from(&robot.q_nominal);
     state.height = robot.nominal_height;
     state.leg_state = PerLeg([LegPhase::FaultHold; 4]);
-    // At the end of the reach, a step height below the lift-off: put the feet where they are now.
+    // Leg phase at the end of REACH, one step height below the lift-off: the references are the present foot positions.
     state.t_leg = PerLeg([10.0; 4]);
     let start = feet(&robot, &input, &robot.q_nominal);
     for leg in Leg::ALL {
