@@ -16,8 +16,8 @@
 
 use super::constraints::Constraints;
 use super::envelope::Envelope;
+use super::program::{Qp, QpInfo, QpRow, QpSolver, QpStatus, Unsolved};
 use super::search::{Coordinates, Search};
-use super::{Qp, QpInfo, QpRow, QpSolver, QpStatus};
 use nalgebra::DVector;
 use std::ops::Range;
 
@@ -32,24 +32,6 @@ pub struct ActiveSetSolver {
     clamped: usize,
     factor: Envelope,
     pub(super) search: Search,
-}
-
-/// Reason why a solve ended without a solution, and the row concerned.
-pub(super) struct Unsolved {
-    status: QpStatus,
-    row: Option<QpRow>,
-}
-
-impl Unsolved {
-    /// Iteration limit reached, or non-finite numbers.
-    pub fn failed() -> Self {
-        Unsolved { status: QpStatus::Failed, row: None }
-    }
-
-    /// No point satisfies this row and those before it.
-    pub fn infeasible(row: QpRow) -> Self {
-        Unsolved { status: QpStatus::Infeasible, row: Some(row) }
-    }
 }
 
 impl ActiveSetSolver {

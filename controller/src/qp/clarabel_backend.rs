@@ -3,7 +3,7 @@
 //! The sparsity pattern is fixed when the solver is built, so a tick only writes numbers. Every option is set explicitly. Equilibration
 //! is off, because with it an updated solver and a new one differ in the last bits.
 
-use super::{Qp, QpInfo, QpSolver, QpStatus};
+use super::program::{Qp, QpInfo, QpSolver, QpStatus};
 use clarabel::algebra::CscMatrix;
 use clarabel::solver::{
     DefaultSettings, DefaultSettingsBuilder, DefaultSolver, IPSolver, SolverStatus, SupportedConeT,

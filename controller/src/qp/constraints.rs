@@ -1,7 +1,6 @@
 //! Rows and bounds of a program in the form that the active-set solver uses: non-zero rows, over the coupled variables.
 
-use super::active_set::Unsolved;
-use super::{Qp, QpRow};
+use super::program::{Qp, QpRow, Unsolved};
 use crate::dense::dot;
 use std::ops::Range;
 

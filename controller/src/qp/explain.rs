@@ -1,6 +1,7 @@
 //! Explains an infeasible program: the constraints that contradict each other, by name.
 
-use super::{ClarabelSolver, Qp, QpSolver, QpStatus};
+use super::clarabel_backend::ClarabelSolver;
+use super::program::{Qp, QpSolver, QpStatus};
 use nalgebra::DVector;
 
 /// Names of the rows and variables of a program.

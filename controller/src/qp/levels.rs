@@ -14,8 +14,8 @@
 use super::active_set::{ActiveSetSolver, finish, report};
 use super::envelope::Envelope;
 use super::null_space::NullSpace;
+use super::program::{Qp, QpInfo, QpSolver, Unsolved};
 use super::search::Coordinates;
-use super::{Qp, QpInfo, QpSolver};
 use crate::dense::{axpy, dot};
 use nalgebra::DVector;
 use std::ops::Range;
@@ -171,7 +171,7 @@ impl Levels {
         let Levels { max_iterations, first, free, H, .. } = self;
         let (len, stride) = (free.len, free.stride);
         if !free.factor.factor(len, |i, j| H[i * stride + j]) {
-            return report(Err(super::active_set::Unsolved::failed()), 0, x);
+            return report(Err(Unsolved::failed()), 0, x);
         }
         for (k, z) in free.K.chunks_exact_mut(stride).zip(free.Z.chunks_exact(stride)).take(n) {
             k[..len].copy_from_slice(&z[..len]);

@@ -3,8 +3,8 @@
 //! The search uses [`Coordinates`] in which the Hessian is the identity. The same code therefore solves a complete program and a program in
 //! the null space of the levels above ([`super::Levels`]).
 
-use super::active_set::Unsolved;
 use super::constraints::Constraints;
+use super::program::Unsolved;
 use super::working_set::WorkingSet;
 use crate::dense::axpy;
 use std::ops::Range;
