@@ -183,16 +183,16 @@ impl StatusLine {
     fn show(&mut self, progress: &Progress) {
         let Some(bar) = &self.bar else { return };
         let Progress { status, file_bytes, free_bytes, trouble, file } = progress;
-        let (at, heard, bytes) = self.last;
+        let (at, received, bytes) = self.last;
         let span = at.elapsed();
         if span >= RATE {
             let per_second = |n: u64| n as f64 / span.as_secs_f64();
-            self.rates = (per_second(status.counts.received - heard), per_second(status.counts.bytes - bytes));
+            self.rates = (per_second(status.counts.received - received), per_second(status.counts.bytes - bytes));
             self.last = (Instant::now(), status.counts.received, status.counts.bytes);
         }
-        let [lost, twice, late] = status.lost_duplicate_late;
+        let [lost, duplicates, late] = status.lost_duplicate_late;
         let mut text = format!(
-            "{:.1} s  {:.0} msg/s  {:.2} MB/s  {:.1} MB in {}  senders {}  lost {lost}  duplicates {twice}  out of order {late}",
+            "{:.1} s  {:.0} msg/s  {:.2} MB/s  {:.1} MB in {}  senders {}  lost {lost}  duplicates {duplicates}  out of order {late}",
             self.began.elapsed().as_secs_f64(),
             self.rates.0,
             self.rates.1 * 1e-6,
