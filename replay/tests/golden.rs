@@ -99,6 +99,10 @@ fn only_changed_types_that_the_replay_needs_are_reported() {
         files.retain(|file| file.name != "executor_command_t.lcm");
     });
     assert_eq!(same, Vec::<String>::new());
+    let nested = types_reported("types_nested.mcap", |files| {
+        replace(files, "robot_state_t.lcm", "double tau[", "float tau[");
+    });
+    assert_eq!(nested.len(), 1, "{nested:?}");
     let renamed = types_reported("types_renamed.mcap", |files| {
         replace(files, "controller_tick_t.lcm", "int64_t digest_qp", "int64_t digest_solver");
         replace(files, "robot_state_t.lcm", "double tau[", "float tau[");

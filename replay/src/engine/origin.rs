@@ -86,6 +86,10 @@ pub(super) fn deviations(log: &RunInfo, used: &RunInfo, here: Option<&Build>, co
 ///
 /// Comments and types that the replay does not need make no difference.
 fn changed_types(log: &RunInfo, consumed: &[Consumed], compare: &mut dyn FnMut(&str, &str, &str)) {
+    // Parsing all texts costs as much as fifty ticks of a replay, so equal texts are not parsed.
+    if log.lcm_types.iter().all(|file| is_unneeded(&file.name, consumed) || is_unchanged(&file.name, &file.text)) {
+        return;
+    }
     let texts = log.lcm_types.iter().map(|file| (&*file.name, &*file.text));
     let of_log = match TypeSet::parse(texts) {
         Ok(types) => types,
@@ -99,6 +103,28 @@ fn changed_types(log: &RunInfo, consumed: &[Consumed], compare: &mut dyn FnMut(&
             compare("types", &shown(then.fingerprint()), &shown(now.fingerprint()));
         }
     }
+}
+
+/// The file declares the type of channels that the replay did not consume, and no other type has a field of it.
+fn is_unneeded(file: &str, consumed: &[Consumed]) -> bool {
+    let name = file.strip_suffix(".lcm").unwrap_or(file);
+    let carries = |channel: &&channels::Channel| channel.type_name.rsplit('.').next() == Some(name);
+    let is_field = |(_, text): &(&str, &str)| code(text).any(|line| line.split(' ').next() == Some(name));
+    let mut carriers = channels::CHANNELS.iter().filter(carries).peekable();
+    carriers.peek().is_some()
+        && carriers.all(|channel| consumed.iter().all(|(consumed, _)| **consumed != *channel.name))
+        && !lcmtypes::SOURCES.iter().any(is_field)
+}
+
+/// The text has the declarations of this build's file of that name, whatever its comments; also if this build has no such file.
+fn is_unchanged(file: &str, text: &str) -> bool {
+    let known = lcmtypes::SOURCES.iter().find(|(name, _)| *name == file);
+    known.is_none_or(|(_, known)| code(text).eq(code(known)))
+}
+
+/// The lines of a `.lcm` text without line comments and white space around them.
+fn code(text: &str) -> impl Iterator<Item = &str> {
+    text.lines().map(|line| line.split("//").next().unwrap_or_default().trim()).filter(|line| !line.is_empty())
 }
 
 /// Type of a consumed message. The type of a snapshot depends on the controller, so its fingerprint names it.
