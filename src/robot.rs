@@ -1,8 +1,6 @@
-//! `hoof robot`: what is known of a robot, model quantities at a state, and a first file for a new one.
+//! `hoof robot`: properties of a robot, model quantities at a state, and a first parameter file for a new robot.
 
 mod init;
-mod legs;
-mod posture;
 
 use crate::{Outcome, say, say_json};
 use analysis::table::{Column, Table};
@@ -15,33 +13,33 @@ use std::path::PathBuf;
 
 #[derive(Subcommand)]
 pub enum Command {
-    /// Degrees of freedom, masses, limits, feet, warnings
+    /// Print joints, masses, limits, feet and warnings of a robot
     #[command(after_help = "Example: hoof robot info hyq\n         hoof robot info my_robot.urdf --json")]
     Info {
         /// Name of a robot in robots/, its TOML file, or any URDF file
         robot: String,
-        /// Print every parameter of the controller with its value instead, as TOML
+        /// Print every parameter of the controller and its value instead, as TOML
         #[arg(long)]
         params: bool,
         /// Print JSON
         #[arg(long)]
         json: bool,
     },
-    /// Model quantities at a state, as JSON: mass matrix, bias force, gravity, centre of mass, frames and Jacobians
+    /// Compute model quantities at a state: mass matrix, bias force, gravity, centre of mass, frames and Jacobians; as JSON
     #[command(
         after_help = "Example: echo '{\"base\": null, \"q\": {\"lf_haa_joint\": -0.2, ...}, \"qd\": {...}}' | hoof robot eval robots/hyq/hyq.urdf --state -\n\n\
-        The state: {base: {position_m, quaternion_wxyz, linear_velocity, angular_velocity} or null, q: {joint: rad}, qd: {joint: rad/s}}; \
-        velocities of the base are expressed in the base frame. Out: Jacobians are world-aligned, linear rows first; velocity_order names the \
-        rows of the mass matrix."
+        State: {base: {position_m, quaternion_wxyz, linear_velocity, angular_velocity} or null, q: {joint: rad}, qd: {joint: rad/s}}. \
+        Velocities of the base are expressed in the base frame.\n\
+        Result: Jacobians are world-aligned, linear rows first; velocity_order names the rows of the mass matrix."
     )]
     Eval {
         /// Name of a robot in robots/, its TOML file, or any URDF file
         robot: String,
-        /// JSON file with the state, or - for standard input
+        /// JSON file with the state; - reads standard input
         #[arg(long, value_name = "FILE")]
         state: PathBuf,
     },
-    /// Write a first TOML file for a quadruped from its URDF: feet, posture, forces and steps by size
+    /// Write a first parameter file for a quadruped from its URDF: feet, posture, and forces and steps by size
     Init(init::Args),
 }
 

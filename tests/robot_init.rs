@@ -1,4 +1,4 @@
-//! `hoof robot init`: from a URDF alone to a robot file with which the robot stands and trots.
+//! `hoof robot init`: the parameter file that it writes for a URDF makes the robot stand and trot.
 #![allow(non_snake_case, clippy::unwrap_used, missing_docs)]
 
 mod common;
@@ -6,11 +6,10 @@ mod common;
 use common::{folder, hoof};
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
-use test_support::replace_once;
 
 const PONY: &str = include_str!("data/pony.urdf");
 
-/// Writes a first file for a URDF; returns its content and path.
+/// Writes a parameter file for a URDF; returns it as TOML, with its path.
 fn init(urdf: &str, out: &Path) -> (toml::Table, PathBuf) {
     let report = hoof(&format!("robot init {urdf} --out {} --json", out.display())).exits(0).json();
     let path = PathBuf::from(report["toml"].as_str().unwrap());
@@ -31,7 +30,7 @@ fn trots(toml: &Path, out: &Path, name: &str) {
 }
 
 #[test]
-fn a_robot_with_other_names_axes_and_order_stands_and_trots() {
+fn a_robot_with_other_names_axes_and_leg_order_stands_and_trots() {
     let out = folder("pony");
     let (toml, path) = init("tests/data/pony.urdf", &out);
     let robot = &toml["robot"];
@@ -58,7 +57,7 @@ fn a_robot_with_other_names_axes_and_order_stands_and_trots() {
 }
 
 #[test]
-fn init_agrees_with_the_shipped_files_of_hyq_and_anymal() {
+fn the_files_for_hyq_and_anymal_agree_with_the_shipped_ones() {
     for name in ["hyq", "anymal_b"] {
         let out = folder(name);
         let (guessed, path) = init(&format!("robots/{name}/{name}.urdf"), &out);
@@ -67,7 +66,7 @@ fn init_agrees_with_the_shipped_files_of_hyq_and_anymal() {
         for key in ["name", "urdf", "feet", "foot_radius", "imu_link"] {
             assert_eq!(guessed["robot"][key], shipped["robot"][key], "{name}: {key}");
         }
-        // Knees and thighs bend to the same side; hip abduction may differ.
+        // Hips and knees bend to the same side. Abduction is not compared: the shipped angles are a free choice.
         for (joint, angle) in shipped["robot"]["posture"].as_table().unwrap() {
             let bends = ["hfe", "kfe"].iter().any(|kind| joint.to_lowercase().contains(kind));
             let (ours, theirs) = (guessed["robot"]["posture"][joint].as_float().unwrap(), angle.as_float().unwrap());
@@ -77,57 +76,46 @@ fn init_agrees_with_the_shipped_files_of_hyq_and_anymal() {
     }
 }
 
+/// Exit code 2, and an error with the file and the names of the joints or links.
 #[test]
-fn errors_name_legs_and_joints() {
+fn errors_name_the_joints_or_links() {
     let out = folder("errors");
-    let error = |name: &str, urdf: &str| {
+    let refuses = |name: &str, edits: &[(&str, &str)], expected: &[&str]| {
+        let urdf = edits.iter().fold(PONY.to_owned(), |urdf, (from, to)| {
+            assert!(urdf.contains(from), "the URDF has no {from}");
+            urdf.replace(from, to)
+        });
         let path = out.join(name);
         std::fs::write(&path, urdf).unwrap();
-        hoof(&format!("robot init {}", path.display())).exits(2).stderr
+        let error = hoof(&format!("robot init {}", path.display())).exits(2).stderr;
+        for text in [&[name], expected].concat() {
+            assert!(error.contains(text), "{error}\nexpected {text}");
+        }
     };
-    let leg_fixed = ["abduct", "swing", "bend"].iter().fold(PONY.to_owned(), |urdf, joint| {
-        replace_once(
-            &urdf,
-            &format!("\"rear_left_{joint}\" type=\"revolute\""),
-            &format!("\"rear_left_{joint}\" type=\"fixed\""),
-        )
+    let fixed = ["abduct", "swing", "bend"].map(|joint| {
+        let joint = format!("\"rear_left_{joint}\" type=");
+        (format!("{joint}\"revolute\""), format!("{joint}\"fixed\""))
     });
-    let three = error("three.urdf", &leg_fixed);
-    assert!(three.contains("3") && three.contains("(rear_right_abduct, "), "{three}");
-
-    let neck =
-        replace_once(PONY, "<joint name=\"camera_mount\" type=\"fixed\">", "<joint name=\"neck\" type=\"continuous\">");
-    let neck = error("neck.urdf", &neck);
-    assert!(neck.contains("legs: neck"), "{neck}");
-
-    let ankle =
-        replace_once(PONY, "\"front_left_toe_fixed\" type=\"fixed\"", "\"front_left_ankle\" type=\"continuous\"");
-    let ankle = error("ankle.urdf", &ankle);
-    assert!(["front_left_bend, front_left_ankle", "4", "3"].iter().all(|fact| ankle.contains(fact)), "{ankle}");
-
-    let stub = error(
-        "stub.urdf",
-        &replace_once(
-            PONY,
-            "xyz=\"0 0 -0.2\"/>\n    <parent link=\"rear_right_lower\"",
-            "/>\n    <parent link=\"rear_right_lower\"",
-        ),
-    );
-    assert!(stub.contains("rear_right_bend"), "{stub}");
-
-    let turned = replace_once(PONY, "xyz=\"-0.18 0.05 0\"", "xyz=\"0.19 0.05 0\"");
-    let turned = error("turned.urdf", &turned);
-    assert!(["front_left_toe", "rear_left_toe", "left front"].iter().all(|fact| turned.contains(fact)), "{turned}");
-
-    let stiff = PONY
-        .replace("lower=\"0.9\" upper=\"2.7\"", "lower=\"2.5\" upper=\"2.7\"")
-        .replace("lower=\"-1\" upper=\"4\"", "lower=\"-1\" upper=\"-0.5\"");
-    let stiff = error("stiff.urdf", &stiff);
-    assert!(stiff.contains("_toe") && stiff.contains("limits"), "{stiff}");
+    let fixed = fixed.each_ref().map(|(from, to)| (from.as_str(), to.as_str()));
+    refuses("three.urdf", &fixed, &["3 chains", "rear_right_abduct"]);
+    let neck = ("<joint name=\"camera_mount\" type=\"fixed\">", "<joint name=\"neck\" type=\"continuous\">");
+    refuses("arm.urdf", &[neck], &["neck"]);
+    let ankle = ("\"front_left_toe_fixed\" type=\"fixed\"", "\"front_left_ankle\" type=\"continuous\"");
+    refuses("ankle.urdf", &[ankle], &["front_left_bend, front_left_ankle", "4 joints"]);
+    let stub =
+        ("xyz=\"0 0 -0.2\"/>\n    <parent link=\"rear_right_lower\"", "/>\n    <parent link=\"rear_right_lower\"");
+    refuses("stub.urdf", &[stub], &["rear_right_bend"]);
+    let turned = ("xyz=\"-0.18 0.05 0\"", "xyz=\"0.19 0.05 0\"");
+    refuses("turned.urdf", &[turned], &["front_left_toe", "rear_left_toe", "left front"]);
+    let stiff = [
+        ("lower=\"0.9\" upper=\"2.7\"", "lower=\"2.5\" upper=\"2.7\""),
+        ("lower=\"-1\" upper=\"4\"", "lower=\"-1\" upper=\"-0.5\""),
+    ];
+    refuses("stiff.urdf", &stiff, &["front_left_toe", "front_left_abduct", "front_left_bend"]);
 }
 
 #[test]
-fn an_existing_file_is_replaced_only_with_force() {
+fn an_existing_file_is_not_replaced() {
     let out = folder("twice");
     let (_, path) = init("tests/data/pony.urdf", &out);
     std::fs::write(&path, "mine").unwrap();

@@ -16,6 +16,7 @@
 //! | [`safety`] | faults, joint checks and command limits |
 //! | [`stack`], [`qp`] | tasks and the quadratic programs built from them |
 //! | [`model`] | rigid-body model and dynamics from a URDF |
+//! | [`robot_init`] | a first parameter file for a quadruped from its URDF |
 //!
 //! Each file imports the file that defines an item, for example `crate::error::LoadError`, not the re-export in this file. `scripts/circles.sh`
 //! reports circular imports.
@@ -35,6 +36,7 @@ pub mod outbox;
 pub mod params;
 pub mod qp;
 pub mod quadruped;
+pub mod robot_init;
 pub mod safety;
 pub mod sequence;
 pub mod stack;

@@ -1,38 +1,37 @@
-//! A standing posture for legs of three joints: feet level and below the hips, knees bent the way their limits allow.
+//! A standing posture for legs of three joints: feet level and below the hips, knees bent as the joint limits allow.
 
-use super::legs::Leg;
-use anyhow::Context;
-use controller::model::{BaseState, FrameId, Kinematics, Model, UrdfTree, point_jacobian_linear};
+use super::{FoundLeg, RobotInitError};
+use crate::model::{BaseState, FrameId, Kinematics, Model, UrdfTree, point_jacobian_linear};
 use nalgebra::{DMatrix, Matrix3, Vector3};
 use std::f64::consts::PI;
 
-/// Distance of hip and foot over the length of the stretched leg.
+/// Distance from hip to foot, as a fraction of the length of the stretched leg.
 const STRETCH: f64 = 0.85;
-/// Half of the distance between left and right feet over the height of the hips, at least.
+/// Smallest lateral distance of a foot from the middle of the body, as a fraction of the height of the hips.
 const HALF_WIDTH: f64 = 0.4;
-/// Distance that joints keep from their limits, rad.
+/// Smallest distance of a joint from its limits, rad.
 const MARGIN: f64 = 0.05;
-/// Error of a foot's place that counts as none, m.
-const THERE: f64 = 1e-9;
+/// Position error at which the solver stops, m.
+const TOLERANCE: f64 = 1e-9;
 
-/// A posture, and what was decided on the way.
-#[derive(Debug)]
+/// A standing posture and its dimensions.
+#[derive(Clone, Debug)]
 pub struct Posture {
     /// Joint positions, in the order of the model, rad.
     pub q: Vec<f64>,
-    /// Base over the feet's centres, m.
+    /// Height of the base above the centres of the feet, m.
     pub height: f64,
     /// Length of the shortest stretched leg from its second joint, m.
     pub leg_length: f64,
-    /// The knees could have been bent either way.
+    /// Each knee can bend both ways within its limits.
     pub either_way: bool,
 }
 
 /// Finds a posture.
 ///
 /// # Errors
-/// A leg that cannot reach the ground below its hip with its joints inside their limits.
-pub fn stand(tree: &UrdfTree, model: &Model, legs: &[Leg; 4]) -> anyhow::Result<Posture> {
+/// [`RobotInitError::OutOfReach`]: a leg cannot reach the ground below its hip within its joint limits.
+pub(super) fn stand(tree: &UrdfTree, model: &Model, legs: &[FoundLeg; 4]) -> Result<Posture, RobotInitError> {
     let mut body = Body::new(model);
     let zero = vec![0.0; model.nj()];
     let frame = |link: usize| model.frame(&tree.links[link].name);
@@ -51,20 +50,20 @@ pub fn stand(tree: &UrdfTree, model: &Model, legs: &[Leg; 4]) -> anyhow::Result<
 
     let (mut q, mut either_way) = (zero, true);
     for plan in &plans {
-        let mut there = Vec::new();
-        // Broad if the limits allow it, else as broad as the leg hangs.
+        let mut solutions = Vec::new();
+        // A wide stance if the limits allow it; otherwise as wide as at zero.
         for half_width in [HALF_WIDTH * drop, 0.0] {
-            there = plan.solutions(&mut body, &plan.goal(ground, half_width));
-            if !there.is_empty() {
+            solutions = plan.solutions(&mut body, &plan.goal(ground, half_width));
+            if !solutions.is_empty() {
                 break;
             }
         }
-        let name = &tree.links[plan.leg.foot].name;
-        let best = plan.best(&mut body, &there).with_context(|| {
-            let joints = plan.leg.joints.map(|j| model.joints[j].name.as_str()).join(", ");
-            format!("{name} cannot be put {drop:.3} m below its hip with {joints} inside their limits")
+        let best = plan.best(&mut body, &solutions).ok_or_else(|| RobotInitError::OutOfReach {
+            foot: tree.links[plan.leg.foot].name.clone(),
+            joints: plan.leg.joints.map(|j| model.joints[j].name.clone()).to_vec(),
+            depth: drop,
         })?;
-        either_way &= plan.both_ways(&mut body, &there);
+        either_way &= plan.both_ways(&mut body, &solutions);
         for (joint, value) in plan.leg.joints.into_iter().zip(best) {
             q[joint] = round(value);
         }
@@ -72,12 +71,12 @@ pub fn stand(tree: &UrdfTree, model: &Model, legs: &[Leg; 4]) -> anyhow::Result<
     Ok(Posture { q, height: -ground, leg_length, either_way })
 }
 
-/// To a tenth of a millirad: a person is to read it.
+/// Rounds to 0.1 mrad, for a readable file.
 fn round(x: f64) -> f64 {
     (x * 1e4).round() / 1e4 + 0.0
 }
 
-/// The robot at some posture, base at the origin.
+/// The robot in a posture, base at the origin.
 struct Body<'m> {
     model: &'m Model,
     kin: Kinematics,
@@ -96,8 +95,8 @@ impl<'m> Body<'m> {
         self.kin.update(self.model, &BaseState::identity(), q, &self.rest);
     }
 
-    /// All joints at zero but those of a leg.
-    fn at_leg(&mut self, leg: &Leg, q: &[f64; 3]) {
+    /// Sets the joints of one leg, and all others to zero.
+    fn at_leg(&mut self, leg: &FoundLeg, q: &[f64; 3]) {
         self.q.fill(0.0);
         for (joint, value) in leg.joints.into_iter().zip(q) {
             self.q[joint] = *value;
@@ -105,14 +104,15 @@ impl<'m> Body<'m> {
         self.kin.update(self.model, &BaseState::identity(), &self.q, &self.rest);
     }
 
+    /// Range of a joint without the margin at its limits, rad.
     fn range(&self, joint: usize) -> (f64, f64) {
         let joint = &self.model.joints[joint];
         (joint.lower.max(-PI) + MARGIN, joint.upper.min(PI) - MARGIN)
     }
 }
 
-/// The longest distance of hip and foot that the knee allows, m.
-fn stretched(body: &mut Body, leg: &Leg, hip: FrameId, foot: FrameId) -> f64 {
+/// The longest distance from hip to foot within the range of the knee, m.
+fn stretched(body: &mut Body, leg: &FoundLeg, hip: FrameId, foot: FrameId) -> f64 {
     let (lower, upper) = body.range(leg.joints[2]);
     let mut longest = 0.0_f64;
     for k in 0..=200 {
@@ -123,9 +123,9 @@ fn stretched(body: &mut Body, leg: &Leg, hip: FrameId, foot: FrameId) -> f64 {
     longest
 }
 
-/// A leg and where it hangs at zero.
+/// A leg, and the positions of its hip and foot with all joints at zero.
 struct Plan<'l> {
-    leg: &'l Leg,
+    leg: &'l FoundLeg,
     hip: FrameId,
     knee: FrameId,
     foot: FrameId,
@@ -135,14 +135,14 @@ struct Plan<'l> {
 }
 
 impl Plan<'_> {
-    /// Below the hip, aside where the leg hangs at zero, or farther out.
+    /// Goal of the foot: below the hip; laterally where it is at zero, or farther out.
     fn goal(&self, ground: f64, half_width: f64) -> Vector3<f64> {
         let Plan { p_hip, p_foot, length, .. } = self;
         let hangs = if (p_foot.y - p_hip.y).abs() < 0.5 * length { p_foot.y } else { p_hip.y };
         Vector3::new(p_hip.x, hangs.abs().max(half_width).copysign(p_hip.y), ground)
     }
 
-    /// All postures of the leg that put its foot at `goal`, found from many beginnings.
+    /// All postures of the leg that put its foot at `goal`, found from a grid of start values.
     fn solutions(&self, body: &mut Body, goal: &Vector3<f64>) -> Vec<[f64; 3]> {
         let ranges = self.leg.joints.map(|joint| body.range(joint));
         let grid = |k: usize, n: u32| {
@@ -164,7 +164,7 @@ impl Plan<'_> {
         found
     }
 
-    /// Damped Gauss-Newton steps inside the ranges.
+    /// Damped Gauss-Newton steps, clamped to the joint ranges; `None` if they do not converge.
     fn descend(
         &self,
         body: &mut Body,
@@ -176,7 +176,7 @@ impl Plan<'_> {
         for _ in 0..60 {
             body.at_leg(self.leg, &q);
             let e = goal - body.kin.p_WF(body.model, self.foot);
-            if e.norm() < THERE {
+            if e.norm() < TOLERANCE {
                 return Some(q);
             }
             point_jacobian_linear(body.model, &body.kin, self.foot, &Vector3::zeros(), body.J.as_view_mut());
@@ -191,14 +191,14 @@ impl Plan<'_> {
         None
     }
 
-    /// The posture with the knee below the hip and towards the middle of the body, if there is one, and with the smallest angles.
+    /// The best posture: knee below the hip and towards the middle of the body if possible, then the smallest angles.
     fn best(&self, body: &mut Body, solutions: &[[f64; 3]]) -> Option<[f64; 3]> {
         let mut rated: Vec<_> = solutions.iter().map(|q| (self.rate(body, q), *q)).collect();
         rated.sort_by(|(a, _), (b, _)| (a.0, a.1).cmp(&(b.0, b.1)).then(a.2.total_cmp(&b.2)));
         rated.first().map(|(_, q)| *q)
     }
 
-    /// The smaller the better: knee not below the hip or leg folded sideways, knee outward, size of the angles.
+    /// Cost of a posture, compared lexicographically: knee above the hip or leg folded sideways, knee outward, sum of squared angles.
     fn rate(&self, body: &mut Body, q: &[f64; 3]) -> (bool, bool, f64) {
         body.at_leg(self.leg, q);
         let [hip, knee, foot] = [self.hip, self.knee, self.foot].map(|frame| body.kin.p_WF(body.model, frame));
@@ -206,13 +206,13 @@ impl Plan<'_> {
         (folded, self.bend(&hip, &knee, &foot) > 0.0, q.iter().map(|x| x * x).sum())
     }
 
-    /// How far the knee is off the line from hip to foot, outward from the middle of the body, m.
+    /// Distance of the knee from the line between hip and foot along x, positive away from the middle of the body, m.
     fn bend(&self, hip: &Vector3<f64>, knee: &Vector3<f64>, foot: &Vector3<f64>) -> f64 {
         let share = (knee.z - hip.z) / (foot.z - hip.z);
         (knee.x - (hip.x + share * (foot.x - hip.x))) * self.p_hip.x.signum()
     }
 
-    /// Whether unfolded postures bend the knee in both directions.
+    /// Whether some unfolded posture bends the knee outward and another one inward.
     fn both_ways(&self, body: &mut Body, solutions: &[[f64; 3]]) -> bool {
         let outward: Vec<bool> =
             solutions.iter().map(|q| self.rate(body, q)).filter(|rate| !rate.0).map(|rate| rate.1).collect();
