@@ -1,13 +1,13 @@
-//! The simulator's model of a robot on its ground, as MJCF text, made from what our own URDF reader says.
+//! Writes the simulator's model of a robot on its ground as MJCF text, from [`UrdfTree`].
 //!
-//! MuJoCo's URDF import welds the root to the world and loses its mass, refuses helper links without mass, and makes no actuators.
-//! So the text is written here: links that do not move against each other are one body with their summed inertia, a free
-//! joint carries the root, feet are spheres, and one motor a joint is limited to its effort. Trunk and legs touch the ground,
-//! so that a fallen robot lies on it, but not each other. No mesh is read.
+//! MuJoCo's own URDF import is not used: it welds the root to the world and loses its mass, rejects helper links without mass, and
+//! creates no actuators. In the text written here, links connected by fixed joints are one body with the sum of their inertias
+//! ([`LinkGroups`]), a free joint carries the root, feet are spheres, and each joint has a motor limited to its effort. Trunk and
+//! legs collide with the ground, so that a fallen robot lies on it, but not with each other. Meshes are ignored.
 
 use crate::DriverError;
 use crate::terrain::{HEIGHT_QUANTUM, HeightField, Terrain};
-use controller::model::{Joint, JointKind, Pose, Shape, ShapeKind, UrdfTree};
+use controller::model::{Joint, JointKind, LinkGroups, Pose, Shape, ShapeKind, UrdfTree};
 use controller::params::RobotConfig;
 use controller::quadruped::leg::Leg;
 use nalgebra::{Matrix3, Vector3};
@@ -19,27 +19,29 @@ pub const TIME_STEP_S: f64 = 0.001;
 /// Name of the IMU's site; its sensors are this name with `_orientation`, `_gyro`, `_accelerometer`.
 pub(crate) const IMU: &str = "imu";
 
-/// A moving body without mass (a helper link) gets so little that nothing else notices, kg and kg m².
+/// Mass of a moving body without mass (a helper link), kg; MuJoCo rejects zero.
 const PLACEHOLDER_MASS: f64 = 1e-6;
+/// Its principal moments of inertia, kg m².
 const PLACEHOLDER_INERTIA: f64 = 1e-9;
 
-/// What the heights are put before.
+/// End of the height field's element; the heights are inserted before it.
 const END_OF_FIELD: &str = "/></asset>";
 
-/// The text, and where the links went.
+/// The model as text, and the mapping of links to bodies.
 #[derive(Clone, Debug)]
 pub(crate) struct Mjcf {
+    /// MJCF, without the heights of the ground.
     pub text: String,
-    /// For each link of the tree: name of the body that carries it.
+    /// For each link of the tree, the name of its body.
     pub body_of_link: Vec<String>,
-    /// Mass of all bodies, kg: that of the tree.
+    /// Mass of all links, kg.
     pub total_mass: f64,
 }
 
-/// Writes the model; the feet with `own_floor` stand on planes of their own, bodies named by [`floor_name`].
+/// Writes the model. A foot with `own_floor` (LF RF LH RH) stands on a plane of its own, a body named by [`floor_name`].
 ///
 /// # Errors
-/// [`DriverError::Unknown`] for a foot or IMU link that the tree lacks.
+/// [`DriverError::Unknown`] for a foot or IMU link that the tree does not have.
 pub(crate) fn write(
     tree: &UrdfTree,
     robot: &RobotConfig,
@@ -55,21 +57,22 @@ pub(crate) fn write(
     writer.head(terrain);
     writer.body(0, 4);
     writer.tail();
-    let body_of_link = bodies.of_link.iter().map(|&body| tree.links[bodies.list[body].carrier].name.clone()).collect();
+    let LinkGroups { first_links, body_of_link, .. } = &bodies.groups;
+    let body_of_link = body_of_link.iter().map(|&body| tree.links[first_links[body]].name.clone()).collect();
     Ok(Mjcf { text: writer.text, body_of_link, total_mass: tree.links.iter().map(|link| link.inertial.mass).sum() })
 }
 
-/// Heights of a field as MuJoCo keeps them: row by row from the smallest y, lowest point 0, highest 1.
+/// Heights of a field as MuJoCo stores them: row by row from the smallest y, scaled so that the lowest point is 0 and the highest 1.
 pub(crate) fn elevation(field: &HeightField) -> impl Iterator<Item = f32> {
     let low = field.min_count();
     let range = f64::from((field.max_count() - low).max(1));
     field.counts.iter().map(move |count| (f64::from(count - low) / range) as f32)
 }
 
-/// The text with the heights of the ground in it. A simulation fills them in afterwards: MuJoCo takes seconds to read them.
+/// The text with the heights of the ground. A simulation sets the heights after loading instead, because MuJoCo needs seconds to parse them.
 pub(crate) fn with_elevation(text: &str, terrain: &Terrain) -> String {
     let Some(field) = terrain.field() else { return text.to_owned() };
-    // As text, the row of the largest y comes first.
+    // In the text, the row with the largest y comes first.
     let rows = field.counts.chunks(field.columns).rev();
     let rows: Vec<String> = rows
         .map(|row| row.iter().map(|count| (count - field.min_count()).to_string()).collect::<Vec<_>>().join(" "))
@@ -77,7 +80,7 @@ pub(crate) fn with_elevation(text: &str, terrain: &Terrain) -> String {
     text.replacen(END_OF_FIELD, &format!(" elevation=\"\n{}\"{END_OF_FIELD}", rows.join("\n")), 1)
 }
 
-/// Whether a link is `foot` or carries it.
+/// Whether a link is `foot` or one of its ancestors.
 pub(crate) fn carries(tree: &UrdfTree, link: usize, foot: &str) -> bool {
     tree.links[link].name == foot
         || tree.joints.iter().filter(|joint| joint.parent == link).any(|joint| carries(tree, joint.child, foot))
@@ -88,12 +91,12 @@ pub(crate) fn floor_name(foot: usize) -> String {
     format!("floor under {}", Leg::ALL[foot].name())
 }
 
-/// Kind of contact between a foot and its own floor; 1 is that of everything else.
+/// Contact bit shared by a foot and its own floor; bit 1 is for all other contacts.
 fn floor_bit(foot: usize) -> u32 {
     2 << foot
 }
 
-/// Place of a link in the tree.
+/// Index of a link in [`UrdfTree::links`].
 pub(crate) fn link_index(tree: &UrdfTree, wanted_by: &str, name: &str) -> Result<usize, DriverError> {
     let names = || tree.links.iter().map(|link| &link.name);
     names().position(|link| link == name).ok_or_else(|| DriverError::Unknown {
@@ -104,62 +107,42 @@ pub(crate) fn link_index(tree: &UrdfTree, wanted_by: &str, name: &str) -> Result
     })
 }
 
-/// Links grouped into bodies.
+/// Links grouped into bodies. The frame of a body is that of its first link.
 struct Bodies {
-    /// Parents before children; 0 is the root.
+    groups: LinkGroups,
     list: Vec<Body>,
-    /// Body of each link.
-    of_link: Vec<usize>,
-    /// Pose of each link in its body.
-    X_BL: Vec<Pose>,
 }
 
-/// Links that do not move against each other. Its frame is that of its first link, the carrier.
+/// The inertia of a body, and the bodies that hang on it.
 struct Body {
-    carrier: usize,
     children: Vec<usize>,
     mass: f64,
-    /// First moment, kg m, and inertia about the origin of the body, kg m².
+    /// First moment of mass about the origin of the body, kg m.
     moment: Vector3<f64>,
+    /// Inertia about the origin of the body, kg m².
     inertia: Matrix3<f64>,
 }
 
 impl Bodies {
     fn new(tree: &UrdfTree) -> Self {
-        let mut bodies = Bodies { list: Vec::new(), of_link: Vec::new(), X_BL: Vec::new() };
-        for (index, link) in tree.links.iter().enumerate() {
-            let joint = link.parent_joint.map(|joint| &tree.joints[joint]);
-            let (body, X_BL) = match joint {
-                Some(Joint { kind: JointKind::Fixed, parent, X_PC, .. }) => {
-                    (bodies.of_link[*parent], bodies.X_BL[*parent].then(X_PC))
-                }
-                _ => (bodies.begin(index, joint), Pose::identity()),
-            };
-            bodies.list[body].add(&X_BL.then(&link.inertial.X_LC), link.inertial.mass, &link.inertial.I_C);
-            bodies.of_link.push(body);
-            bodies.X_BL.push(X_BL);
+        let groups = LinkGroups::new(tree, |_| Matrix3::identity());
+        let empty = || Body { children: Vec::new(), mass: 0.0, moment: Vector3::zeros(), inertia: Matrix3::zeros() };
+        let mut list: Vec<Body> = groups.first_links.iter().map(|_| empty()).collect();
+        for (body, &first_link) in groups.first_links.iter().enumerate() {
+            if let Some(joint) = tree.links[first_link].parent_joint {
+                list[groups.body_of_link[tree.joints[joint].parent]].children.push(body);
+            }
         }
-        bodies
-    }
-
-    fn begin(&mut self, carrier: usize, joint: Option<&Joint>) -> usize {
-        let body = self.list.len();
-        if let Some(joint) = joint {
-            self.list[self.of_link[joint.parent]].children.push(body);
+        for (link, (&body, X_BL)) in tree.links.iter().zip(groups.body_of_link.iter().zip(&groups.X_BL)) {
+            list[body].add(&X_BL.then(&link.inertial.X_LC), link.inertial.mass, &link.inertial.I_C);
         }
-        self.list.push(Body {
-            carrier,
-            children: Vec::new(),
-            mass: 0.0,
-            moment: Vector3::zeros(),
-            inertia: Matrix3::zeros(),
-        });
-        body
+        Bodies { groups, list }
     }
 }
 
 impl Body {
-    /// Adds a mass whose centre and inertia axes are at `X_BC`.
+    /// Adds a mass whose centre and inertia axes are at `X_BC`. The formulas differ from those of [`controller::model::Model`] in
+    /// their rounding; they stay as they are, because a changed bit of an inertia changes every simulated run.
     fn add(&mut self, X_BC: &Pose, mass: f64, I_C: &Matrix3<f64>) {
         self.mass += mass;
         self.moment += mass * X_BC.p;
@@ -167,7 +150,7 @@ impl Body {
     }
 }
 
-/// Inertia about the origin of a point mass at `p`.
+/// Inertia about the origin of a point mass at `p`, kg m².
 fn steiner(mass: f64, p: &Vector3<f64>) -> Matrix3<f64> {
     mass * (Matrix3::identity() * p.dot(p) - p * p.transpose())
 }
@@ -186,8 +169,8 @@ impl Writer<'_> {
         writeln!(self.text, "{:indent$}{line}", "").expect("writing to a String never fails");
     }
 
-    /// Options and ground. A robot geom touches the ground and nothing else: contype of one against conaffinity of the other.
-    /// MuJoCo takes the larger friction of two geoms, so both carry the same.
+    /// Writes options and ground. Robot geoms collide with the ground only: their contype matches its conaffinity. MuJoCo uses the
+    /// larger friction of two geoms, so both have the same.
     fn head(&mut self, terrain: &Terrain) {
         let Self { robot, friction, .. } = *self;
         self.line(0, format_args!("<mujoco model=\"{}\">", escape(&robot.name)));
@@ -253,18 +236,18 @@ impl Writer<'_> {
     }
 
     fn body(&mut self, index: usize, indent: usize) {
-        let Bodies { list, of_link, X_BL } = self.bodies;
+        let Bodies { groups, list } = self.bodies;
         let body = &list[index];
-        let carrier = &self.tree.links[body.carrier];
-        let joint = carrier.parent_joint.map(|joint| &self.tree.joints[joint]);
-        let X_PB = joint.map_or(Pose::identity(), |joint| X_BL[joint.parent].then(&joint.X_PC));
-        self.line(indent, format_args!("<body name=\"{}\" {}>", escape(&carrier.name), place(&X_PB)));
+        let first_link = &self.tree.links[groups.first_links[index]];
+        let joint = first_link.parent_joint.map(|joint| &self.tree.joints[joint]);
+        let X_PB = joint.map_or(Pose::identity(), |joint| groups.X_BL[joint.parent].then(&joint.X_PC));
+        self.line(indent, format_args!("<body name=\"{}\" {}>", escape(&first_link.name), place(&X_PB)));
         match joint {
             None => self.line(indent + 2, format_args!("<freejoint/>")),
             Some(joint) => self.line(indent + 2, format_args!("{}", joint_element(joint))),
         }
         self.inertial(body, indent + 2);
-        for (link, _) in of_link.iter().enumerate().filter(|(_, body)| **body == index) {
+        for (link, _) in groups.body_of_link.iter().enumerate().filter(|(_, body)| **body == index) {
             self.link(link, indent + 2);
         }
         for &child in &body.children {
@@ -297,10 +280,11 @@ impl Writer<'_> {
         );
     }
 
-    /// Shapes of a link. A foot is its sphere, whatever the URDF draws; a link without collision shapes collides as it looks.
+    /// Writes the shapes of a link. A foot is a sphere, whatever shapes the URDF has. A link without collision shapes collides with
+    /// its visual shapes.
     fn link(&mut self, index: usize, indent: usize) {
         let link = &self.tree.links[index];
-        let X_BL = &self.bodies.X_BL[index];
+        let X_BL = &self.bodies.groups.X_BL[index];
         let floor = self.floor_of(index).map_or(String::new(), |foot| format!(" contype=\"{}\"", floor_bit(foot)));
         if link.name == self.robot.imu_link {
             self.line(indent, format_args!("<site name=\"{IMU}\" {} size=\"0.01\" group=\"4\"/>", place(X_BL)));
@@ -318,25 +302,25 @@ impl Writer<'_> {
             return;
         }
         let geoms = |shapes: &[Shape]| shapes.iter().filter_map(|shape| geom(X_BL, shape)).collect::<Vec<_>>();
-        let (felt, seen) = (geoms(&link.collisions), geoms(&link.visuals));
-        let (felt, seen) = match (felt.is_empty(), felt == seen) {
-            (true, _) => (seen, Vec::new()),
-            (false, true) => (felt, Vec::new()),
-            (false, false) => (felt, seen),
+        let (collisions, visuals) = (geoms(&link.collisions), geoms(&link.visuals));
+        let (collisions, visuals) = match (collisions.is_empty(), collisions == visuals) {
+            (true, _) => (visuals, Vec::new()),
+            (false, true) => (collisions, Vec::new()),
+            (false, false) => (collisions, visuals),
         };
-        let hidden = if seen.is_empty() { "" } else { " group=\"3\"" };
-        for geom in felt {
+        let hidden = if visuals.is_empty() { "" } else { " group=\"3\"" };
+        for geom in collisions {
             self.line(indent, format_args!("<geom {geom}{hidden}{floor}/>"));
         }
-        for geom in seen {
+        for geom in visuals {
             self.line(indent, format_args!("<geom class=\"visual\" {geom}/>"));
         }
     }
 
-    /// Foot whose own floor a link touches instead of the ground: that of its leg.
+    /// The foot of a link's leg, if it has a floor of its own; the link collides with this floor instead of the ground.
     fn floor_of(&self, link: usize) -> Option<usize> {
         let of_leg = |&foot: &usize| self.own_floor[foot] && carries(self.tree, link, &self.robot.feet[foot]);
-        (0..4).filter(|_| self.bodies.of_link[link] != 0).find(of_leg)
+        (0..4).filter(|_| self.bodies.groups.body_of_link[link] != 0).find(of_leg)
     }
 
     fn tail(&mut self) {
@@ -379,15 +363,15 @@ fn joint_element(joint: &Joint) -> String {
     )
 }
 
-/// Position and orientation attributes: the axes x and y of the frame, which need no conversion.
+/// Attributes for position and orientation; the orientation is given by the x and y axes, so that nothing is converted.
 fn place(X: &Pose) -> String {
     let R = &X.R;
     let axes = [R[(0, 0)], R[(1, 0)], R[(2, 0)], R[(0, 1)], R[(1, 1)], R[(2, 1)]].map(|x| x.to_string()).join(" ");
     format!("pos=\"{} {} {}\" xyaxes=\"{axes}\"", X.p.x, X.p.y, X.p.z)
 }
 
-/// Attributes of a primitive, none for a mesh. A long cylinder becomes the capsule inside it: one clean contact an end
-/// instead of up to four, and no edge that reaches beyond a foot.
+/// Attributes of a primitive shape; `None` for a mesh. A long cylinder becomes the capsule inside it: one contact per end instead
+/// of up to four, and no edge that extends beyond a foot.
 fn geom(X_BL: &Pose, shape: &Shape) -> Option<String> {
     let form = match shape.kind {
         ShapeKind::Box { size: [x, y, z] } => format!("type=\"box\" size=\"{} {} {}\"", x / 2.0, y / 2.0, z / 2.0),

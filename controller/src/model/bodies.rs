@@ -4,6 +4,7 @@ use nalgebra::{Matrix3, Vector3};
 
 use super::error::{ModelError, ModelWarning, near_names};
 use super::inertia::SpatialInertia;
+use super::link_groups::LinkGroups;
 use super::pose::Pose;
 use super::tree::{JointKind, Limits, UrdfTree};
 
@@ -143,52 +144,31 @@ impl Model {
             });
         }
 
-        let mut bodies = Vec::with_capacity(joints.len() + 1);
-        let mut inertias: Vec<SpatialInertia> = Vec::with_capacity(joints.len() + 1);
-        let mut first_links = Vec::with_capacity(joints.len() + 1);
-        let mut frames: Vec<FrameOnBody> = Vec::with_capacity(tree.links.len());
-        let mut total_mass = 0.0;
-        for (i, link) in tree.links.iter().enumerate() {
-            let joint = link.parent_joint.map(|j| (&tree.joints[j], place_in_q[j]));
-            let frame = match joint {
-                Some((joint, _)) if joint.kind == JointKind::Fixed => {
-                    let FrameOnBody { body, X_BL, .. } = &frames[joint.parent];
-                    FrameOnBody { name: link.name.clone(), body: *body, X_BL: X_BL.then(&joint.X_PC) }
-                }
-                _ => {
-                    let R_LB = joint.map_or(Matrix3::identity(), |(joint, _)| z_onto(&joint.axis));
-                    let (parent, X_PB, motion, i_q) = match joint {
-                        None => (0, Pose::identity(), Motion::Translation, usize::MAX),
-                        Some((joint, i_q)) => {
-                            let FrameOnBody { body, X_BL, .. } = &frames[joint.parent];
-                            let X_LB = Pose { p: Vector3::zeros(), R: R_LB };
-                            let motion =
-                                if joint.kind == JointKind::Prismatic { Motion::Translation } else { Motion::Rotation };
-                            (*body, X_BL.then(&joint.X_PC).then(&X_LB), motion, i_q)
-                        }
-                    };
-                    let i_v = if joint.is_some() { nb + i_q } else { usize::MAX };
-                    bodies.push(Body {
-                        parent,
-                        motion,
-                        i_q,
-                        i_v,
-                        X_PB,
-                        m: 0.0,
-                        c: Vector3::zeros(),
-                        I_C: Matrix3::zeros(),
-                    });
-                    inertias.push(SpatialInertia::zero());
-                    first_links.push(i);
-                    let X_BL = Pose { p: Vector3::zeros(), R: R_LB.transpose() };
-                    FrameOnBody { name: link.name.clone(), body: bodies.len() - 1, X_BL }
+        let groups = LinkGroups::new(tree, |joint| z_onto(&joint.axis));
+        let mut bodies = Vec::with_capacity(groups.first_links.len());
+        for &first_link in &groups.first_links {
+            let (parent, X_PB, motion, i_q, i_v) = match tree.links[first_link].parent_joint {
+                None => (0, Pose::identity(), Motion::Translation, usize::MAX, usize::MAX),
+                Some(j) => {
+                    let joint = &tree.joints[j];
+                    let X_LB = Pose { p: Vector3::zeros(), R: z_onto(&joint.axis) };
+                    let X_PB = groups.X_BL[joint.parent].then(&joint.X_PC).then(&X_LB);
+                    let motion =
+                        if joint.kind == JointKind::Prismatic { Motion::Translation } else { Motion::Rotation };
+                    (groups.body_of_link[joint.parent], X_PB, motion, place_in_q[j], nb + place_in_q[j])
                 }
             };
-            let X_BC = frame.X_BL.then(&link.inertial.X_LC);
+            bodies.push(Body { parent, motion, i_q, i_v, X_PB, m: 0.0, c: Vector3::zeros(), I_C: Matrix3::zeros() });
+        }
+        let mut inertias = vec![SpatialInertia::zero(); bodies.len()];
+        let mut frames: Vec<FrameOnBody> = Vec::with_capacity(tree.links.len());
+        let mut total_mass = 0.0;
+        for (link, (&body, X_BL)) in tree.links.iter().zip(groups.body_of_link.iter().zip(&groups.X_BL)) {
+            let X_BC = X_BL.then(&link.inertial.X_LC);
             let I_C = X_BC.R * link.inertial.I_C * X_BC.R.transpose();
-            inertias[frame.body] += SpatialInertia::from_com(link.inertial.mass, X_BC.p, &I_C);
+            inertias[body] += SpatialInertia::from_com(link.inertial.mass, X_BC.p, &I_C);
             total_mass += link.inertial.mass;
-            frames.push(frame);
+            frames.push(FrameOnBody { name: link.name.clone(), body, X_BL: X_BL.clone() });
         }
 
         if !total_mass.is_finite() || (base == Base::Floating && total_mass == 0.0) {
@@ -204,7 +184,7 @@ impl Model {
         for (i, (body, inertia)) in bodies.iter_mut().zip(&inertias).enumerate() {
             (body.c, body.I_C) = inertia.about_com();
             body.m = inertia.m;
-            let link = &tree.links[first_links[i]];
+            let link = &tree.links[groups.first_links[i]];
             if let (Some(joint), true) = (link.parent_joint, body.m == 0.0) {
                 warnings.push(ModelWarning::MasslessBody {
                     link: link.name.clone(),

@@ -28,6 +28,7 @@ pub mod eval;
 mod inertia;
 mod jacobian;
 mod kinematics;
+mod link_groups;
 mod locate;
 mod pose;
 mod topology;
@@ -43,5 +44,6 @@ pub use jacobian::{
     frame_bias_acceleration, frame_jacobian, point_bias_acceleration, point_jacobian, point_jacobian_linear,
 };
 pub use kinematics::{BaseState, Kinematics};
+pub use link_groups::LinkGroups;
 pub use pose::Pose;
 pub use tree::{Inertial, Joint, JointKind, Limits, Link, Shape, ShapeKind, UrdfTree};
