@@ -1,7 +1,7 @@
 //! Runs the simulations of an experiment on all cores; keeps, replays and analyses each log.
 
+use crate::row::Row;
 use crate::scenario_edit::{Change, edited};
-use crate::tables::Row;
 use analysis::figures::{Figure, Format};
 use analysis::{Metrics, Run};
 use anyhow::Context;

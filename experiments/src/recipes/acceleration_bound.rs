@@ -2,7 +2,8 @@
 
 use super::touchdown::state;
 use crate::bench::{Bench, RunSpec, count};
-use crate::{Experiment, Row};
+use crate::experiment::Experiment;
+use crate::row::Row;
 use analysis::Run;
 use analysis::figures::Curves;
 use analysis::stats::Distribution;

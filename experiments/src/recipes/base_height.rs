@@ -1,8 +1,9 @@
 //! A8: estimated height of the base compared with its true height.
 
-use super::falls;
+use super::shared::falls;
 use crate::bench::{Bench, RunSpec};
-use crate::{Experiment, Row};
+use crate::experiment::Experiment;
+use crate::row::Row;
 use analysis::Run;
 use analysis::stats::ErrorStats;
 

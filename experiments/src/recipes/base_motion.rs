@@ -1,8 +1,9 @@
 //! A2: tracking of base and feet while base orientation and height change. Source: Raiola et al. 2020, Table 3 and Figure 9.
 
-use super::{falls, speed};
+use super::shared::{falls, speed};
 use crate::bench::{Bench, RunSpec};
-use crate::{Experiment, Row};
+use crate::experiment::Experiment;
+use crate::row::Row;
 use analysis::figures::{FIGURE_9, FigureSpec, Named, draw};
 use analysis::tables::tracking_rows;
 

@@ -1,8 +1,9 @@
 //! A7: the torques do not depend on the position and linear velocity of the base.
 
 use crate::bench::{Bench, RunSpec, count};
+use crate::experiment::Experiment;
+use crate::row::Row;
 use crate::states::{OpenLoop, States};
-use crate::{Experiment, Row};
 use controller::quadruped::estimation::AssumedBase;
 use drivers::Rng;
 use nalgebra::Vector3;

@@ -1,7 +1,9 @@
 //! A10: the stack compared with closed-form impedance control at random configurations.
 
 use crate::bench::Bench;
-use crate::{Experiment, Row, impedance};
+use crate::experiment::Experiment;
+use crate::impedance;
+use crate::row::Row;
 use controller::params::Params;
 use controller::quadruped::robot::Robot;
 use drivers::robot_files::RobotFiles;

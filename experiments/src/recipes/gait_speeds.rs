@@ -1,8 +1,9 @@
 //! Commanded and true velocity, one direction at a time; averaged over the whole walk, its start included.
 
-use super::falls;
+use super::shared::falls;
 use crate::bench::{Bench, RunSpec};
-use crate::{Experiment, Row};
+use crate::experiment::Experiment;
+use crate::row::Row;
 
 pub(super) const EXPERIMENT: Experiment = Experiment {
     id: "speed",

@@ -1,8 +1,9 @@
 //! Highest step, deepest hole and largest push that a trotting robot survives.
 
 use crate::bench::{Bench, RunSpec};
+use crate::experiment::Experiment;
 use crate::limit_search::{Sweep, Tried, largest};
-use crate::{Experiment, Row};
+use crate::row::Row;
 use analysis::figures::Curves;
 
 pub(super) const HYQ: Experiment = Experiment {

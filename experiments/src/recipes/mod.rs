@@ -12,12 +12,13 @@ mod posture_alone;
 mod residual_load;
 mod rough_terrain;
 mod sensor_noise;
+mod shared;
 mod solve_time;
 mod stack_weights;
 mod touchdown;
 
-use crate::bench::{Sample, count, mean};
-use crate::{Experiment, Row};
+use crate::experiment::Experiment;
+use anyhow::Context;
 
 /// Every experiment, in the order in which `all` runs them.
 pub const ALL: &[Experiment] = &[
@@ -39,20 +40,41 @@ pub const ALL: &[Experiment] = &[
     limits::ANYMAL_B,
 ];
 
-/// The row that counts falls and safe states; passes without any.
-fn falls<T>(name: &str, samples: &[Sample<T>]) -> Row {
-    let fallen = samples.iter().filter(|sample| sample.failed()).count();
-    Row::info(format!("{name}falls in {} runs", samples.len()), count(fallen), "").exactly(0.0)
+/// The experiments with these identifiers; `all` selects every one, in the order of [`ALL`]. Case does not matter.
+///
+/// # Errors
+/// An unknown identifier; the message lists the known ones.
+pub fn find(ids: &[String]) -> anyhow::Result<Vec<&'static Experiment>> {
+    if ids.iter().any(|id| id.eq_ignore_ascii_case("all")) {
+        return Ok(ALL.iter().collect());
+    }
+    let one = |id: &String| {
+        ALL.iter().find(|e| e.id.eq_ignore_ascii_case(id)).with_context(|| {
+            let known: Vec<_> = ALL.iter().map(|e| e.id).collect();
+            format!("unknown experiment \"{id}\"; known: {}, all", known.join(", "))
+        })
+    };
+    ids.iter().map(one).collect()
 }
 
-/// Commanded and true forward speed, averaged over the samples; passes if they differ by at most 5 %.
-fn speed<T>(name: &str, samples: &[Sample<T>]) -> Vec<Row> {
-    let forward = |of: fn(&Sample<T>) -> Option<[f64; 2]>| mean(samples.iter().filter_map(of).map(|v| v[0]));
-    let commanded = forward(|s| s.metrics.locomotion.commanded_velocity);
-    let realised = forward(|s| s.metrics.locomotion.true_velocity);
-    vec![
-        Row::info(format!("{name}commanded forward speed, mean"), commanded, "m/s"),
-        Row::info(format!("{name}true forward speed, mean"), realised, "m/s"),
-        Row::info(format!("{name}off by"), 100.0 * (realised - commanded).abs() / commanded.abs(), "%").at_most(5.0),
-    ]
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn identifiers_are_unique_and_found_in_any_case() {
+        let ids: std::collections::BTreeSet<&str> = ALL.iter().map(|e| e.id).collect();
+        assert_eq!(ids.len(), ALL.len());
+        let found = |ids: &[&str]| find(&ids.iter().map(|id| (*id).to_owned()).collect::<Vec<_>>());
+        assert_eq!(found(&["a3", "LIMITS"]).unwrap().iter().map(|e| e.id).collect::<Vec<_>>(), ["A3", "limits"]);
+        assert_eq!(found(&["All"]).unwrap().len(), ALL.len());
+        assert!(found(&["A13"]).is_err());
+    }
+
+    #[test]
+    fn every_experiment_of_the_paper_is_listed() {
+        for number in 1..=12 {
+            assert!(ALL.iter().any(|e| e.id == format!("A{number}")), "A{number}");
+        }
+    }
 }

@@ -2,7 +2,8 @@
 
 use super::{base_motion, gait_speeds, rough_terrain};
 use crate::bench::{Bench, count};
-use crate::{Experiment, Row};
+use crate::experiment::Experiment;
+use crate::row::Row;
 use analysis::table::{Column, Table};
 use drivers::robot_files::RobotFiles;
 use std::collections::BTreeMap;

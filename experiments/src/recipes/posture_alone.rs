@@ -1,8 +1,9 @@
 //! Without the terrain estimator and without tasks for roll and pitch, the posture alone aligns the base with the ground under the feet.
 
-use super::{falls, speed};
+use super::shared::{falls, speed};
 use crate::bench::{Bench, RunSpec};
-use crate::{Experiment, Row};
+use crate::experiment::Experiment;
+use crate::row::Row;
 use analysis::tables::tracking_rows;
 use controller::stack::S1;
 

@@ -1,7 +1,8 @@
 //! A12: force on the leg diagonally opposite to the swing leg, with and without force ramps and residual load.
 
 use crate::bench::{Bench, RunSpec, count};
-use crate::{Experiment, Row};
+use crate::experiment::Experiment;
+use crate::row::Row;
 use analysis::Run;
 
 pub(super) const EXPERIMENT: Experiment = Experiment {

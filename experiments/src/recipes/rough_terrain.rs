@@ -1,8 +1,9 @@
 //! A3: blind omnidirectional walk on rough terrain.
 
-use super::{falls, speed};
+use super::shared::{falls, speed};
 use crate::bench::{Bench, RunSpec, mean};
-use crate::{Experiment, Row};
+use crate::experiment::Experiment;
+use crate::row::Row;
 
 pub(super) const EXPERIMENT: Experiment = Experiment {
     id: "A3",

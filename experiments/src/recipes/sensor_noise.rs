@@ -1,8 +1,9 @@
 //! A5: orientation error of a trot with noisy sensors, lagging drives, a torque error and pushes, as on the real robot.
 
-use super::falls;
+use super::shared::falls;
 use crate::bench::{Bench, RunSpec, mean};
-use crate::{Experiment, Row};
+use crate::experiment::Experiment;
+use crate::row::Row;
 use analysis::Run;
 use analysis::stats::ErrorStats;
 use controller::math::{log, rotation_of_rpy};

@@ -1,8 +1,9 @@
 //! A1: time to build and solve the quadratic programs, for both stacks on the states of one log.
 
 use crate::bench::{Bench, RunSpec, count};
+use crate::experiment::Experiment;
+use crate::row::Row;
 use crate::states::States;
-use crate::{Experiment, Row};
 use analysis::stats::Distribution;
 use controller::stack::{S1, S3};
 use controller::{Controller, Outbox, Probe, Stage};

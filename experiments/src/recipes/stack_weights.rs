@@ -1,8 +1,9 @@
 //! A9: torques of the weighted stack S1 compared with the hierarchical stack S3, for several ratios of the weights.
 
 use crate::bench::{Bench, RunSpec, count, mean};
+use crate::experiment::Experiment;
+use crate::row::Row;
 use crate::states::{OpenLoop, States};
-use crate::{Experiment, Row};
 use analysis::figures::Curves;
 use controller::stack::{S1, S3};
 

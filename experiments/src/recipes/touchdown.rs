@@ -1,8 +1,9 @@
 //! A6: touchdown detection on floors that drop and rise, with false contact forces during the swing.
 
-use super::falls;
+use super::shared::falls;
 use crate::bench::{Bench, RunSpec, count};
-use crate::{Experiment, Row};
+use crate::experiment::Experiment;
+use crate::row::Row;
 use analysis::Run;
 use analysis::run::Tick;
 use analysis::stats::Distribution;
