@@ -1,11 +1,11 @@
-//! From a simulated run's log to what `scripts/render_walk.py` draws: the robot on its ground as MJCF, and its poses over time as CSV.
+//! Converts the log of a simulated run for `scripts/render_walk.py`: the robot on its ground as MJCF, and its poses over time as CSV.
 //!
 //! ```text
 //! cargo run --release -p drivers --example poses -- run.mcap out/walk      # writes out/walk/model.xml and out/walk/poses.csv
 //! python3 scripts/render_walk.py out/walk/model.xml out/walk/poses.csv --out out/walk
 //! ```
 //!
-//! Everything comes from the log: RUN_INFO holds the URDF, the parameters, the scenario and the seed.
+//! All inputs come from the log: RUN_INFO contains URDF, parameters, scenario and seed.
 
 use controller::model::UrdfTree;
 use controller::params::Params;
@@ -16,12 +16,12 @@ use std::error::Error;
 use std::fmt::Write as _;
 use std::path::Path;
 
-/// Ticks between two poses: 50 a second.
+/// Time between two poses, ns: 50 per second.
 const EVERY: i64 = 20_000_000;
 
 fn main() -> Result<(), Box<dyn Error>> {
     let args: Vec<String> = std::env::args().skip(1).collect();
-    let [log, out] = args.as_slice() else { return Err("expected LOG and a folder to write to".into()) };
+    let [log, out] = args.as_slice() else { return Err("expected two arguments: LOG and the output folder".into()) };
     std::fs::create_dir_all(out)?;
 
     let (mut csv, mut joints, mut state) = (String::new(), None, RobotState::default());
@@ -42,7 +42,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     Ok(())
 }
 
-/// Writes the MJCF and gives the names of the joints.
+/// Writes the MJCF file and returns the joint names.
 fn write_model(info: &RunInfo, out: &Path) -> Result<Vec<String>, Box<dyn Error>> {
     let params = Params::from_toml(&info.params, "RUN_INFO")?;
     let scenario = Scenario::parse(&info.scenario, &info.scenario_name)?;

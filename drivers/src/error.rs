@@ -1,8 +1,8 @@
-//! What can go wrong in a driver.
+//! Errors of this crate.
 
 use std::path::PathBuf;
 
-/// Why a scenario, a simulator or a command is unusable.
+/// Errors of scenarios, robot files, simulations, commands and live runs.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum DriverError {
@@ -85,30 +85,30 @@ pub enum DriverError {
     /// A scenario is not TOML, has an unknown key, or a value of the wrong kind.
     #[error("{file}:{line}: {error}, in `{text}`")]
     Parse {
-        /// File, or what the text is.
+        /// File, or name of the text.
         file: String,
         /// Line, from 1.
         line: usize,
-        /// What the parser says.
+        /// Error of the parser.
         error: String,
         /// The line.
         text: String,
     },
-    /// A value of a scenario makes no sense.
+    /// A value of a scenario is missing, not allowed or out of range.
     #[error("{file}:{line}: {key} is {found}, expected {expected}")]
     Value {
-        /// File, or what the text is.
+        /// File, or name of the text.
         file: String,
         /// Line on which the table of the key begins, from 1.
         line: usize,
         /// The key; entries of a list count from 1.
         key: String,
-        /// What stands there.
+        /// The value, or `missing` or `given`.
         found: String,
-        /// What may stand there.
+        /// The allowed values.
         expected: String,
     },
-    /// A scenario or a robot's file names a link or joint that the robot lacks.
+    /// A scenario or a robot file names a link or joint that the robot does not have.
     #[error("{wanted_by}: the robot has no {what} \"{name}\", it has: {}", known.join(", "))]
     Unknown {
         /// Key that names it.
@@ -117,25 +117,25 @@ pub enum DriverError {
         what: &'static str,
         /// The name.
         name: String,
-        /// Names there are.
+        /// Names that the robot has.
         known: Vec<String>,
     },
-    /// A robot is to lie on the ground and has no posture for it.
-    #[error("start.posture is \"lying\", and the file of {robot} has no [robot.lying]")]
+    /// A run starts with a lying robot, but the robot has no posture for it.
+    #[error("start.posture is \"lying\", but the parameters of {robot} have no [robot.lying]")]
     NoLyingPosture {
         /// Name of the robot.
         robot: String,
     },
-    /// The simulator refuses its model.
-    #[error("MuJoCo refuses the model of {robot}: {error}")]
+    /// MuJoCo rejects the model.
+    #[error("MuJoCo rejects the model of {robot}: {error}")]
     Model {
         /// Name of the robot.
         robot: String,
-        /// What MuJoCo says.
+        /// Error of MuJoCo.
         error: String,
     },
-    /// The simulator's robot is not the one of the URDF.
-    #[error("the simulated {robot} weighs {found} kg, its URDF says {expected} kg")]
+    /// The mass in the simulator differs from that of the URDF.
+    #[error("the mass of the simulated {robot} is {found} kg, expected {expected} kg as in its URDF")]
     Mass {
         /// Name of the robot.
         robot: String,
@@ -144,7 +144,7 @@ pub enum DriverError {
         /// Total mass of the URDF, kg.
         expected: f64,
     },
-    /// A command is of another size than the robot.
+    /// An array of a command has the wrong length.
     #[error("ROBOT_COMMAND of tick {tick}: {field} has {found} entries, expected {expected}")]
     CommandSize {
         /// Tick of the command.
@@ -156,7 +156,7 @@ pub enum DriverError {
         /// Number of actuated joints.
         expected: usize,
     },
-    /// A command holds NaN or an infinity.
+    /// A command has a non-finite value.
     #[error("ROBOT_COMMAND of tick {tick}: {field} of joint {joint} is {found}, expected a finite number")]
     CommandNotFinite {
         /// Tick of the command.
@@ -168,7 +168,7 @@ pub enum DriverError {
         /// The value.
         found: f64,
     },
-    /// A command asks for a mode that is none.
+    /// A command has an unknown mode.
     #[error("ROBOT_COMMAND of tick {tick}: mode is {found}, expected 0 (idle), 1 (torque) or 2 (damping)")]
     CommandMode {
         /// Tick of the command.
@@ -176,33 +176,33 @@ pub enum DriverError {
         /// The mode.
         found: i8,
     },
-    /// The simulation blew up.
-    #[error("the simulation is not finite after {t_s} s: position {index} of the generalized coordinates is {found}")]
+    /// The simulation diverged.
+    #[error("the simulation diverged at {t_s} s: generalized coordinate {index} is {found}")]
     Diverged {
         /// Simulated time, s.
         t_s: f64,
-        /// Index in the generalized positions or, after those, velocities.
+        /// Index in the generalized positions, followed by the velocities.
         index: usize,
         /// The value.
         found: f64,
     },
-    /// A socket of the real-time thread cannot be made.
-    #[error("{url}: no socket to send on: {source}")]
+    /// A socket of the real-time thread cannot be opened.
+    #[error("{url}: cannot open a socket to send on: {source}")]
     Socket {
         /// Network.
         url: String,
-        /// What the system says.
+        /// Error of the operating system.
         source: std::io::Error,
     },
-    /// There can be no further thread.
-    #[error("no thread for the {what}: {source}")]
+    /// A thread cannot be started.
+    #[error("cannot start the {what} thread: {source}")]
     Thread {
-        /// What it was to do.
+        /// Purpose of the thread.
         what: &'static str,
-        /// What the system says.
+        /// Error of the operating system.
         source: std::io::Error,
     },
-    /// The bus refuses.
+    /// An error of the bus.
     #[error(transparent)]
     Bus(#[from] lcmtypes::bus::BusError),
     /// A message cannot be encoded.
@@ -211,7 +211,7 @@ pub enum DriverError {
     /// A controller's message cannot be decoded.
     #[error(transparent)]
     Decode(#[from] lcmtypes::DecodeError),
-    /// The log cannot be written, or the network not heard.
+    /// The log cannot be written, or the network cannot be received from.
     #[error(transparent)]
     Log(#[from] replay::Error),
 }

@@ -1,16 +1,18 @@
-//! Floors that are not where they were: under one foot, the ground drops or rises while the foot is in the air.
+//! Moving floors: the ground under one foot drops or rises while the foot is in the air.
 //!
-//! A foot that the scenario names stands on a plane of its own, which its leg alone touches, and which is all that its leg touches. The plane moves at
-//! once, but only where nobody can feel it move: while the foot is above its old and its new place.
+//! A foot with floor moves stands on a plane of its own. This plane collides only with the leg of that foot, and the leg collides only
+//! with this plane. A move takes effect in one step, while the foot is above the old and the new height, so that no contact sees a
+//! moving floor.
 
-use crate::terrain::{BadKey, TerrainKind, check_range};
+use crate::checks::{BadKey, check_range, to_ns};
+use crate::terrain::TerrainKind;
 use controller::quadruped::leg::Leg;
 use serde::Deserialize;
 
-/// Height of a foot over the old and the new floor at which the floor may move, m.
+/// Smallest height of the foot above the old and the new floor when the floor moves, m.
 const CLEARANCE: f64 = 0.01;
 
-/// Leg in a scenario.
+/// Name of a leg in a scenario.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
 pub(crate) enum LegName {
     LF,
@@ -30,14 +32,14 @@ impl From<LegName> for Leg {
     }
 }
 
-/// A `[[floor]]` entry: the floor under one foot goes to another height.
+/// A `[[floor]]` entry: the floor under one foot moves to another height.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FloorMove {
-    /// From when on: at the first instant at which the foot is high enough.
+    /// Earliest time of the move, ns. The floor moves at the first instant from then on at which the foot is high enough.
     pub t_ns: i64,
-    /// Whose foot.
+    /// Leg of the foot.
     pub leg: Leg,
-    /// Height over the ground around it, m.
+    /// New height above the surrounding ground, m.
     pub height: f64,
 }
 
@@ -55,17 +57,17 @@ impl FloorEntry {
         check_range("height_m", &[self.height_m], -0.3..=0.3)?;
         if ground != TerrainKind::Flat {
             let found = format!("given on terrain of kind {ground:?}").to_lowercase();
-            return Err(BadKey { key: "height_m", found, expected: "terrain of kind flat around it".to_owned() });
+            return Err(BadKey { key: "height_m", found, expected: "terrain of kind flat".to_owned() });
         }
-        Ok(FloorMove { t_ns: crate::scenario::to_ns(self.t_s), leg: self.leg.into(), height: self.height_m })
+        Ok(FloorMove { t_ns: to_ns(self.t_s), leg: self.leg.into(), height: self.height_m })
     }
 }
 
-/// The floors of one run.
+/// State of the floors of one run.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Floors {
     moves: Vec<FloorMove>,
-    /// Moves made so far.
+    /// Whether each move was made.
     made: Vec<bool>,
     height: [f64; 4],
 }
@@ -75,17 +77,19 @@ impl Floors {
         Floors { moves: moves.to_vec(), made: vec![false; moves.len()], height: [0.0; 4] }
     }
 
-    /// Whether a foot stands on a floor of its own.
+    /// Whether a foot has a floor of its own.
     pub fn has(&self, leg: usize) -> bool {
         self.moves.iter().any(|of| of.leg as usize == leg)
     }
 
-    /// Every floor back at its first height.
+    /// Returns all floors to their initial height.
     pub fn reset(&mut self) {
         *self = Floors::new(&self.moves);
     }
 
-    /// The height to which a foot's floor goes now, m, if it goes; `foot`: height of the foot's lowest point, m.
+    /// The new height of a foot's floor, m, if it moves now.
+    ///
+    /// - `foot`: height of the lowest point of the foot, m.
     pub fn update(&mut self, t_ns: i64, leg: usize, foot: f64) -> Option<f64> {
         let due = |(i, of): &(usize, &FloorMove)| !self.made[*i] && of.leg as usize == leg && of.t_ns <= t_ns;
         let (i, of) = self.moves.iter().enumerate().find(due)?;
@@ -103,7 +107,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_floor_moves_once_and_only_while_the_foot_is_over_both_heights() {
+    fn a_floor_moves_once_and_only_while_the_foot_is_above_both_heights() {
         let mut floors = Floors::new(&[
             FloorMove { t_ns: 10, leg: Leg::RF, height: -0.05 },
             FloorMove { t_ns: 20, leg: Leg::RF, height: 0.03 },
@@ -111,10 +115,10 @@ mod tests {
         assert!(floors.has(1) && !floors.has(0));
         assert_eq!(floors.update(9, 1, 0.1), None, "too early");
         assert_eq!(floors.update(10, 0, 0.1), None, "another foot");
-        assert_eq!(floors.update(11, 1, 0.009), None, "the foot might still stand on it");
+        assert_eq!(floors.update(11, 1, 0.009), None, "the foot is too low");
         assert_eq!(floors.update(12, 1, 0.01), Some(-0.05));
-        assert_eq!(floors.update(13, 1, 0.1), None, "there already");
-        assert_eq!(floors.update(20, 1, 0.03), None, "it would hit the foot");
+        assert_eq!(floors.update(13, 1, 0.1), None, "the move was made already");
+        assert_eq!(floors.update(20, 1, 0.03), None, "the floor would hit the foot");
         assert_eq!(floors.update(21, 1, 0.05), Some(0.03));
         floors.reset();
         assert_eq!(floors.update(10, 1, 0.1), Some(-0.05));

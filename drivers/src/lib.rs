@@ -1,19 +1,21 @@
-//! What touches a robot, a simulator or a person: the simulator, the scenario that happens in it, and what goes wrong.
+//! The robot side of a controller: simulator, scenarios, fault injection, live runs and operator input.
 //!
-//! - [`Scenario`]: operator, terrain, sensors, drives, pushes and faults of a run, from TOML (`scenarios/`).
-//! - [`Terrain`]: the ground, made from a seed.
-//! - [`Simulator`]: what the other side of a controller can do; [`MujocoSim`] does it.
-//! - [`FaultInjection`]: what spoils messages on their way.
-//! - [`command_mux`]: which of several operators a robot follows.
-//! - [`teleop`]: a person's keys, pad or lines, made into commands.
-//! - [`lockstep`]: simulator, controller and log in one process.
-//! - [`live`]: the same controller as processes that meet over LCM: the real-time executor, the hardware under it.
+//! - [`Scenario`]: operator script, terrain, sensors, drives, pushes and faults of a run, from TOML (`scenarios/`).
+//! - [`Terrain`]: the ground, generated from a seed.
+//! - [`Simulator`]: interface of a simulated robot; [`MujocoSim`] implements it.
+//! - [`FaultInjection`]: errors of sensors, messages, clocks and drives.
+//! - [`lockstep`]: simulator, controller and log in one process; [`simulation`]: a complete lockstep run from files to a finished log.
+//! - [`robot_files`], [`shipped`], [`run_info`]: the files of a robot and of the project, and RUN_INFO.
+//! - [`command_mux`]: selects one of several operators.
+//! - [`teleop`]: operator commands from keyboard, gamepad or text lines.
+//! - [`live`]: real-time processes over LCM: executor, hardware interface, simulator as a driver.
 //!
-//! No control is computed here but the joint loop that a drive has, and the controller sees nothing but messages. Nothing
-//! outside [`live`] reads a clock: time comes from the caller. Start with `tests/physics.rs`: a robot is put down and held.
+//! The only control computed here is the joint loop of the drives; the controller receives messages only. Simulated time comes from the
+//! caller: outside [`live`], clocks are read only for TIMING and the wall time of a run. Read on in `tests/physics.rs`.
 #![allow(non_snake_case, reason = "names carry frames, as in p_WF = p_WB + R_WB * p_BF: see ARCHITECTURE.md")]
 #![cfg_attr(test, allow(clippy::unwrap_used, reason = "a test may panic"))]
 
+mod checks;
 pub mod command_mux;
 mod drives;
 mod error;

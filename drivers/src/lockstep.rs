@@ -1,7 +1,7 @@
-//! The lockstep run: simulator, controller and log in one process, one control step per physics step, as fast as it goes.
+//! The lockstep run: simulator, controller and log in one process, one control tick per physics step, as fast as possible.
 //!
-//! Everything that a live run sends over the bus goes into the log, stamped with the simulation time, so that two runs of one
-//! scenario and seed give equal logs but for TIMING, which holds the wall clock.
+//! The log contains every message that a live run sends over the bus, stamped with the simulation time. Two runs of one scenario and
+//! seed give equal logs except for TIMING, which contains the wall clock.
 
 use crate::parameter_requests::{self, ParameterRequestHandler, Proposal, Refusal};
 use crate::stage_clock::StageClock;
@@ -18,7 +18,7 @@ use replay::record::EventSink;
 use std::collections::VecDeque;
 use std::time::Instant;
 
-/// How a lockstep run went.
+/// Result of a lockstep run.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Outcome {
     /// Control ticks.
@@ -27,25 +27,25 @@ pub struct Outcome {
     pub sim_seconds: f64,
     /// Wall time, s.
     pub wall_seconds: f64,
-    /// When the robot fell, s, if it did.
+    /// Time of the fall, s; `None` if the robot did not fall.
     pub fell_at_s: Option<f64>,
     /// Distance walked, m; see [`WalkedDistance`].
     pub distance_m: f64,
-    /// When and why the controller went to its safe state, if it did.
+    /// Time and reason of the safe state; `None` if the controller did not enter it.
     pub safe_state: Option<String>,
 }
 
-/// Ticks that a fallen robot is still simulated.
+/// Ticks that are simulated after a fall.
 const TICKS_AFTER_FALL: i64 = 1000;
 
-/// Runs `scenario` and logs every message; `progress` is told the simulated time, s, ten times a simulated second.
+/// Runs `scenario` and logs every message.
 ///
-/// The simulator must have been reset. The log is complete but not finished: the caller finishes it. A
-/// [`replay::record::RingWriter`] keeps compression and disk off this thread.
+/// - `sim`: a simulator after reset.
+/// - `log`: receives all events; the caller finishes it. A [`replay::record::RingWriter`] compresses and writes on another thread.
+/// - `progress`: called with the simulated time, s, ten times per simulated second.
 ///
 /// # Errors
-/// A scenario that names unknown links or joints, a command that the driver refuses, a simulation that blew up, a log that cannot
-/// be written.
+/// A scenario with unknown links or joints, an invalid command, a simulation that diverges, a log that cannot be written.
 pub fn run(
     scenario: &Scenario,
     info: &RunInfo,
@@ -79,7 +79,7 @@ pub fn run(
     })
 }
 
-/// Tries the links of all pushes, so that an unknown one stops a run before it begins.
+/// Checks the links of all pushes before the run starts.
 fn check_pushes(scenario: &Scenario, sim: &mut dyn Simulator) -> Result<(), DriverError> {
     for (number, push) in (1..).zip(&scenario.pushes) {
         sim.add_push(push.link.as_deref(), [0.0; 3], [0.0; 3]).map_err(|mut error| {
@@ -93,7 +93,7 @@ fn check_pushes(scenario: &Scenario, sim: &mut dyn Simulator) -> Result<(), Driv
     Ok(())
 }
 
-/// What a run carries from tick to tick.
+/// State of a run between ticks.
 struct Run {
     operator: crate::operator_script::OperatorScript,
     faults: FaultInjection,
@@ -112,7 +112,7 @@ struct Run {
     outbox: Outbox,
     bytes: Vec<u8>,
     clock: StageClock,
-    /// Time since each leg was told to lift, s, 0 in stance; known if there are false touches.
+    /// Time since lift-off of each leg, s, 0 in stance; updated only in runs with false touches.
     t_swing: [f64; 4],
     mode: ModeWatch,
     fell_at: Option<i64>,
@@ -166,7 +166,7 @@ impl Run {
             }
         }
         sim.robot_state(t_ns, tick, &mut self.measured);
-        self.touch_falsely(sim, t_ns);
+        self.add_false_touches(sim, t_ns);
         if self.faults.on_state(t_ns, &mut self.measured) {
             self.input.state.clone_from(&self.measured);
             put(&mut self.bytes, log, channels::ROBOT_STATE, t_ns, &self.measured)?;
@@ -199,7 +199,7 @@ impl Run {
             sim.add_push(push.link.as_deref(), push.f_W, push.tau_W)?;
         }
         sim.step()?;
-        // A robot that gets up, sits or has been damped is low, and has not fallen for that; one without torque lies as it was put.
+        // Low is a fall only in stance and walk. Without torque (idle) the robot lies as it was placed.
         let fell = match self.mode.mode() {
             ControllerTick::MODE_STANCE | ControllerTick::MODE_WALK => sim.fallen(),
             ControllerTick::MODE_IDLE => false,
@@ -208,7 +208,7 @@ impl Run {
         if self.fell_at.is_none() && fell {
             self.fell_at = Some(tick);
             let p = self.truth.p_WB;
-            let text = format!("the robot fell at x {:.2} m, y {:.2} m", p[0], p[1]);
+            let text = format!("the robot fell at x = {:.2} m, y = {:.2} m", p[0], p[1]);
             self.event(log, t_ns, tick, Event::LEVEL_ERROR, "driver", text)?;
         }
         Ok(())
@@ -244,16 +244,16 @@ impl Run {
         Ok(())
     }
 
-    /// Adds to the measured torques what false touches would give.
-    fn touch_falsely(&mut self, sim: &dyn Simulator, t_ns: i64) {
+    /// Adds the torques of false touches to the measured torques.
+    fn add_false_touches(&mut self, sim: &dyn Simulator, t_ns: i64) {
         let forces = self.faults.false_touches(t_ns, &self.t_swing);
         for (foot, force) in forces.into_iter().enumerate().filter(|(_, force)| *force != 0.0) {
             let torque = sim.torque_of_touch(foot, [0.0, 0.0, force]);
-            self.measured.tau.iter_mut().zip(torque).for_each(|(read, false_part)| *read += false_part);
+            self.measured.tau.iter_mut().zip(torque).for_each(|(measured, added)| *measured += added);
         }
     }
 
-    /// Says in the log when the controller changes its mode, what it refuses of the operator, and why it gave up.
+    /// Logs mode changes, rejected operator commands and faults of the controller as EVENT.
     fn watch_mode(&mut self, log: &mut dyn EventSink, t_ns: i64, tick: i64) -> Result<(), DriverError> {
         let Some(bytes) = self.outbox.get(channels::CONTROLLER_TICK) else { return Ok(()) };
         let Some(ModeEvent { level, text, is_safe_state }) = self.mode.update(&ControllerTick::decode(bytes)?) else {
@@ -265,9 +265,9 @@ impl Run {
         self.event(log, t_ns, tick, level, "controller", text)
     }
 
-    /// Remembers when legs were told to lift, if a fault wants to know.
+    /// Stores the swing times of the legs for false touches.
     fn watch_swings(&mut self) -> Result<(), DriverError> {
-        if let (true, Some(bytes)) = (self.faults.touch_falsely(), self.outbox.get(channels::LEG_STATE)) {
+        if let (true, Some(bytes)) = (self.faults.has_false_touch(), self.outbox.get(channels::LEG_STATE)) {
             self.t_swing = LegState::decode(bytes)?.t_swing;
         }
         Ok(())

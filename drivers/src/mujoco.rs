@@ -1,18 +1,23 @@
-//! MuJoCo behind [`Simulator`].
+//! [`Simulator`] implemented with MuJoCo.
 //!
-//! MuJoCo computes forces from the state at the start of a step and positions at its end. A step here is `mj_step2` followed
-//! by `mj_step1`: after it, positions, velocities and contacts belong to the new instant, forces and accelerations to the
-//! interval that led there. The same inputs give the same bits, in other processes too.
+//! MuJoCo computes forces from the state at the start of a step and positions at its end. A step here is `mj_step2` followed by
+//! `mj_step1`: after it, positions, velocities and contacts are those of the new instant; forces and accelerations are those of
+//! the interval before it. The same inputs give the same bits, also in another process.
+
+mod command;
+mod contact;
+mod params;
+
+pub use params::SimParams;
 
 use crate::DriverError;
-use crate::drives::{DriveParams, Drives};
-use crate::floor::{FloorMove, Floors};
+use crate::drives::Drives;
+use crate::floor::Floors;
 use crate::mjcf::{self, IMU, TIME_STEP_S};
-use crate::scenario::Scenario;
-use crate::sensors::{NoiseParams, Sensors};
+use crate::sensors::Sensors;
 use crate::simulator::Simulator;
-use crate::start::StartParams;
 use crate::terrain::Terrain;
+use contact::force_on;
 use controller::math::quaternion;
 use controller::model::{JointKind, Pose, UrdfTree};
 use controller::params::RobotConfig;
@@ -22,61 +27,10 @@ use nalgebra::Vector3;
 use std::collections::BTreeMap;
 use std::sync::Once;
 
-/// What a simulation needs beside robot and ground.
-#[derive(Clone, Debug, PartialEq)]
-pub struct SimParams {
-    /// Friction coefficient of feet and ground.
-    pub friction: f64,
-    /// Seed of the noise.
-    pub seed: i64,
-    /// Noise of the sensors.
-    pub noise: NoiseParams,
-    /// Lag and gains of the drives.
-    pub drives: DriveParams,
-    /// Floors that move.
-    pub floors: Vec<FloorMove>,
-    /// How the robot is put down.
-    pub start: StartParams,
-    /// Base height over the ground below which the robot has fallen, as a part of the height at which it was put down.
-    pub min_height: f64,
-    /// Roll or pitch beyond which the robot has fallen, rad.
-    pub max_tilt: f64,
-}
-
-impl SimParams {
-    /// What a scenario says, and defaults for the rest.
-    pub fn of(scenario: &Scenario) -> Self {
-        let Scenario { friction, seed, noise, drives, floors, start, .. } = scenario;
-        SimParams {
-            friction: *friction,
-            seed: *seed,
-            noise: noise.clone(),
-            drives: drives.clone(),
-            floors: floors.clone(),
-            start: start.clone(),
-            ..SimParams::default()
-        }
-    }
-}
-
-impl Default for SimParams {
-    fn default() -> Self {
-        SimParams {
-            friction: 0.8,
-            seed: 0,
-            noise: NoiseParams::default(),
-            drives: DriveParams::default(),
-            floors: Vec::new(),
-            start: StartParams::default(),
-            min_height: 0.5,
-            max_tilt: 0.6,
-        }
-    }
-}
-
-/// How deep a robot may be in the ground when it is put down, m, and how often it is raised for it.
-const DEPTH_LEFT: f64 = 1e-4;
-const MOST_LIFTS: usize = 20;
+/// Largest penetration of the ground at the start, m.
+const MAX_PENETRATION: f64 = 1e-4;
+/// Largest number of steps in which the robot is raised out of the ground.
+const MAX_LIFTS: usize = 20;
 
 /// A robot in MuJoCo.
 pub struct MujocoSim {
@@ -86,43 +40,43 @@ pub struct MujocoSim {
     params: SimParams,
     sensors: Sensors,
     joint_names: Vec<String>,
-    joints: Vec<JointPlace>,
+    joints: Vec<JointIndex>,
     drives: Drives,
     floors: Floors,
-    /// Place of each foot's own floor among the mocap bodies, where it has one.
-    floor_places: [Option<usize>; 4],
+    /// Index of each foot's own floor among the mocap bodies; `None` for a foot on the common ground.
+    floor_bodies: [Option<usize>; 4],
     feet: Vec<usize>,
     foot_radius: f64,
-    /// Of each link, the body that carries it.
+    /// Name of each link and index of its body.
     body_of_link: Vec<(String, usize)>,
     base: usize,
-    /// Height of the base over the ground when the robot is put down on its feet, m.
+    /// Height of the base above the ground when the robot stands on its feet, m.
     standing_height: f64,
-    /// Places of orientation, gyro, accelerometer in the sensor data.
+    /// Indices of orientation, gyro and accelerometer in the sensor data.
     imu: [usize; 3],
     command: RobotCommand,
-    /// Of the last interval, on each foot, N.
+    /// Contact force on each foot in the last interval, in W, N.
     f_F_W: Vec<[f64; 3]>,
     contact: Vec<bool>,
 }
 
-/// Where MuJoCo keeps a joint, and its range.
-struct JointPlace {
+/// Indices of a joint in MuJoCo, and its range.
+struct JointIndex {
     qpos: usize,
     qvel: usize,
-    /// Foot at the end of its leg.
+    /// Foot of its leg.
     foot: Option<usize>,
     lower: f64,
     upper: f64,
 }
 
 impl MujocoSim {
-    /// Puts a robot on the ground, as [`SimParams::start`] says.
+    /// Places a robot on the ground, as specified by [`SimParams::start`].
     ///
     /// # Errors
-    /// Links or joints that the tree lacks, a model that MuJoCo refuses, or one whose mass is not that of the tree.
+    /// Unknown links or joints, a model that MuJoCo rejects, or a mass that differs from the URDF by more than 1e-6 of it.
     pub fn new(tree: &UrdfTree, robot: &RobotConfig, terrain: Terrain, params: SimParams) -> Result<Self, DriverError> {
-        keep_log_file_away();
+        disable_log_file();
         let floors = Floors::new(&params.floors);
         let own_floor = std::array::from_fn(|foot| floors.has(foot));
         let mjcf = mjcf::write(tree, robot, &terrain, params.friction, own_floor)?;
@@ -137,7 +91,7 @@ impl MujocoSim {
         }
 
         let id = |kind: MjtObjBase, name: &str| {
-            model.name_to_id(kind, name).ok_or_else(|| refused(format!("it has no {name:?}")))
+            model.name_to_id(kind, name).ok_or_else(|| refused(format!("{name:?} is missing")))
         };
         let mut joint_names = Vec::new();
         let mut joints = Vec::new();
@@ -145,7 +99,7 @@ impl MujocoSim {
             let place = id(MjtObjBase::mjOBJ_JOINT, &joint.name)?;
             let address =
                 |addresses: &[i32]| usize::try_from(addresses[place]).map_err(|error| refused(error.to_string()));
-            joints.push(JointPlace {
+            joints.push(JointIndex {
                 qpos: address(model.jnt_qposadr())?,
                 qvel: address(model.jnt_dofadr())?,
                 foot: robot.feet.iter().position(|foot| mjcf::carries(tree, joint.child, foot)),
@@ -165,8 +119,8 @@ impl MujocoSim {
             *place = usize::try_from(model.sensor_adr()[sensor]).map_err(|error| refused(error.to_string()))?;
         }
 
-        let mut floor_places = [None; 4];
-        for (foot, place) in floor_places.iter_mut().enumerate().filter(|(foot, _)| own_floor[*foot]) {
+        let mut floor_bodies = [None; 4];
+        for (foot, place) in floor_bodies.iter_mut().enumerate().filter(|(foot, _)| own_floor[*foot]) {
             let body = id(MjtObjBase::mjOBJ_BODY, &mjcf::floor_name(foot))?;
             *place = usize::try_from(model.body_mocapid()[body]).ok();
         }
@@ -178,7 +132,7 @@ impl MujocoSim {
             sensors: Sensors { resolution: robot.sensors.clone(), noise: params.noise.clone(), seed: params.seed },
             drives: Drives::new(&params.drives, &joint_names, TIME_STEP_S)?,
             floors,
-            floor_places,
+            floor_bodies,
             params,
             command: RobotCommand::default(),
             joint_names,
@@ -202,7 +156,7 @@ impl MujocoSim {
         Ok(sim)
     }
 
-    /// The model with its ground as text, for MuJoCo's own viewer or a renderer.
+    /// The model with its ground as MJCF text, for MuJoCo's viewer or a renderer.
     pub fn mjcf(&self) -> String {
         mjcf::with_elevation(&self.mjcf, &self.terrain)
     }
@@ -217,8 +171,7 @@ impl MujocoSim {
         Pose { p: Vector3::from(self.data.xpos()[self.base]), R: quaternion::to_rotation(self.data.xquat()[self.base]) }
     }
 
-    /// Sums the contacts of each foot, as forces on the robot. Valid after the forces were computed and before the next
-    /// collision pass.
+    /// Sums the contact forces on each foot. Valid between the computation of forces and the next collision pass.
     fn read_contact_forces(&mut self) {
         self.f_F_W.fill([0.0; 3]);
         self.contact.fill(false);
@@ -234,7 +187,7 @@ impl MujocoSim {
         }
     }
 
-    /// The joint loop of the drives; the motor's range limits it to the effort.
+    /// Torque of the drive's joint loop, N m; the range of the motor limits it to the effort.
     fn torque(&self, joint: usize) -> f64 {
         let RobotCommand { mode, tau, q_des, qd_des, kp, kd, .. } = &self.command;
         let place = &self.joints[joint];
@@ -246,10 +199,10 @@ impl MujocoSim {
         }
     }
 
-    /// Moves the floors that are to move and may.
+    /// Applies the floor moves that are due and whose foot is high enough.
     fn move_floors(&mut self) {
         let t_ns = (self.data.time() * 1e9).round() as i64;
-        for (foot, place) in self.floor_places.iter().enumerate() {
+        for (foot, place) in self.floor_bodies.iter().enumerate() {
             let Some(place) = *place else { continue };
             let lowest = self.data.geom_xpos()[self.feet[foot]][2] - self.foot_radius;
             if let Some(height) = self.floors.update(t_ns, foot, lowest) {
@@ -258,12 +211,12 @@ impl MujocoSim {
         }
     }
 
-    /// Raises the robot until nothing of it is in the ground: of one that lies, more than feet touch.
+    /// Raises the robot until no part of it penetrates the ground; a lying robot touches it with more than its feet.
     fn lift_out_of_the_ground(&mut self) {
-        for _ in 0..MOST_LIFTS {
+        for _ in 0..MAX_LIFTS {
             self.data.forward();
             let deepest = self.data.contact().iter().map(|contact| contact.dist).fold(0.0, f64::min);
-            if deepest > -DEPTH_LEFT {
+            if deepest > -MAX_PENETRATION {
                 break;
             }
             self.data.qpos_mut()[2] -= deepest;
@@ -331,7 +284,7 @@ impl Simulator for MujocoSim {
     }
 
     fn robot_state(&self, t_ns: i64, seq: i64, state: &mut RobotState) {
-        let of_joints = |values: &[f64], place: fn(&JointPlace) -> usize, out: &mut Vec<f64>| {
+        let of_joints = |values: &[f64], place: fn(&JointIndex) -> usize, out: &mut Vec<f64>| {
             out.clear();
             out.extend(self.joints.iter().map(|joint| values[place(joint)]));
         };
@@ -350,7 +303,7 @@ impl Simulator for MujocoSim {
     }
 
     fn ground_truth(&self, t_ns: i64, truth: &mut GroundTruth) {
-        // The free joint's velocity: of the origin in W, then angular in B.
+        // Velocity of the free joint: linear velocity of the origin in W, then angular velocity in B.
         let [vx, vy, vz, wx, wy, wz] = std::array::from_fn(|i| self.data.qvel()[i]);
         truth.t_ns = t_ns;
         truth.p_WB = self.data.xpos()[self.base];
@@ -374,30 +327,7 @@ impl Simulator for MujocoSim {
     }
 
     fn apply(&mut self, command: &RobotCommand) -> Result<(), DriverError> {
-        let tick = command.tick;
-        let fields: [(_, &[f64]); 5] = [
-            ("tau", &command.tau),
-            ("q_des", &command.q_des),
-            ("qd_des", &command.qd_des),
-            ("kp", &command.kp),
-            ("kd", &command.kd),
-        ];
-        if !matches!(command.mode, RobotCommand::MODE_IDLE | RobotCommand::MODE_TORQUE | RobotCommand::MODE_DAMPING) {
-            return Err(DriverError::CommandMode { tick, found: command.mode });
-        }
-        for (field, values) in fields {
-            if values.len() != self.joints.len() {
-                return Err(DriverError::CommandSize { tick, field, found: values.len(), expected: self.joints.len() });
-            }
-            if let Some((joint, found)) = values.iter().enumerate().find(|(_, value)| !value.is_finite()) {
-                return Err(DriverError::CommandNotFinite {
-                    tick,
-                    field,
-                    joint: self.joint_names[joint].clone(),
-                    found: *found,
-                });
-            }
-        }
+        command::check(command, &self.joint_names)?;
         self.command.clone_from(command);
         Ok(())
     }
@@ -405,7 +335,7 @@ impl Simulator for MujocoSim {
     fn step(&mut self) -> Result<(), DriverError> {
         for joint in 0..self.joints.len() {
             let airborne = self.joints[joint].foot.is_some_and(|foot| !self.contact[foot]);
-            self.data.ctrl_mut()[joint] = self.drives.give(joint, self.torque(joint), airborne);
+            self.data.ctrl_mut()[joint] = self.drives.torque(joint, self.torque(joint), airborne);
         }
         self.move_floors();
         self.data.step2();
@@ -439,7 +369,7 @@ impl Simulator for MujocoSim {
         let body = usize::try_from(self.data.model().geom_bodyid()[geom]).unwrap_or(self.base);
         let (J, _) = self.data.jac(true, false, &[x, y, z - self.foot_radius], body);
         let nv = J.len() / 3;
-        let of_joint = |joint: &JointPlace| -(0..3).map(|axis| J[axis * nv + joint.qvel] * f_W[axis]).sum::<f64>();
+        let of_joint = |joint: &JointIndex| -(0..3).map(|axis| J[axis * nv + joint.qvel] * f_W[axis]).sum::<f64>();
         self.joints.iter().map(of_joint).collect()
     }
 
@@ -462,41 +392,12 @@ impl Simulator for MujocoSim {
     }
 }
 
-/// MuJoCo writes its warnings to a file in the working directory unless told otherwise; what they warn of is checked here.
+/// Stops MuJoCo from writing its warnings to a file in the working directory. Divergence is checked in `check_finite`.
 #[expect(unsafe_code, reason = "a global of the C library")]
-fn keep_log_file_away() {
+fn disable_log_file() {
     static ONCE: Once = Once::new();
     ONCE.call_once(|| {
         // SAFETY: this runs before the first use of MuJoCo in this process: every use goes through `MujocoSim::new`, which waits here.
         unsafe { mujoco_rs::prelude::set_log_config(mujoco_rs::prelude::log_config().with_logto_file(false)) }
     });
-}
-
-/// Force in W that a geom feels in a contact, none if it takes no part.
-///
-/// MuJoCo gives in the contact's frame, whose axes are the rows of `frame` and whose first one points from geom 1 to geom 2,
-/// what geom 2 feels; which of them is the foot depends on the kinds of shapes.
-fn force_on(geom: usize, geoms: [i32; 2], frame: &[f64; 9], f: &[f64; 6]) -> Option<[f64; 3]> {
-    let place = geoms.iter().position(|&other| usize::try_from(other) == Ok(geom))?;
-    let sign = [-1.0, 1.0][place];
-    Some(std::array::from_fn(|axis| sign * (f[0] * frame[axis] + f[1] * frame[3 + axis] + f[2] * frame[6 + axis])))
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    /// A foot, geom 7, pressed on the ground, geom 0, with 10 N and dragged so that the ground pulls it along +x with 2 N.
-    #[test]
-    fn a_foot_feels_the_ground_push_up_whichever_geom_comes_first() {
-        let (up, down) = ([0.0, 0.0, 1.0], [0.0, 0.0, -1.0]);
-        let frame = |normal: [f64; 3], t1: [f64; 3], t2: [f64; 3]| [normal, t1, t2].concat().try_into().unwrap();
-        let ground_first = frame(up, [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]);
-        let f = [10.0, 2.0, 0.0, 0.0, 0.0, 0.0];
-        assert_eq!(force_on(7, [0, 7], &ground_first, &f), Some([2.0, 0.0, 10.0]));
-        let foot_first = frame(down, [0.0, 1.0, 0.0], [1.0, 0.0, 0.0]);
-        let f = [10.0, 0.0, -2.0, 0.0, 0.0, 0.0];
-        assert_eq!(force_on(7, [7, 0], &foot_first, &f), Some([2.0, 0.0, 10.0]));
-        assert_eq!(force_on(6, [7, 0], &foot_first, &f), None);
-    }
 }

@@ -1,7 +1,6 @@
 //! Operator of a scenario: keyframes over time. Commands are sent on every change and 50 times a second, as a joystick does.
 
-use crate::scenario::to_ns;
-use crate::terrain::{BadKey, check_range};
+use crate::checks::{BadKey, check_range, to_ns};
 use lcmtypes::OperatorCommand;
 use serde::Deserialize;
 

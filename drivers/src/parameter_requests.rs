@@ -1,7 +1,6 @@
 //! Requests to change controller parameters during a run: those of a scenario, and the handler for requests of any sender.
 
-use crate::scenario::to_ns;
-use crate::terrain::{BadKey, check_range};
+use crate::checks::{BadKey, check_range, to_ns};
 use controller::Controller;
 use controller::handover::{ChangeError, Parameters};
 use controller::params::ParamsError;

@@ -1,9 +1,9 @@
-//! Seeded random numbers, the same on every machine: SplitMix64 and `libm`.
+//! Seeded random numbers with the same bits on every machine: SplitMix64 and `libm`.
 
 use std::f64::consts::TAU;
 
-/// A stream of random numbers. Streams of one seed with different names are independent of each other, so a longer terrain
-/// does not shift the noise of a sensor.
+/// A stream of random numbers. Streams of one seed with different names are independent, so that a larger terrain does not change
+/// the noise of a sensor.
 #[derive(Clone, Debug)]
 pub struct Rng {
     state: u64,
@@ -31,7 +31,7 @@ impl Rng {
 
     /// Uniform in `low..high`.
     pub fn uniform(&mut self, low: f64, high: f64) -> f64 {
-        #[expect(clippy::cast_precision_loss, reason = "53 bits are what an f64 holds")]
+        #[expect(clippy::cast_precision_loss, reason = "an f64 holds 53 bits")]
         let unit = (self.next_u64() >> 11) as f64 / (1u64 << 53) as f64;
         low + (high - low) * unit
     }
@@ -47,9 +47,9 @@ impl Rng {
 mod tests {
     use super::*;
 
-    /// First outputs of Vigna's C program `splitmix64.c` from state 1234567.
+    /// First outputs of Vigna's C program `splitmix64.c` for state 1234567.
     #[test]
-    fn is_splitmix64() {
+    fn outputs_are_those_of_splitmix64() {
         let mut rng = Rng { state: 1_234_567 };
         assert_eq!([rng.next_u64(), rng.next_u64()], [6_457_827_717_110_365_317, 3_203_168_211_198_807_973]);
     }
@@ -68,7 +68,7 @@ mod tests {
         let samples: Vec<f64> = (0..n).map(|_| rng.normal()).collect();
         let mean = samples.iter().sum::<f64>() / f64::from(n);
         let variance = samples.iter().map(|x| (x - mean) * (x - mean)).sum::<f64>() / f64::from(n);
-        // four standard errors of either estimate
+        // Four standard errors of each estimate.
         assert!(mean.abs() < 4.0 / f64::from(n).sqrt(), "mean {mean}");
         assert!((variance - 1.0).abs() < 4.0 * (2.0 / f64::from(n)).sqrt(), "variance {variance}");
     }

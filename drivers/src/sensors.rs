@@ -1,12 +1,12 @@
-//! What a real sensor does to a true value: noise, then resolution.
+//! Sensor model: noise, then resolution.
 
+use crate::checks::{BadKey, check_range};
 use crate::rng::Rng;
-use crate::terrain::{BadKey, check_range};
 use controller::params::SensorParams;
 use lcmtypes::RobotState;
 use serde::Deserialize;
 
-/// The `[noise]` table of a scenario: standard deviation of each channel, 0 = none.
+/// The `[noise]` table of a scenario: standard deviation of each measurement; 0: no noise.
 #[derive(Clone, Debug, Default, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct NoiseParams {
@@ -45,7 +45,7 @@ pub(crate) struct Sensors {
 }
 
 impl Sensors {
-    /// Turns true values into measured ones, in place. A function of the seed and `state.seq`: how often it is asked changes nothing.
+    /// Replaces true values by measured ones. The noise depends only on the seed and `state.seq`, not on the number of calls.
     pub(crate) fn measure(&self, state: &mut RobotState) {
         let Sensors { resolution, noise, seed } = self;
         let mut rng = Rng::new(seed.wrapping_add(state.seq.wrapping_mul(0x5851_f42d_4c95_7f2d)), "noise");
@@ -68,13 +68,13 @@ fn channel(values: &mut [f64], rng: &mut Rng, deviation: f64, resolution: f64) {
             *value += deviation * rng.normal();
         }
         if resolution > 0.0 {
-            // Adding zero turns -0 into 0: one value, one pattern of bits.
+            // Adding zero turns -0 into 0, so that zero has one bit pattern.
             *value = (*value / resolution).round() * resolution + 0.0;
         }
     }
 }
 
-/// The orientation `q` turned by a small rotation vector in its own axes, rad.
+/// An orientation rotated by a small rotation vector in its own axes, rad.
 fn turned([w, x, y, z]: [f64; 4], turn: [f64; 3]) -> [f64; 4] {
     let [a, b, c] = turn.map(|angle| angle / 2.0);
     let q =
@@ -112,7 +112,7 @@ mod tests {
     }
 
     #[test]
-    fn values_are_whole_multiples_of_the_resolution_and_nearest() {
+    fn values_are_rounded_to_multiples_of_the_resolution() {
         let state = measured(&sensors(NoiseParams::default()), 0);
         let multiple = |value: f64, bits: i32| (value * f64::from(1 << bits)).fract() == 0.0;
         assert!(multiple(state.q[0], 18) && multiple(state.tau[0], 7) && multiple(state.a_I[2], 10));
@@ -122,7 +122,7 @@ mod tests {
     }
 
     #[test]
-    fn no_resolution_and_no_noise_change_nothing() {
+    fn without_resolution_and_noise_values_are_unchanged() {
         let zero =
             SensorParams { position: 0.0, velocity: 0.0, torque: 0.0, orientation: 0.0, gyro: 0.0, acceleration: 0.0 };
         let sensors = Sensors { resolution: zero, noise: NoiseParams::default(), seed: 7 };
@@ -130,7 +130,7 @@ mod tests {
     }
 
     #[test]
-    fn noise_is_a_function_of_seed_and_message() {
+    fn noise_depends_on_seed_and_message_only() {
         let noisy = sensors(NoiseParams { position: 0.01, orientation: 0.02, ..NoiseParams::default() });
         assert_eq!(measured(&noisy, 1), measured(&noisy, 1));
         assert_ne!(measured(&noisy, 1).q, measured(&noisy, 2).q);
@@ -140,7 +140,7 @@ mod tests {
     }
 
     #[test]
-    fn noise_has_the_deviation_asked_for() {
+    fn noise_has_the_given_standard_deviation() {
         let noisy = sensors(NoiseParams { position: 0.01, orientation: 0.02, ..NoiseParams::default() });
         let n = 4000;
         let (mut position, mut angle) = (0.0, 0.0);
@@ -150,7 +150,7 @@ mod tests {
             let cos = state.q_WI_wxyz[0] * 0.6 + state.q_WI_wxyz[2] * 0.8;
             angle += (2.0 * cos.min(1.0).acos()).powi(2);
         }
-        // standard error of a variance from n samples: sqrt(2 / n) = 2 %; an angle has three of them
+        // Standard error of a variance from n samples: sqrt(2 / n) = 2 %. The angle is the norm of three samples.
         let ratio = |sum: f64, expected: f64| (sum / f64::from(n as i32)) / (expected * expected);
         assert!((ratio(position, 0.01) - 1.0).abs() < 0.1, "position {}", ratio(position, 0.01));
         assert!((ratio(angle, 0.02) / 3.0 - 1.0).abs() < 0.1, "orientation {}", ratio(angle, 0.02) / 3.0);

@@ -1,63 +1,66 @@
-//! What a controller's other side must be able to do, whichever engine computes it.
+//! Interface of a simulated robot, independent of the physics engine.
 
 use crate::DriverError;
 use lcmtypes::{GroundTruth, RobotCommand, RobotState};
 use std::collections::BTreeMap;
 
-/// A simulated robot on its ground. Positions of a joint follow the order of the URDF, feet the order of the robot's TOML.
+/// A simulated robot on its ground. Joints are in URDF order, feet in the order of the robot's TOML file.
 ///
-/// One turn: `robot_state` (and `ground_truth`) at time t, `apply` the command, `step` to t + period. Forces, torques and
-/// accelerations are those of the last interval, since they are constant on it and unknown for the next one.
+/// One cycle: `robot_state` (and `ground_truth`) at time t, `apply` the command, `step` to t + period. Forces, torques and
+/// accelerations are those of the last interval: they are constant within it, and those of the next one are not known yet.
 pub trait Simulator: Send {
     /// Names of the actuated joints.
     fn joints(&self) -> &[String];
 
-    /// Time that a step takes, ns.
+    /// Simulated time of a step, ns.
     fn period_ns(&self) -> i64;
 
-    /// Puts the robot at rest at the origin, heading along x, feet on the ground, no command, no push; the first step lets it go.
-    /// Joints that `posture` leaves out are at 0 or the limit next to it.
+    /// Places the robot at rest at the origin, heading along x, feet on the ground, without command and pushes.
+    ///
+    /// - `posture`: joint positions, rad; joints that it does not contain are at 0, or at the limit closest to 0.
     ///
     /// # Errors
-    /// [`DriverError::Unknown`] for a joint that the robot lacks.
+    /// [`DriverError::Unknown`] for a joint that the robot does not have.
     fn reset(&mut self, posture: &BTreeMap<String, f64>) -> Result<(), DriverError>;
 
-    /// Writes what the sensors read.
+    /// Writes the sensor measurements.
     fn robot_state(&self, t_ns: i64, seq: i64, state: &mut RobotState);
 
-    /// Writes what no controller may read.
+    /// Writes the true state. No controller may read it.
     fn ground_truth(&self, t_ns: i64, truth: &mut GroundTruth);
 
-    /// Takes a command, which holds until the next one. The joint loop `tau + kp (q_des - q) + kd (qd_des - qd)`, limited to
-    /// the effort, is closed anew in every step; idle is no torque, damping is `-kd qd`.
+    /// Sets the command for the following steps, until the next call. In torque mode each step applies
+    /// `tau + kp (q_des - q) + kd (qd_des - qd)`, limited to the effort; idle applies no torque, damping applies `-kd qd`.
     ///
     /// # Errors
-    /// A command of the wrong size, with an unknown mode or a number that is none; the last one then still holds.
+    /// A command of the wrong size, with an unknown mode or a non-finite value. The previous command then stays active.
     fn apply(&mut self, command: &RobotCommand) -> Result<(), DriverError>;
 
-    /// Goes on by one period.
+    /// Simulates one period.
     ///
     /// # Errors
-    /// [`DriverError::Diverged`]: the state is no longer finite.
+    /// [`DriverError::Diverged`]: the state is not finite.
     fn step(&mut self) -> Result<(), DriverError>;
 
-    /// Adds a force (N) and a torque (N m), both in W, on the centre of mass of the body that carries a link (none = the base).
+    /// Adds a force (N) and a torque (N m), both in W, at the centre of mass of the body of a link (`None`: the base).
     /// They act in every step until [`Simulator::clear_pushes`].
     ///
     /// # Errors
-    /// [`DriverError::Unknown`] for a link that the robot lacks.
+    /// [`DriverError::Unknown`] for a link that the robot does not have.
     fn add_push(&mut self, link: Option<&str>, f_W: [f64; 3], tau_W: [f64; 3]) -> Result<(), DriverError>;
 
-    /// Joint torques that hold a force of the ground on a foot (N, in W), `-Jᵀ f`, N m: what torque sensors read of it. Feet in the order
-    /// of the robot's TOML.
+    /// Joint torques that balance a contact force on a foot, `-Jᵀ f`, N m, as torque sensors read it.
+    ///
+    /// - `foot`: index in the order of the robot's TOML file.
+    /// - `f_W`: force on the foot, in W, N.
     fn torque_of_touch(&self, foot: usize, f_W: [f64; 3]) -> Vec<f64>;
 
-    /// Takes every push away.
+    /// Removes all pushes.
     fn clear_pushes(&mut self);
 
-    /// Whether the base is lower over the ground than a standing one may be, or more tilted than allowed.
+    /// Whether the base is lower above the ground than allowed for a standing robot, or tilted more than allowed.
     fn fallen(&self) -> bool;
 
-    /// Whether the base is more tilted than allowed: a robot that sits is low, and has not fallen.
+    /// Whether the base is tilted more than allowed. Use it for a robot that sits or lies, which is low without having fallen.
     fn tipped(&self) -> bool;
 }

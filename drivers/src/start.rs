@@ -1,13 +1,13 @@
-//! How the robot is put down before a run.
+//! Initial pose of the robot.
 
 use crate::DriverError;
-use crate::terrain::{BadKey, check_range};
+use crate::checks::{BadKey, check_range};
 use controller::math::{Rx, Ry, quaternion};
 use controller::params::RobotConfig;
 use serde::Deserialize;
 use std::collections::BTreeMap;
 
-/// Posture that a robot is put down in.
+/// Initial posture.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum StartPosture {
@@ -18,7 +18,7 @@ pub enum StartPosture {
     Lying,
 }
 
-/// How the robot is put down: a `[start]` table.
+/// Initial pose of the robot: the `[start]` table of a scenario.
 #[derive(Clone, Debug, Default, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct StartParams {
@@ -28,7 +28,7 @@ pub struct StartParams {
     pub roll: f64,
     /// Pitch of the base, rad.
     pub pitch: f64,
-    /// Joints that are elsewhere than in the posture, rad.
+    /// Positions of joints that differ from the posture, rad.
     pub joints: BTreeMap<String, f64>,
 }
 
@@ -39,15 +39,15 @@ impl StartParams {
         self.joints.values().try_for_each(|q| check_range("joints", &[*q], -10.0..=10.0))
     }
 
-    /// Whether the robot stands as it always did: on its feet, with a level base.
+    /// Whether all values are defaults: standing, with a level base.
     pub(crate) fn is_plain(&self) -> bool {
         *self == StartParams::default()
     }
 
-    /// Joint positions of a robot.
+    /// Initial joint positions of a robot, rad.
     ///
     /// # Errors
-    /// [`DriverError::NoLyingPosture`] of one that has none.
+    /// [`DriverError::NoLyingPosture`] if the robot has no posture for lying.
     pub(crate) fn posture_of(&self, robot: &RobotConfig) -> Result<BTreeMap<String, f64>, DriverError> {
         let mut posture = match self.posture {
             StartPosture::Standing => robot.posture.clone(),
@@ -60,7 +60,7 @@ impl StartParams {
         Ok(posture)
     }
 
-    /// Orientation of the base.
+    /// Initial orientation of the base, yaw 0.
     pub(crate) fn quaternion_wxyz(&self) -> [f64; 4] {
         quaternion::from_rotation(&(Ry(self.pitch) * Rx(self.roll)))
     }

@@ -1,19 +1,19 @@
-//! The ground: flat, or a height field made from a seed.
+//! The ground: flat, or a height field generated from a seed.
 //!
-//! A field is a regular grid of heights, joined by triangles as MuJoCo joins them, so that [`Terrain::height_at`] and the
-//! simulator agree. Everything is flat around the origin, where the robot is put down. Randomness is seeded and functions come
-//! from `libm`, so a seed is the same ground on every machine.
+//! A field is a regular grid of heights, triangulated as in MuJoCo, so that [`Terrain::height_at`] and the simulator agree. The ground
+//! is flat around the origin, where the robot starts. Randomness is seeded and functions come from `libm`, so a seed gives the same
+//! ground on every machine.
 
 mod rough;
 
+use crate::checks::{BadKey, check_range};
 use rough::rough;
 use serde::Deserialize;
-use std::ops::RangeInclusive;
 
 /// Heights are whole multiples of this, m: 61 µm, exact in the simulator's `f32`.
 pub const HEIGHT_QUANTUM: f64 = 1.0 / 16384.0;
 
-/// How far the plane around a field lies below its lowest point, m.
+/// Distance of the plane around a field below its lowest point, m.
 const PLANE_DEPTH: f64 = 0.01;
 
 /// Shape of the ground.
@@ -22,7 +22,7 @@ const PLANE_DEPTH: f64 = 0.01;
 pub enum TerrainKind {
     /// A plane at height 0.
     Flat,
-    /// Smooth undulation with stones on it, and plates if asked for.
+    /// Smooth undulation with stones, and optionally plates.
     Rough,
     /// A ramp along x.
     Slope,
@@ -30,23 +30,23 @@ pub enum TerrainKind {
     Steps,
 }
 
-/// The `[terrain]` table of a scenario. A key that does not belong to `kind` is refused.
+/// The `[terrain]` table of a scenario. A key that does not belong to `kind` is an error.
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct TerrainParams {
     /// Shape of the ground.
     pub kind: TerrainKind,
-    /// Size of the field along x and y, m, centred on the origin; a plane lies around it. Default 12 by 12.
+    /// Size of the field along x and y, m, centred on the origin and surrounded by a plane. Default 12 by 12.
     pub extent_m: Option<[f64; 2]>,
-    /// Distance of the grid's points, m. Default 0.04.
+    /// Distance between grid points, m. Default 0.04.
     pub cell_m: Option<f64>,
-    /// Radius of the flat start, m; `rough` grows to its full height over half of it more. Default 0.8.
+    /// Radius of the flat start, m; `rough` reaches its full height at 1.5 times this radius. Default 0.8.
     pub flat_radius_m: Option<f64>,
     /// `rough`: smallest and largest height of a stone, m. Default 0.02 to 0.04.
     pub height_m: Option<[f64; 2]>,
-    /// `rough`: rise over run of a stone's side where it is steepest. Default 0.6: a foot slides off rather than wedges.
+    /// `rough`: largest slope of a stone's sides, rise over run. Default 0.6: a foot slides off and does not get stuck.
     pub stone_slope: Option<f64>,
-    /// `rough`: smallest and largest height of the plates that lie between the stones, m. Default: no plates.
+    /// `rough`: smallest and largest height of the plates between the stones, m. Default: no plates.
     pub plate_height_m: Option<[f64; 2]>,
     /// `slope`: angle of the ramp, rad. Default 0.17.
     pub angle_rad: Option<f64>,
@@ -54,13 +54,6 @@ pub struct TerrainParams {
     pub step_height_m: Option<f64>,
     /// `steps`: run of a step, m. Default 0.5.
     pub step_length_m: Option<f64>,
-}
-
-/// A key of a table that makes no sense.
-pub(crate) struct BadKey {
-    pub key: &'static str,
-    pub found: String,
-    pub expected: String,
 }
 
 impl TerrainParams {
@@ -100,7 +93,7 @@ impl TerrainParams {
         ];
         for (key, given, belongs, values, range) in keys {
             if given && !belongs {
-                let expected = format!("no such key with terrain of kind {:?}", self.kind).to_lowercase();
+                let expected = format!("no such key for terrain of kind {:?}", self.kind).to_lowercase();
                 return Err(BadKey { key, found: "given".to_owned(), expected });
             }
             check_range(key, values, range)?;
@@ -147,18 +140,6 @@ impl TerrainParams {
     }
 }
 
-/// Refuses values outside `range`, NaN included.
-pub(crate) fn check_range(key: &'static str, values: &[f64], range: RangeInclusive<f64>) -> Result<(), BadKey> {
-    match values.iter().find(|value| !range.contains(value)) {
-        None => Ok(()),
-        Some(found) => Err(BadKey {
-            key,
-            found: found.to_string(),
-            expected: format!("at least {} and at most {}", range.start(), range.end()),
-        }),
-    }
-}
-
 /// The ground of one run.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Terrain {
@@ -172,14 +153,14 @@ pub struct HeightField {
     pub columns: usize,
     /// Points along y.
     pub rows: usize,
-    /// Distance of the points, m.
+    /// Distance between points, m.
     pub cell: f64,
     /// Heights in [`HEIGHT_QUANTUM`], length `rows * columns`.
     pub counts: Vec<i32>,
 }
 
 impl Terrain {
-    /// Makes the ground of `seed`.
+    /// Generates the ground from a seed.
     pub fn new(params: &TerrainParams, seed: i64) -> Self {
         let start = params.flat_radius();
         let field = match params.kind {
@@ -196,17 +177,17 @@ impl Terrain {
         Terrain { field }
     }
 
-    /// The height field; none when the ground is a plane.
+    /// The height field; `None` if the ground is a plane.
     pub fn field(&self) -> Option<&HeightField> {
         self.field.as_ref()
     }
 
-    /// Height of the plane, m: the ground itself, or what lies around the field.
+    /// Height of the plane, m: the flat ground, or the surroundings of the field.
     pub fn plane_height(&self) -> f64 {
         self.field.as_ref().map_or(0.0, |field| f64::from(field.min_count()) * HEIGHT_QUANTUM - PLANE_DEPTH)
     }
 
-    /// Height of the ground below a point of W, m.
+    /// Height of the ground at a point of W, m.
     pub fn height_at(&self, x: f64, y: f64) -> f64 {
         self.field.as_ref().and_then(|field| field.height_at(x, y)).unwrap_or_else(|| self.plane_height())
     }
@@ -231,7 +212,7 @@ impl HeightField {
     /// Samples a surface `height(x, y)`, m.
     fn sample(params: &TerrainParams, height: impl Fn(f64, f64) -> f64) -> Self {
         let cell = params.cell();
-        // At least one cell a side: extents and cells are checked, and clamped here for callers that did not.
+        // At least one cell per side. Parameters of a scenario are checked; others are clamped here.
         let points = |extent: f64| (extent / cell).clamp(1.0, 4000.0) as usize + 1;
         let [columns, rows] = params.extent().map(points);
         let mut field = HeightField { columns, rows, cell, counts: vec![0; rows * columns] };
@@ -249,7 +230,7 @@ impl HeightField {
         [column as f64 * self.cell - half_x, row as f64 * self.cell - half_y]
     }
 
-    /// Height on the triangle below a point, none outside the field. A cell's diagonal runs along +x +y, as in MuJoCo.
+    /// Height of the triangle at a point, m; `None` outside the field. The diagonal of a cell runs along +x +y, as in MuJoCo.
     fn height_at(&self, x: f64, y: f64) -> Option<f64> {
         let [half_x, half_y] = self.half_size();
         let [u, v] = [(x + half_x) / self.cell, (y + half_y) / self.cell];
@@ -284,13 +265,13 @@ mod tests {
     }
 
     #[test]
-    fn a_seed_is_a_ground() {
+    fn a_seed_determines_the_ground() {
         assert_eq!(terrain(TerrainKind::Rough, 1), terrain(TerrainKind::Rough, 1));
         assert_ne!(terrain(TerrainKind::Rough, 1), terrain(TerrainKind::Rough, 2));
     }
 
     #[test]
-    fn rough_ground_has_stones_of_the_heights_asked_for_and_a_flat_start() {
+    fn rough_ground_has_stones_of_the_given_heights_and_a_flat_start() {
         for seed in 0..5 {
             let terrain = terrain(TerrainKind::Rough, seed);
             let field = terrain.field().unwrap();
@@ -305,7 +286,7 @@ mod tests {
     }
 
     #[test]
-    fn no_side_of_a_stone_is_so_steep_that_a_foot_wedges() {
+    fn the_sides_of_stones_are_not_steeper_than_the_limit() {
         let field = terrain(TerrainKind::Rough, 4).field.unwrap();
         let mut steepest: f64 = 0.0;
         for row in 0..field.rows - 1 {
@@ -316,7 +297,7 @@ mod tests {
                 steepest = steepest.max(libm::hypot(rise_x, rise_y));
             }
         }
-        // 0.6 for a stone, 6 waves of 1/600 m and at least 0.6 m length beside it, and two stones may meet on one cell
+        // 0.6 for a stone, plus 6 waves of 1/600 m amplitude and at least 0.6 m length; two stones can meet in one cell.
         assert!((0.4..0.6 * std::f64::consts::SQRT_2 + 0.11).contains(&steepest), "steepest {steepest}");
     }
 
@@ -332,7 +313,7 @@ mod tests {
     }
 
     #[test]
-    fn beyond_the_field_lies_a_plane_below_it() {
+    fn the_plane_around_the_field_is_lower_than_the_field() {
         let terrain = terrain(TerrainKind::Rough, 1);
         assert_eq!(terrain.height_at(6.5, 0.0), terrain.plane_height());
         assert!(terrain.plane_height() <= f64::from(terrain.field().unwrap().min_count()) * HEIGHT_QUANTUM - 0.01);
@@ -340,10 +321,10 @@ mod tests {
     }
 
     #[test]
-    fn a_key_of_another_kind_is_refused() {
+    fn a_key_of_another_kind_is_an_error() {
         let params = TerrainParams { step_height_m: Some(0.1), ..TerrainParams::of_kind(TerrainKind::Rough) };
         let bad = params.check().unwrap_err();
-        assert_eq!((bad.key, bad.expected.as_str()), ("step_height_m", "no such key with terrain of kind rough"));
+        assert_eq!((bad.key, bad.found.as_str()), ("step_height_m", "given"));
         let params = TerrainParams { cell_m: Some(f64::NAN), ..TerrainParams::of_kind(TerrainKind::Rough) };
         assert_eq!(params.check().unwrap_err().key, "cell_m");
     }

@@ -1,4 +1,4 @@
-//! What a scenario does to drives, floors and torque sensors of the simulated HyQ.
+//! Imperfect drives, moving floors and false touches of a scenario, on the simulated HyQ.
 #![allow(non_snake_case, reason = "frames are capital letters")]
 #![allow(clippy::unwrap_used, reason = "a test may panic")]
 
@@ -23,11 +23,11 @@ fn simulation(params: SimParams) -> Result<MujocoSim, DriverError> {
     MujocoSim::new(&tree, &robot, Terrain::new(&TerrainParams::of_kind(TerrainKind::Flat), 0), params)
 }
 
-/// Holds the posture, but for some joints, with springs and dampers.
-fn hold(sim: &MujocoSim, instead: &[(&str, f64)]) -> RobotCommand {
+/// A command that holds the posture with joint stiffness and damping; `other` replaces the positions of some joints, rad.
+fn hold(sim: &MujocoSim, other: &[(&str, f64)]) -> RobotCommand {
     let posture = hyq().1.posture;
     let nj = sim.joints().len();
-    let goal = |joint: &String| instead.iter().find(|(name, _)| name == joint).map_or(posture[joint], |(_, q)| *q);
+    let goal = |joint: &String| other.iter().find(|(name, _)| name == joint).map_or(posture[joint], |(_, q)| *q);
     RobotCommand {
         mode: RobotCommand::MODE_TORQUE,
         q_des: sim.joints().iter().map(goal).collect(),
@@ -61,7 +61,7 @@ fn joint(sim: &MujocoSim, name: &str) -> usize {
 }
 
 #[test]
-fn drives_give_late_and_in_part_what_is_asked() {
+fn drives_apply_lag_and_gain() {
     let drives = DriveParams { lag_s: 0.005, gain: [("lf_kfe_joint".to_owned(), 0.8)].into(), gain_in_air: false };
     let mut sim = simulation(SimParams { drives, ..SimParams::default() }).unwrap();
     let mut command = hold(&sim, &[]);
@@ -76,11 +76,11 @@ fn drives_give_late_and_in_part_what_is_asked() {
 }
 
 #[test]
-fn a_gain_in_the_air_spares_feet_on_the_ground() {
+fn a_gain_in_air_does_not_affect_stance_legs() {
     let gain = [("lf_kfe_joint".to_owned(), 0.5), ("rf_kfe_joint".to_owned(), 0.5)].into();
     let drives = DriveParams { lag_s: 0.0, gain, gain_in_air: true };
     let mut sim = simulation(SimParams { drives, ..SimParams::default() }).unwrap();
-    // LF is pulled up, RF stands.
+    // LF is lifted, RF stands.
     let mut command = hold(&sim, &[("lf_hfe_joint", 1.1), ("lf_kfe_joint", -2.2)]);
     run(&mut sim, &command, 500);
     assert_eq!(truth(&sim).contact[..2], [false, true]);
@@ -93,32 +93,32 @@ fn a_gain_in_the_air_spares_feet_on_the_ground() {
 }
 
 #[test]
-fn a_floor_moves_under_a_lifted_foot_and_under_no_other() {
+fn a_floor_moves_only_under_a_lifted_foot() {
     for (height, lands) in [(0.04, 0.03..0.05), (-0.05, -0.049..-0.005)] {
         let floors = vec![FloorMove { t_ns: 0, leg: Leg::LF, height }];
         let mut sim = simulation(SimParams { floors, ..SimParams::default() }).unwrap();
         let (down, up) = (hold(&sim, &[]), hold(&sim, &[("lf_hfe_joint", 1.1), ("lf_kfe_joint", -2.2)]));
         run(&mut sim, &down, 300);
         let standing = truth(&sim);
-        assert_eq!(standing.contact, [true; 4], "the floor waits while the foot stands on it");
+        assert_eq!(standing.contact, [true; 4], "the floor does not move while the foot stands on it");
         assert!(standing.p_WF[0][2].abs() < 0.005, "{:?}", standing.p_WF[0]);
         run(&mut sim, &up, 400);
         assert!(truth(&sim).p_WF[0][2] > 0.06);
         run(&mut sim, &down, 600);
-        // The leg is held at its length: it reaches the raised floor, and hangs over the sunken one, below the ground of the others.
+        // The leg keeps its length: it touches the raised floor, and hangs above the lowered one, below the ground of the other feet.
         let landed = truth(&sim);
         assert_eq!(landed.contact[0], height > 0.0, "floor at {height}");
         assert!(lands.contains(&landed.p_WF[0][2]), "floor at {height}: {:?}", landed.p_WF[0]);
-        // On three legs and a raised one a stiff robot rocks: another foot may hang, but what stands, stands on the ground.
+        // A stiff robot on one raised foot rocks: another foot may hang, but feet in contact are on the ground.
         for foot in (1..4).filter(|&foot| landed.contact[foot]) {
             assert!(landed.p_WF[foot][2].abs() < 0.005, "floor at {height}: {:?}", landed.p_WF);
         }
     }
 }
 
-/// Against the Jacobian of our own model.
+/// Compared with the Jacobian of the controller's model.
 #[test]
-fn a_touch_is_read_as_the_torque_that_holds_it() {
+fn a_false_touch_gives_the_torque_that_balances_it() {
     let (tree, robot) = hyq();
     let mut sim = simulation(SimParams::default()).unwrap();
     let command = hold(&sim, &[("lf_hfe_joint", 1.1)]);
@@ -141,15 +141,16 @@ fn a_touch_is_read_as_the_torque_that_holds_it() {
         let expected = -J.columns(6, model.nj()).transpose() * f_W;
         let found = sim.torque_of_touch(foot, f_W.into());
         for (found, expected) in found.iter().zip(expected.iter()) {
-            // Encoders resolve 4e-6 rad, on a lever of a metre and 60 N.
+            // Encoder resolution 4e-6 rad, lever 1 m, force 60 N.
             assert!((found - expected).abs() < 1e-3, "{link}: {found}, expected {expected}");
         }
     }
 }
 
 #[test]
-fn an_unknown_joint_is_named_beside_those_there_are() {
+fn an_unknown_joint_is_an_error_with_the_known_ones() {
     let drives = DriveParams { gain: [("elbow".to_owned(), 0.8)].into(), ..DriveParams::default() };
-    let error = simulation(SimParams { drives, ..SimParams::default() }).map(|_| ()).unwrap_err().to_string();
-    assert!(error.starts_with("drives.gain: the robot has no joint \"elbow\", it has: lf_haa_joint, "), "{error}");
+    let error = simulation(SimParams { drives, ..SimParams::default() }).map(|_| ()).unwrap_err();
+    let DriverError::Unknown { wanted_by, name, known, .. } = error else { panic!("{error}") };
+    assert_eq!((&*wanted_by, &*name, &*known[0]), ("drives.gain", "elbow", "lf_haa_joint"));
 }

@@ -97,7 +97,7 @@ fn every_request_has_a_reply_and_an_event_and_changes_have_their_tick() {
             (4, 2300, done),
         ]
     );
-    let events: Vec<_> = RUN.said.iter().filter(|event| event.source == "parameters").collect();
+    let events: Vec<_> = RUN.messages.iter().filter(|event| event.source == "parameters").collect();
     assert_eq!(events.len(), 5);
     for ((reply, event), request) in replies.iter().zip(events).zip(&requests) {
         let is_done = reply.code == done;

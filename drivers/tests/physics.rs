@@ -1,4 +1,4 @@
-//! The simulated HyQ against what can be worked out by hand.
+//! The simulated HyQ compared with values that can be worked out by hand.
 #![allow(non_snake_case, reason = "frames are capital letters")]
 #![allow(clippy::unwrap_used, reason = "a test may panic")]
 
@@ -29,7 +29,7 @@ fn simulation(kind: TerrainKind, seed: i64, params: SimParams) -> MujocoSim {
     simulation_on(&TerrainParams::of_kind(kind), seed, params)
 }
 
-/// A field that MuJoCo reads quickly as text.
+/// A small field: MuJoCo parses its text quickly.
 fn small(kind: TerrainKind) -> TerrainParams {
     TerrainParams { extent_m: Some([6.0, 6.0]), ..TerrainParams::of_kind(kind) }
 }
@@ -38,7 +38,7 @@ fn flat() -> MujocoSim {
     simulation(TerrainKind::Flat, 0, SimParams::default())
 }
 
-/// Holds the posture with springs and dampers at the joints.
+/// A command that holds the posture with joint stiffness and damping.
 fn hold(sim: &dyn Simulator, robot: &RobotConfig) -> RobotCommand {
     let nj = sim.joints().len();
     RobotCommand {
@@ -100,13 +100,13 @@ fn a_reset_robot_stands_on_the_ground_at_its_nominal_height() {
     let (_, robot) = hyq();
     let mut sim = flat();
     let truth = truth(&sim);
-    // 0.5775 m from the hips to a foot's centre, worked out in Python from the joint placements, plus the foot's radius
+    // 0.5775 m from the hips to the centre of a foot (computed in Python from the joint origins), plus the radius of the foot.
     assert!((truth.p_WB[2] - 0.599).abs() < 1e-3, "base at {}", truth.p_WB[2]);
     for p_WF in &truth.p_WF {
         assert!(p_WF[2].abs() < 1e-12, "foot at {p_WF:?}");
     }
     let fresh = state(&sim);
-    // held until the first step, in the IMU's axes, which look down
+    // Held until the first step; the z axis of the IMU points down.
     assert!(fresh.a_I[0].abs() < 1e-3 && (fresh.a_I[2] + GRAVITY).abs() < 1e-3, "specific force {:?}", fresh.a_I);
     run(&mut sim, 100);
     sim.reset(&robot.posture).unwrap();
@@ -159,7 +159,7 @@ fn momentum_changes_by_push_weight_and_contact_forces_times_time() {
         assert!((after[1] - before[1]).abs() > 1.0, "{kind:?}: the push moved nothing");
         for axis in 0..3 {
             let found = after[axis] - before[axis];
-            // forces act at the start of a step, momentum is read at its end: first order in 1 ms
+            // Forces act at the start of a step, momentum is read at its end: an error of first order in 1 ms.
             assert!(
                 (found - impulse[axis]).abs() < 0.15,
                 "{kind:?}, axis {axis}: {found} N s, forces give {}",
@@ -171,7 +171,7 @@ fn momentum_changes_by_push_weight_and_contact_forces_times_time() {
     }
 }
 
-/// Linear momentum in W from the controller's own model.
+/// Linear momentum in W, computed with the controller's model.
 fn momentum(sim: &MujocoSim) -> [f64; 3] {
     use controller::model::{Base, BaseState, Kinematics, Model, com_velocity};
     let (tree, _) = hyq();
@@ -190,19 +190,19 @@ fn momentum(sim: &MujocoSim) -> [f64; 3] {
 }
 
 #[test]
-fn imu_at_rest_reads_gravity_upwards_also_when_it_is_mounted_turned() {
+fn an_imu_at_rest_reads_gravity_in_its_own_axes() {
     let sim = standing(flat());
     let RobotState { q_WI_wxyz, a_I, w_WI_I, .. } = state(&sim);
     let R_WI = quaternion::to_rotation(q_WI_wxyz);
     let a_W = R_WI * nalgebra::Vector3::from(a_I);
     assert!((a_W - nalgebra::Vector3::new(0.0, 0.0, GRAVITY)).norm() < 0.01, "specific force in W {a_W:?}");
     assert!(w_WI_I.iter().all(|w| w.abs() < 1e-3), "turn rate {w_WI_I:?}");
-    // HyQ's IMU looks backwards and down: half a turn about y of the trunk
+    // HyQ's IMU is rotated by half a turn about y of the trunk.
     assert!(a_I[2] < -9.7, "specific force in the IMU {a_I:?}");
 }
 
 #[test]
-fn torque_read_is_the_torque_applied_and_never_above_the_effort() {
+fn the_measured_torque_is_the_applied_torque_limited_to_the_effort() {
     let mut sim = flat();
     let nj = sim.joints().len();
     let zero = hold(&sim, &hyq().1);
@@ -265,7 +265,7 @@ fn height_of_the_terrain_is_that_of_the_simulator() {
         let mut data = MjData::new(model);
         data.forward();
         for step in 0..400 {
-            // a spiral over the field, clear of the robot, between the points of the grid
+            // A spiral over the field, away from the robot, between grid points.
             let (radius, angle) = (1.2 + 0.004 * f64::from(step), 0.37 * f64::from(step));
             let [x, y] = [radius * angle.cos(), radius * angle.sin()];
             let (_, distance) = data.ray(&[x, y, 9.0], &[0.0, 0.0, -1.0], None, true, None, None);
@@ -276,12 +276,12 @@ fn height_of_the_terrain_is_that_of_the_simulator() {
 }
 
 #[test]
-fn feet_stand_on_rough_ground_where_the_terrain_says() {
+fn feet_on_rough_ground_are_at_the_height_of_the_terrain() {
     let ground = TerrainParams { flat_radius_m: Some(0.1), ..TerrainParams::of_kind(TerrainKind::Rough) };
     for seed in [3, 4] {
         let sim = standing(simulation_on(&ground, seed, SimParams::default()));
         for (p_WF, touches) in truth(&sim).p_WF.into_iter().zip(truth(&sim).contact) {
-            // the lowest point of a sphere of 22 mm is above ground of slope 0.6 by 3.6 mm, in front of a step by more
+            // The lowest point of a sphere of 22 mm is 3.6 mm above ground with slope 0.6, and higher in front of a step.
             let gap = p_WF[2] - sim.terrain().height_at(p_WF[0], p_WF[1]);
             assert!(!touches || (-0.002..0.005).contains(&gap), "foot at {p_WF:?} is {gap} m above the ground");
         }
@@ -289,7 +289,7 @@ fn feet_stand_on_rough_ground_where_the_terrain_says() {
 }
 
 #[test]
-fn twists_are_the_rates_of_poses() {
+fn twists_are_the_time_derivatives_of_poses() {
     let mut sim = flat();
     sim.add_push(None, [300.0, 200.0, 2500.0], [60.0, -120.0, 90.0]).unwrap();
     run(&mut sim, 200);
@@ -301,7 +301,7 @@ fn twists_are_the_rates_of_poses() {
     let close = |what: &str, rate: [f64; 3], twist: [f64; 3]| {
         let error = rate.iter().zip(&twist).fold(0.0f64, |most, (a, b)| most.max((a - b).abs()));
         let size = twist.iter().fold(0.0f64, |most, v| most.max(v.abs()));
-        // the integrator is of first order: a step's acceleration times 1 ms
+        // The integrator is of first order: the error is the acceleration times 1 ms.
         assert!(size > 0.3 && error < 0.03 * size, "{what}: {rate:?} by differences, {twist:?}");
     };
     let rate = |a: [f64; 3], b: [f64; 3]| std::array::from_fn(|axis| (b[axis] - a[axis]) / 2e-3);
@@ -316,27 +316,28 @@ fn twists_are_the_rates_of_poses() {
 }
 
 #[test]
-fn bad_commands_are_refused_and_named() {
+fn an_invalid_command_is_an_error_with_tick_field_and_joint() {
     let mut sim = flat();
     let good = hold(&sim, &hyq().1);
-    let text = |sim: &mut MujocoSim, command: RobotCommand| sim.apply(&command).unwrap_err().to_string();
-    let short = RobotCommand { tick: 7, kp: vec![0.0; 3], ..good.clone() };
-    assert_eq!(text(&mut sim, short), "ROBOT_COMMAND of tick 7: kp has 3 entries, expected 12");
+    let mut error = |command: RobotCommand| sim.apply(&command).unwrap_err();
+    let short = error(RobotCommand { tick: 7, kp: vec![0.0; 3], ..good.clone() });
+    assert!(matches!(short, DriverError::CommandSize { tick: 7, field: "kp", found: 3, expected: 12 }), "{short}");
     let mut tau = vec![0.0; 12];
     tau[2] = f64::NAN;
-    let nan = RobotCommand { tick: 8, tau, ..good.clone() };
-    assert_eq!(
-        text(&mut sim, nan),
-        "ROBOT_COMMAND of tick 8: tau of joint lf_kfe_joint is NaN, expected a finite number"
+    let nan = error(RobotCommand { tick: 8, tau, ..good.clone() });
+    assert!(
+        matches!(&nan, DriverError::CommandNotFinite { tick: 8, field: "tau", joint, .. } if joint == "lf_kfe_joint"),
+        "{nan}"
     );
-    let mode = RobotCommand { tick: 9, mode: 5, ..good };
-    assert!(text(&mut sim, mode).starts_with("ROBOT_COMMAND of tick 9: mode is 5"));
-    let unknown = sim.add_push(Some("tail"), [0.0; 3], [0.0; 3]).unwrap_err().to_string();
-    assert!(unknown.starts_with("push.link: the robot has no link \"tail\", it has: base_link, trunk,"), "{unknown}");
+    let mode = error(RobotCommand { tick: 9, mode: 5, ..good });
+    assert!(matches!(mode, DriverError::CommandMode { tick: 9, found: 5 }), "{mode}");
+    let unknown = sim.add_push(Some("tail"), [0.0; 3], [0.0; 3]).unwrap_err();
+    let DriverError::Unknown { wanted_by, name, known, .. } = unknown else { panic!("{unknown}") };
+    assert_eq!((&*wanted_by, &*name, &*known[0], &*known[1]), ("push.link", "tail", "base_link", "trunk"));
 }
 
 #[test]
-fn a_robot_whose_file_names_other_links_is_refused() {
+fn an_unknown_imu_link_is_an_error() {
     let (tree, robot) = hyq();
     let other = RobotConfig { imu_link: "nose_imu".to_owned(), ..robot };
     let result = MujocoSim::new(
@@ -349,7 +350,7 @@ fn a_robot_whose_file_names_other_links_is_refused() {
 }
 
 #[test]
-fn the_text_of_the_model_is_the_model() {
+fn the_mjcf_text_contains_the_heights_and_the_mass() {
     let sim = simulation_on(&small(TerrainKind::Rough), 1, SimParams::default());
     let model = MjModel::from_xml_string(&sim.mjcf()).unwrap();
     let heights = model.hfield_data();

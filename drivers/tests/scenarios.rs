@@ -1,7 +1,7 @@
-//! The scenarios that come with the project.
+//! The scenarios of the project.
 #![allow(clippy::unwrap_used, reason = "a test may panic")]
 
-use drivers::Scenario;
+use drivers::{DriverError, Scenario};
 use lcmtypes::OperatorCommand;
 use std::path::{Path, PathBuf};
 
@@ -10,7 +10,7 @@ fn folder() -> PathBuf {
 }
 
 #[test]
-fn every_scenario_reads_and_bears_the_name_of_its_file() {
+fn every_scenario_is_valid_and_has_the_name_of_its_file() {
     let mut names = Vec::new();
     for entry in std::fs::read_dir(folder()).unwrap() {
         let path = entry.unwrap().path();
@@ -42,7 +42,7 @@ fn rough_trot_stands_walks_in_all_directions_and_stands() {
 }
 
 #[test]
-fn a_missing_scenario_is_named() {
-    let error = Scenario::load(Path::new("scenarios/nowhere.toml")).unwrap_err().to_string();
-    assert!(error.starts_with("scenarios/nowhere.toml: "), "{error}");
+fn a_missing_scenario_is_an_error_with_its_path() {
+    let error = Scenario::load(Path::new("scenarios/nowhere.toml")).unwrap_err();
+    assert!(matches!(&error, DriverError::Read { path, .. } if path.ends_with("nowhere.toml")), "{error}");
 }

@@ -1,4 +1,4 @@
-//! The controller in the simulator: ramps, pushes, rough ground, settings changed while walking.
+//! The controller in the simulator: ramps, pushes, rough ground, gait settings changed while walking.
 #![allow(non_snake_case, clippy::unwrap_used, missing_docs)]
 
 use controller::Outbox;
@@ -12,7 +12,7 @@ use lcmtypes::{
 use std::path::Path;
 use test_support::replace_once;
 
-/// What a test may look at in a tick.
+/// The messages of a tick that tests use.
 struct Tick {
     t_s: f64,
     truth: GroundTruth,
@@ -22,7 +22,7 @@ struct Tick {
     status: ControllerTick,
 }
 
-/// Walks a scenario of the project and shows every tick; panics where the robot falls or gives up.
+/// Runs a scenario of the project and passes every tick to `look`. Panics if the robot falls or is damped.
 fn walk(
     robot: &str,
     scenario: &str,
@@ -69,7 +69,7 @@ fn walk(
             legs: LegState::decode(out.get(channels::LEG_STATE).unwrap()).unwrap(),
             status: ControllerTick::decode(out.get(channels::CONTROLLER_TICK).unwrap()).unwrap(),
         };
-        assert_ne!(seen.status.mode, ControllerTick::MODE_DAMPING, "{robot} gave up: {:?}", seen.status);
+        assert_ne!(seen.status.mode, ControllerTick::MODE_DAMPING, "{robot} is damped: {:?}", seen.status);
         assert!(!sim.fallen(), "{robot} fell at {} s", seen.t_s);
         look(&seen);
         sim.apply(&RobotCommand::decode(out.get(channels::ROBOT_COMMAND).unwrap()).unwrap()).unwrap();
@@ -82,7 +82,7 @@ fn walk(
 }
 
 #[test]
-fn both_robots_walk_up_across_and_down_a_ramp_and_know_its_slope() {
+fn both_robots_walk_up_across_and_down_a_ramp_and_estimate_its_slope() {
     for robot in ["hyq", "anymal_b"] {
         let (mut on_ramp, mut pitch) = (0, 0.0_f64);
         walk(
@@ -91,7 +91,7 @@ fn both_robots_walk_up_across_and_down_a_ramp_and_know_its_slope() {
             |s| s,
             &[],
             |tick| {
-                // Well on the ramp, two seconds after the last foot has stepped on it.
+                // On the ramp, two seconds after the last foot has stepped on it.
                 if (9.0..12.0).contains(&tick.t_s) {
                     let [x, _, z] = tick.contact.n_W;
                     assert!(
@@ -110,7 +110,7 @@ fn both_robots_walk_up_across_and_down_a_ramp_and_know_its_slope() {
 }
 
 #[test]
-fn the_height_over_flat_ground_is_known_to_a_few_millimetres() {
+fn the_height_above_flat_ground_is_estimated_within_5_mm() {
     let mut errors = Vec::new();
     walk("hyq", "flat_trot", |s| s, &[], |tick| errors.push(tick.base.height_est - tick.truth.p_WB[2]));
     let n = errors.len() as f64;
@@ -121,8 +121,8 @@ fn the_height_over_flat_ground_is_known_to_a_few_millimetres() {
 }
 
 #[test]
-fn a_pushed_robot_stays_where_it_is_with_the_capture_point_and_runs_away_without() {
-    // Without it the robot is still on its feet a second before the end, far away; then it falls.
+fn with_the_capture_point_a_pushed_robot_returns_to_rest_and_without_it_drifts() {
+    // Without the capture point the robot drifts and falls after 7 s; the run ends before that.
     let hard = |s: String| replace_once(&replace_once(&s, "300.0", "600.0"), "duration_s = 8.0", "duration_s = 7.0");
     let way = |on: &str| {
         let mut last = [0.0; 3];
@@ -134,7 +134,7 @@ fn a_pushed_robot_stays_where_it_is_with_the_capture_point_and_runs_away_without
 }
 
 #[test]
-fn both_robots_cross_the_beginning_of_the_rough_track() {
+fn both_robots_walk_the_first_3_m_of_the_rough_track() {
     for robot in ["hyq", "anymal_b"] {
         let (mut x, mut late) = (0.0, 0);
         walk(
@@ -152,7 +152,7 @@ fn both_robots_cross_the_beginning_of_the_rough_track() {
 }
 
 #[test]
-fn cadence_and_step_height_change_while_walking_and_nonsense_is_refused() {
+fn cadence_and_step_height_change_while_walking_and_a_value_out_of_range_is_rejected() {
     let settings = "
 [[operator]]
 t_s = 4.0
@@ -167,7 +167,7 @@ duty = 0.65
 t_s = 6.0
 swing_frequency = 50.0
 ";
-    let (mut lift_offs, mut before, mut refused) = ([0; 8], [0; 4], Vec::new());
+    let (mut lift_offs, mut before, mut rejected) = ([0; 8], [0; 4], Vec::new());
     let edit = |s: String| {
         let (head, tail) = s.split_at(s.find("[[operator]]\nt_s = 7.0").unwrap());
         let tail = &tail[tail.find("[[push]]").unwrap()..];
@@ -181,13 +181,13 @@ swing_frequency = 50.0
         before = tick.legs.state;
         if tick.status.fault == ControllerTick::FAULT_OPERATOR_RANGE {
             assert_eq!((tick.status.fault_index, tick.status.fault_value), (0, 50.0));
-            refused.push(tick.t_s);
+            rejected.push(tick.t_s);
         }
     });
-    // Four legs a stride of T_sw/(1 - duty): 7.2 a second at 4 Hz and 0.55, then 9, then 7; and 7 again, since 50 Hz is refused.
+    // Four lift-offs per stride of T_sw/(1 - duty): 7.2 per second at 4 Hz and duty 0.55, then 9, then 7; then 7 again, since 50 Hz is rejected.
     for (second, expected) in [(3, 7.2), (4, 9.0), (5, 7.0), (6, 7.0), (7, 7.0)] {
         let found = lift_offs[second] as f64;
         assert!((found - expected).abs() <= 2.0, "second {second}: {found} lift-offs, expected {expected}");
     }
-    assert_eq!(refused.first(), Some(&6.0));
+    assert_eq!(rejected.first(), Some(&6.0));
 }

@@ -49,7 +49,7 @@ impl Faulty {
 
 impl Hardware for Faulty {
     fn receive(&mut self, state: &mut RobotState) -> bool {
-        if let (Some(start), Some(end)) = (self.start_ns, self.faults.stands_still_until(self.t_ns())) {
+        if let (Some(start), Some(end)) = (self.start_ns, self.faults.paused_until(self.t_ns())) {
             sleep_until(start + end);
         }
         if !self.inner.receive(&mut self.measured) {

@@ -205,7 +205,7 @@ impl<'a> Run<'a> {
         }
         let age = now - self.arrived_ns;
         // During a late_process fault the watchdog does not run.
-        let awake = self.faults.stands_still_until(self.t_ns).is_none();
+        let awake = self.faults.paused_until(self.t_ns).is_none();
         if self.started && !self.timed_out && awake && age > WATCHDOG_NS {
             (self.timed_out, self.summary.watchdog) = (true, self.summary.watchdog + 1);
             let text = format!("no command for {} us: joints damped", age / 1000);

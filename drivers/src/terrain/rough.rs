@@ -1,22 +1,22 @@
-//! Rough ground: undulation with stones on it, which are boxes with rounded corners, flat tops and smooth sides; plates are wide stones.
+//! Rough ground: undulation with stones. A stone is a box with a flat top, rounded corners and smooth sides; a plate is a wide stone.
 
 use super::{HeightField, TerrainParams};
 use crate::rng::Rng;
 use std::f64::consts::TAU;
 
-/// How densely stones lie; they may overlap.
+/// Density of stones; stones can overlap.
 const STONES_PER_M2: f64 = 14.0;
 
-/// Half the shortest and the longest side of a stone's top, m.
+/// Smallest and largest half side of a stone's top, m.
 const STONE_HALF_SIDE: [f64; 2] = [0.01, 0.12];
 
-/// How densely plates lie: a fifth of the ground is covered.
+/// Density of plates; they cover a fifth of the ground.
 const PLATES_PER_M2: f64 = 0.25;
 
-/// Half the shortest and the longest side of a plate's top, m.
+/// Smallest and largest half side of a plate's top, m.
 const PLATE_HALF_SIDE: [f64; 2] = [0.25, 0.6];
 
-/// The height field of a seed.
+/// Generates the height field from a seed.
 pub(super) fn rough(params: &TerrainParams, seed: i64) -> HeightField {
     let mut rng = Rng::new(seed, "terrain");
     let [height_min, _] = params.stone_height();
@@ -37,12 +37,12 @@ pub(super) fn rough(params: &TerrainParams, seed: i64) -> HeightField {
     HeightField::sample(params, |x, y| {
         let undulation: f64 = waves.iter().map(|wave| wave.height(x, y)).sum();
         let stone = bins.near(x, y).map(|stone| stone.height(x, y)).fold(0.0, f64::max);
-        let grown = smooth_step((libm::hypot(x, y) - start) / (0.5 * start).max(params.cell()));
-        grown * (undulation + stone)
+        let growth = smooth_step((libm::hypot(x, y) - start) / (0.5 * start).max(params.cell()));
+        growth * (undulation + stone)
     })
 }
 
-/// 0 up to `t = 0`, 1 from `t = 1`, with slope 0 at both ends and 3/2 at most.
+/// Smooth step: 0 up to `t = 0`, 1 from `t = 1`; slope 0 at both ends, at most 3/2.
 fn smooth_step(t: f64) -> f64 {
     let t = t.clamp(0.0, 1.0);
     t * t * (3.0 - 2.0 * t)
@@ -97,7 +97,7 @@ impl Stone {
         }
     }
 
-    /// Distance from the centre beyond which the stone is not felt, m.
+    /// Distance from the centre beyond which the stone has height 0, m.
     fn reach(&self) -> f64 {
         libm::hypot(self.half_top[0], self.half_top[1]) + self.side_width
     }
@@ -111,7 +111,7 @@ impl Stone {
     }
 }
 
-/// Stones by the square that they lie in, so that a point asks its neighbourhood only.
+/// Stones in square bins, so that the height of a point needs only the stones of neighbouring bins.
 struct StoneBins<'a> {
     size: f64,
     columns: usize,

@@ -1,4 +1,4 @@
-//! Lockstep runs of scenarios that are written in the test, and what they said.
+//! Lockstep runs of scenarios that a test writes, and their messages.
 #![allow(dead_code, reason = "no test file needs all of it")]
 
 use controller::model::UrdfTree;
@@ -12,16 +12,16 @@ use std::path::Path;
 /// Both robots of the project.
 pub const ROBOTS: [&str; 2] = ["hyq", "anymal_b"];
 
-/// What a run left behind, tick by tick.
+/// The messages of a run.
 #[derive(Default)]
 pub struct Seen {
-    /// All events, in the order of the log.
+    /// All events in the order of the log: channel, time in ns, bytes.
     pub events: Vec<(String, i64, Vec<u8>)>,
     pub ticks: Vec<ControllerTick>,
     pub commands: Vec<RobotCommand>,
     pub states: Vec<RobotState>,
     pub truth: Vec<GroundTruth>,
-    pub said: Vec<Event>,
+    pub messages: Vec<Event>,
 }
 
 impl EventSink for Seen {
@@ -31,7 +31,7 @@ impl EventSink for Seen {
             channels::ROBOT_COMMAND => self.commands.push(RobotCommand::decode(data).unwrap()),
             channels::ROBOT_STATE => self.states.push(RobotState::decode(data).unwrap()),
             channels::GROUND_TRUTH => self.truth.push(GroundTruth::decode(data).unwrap()),
-            channels::EVENT => self.said.push(Event::decode(data).unwrap()),
+            channels::EVENT => self.messages.push(Event::decode(data).unwrap()),
             _ => {}
         }
         self.events.push((channel.to_owned(), t_ns, data.to_vec()));
@@ -40,7 +40,7 @@ impl EventSink for Seen {
 }
 
 impl Seen {
-    /// Modes that the controller was in, each once in a row.
+    /// The sequence of modes of the controller, without repetitions.
     pub fn modes(&self) -> Vec<i8> {
         let mut modes: Vec<i8> = self.ticks.iter().map(|tick| tick.mode).collect();
         modes.dedup();
@@ -52,14 +52,14 @@ impl Seen {
         self.ticks.iter().find(|tick| tick.mode == mode)
     }
 
-    /// Largest speed of a joint in ticks of a mode, rad/s.
+    /// Largest joint speed in the ticks of a mode, rad/s.
     pub fn fastest(&self, mode: i8) -> f64 {
         let in_mode = self.ticks.iter().zip(&self.states).filter(|(tick, _)| tick.mode == mode);
         in_mode.flat_map(|(_, state)| &state.qd).fold(0.0, |most, qd| most.max(qd.abs()))
     }
 }
 
-/// A robot's parameters and URDF.
+/// RUN_INFO with parameters and URDF of a robot.
 pub fn description(robot: &str, set: &[(&str, &str)]) -> RunInfo {
     let root = Path::new(env!("CARGO_MANIFEST_DIR")).parent().unwrap();
     let read = |path: String| std::fs::read_to_string(root.join(path)).unwrap();
@@ -89,14 +89,14 @@ pub fn run(robot: &str, scenario: &str, set: &[(&str, &str)]) -> (Seen, Outcome)
     (seen, outcome)
 }
 
-/// Efforts of the joints, URDF order.
+/// Effort limits of the joints, URDF order.
 pub fn efforts(robot: &str) -> Vec<f64> {
     let tree = UrdfTree::parse(&description(robot, &[]).urdf, robot).unwrap();
     let movable = tree.joints.iter().filter(|joint| joint.limits.effort.is_finite() && joint.limits.effort > 0.0);
     movable.map(|joint| joint.limits.effort).collect()
 }
 
-/// What the drives make of every command stays within the efforts.
+/// Asserts that the joint loop of every command, at the measured state, stays within the effort limits, and that commands are finite.
 #[track_caller]
 pub fn assert_torques_bounded(robot: &str, seen: &Seen) {
     let efforts = efforts(robot);
@@ -119,11 +119,16 @@ pub fn assert_torques_bounded(robot: &str, seen: &Seen) {
     }
 }
 
-/// A scenario on ground of a kind: its head, and what is asked of the robot.
-pub fn scenario(duration_s: f64, terrain: &str, start: &str, asked: &[(f64, &str)], rest: &str) -> String {
+/// The text of a scenario.
+///
+/// - `terrain`: keys of the `[terrain]` table.
+/// - `start`: a `[start]` table, or empty.
+/// - `operator`: operator keys by time, s.
+/// - `rest`: further tables.
+pub fn scenario(duration_s: f64, terrain: &str, start: &str, operator: &[(f64, &str)], rest: &str) -> String {
     let mut text = format!("name = \"test\"\nduration_s = {duration_s}\nseed = 1\n[terrain]\n{terrain}\n{start}\n");
-    for (t_s, what) in asked {
-        text += &format!("[[operator]]\nt_s = {t_s}\n{what}\n");
+    for (t_s, keys) in operator {
+        text += &format!("[[operator]]\nt_s = {t_s}\n{keys}\n");
     }
     text + rest
 }
