@@ -1,4 +1,4 @@
-//! The command `hoof`: one thin file a subcommand, everything else in the crates below.
+//! The command `hoof`: one file per subcommand, which parses arguments and prints; the crates compute.
 //!
 //! Exit codes: 0 good, 1 the check failed, 2 usage or input error, 3 done, with data loss.
 #![allow(non_snake_case, reason = "names carry frames, as in p_WF = p_WB + R_WB * p_BF: see ARCHITECTURE.md")]
@@ -35,38 +35,38 @@ struct Cli {
 
 #[derive(Subcommand)]
 enum Command {
-    /// The main job in one go: HyQ trots over rough terrain, the run is logged, replayed bit for bit, and reported
+    /// Simulate a trot of HyQ over rough terrain, log it, replay the log bit for bit, and write a report
     Demo(demo::Args),
-    /// Run a robot in simulation, in lockstep with its controller, and log every message
+    /// Simulate a robot in lockstep with its controller, and log every message
     Sim(sim::Args),
-    /// Run live: recorder, driver and controller as processes over LCM, one log
+    /// Run live: start recorder, driver and controller as processes over LCM, and write one log
     Run(live::RunArgs),
     /// Run the controller in real time against a driver on LCM
     Controller(live::ControllerArgs),
-    /// Simulate a robot in real time, as its driver process on LCM
+    /// Simulate a robot in real time, in place of its driver process on LCM
     Driver(live::DriverArgs),
     /// Start or stop a controller of a live run
     Ctl(live::CtlArgs),
     Set(live::SetArgs),
-    /// Feed a log's inputs to its controller again and compare every bit of every output
+    /// Feed the inputs of a log to its controller again, and compare every bit of every output
     Replay(Box<replay_log::Args>),
     Teleop(teleop::Args),
     Doctor(doctor::Args),
-    /// Step through a log tick by tick in the terminal: legs, forces, tasks, programs, events
+    /// Step through a log tick by tick in the terminal: legs, forces, tasks, quadratic programs, events
     Debug(debug::Args),
-    /// Figures, tables, metrics.json and report.html of a log
+    /// Write figures, tables, metrics.json and report.html of logs, or check metrics against limits
     Report(report::Args),
-    /// Reproduce an experiment of the source documents: measured beside published
+    /// Reproduce experiments of the source documents, and compare measured with published values
     #[command(subcommand)]
     Experiment(experiment::Command),
     Spy(Box<spy::Args>),
-    /// Look at logs
+    /// Inspect, convert, record and play logs
     #[command(subcommand)]
     Log(log::Command),
-    /// The regression corpus: golden logs that must replay bit for bit
+    /// Check and extend the regression corpus: golden logs that must replay bit for bit
     #[command(subcommand)]
     Corpus(corpus::Command),
-    /// Look at robots
+    /// Inspect robots, evaluate their models, and write a first parameter file
     #[command(subcommand)]
     Robot(robot::Command),
     /// Write shell completions and manual pages

@@ -1,28 +1,28 @@
-//! A progress bar on standard error, where a person sees it and a pipe does not.
+//! A progress bar on standard error.
 
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 
-/// Parts into which a bar is divided.
+/// Resolution of a bar.
 const STEPS: u64 = 1000;
 
-/// A bar that goes from 0 to 1; silent where standard error is no terminal.
+/// A progress bar, removed when dropped. Shows nothing if standard error is not a terminal.
 pub struct Progress(ProgressBar);
 
 impl Progress {
-    /// A bar that says what is being done.
-    pub fn new(what: impl Into<std::borrow::Cow<'static, str>>) -> Self {
+    /// A bar with a title.
+    pub fn new(title: impl Into<std::borrow::Cow<'static, str>>) -> Self {
         let bar = ProgressBar::with_draw_target(Some(STEPS), ProgressDrawTarget::stderr());
         let style = ProgressStyle::with_template("{msg:<28} {bar:40} {percent:>3} % {elapsed:>4}, {eta:>4} left")
             .expect("the template is a constant that parses");
         bar.set_style(style);
-        bar.set_message(what);
+        bar.set_message(title);
         Progress(bar)
     }
 
-    /// Shows that `part` of the work, 0 to 1, is done.
-    pub fn set(&self, part: f64) {
+    /// Sets the completed fraction of the work, 0 to 1.
+    pub fn set(&self, fraction: f64) {
         #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "limited to 0..=1000")]
-        self.0.set_position((part.clamp(0.0, 1.0) * STEPS as f64) as u64);
+        self.0.set_position((fraction.clamp(0.0, 1.0) * STEPS as f64) as u64);
     }
 }
 

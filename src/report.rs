@@ -1,4 +1,4 @@
-//! `hoof report`: figures, tables, metrics and a page, from one log or several; limits as a check.
+//! `hoof report`: figures, tables, metrics and an HTML page from one or several logs; checks of limits.
 
 use crate::progress::Progress;
 use crate::{Outcome, say, say_json};
@@ -10,36 +10,36 @@ use std::path::{Path, PathBuf};
 #[derive(clap::Args)]
 #[command(after_help = "Examples:\n  \
     hoof report run.mcap --out report && xdg-open report/report.html\n  \
-    hoof report before.mcap after.mcap --out compared          figures overlaid, numbers side by side\n  \
-    hoof report seed*.mcap --out seeds --several band          mean, deviation and extremes over runs\n  \
-    hoof report --print-plots > plots.toml                     then choose figures, widths, fields of any channel\n  \
-    hoof report run.mcap --check limits.toml                   exit code 1 when a limit is not kept\n\n\
-    A file of limits, its keys being ways into metrics.json:\n  \
+    hoof report before.mcap after.mcap --out compared          overlaid figures, metrics side by side\n  \
+    hoof report seed*.mcap --out seeds --several band          mean, standard deviation and extremes over runs\n  \
+    hoof report --print-plots > plots.toml                     a file to select figures, sizes and fields of any channel\n  \
+    hoof report run.mcap --check limits.toml                   exit code 1 if a limit is violated\n\n\
+    A file of limits; each key is a path in metrics.json:\n  \
     [limits]\n  \
-    \"tracking.pitch.std\" = 0.01                    at most\n  \
+    \"tracking.pitch.std\" = 0.01                    maximum\n  \
     \"locomotion.distance_m\" = { min = 3.0 }\n  \
     \"tracking.feet.LF.x.rms\" = { max = 0.02 }\n  \
     \"safety.fell\" = { equals = false }")]
 pub struct Args {
-    /// Logs to report; several are laid over each other
+    /// Logs to report; several logs are overlaid in the figures
     #[arg(value_name = "LOG", required_unless_present = "print_plots")]
     logs: Vec<PathBuf>,
-    /// Directory to write to; made if need be
+    /// Folder to write to; created if missing
     #[arg(long, value_name = "DIR", required_unless_present_any = ["check", "print_plots"])]
     out: Option<PathBuf>,
-    /// Figures to draw, as a file; `--print-plots` prints the built-in one
+    /// TOML file that selects figures, sizes and fields; `--print-plots` prints the default
     #[arg(long, value_name = "FILE")]
     plots: Option<PathBuf>,
-    /// Print the built-in list of figures, with every key explained
+    /// Print the default selection of figures, with an explanation of every key
     #[arg(long)]
     print_plots: bool,
-    /// How several logs share a panel, in all figures
+    /// How figures show several logs
     #[arg(long, value_enum)]
     several: Option<Choice>,
-    /// What figures and tables call a log, in the order of the logs; by default its file name
+    /// Name of a log in figures and tables, in the order of the logs; default: its file name
     #[arg(long = "name", value_name = "NAME")]
     names: Vec<String>,
-    /// Hold the metrics of each log against limits; without `--out` nothing is written
+    /// Check the metrics of each log against limits; writes nothing without `--out`
     #[arg(long, value_name = "FILE")]
     check: Option<PathBuf>,
     /// Print the metrics as JSON instead of tables
@@ -49,9 +49,9 @@ pub struct Args {
 
 #[derive(Clone, Copy, clap::ValueEnum)]
 enum Choice {
-    /// A line each
+    /// One line per log
     Lines,
-    /// Mean, standard deviation, extremes
+    /// Mean, standard deviation and extremes over the logs
     Band,
 }
 
@@ -128,7 +128,7 @@ fn written(args: &Args, out: &Path) -> anyhow::Result<Vec<(String, Metrics)>> {
     Ok(report.runs)
 }
 
-/// Metrics alone, for a check.
+/// Computes the metrics only, for a check.
 fn measured(args: &Args) -> anyhow::Result<Vec<(String, Metrics)>> {
     let name = |log: &Path| log.file_stem().map_or_else(String::new, |stem| stem.to_string_lossy().into_owned());
     let mut runs = Vec::new();
@@ -142,7 +142,7 @@ fn measured(args: &Args) -> anyhow::Result<Vec<(String, Metrics)>> {
 
 fn say_verdicts(name: &str, verdicts: &[Verdict]) -> anyhow::Result<()> {
     let kept = verdicts.iter().filter(|verdict| verdict.pass).count();
-    say(format!("{name}: {kept} of {} limits kept", verdicts.len()))?;
+    say(format!("{name}: {kept} of {} limits met", verdicts.len()))?;
     for Verdict { key, found, expected, pass } in verdicts {
         let found = if found.is_null() { "not in the log".to_owned() } else { found.to_string() };
         say(format!("  {} {key} = {found}, expected {expected}", if *pass { "pass" } else { "FAIL" }))?;
@@ -160,7 +160,7 @@ fn write_with(logs: &[PathBuf], out: &Path, options: &ReportOptions) -> anyhow::
     let (mut read, logs_total) = (0.0, logs.len() as f64);
     Ok(analysis::report_with(logs, out, options, &mut |p| {
         let part = part(&p);
-        // Reading and drawing take about as long; each log is read to its end before the next.
+        // Reading and drawing take about the same time. Logs are read one after the other.
         bar.set(match p.stage {
             Stage::Read => {
                 let now = 0.5 * (read + part) / logs_total;
