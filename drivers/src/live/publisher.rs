@@ -149,11 +149,9 @@ impl TickEvents {
     /// Takes a message of the real-time thread.
     fn take(&mut self, message: RingMessage, requests: &mut Requests, out: &mut Outgoing) {
         match message.channel {
-            channels::CONTROLLER_INPUT => {
-                if self.input.decode_into(message.data).is_ok() {
-                    self.report_running(out);
-                    self.report_end(out);
-                }
+            channels::CONTROLLER_INPUT if self.input.decode_into(message.data).is_ok() => {
+                self.report_running(out);
+                self.report_end(out);
             }
             channels::CONTROLLER_TICK => {
                 if let Ok(tick) = ControllerTick::decode(message.data) {
@@ -163,11 +161,9 @@ impl TickEvents {
                     requests.tick(&self.input, &tick, out);
                 }
             }
-            channels::TIMING => {
-                if self.timing.decode_into(message.data).is_ok() {
-                    self.lateness.add(&self.timing);
-                    self.report_lateness(false, out);
-                }
+            channels::TIMING if self.timing.decode_into(message.data).is_ok() => {
+                self.lateness.add(&self.timing);
+                self.report_lateness(false, out);
             }
             _ => {}
         }
