@@ -267,7 +267,7 @@ fn a_log_with_other_message_types() {
             let recorded = format!("{:016x}", known.fingerprint ^ 1);
             let today = format!("{:016x}", known.fingerprint);
             let other = other.display().to_string();
-            rejects(&format!("replay {other}"), &[&other, channel, &known.type_name, &recorded, &today]);
+            rejects(&format!("replay {other}"), &[&other, channel, known.type_name, &recorded, &today]);
         }
         rewrite(&good, &other, |event| {
             if *event.channel == *CONTROLLER_SNAPSHOT {

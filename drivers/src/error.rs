@@ -72,7 +72,7 @@ pub enum DriverError {
         /// The robot, by name or file.
         robot: String,
         /// The error.
-        source: controller::LoadError,
+        source: Box<controller::LoadError>,
     },
     /// A scenario does not fit the robot.
     #[error("{file}: {source}")]

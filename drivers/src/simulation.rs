@@ -152,6 +152,7 @@ impl Setup {
         let terrain = Terrain::new(&scenario.terrain, seed);
         let tree = UrdfTree::parse(urdf, urdf_source)?;
         let mut controller = controller::load(&info)
+            .map_err(Box::new)
             .map_err(|source| DriverError::Controller { robot: robot_source.clone(), source })?;
         let mut sim = MujocoSim::new(&tree, &params.robot, terrain, SimParams::of(scenario))?;
         if let Some(folder) = log_path.parent() {
