@@ -2,6 +2,7 @@
 
 use crate::progress::Progress;
 use crate::{Outcome, run_info, say, say_json, sim};
+use analysis::table::{Column, Table};
 use analysis::{Metrics, Run};
 use anyhow::{Context, ensure};
 use drivers::Scenario;
@@ -147,17 +148,14 @@ fn metrics(log: &Path) -> anyhow::Result<Metrics> {
 
 /// Tracking errors of both runs side by side.
 fn compared(before: &Metrics, after: &Metrics) -> String {
-    let mut text = format!("{:<16} {:>12} {:>12}", "rms", "recorded", "simulated");
+    let mut table = Table::new([Column::left("rms"), Column::right("recorded"), Column::right("simulated")]);
     let number = |value: Option<f64>| value.map_or("-".to_owned(), |value| format!("{value:.5}"));
     let (rows, again) = (analysis::tables::tracking_rows(before), analysis::tables::tracking_rows(after));
     for (a, b) in rows.iter().zip(&again) {
         let name = format!("{} [{}]", a.name, a.unit);
-        text += &format!(
-            "\n{name:<16} {:>12} {:>12}",
-            number(a.measured.map(|e| e.rms)),
-            number(b.measured.map(|e| e.rms))
-        );
+        table.row([name, number(a.measured.map(|e| e.rms)), number(b.measured.map(|e| e.rms))]);
     }
     let fell = |metrics: &Metrics| if metrics.safety.fell { "yes" } else { "no" };
-    text + &format!("\n{:<16} {:>12} {:>12}", "fell", fell(before), fell(after))
+    table.row(["fell", fell(before), fell(after)]);
+    table.to_string()
 }

@@ -2,6 +2,7 @@
 
 use crate::progress::Progress;
 use crate::{Outcome, say, say_json};
+use analysis::table::{Column, Table};
 use anyhow::{Context, ensure};
 use replay::engine::{Options, Replay, ReplayReport, WhatIf};
 use serde::Serialize;
@@ -129,9 +130,7 @@ fn replay_all(log: &Path, options: &Options, key: &str, settings: &[String]) -> 
 
 fn table(key: &str, rows: &[Row]) -> String {
     let bound = rows[0].what_if.bound;
-    let mut text = format!(
-        "{key}: statistics up to the first tick at which a torque differs from the recorded one by more than {bound} N m\n\n\
-         {:>12} {:>10} {:>8} {:>10} {:>10} {:>8} {:>6} {:>9} {:>9} {:>9} {:>7}  {}",
+    let numbers = [
         "value",
         "valid to (s)",
         "ticks",
@@ -143,8 +142,8 @@ fn table(key: &str, rows: &[Row]) -> String {
         "trunk",
         "posture",
         "no sol.",
-        "first difference"
-    );
+    ];
+    let mut table = Table::new(numbers.into_iter().map(Column::right).chain([Column::left("first difference")]));
     for Row { value, identical, first_tick, first_stage, what_if } in rows {
         let leaves = what_if.departure.map_or("-".to_owned(), |d| format!("{:.3}", d.t_s));
         let first = match (first_tick, first_stage) {
@@ -153,17 +152,24 @@ fn table(key: &str, rows: &[Row]) -> String {
             _ => "nothing to compare".to_owned(),
         };
         let [contact, trunk, posture] = what_if.residuals;
-        text += &format!(
-            "\n{value:>12} {leaves:>10} {:>8} {:>10.3} {:>10.3} {:>8.3} {:>6.1} {contact:>9.2e} {trunk:>9.2e} {posture:>9.2e} {:>7}  {first}",
-            what_if.ticks,
-            what_if.tau_difference_max,
-            what_if.tau_difference_rms,
-            what_if.tau_rms,
-            what_if.qp_iterations,
-            what_if.qp_failed_ticks
-        );
+        table.row([
+            value.clone(),
+            leaves,
+            what_if.ticks.to_string(),
+            format!("{:.3}", what_if.tau_difference_max),
+            format!("{:.3}", what_if.tau_difference_rms),
+            format!("{:.3}", what_if.tau_rms),
+            format!("{:.1}", what_if.qp_iterations),
+            format!("{contact:.2e}"),
+            format!("{trunk:.2e}"),
+            format!("{posture:.2e}"),
+            what_if.qp_failed_ticks.to_string(),
+            first,
+        ]);
     }
-    text
+    format!(
+        "{key}: statistics up to the first tick at which a torque differs from the recorded one by more than {bound} N m\n\n{table}"
+    )
 }
 
 /// Plots named what-if replays to a file.
