@@ -2,7 +2,7 @@
 //!
 //! Times are in seconds since the first tick, as for `hoof replay --from` and `hoof debug --at`.
 
-use lcmtypes::{ControllerTick, Event, OperatorCommand, WbcSolution};
+use lcmtypes::{Event, WbcSolution, enum_names};
 use serde::Serialize;
 
 use crate::metrics::{Safety, skipped, tick_us};
@@ -128,38 +128,18 @@ fn changes(run: &Run) -> Vec<TimelineEntry> {
             |what, text: String| all.push(TimelineEntry { t_s: tick.t_s, tick: tick.number(), what, text });
         if let Some(now) = tick.status.map(|s| s.mode) {
             if mode.is_some_and(|before| before != now) {
-                changed(EntryKind::Mode, format!("mode {}", mode_text(now)));
+                changed(EntryKind::Mode, format!("mode {}", enum_names::mode(now)));
             }
             mode = Some(now);
         }
         if let Some(now) = tick.legs.map(|l| l.gait) {
             if gait.is_some_and(|before| before != now) {
-                changed(EntryKind::Gait, format!("gait {}", gait_text(now)));
+                changed(EntryKind::Gait, format!("gait {}", enum_names::gait(now)));
             }
             gait = Some(now);
         }
     }
     all
-}
-
-fn mode_text(mode: i8) -> &'static str {
-    match mode {
-        ControllerTick::MODE_IDLE => "IDLE",
-        ControllerTick::MODE_STANCE => "STANCE",
-        ControllerTick::MODE_WALK => "WALK",
-        ControllerTick::MODE_DAMPING => "DAMPING",
-        ControllerTick::MODE_STAND_UP => "STAND_UP",
-        ControllerTick::MODE_SIT => "SIT",
-        _ => "unknown to this version",
-    }
-}
-
-fn gait_text(gait: i8) -> &'static str {
-    match gait {
-        OperatorCommand::GAIT_TROT => "trot",
-        OperatorCommand::GAIT_CRAWL => "crawl",
-        _ => "unknown to this version",
-    }
 }
 
 /// Conditions that last: missed deadlines, unsolved quadratic programs, pushes.
@@ -225,17 +205,17 @@ fn losses(run: &Run) -> Vec<TimelineEntry> {
             }
             *burst = Some((at, tick.t_s, total));
         };
-    let (mut lost_burst, mut stale_burst, mut out_burst) = (None, None, None);
+    let (mut lost_burst, mut stale_burst, mut skipped_burst) = (None, None, None);
     for pair in run.ticks.windows(2) {
         let [before, after] = pair else { continue };
         if after.t_s - before.t_s > longest {
             let missing = ((after.t_s - before.t_s) / run.period_s()).round() as i64 - 1;
             if after.follows(before) {
                 let timings = before.timing.as_ref().zip(after.timing.as_ref());
-                let out = timings.map_or(missing, |(t0, t1)| skipped(t0, t1, run.period_s() * 1e6) as i64);
+                let n_skipped = timings.map_or(missing, |(t0, t1)| skipped(t0, t1, run.period_s() * 1e6) as i64);
                 let describe = |n: i64| format!("{n} ticks skipped: the previous tick or the wake-up was late");
-                if out > 0 {
-                    add(before, EntryKind::Deadline, out, &describe, &mut out_burst);
+                if n_skipped > 0 {
+                    add(before, EntryKind::Deadline, n_skipped, &describe, &mut skipped_burst);
                 }
                 continue;
             }
