@@ -68,6 +68,20 @@ fn figures_with_missing_channels_are_listed_and_the_others_are_drawn() {
 }
 
 #[test]
+fn a_rejected_urdf_is_a_note_and_omits_only_the_animation() {
+    let dir = scratch("urdf");
+    let log = dir.join("run.lcmlog");
+    let urdf = "<robot name=\"r\"><link name=\"base\"/><joint name=\"j\" type=\"planar\"><parent link=\"base\"/><child link=\"l\"/></joint></robot>";
+    write(&log, &Plan { ticks: 1500, urdf, ..Plan::default() });
+    let report = report_with(&[log], &dir, &quick(), &mut |_| ()).unwrap();
+    assert_eq!((report.not_drawn.len(), report.metrics.notes.len()), (0, 1), "{:?}", report.metrics.notes);
+    assert!(report.metrics.notes[0].contains("URDF in RUN_INFO"), "{:?}", report.metrics.notes);
+    let energy = report.metrics.energy.unwrap();
+    assert_eq!((energy.joints[0].joint.as_str(), energy.max_torque_use), ("joint 0", None));
+    assert!(!dir.join("walk.svg").exists() && dir.join("joint_torque.svg").exists());
+}
+
+#[test]
 fn a_cut_log_is_reported_up_to_the_cut() {
     let dir = scratch("cut");
     let log = dir.join("run.lcmlog");

@@ -65,6 +65,8 @@ pub struct Plan {
     pub stale: i64,
     /// A live run: deadlines of 1 ms, wake-ups alternately 10 µs early and late.
     pub live: bool,
+    /// URDF in RUN_INFO; empty: a robot with `joints` joints.
+    pub urdf: &'static str,
 }
 
 impl Default for Plan {
@@ -80,6 +82,7 @@ impl Default for Plan {
             joints: 12,
             stale: -1,
             live: false,
+            urdf: "",
         }
     }
 }
@@ -109,7 +112,7 @@ pub fn write(path: &Path, plan: &Plan) {
         revision: "0123abc".into(),
         toolchain: "rustc".into(),
         realtime: "lockstep".into(),
-        urdf: urdf(plan.joints),
+        urdf: if plan.urdf.is_empty() { urdf(plan.joints) } else { plan.urdf.into() },
         params: "[wbc]\nfriction = 0.7\n".into(),
         ..RunInfo::default()
     };
