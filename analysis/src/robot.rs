@@ -64,10 +64,10 @@ mod tests {
     use super::*;
 
     const LEG: &str = r#"<?xml version="1.0"?><robot name="r">
-        <link name="base"><inertial><mass value="2.5"/></inertial></link>
+        <link name="base"><inertial><mass value="2.5"/><inertia ixx="1" ixy="0" ixz="0" iyy="1" iyz="0" izz="1"/></inertial></link>
         <joint name='hip' type='revolute'><origin xyz="0 0.2 0" rpy="0 0 0"/><parent link="base"/><child link="thigh"/><axis xyz="0 1 0"/>
         <limit lower="-2" upper="2" effort="30" velocity="9"/></joint>
-        <link name="thigh"><inertial><mass value='1.5'/></inertial></link><link name="toe"/>
+        <link name="thigh"><inertial><mass value='1.5'/><inertia ixx="1" ixy="0" ixz="0" iyy="1" iyz="0" izz="1"/></inertial></link><link name="toe"/>
         <joint name="foot" type="fixed"><origin xyz="0 0 -0.4"/><parent link="thigh"/><child link="toe"/></joint></robot>"#;
 
     #[test]

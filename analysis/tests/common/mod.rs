@@ -162,10 +162,14 @@ struct Moment {
     live: bool,
 }
 
+/// Inertia of the base, kg m².
+const INERTIA: &str = "<inertia ixx=\"1\" ixy=\"0\" ixz=\"0\" iyy=\"1\" iyz=\"0\" izz=\"1\"/>";
+
 /// A URDF with one thigh of 0.5 m per joint below the base, in the order of the legs.
 fn urdf(joints: usize) -> String {
-    let mut text =
-        format!("<robot name=\"sticks\"><link name=\"base\"><inertial><mass value=\"{MASS}\"/></inertial></link>");
+    let mut text = format!(
+        "<robot name=\"sticks\"><link name=\"base\"><inertial><mass value=\"{MASS}\"/>{INERTIA}</inertial></link>"
+    );
     for k in 0..joints {
         let [x, y] = HIPS[k % 4];
         text += &format!(
