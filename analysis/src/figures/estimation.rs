@@ -56,7 +56,7 @@ fn confusion(counts: [[u64; 2]; 2], heading: String, downs: &crate::metrics::Tou
     let range = Range { min: 0.0, max: 2.0 };
     Plot {
         heading: Some(heading),
-        x_label: format!("{} touchdowns: {} false, {} missed", downs.count, downs.false_count, downs.missed_count),
+        x_label: format!("{} false, {} missed of {}", downs.false_count, downs.missed_count, downs.count),
         x: range,
         y: range,
         categories: Some(["no flag".to_owned(), "flag".to_owned()]),
