@@ -3,7 +3,7 @@
 use crate::export::read_states;
 use crate::sample::time_each;
 use anyhow::{Context, Result};
-use controller::math::{Rx, Ry, Rz, quaternion};
+use controller::math::{Rng, Rx, Ry, Rz, quaternion};
 use controller::model::eval::RobotInfo;
 use controller::model::{
     Base, BaseState, FrameId, Kinematics, Model, UrdfTree, bias_force, centroidal_momentum, centroidal_momentum_matrix,
@@ -161,31 +161,19 @@ impl Body {
 
 /// Seeded random states: any heading, tilt, angular velocity; joints within their limits and within ±π.
 pub fn states(body: &Body, n: usize) -> Vec<State> {
-    let mut rng = SplitMix64(8);
+    let mut rng = Rng::from_state(8);
+    let mut symmetric = || rng.uniform(-1.0, 1.0);
     let mut state = || {
-        let R_WB = Rz(3.0 * rng.symmetric()) * Ry(0.3 * rng.symmetric()) * Rx(0.3 * rng.symmetric());
-        let p = DVector::from_fn(3, |_, _| rng.symmetric());
-        let w = DVector::from_fn(3, |_, _| 2.0 * rng.symmetric());
+        let R_WB = Rz(3.0 * symmetric()) * Ry(0.3 * symmetric()) * Rx(0.3 * symmetric());
+        let p = DVector::from_fn(3, |_, _| symmetric());
+        let w = DVector::from_fn(3, |_, _| 2.0 * symmetric());
         let joints = &body.model.joints;
-        let q: Vec<f64> = joints.iter().map(|j| (3.0 * rng.symmetric()).clamp(j.lower, j.upper)).collect();
-        let qd: Vec<f64> = joints.iter().map(|_| 5.0 * rng.symmetric()).collect();
+        let q: Vec<f64> = joints.iter().map(|j| (3.0 * symmetric()).clamp(j.lower, j.upper)).collect();
+        let qd: Vec<f64> = joints.iter().map(|_| 5.0 * symmetric()).collect();
         let wxyz = quaternion::from_rotation(&R_WB);
         State::new(&p, &DVector::from_row_slice(&wxyz), &w, &q, &qd)
     };
     (0..n).map(|_| state()).collect()
-}
-
-struct SplitMix64(u64);
-
-impl SplitMix64 {
-    /// Uniform in [-1, 1).
-    fn symmetric(&mut self) -> f64 {
-        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
-        let mut z = self.0;
-        z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-        z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-        ((z ^ (z >> 31)) >> 11) as f64 / (1u64 << 52) as f64 - 1.0
-    }
 }
 
 /// Name of a quantity in tables, and the function that computes it.

@@ -2,9 +2,11 @@
 //! bits.
 
 pub mod quaternion;
+mod random;
 mod rotation;
 mod walked_distance;
 
+pub use random::Rng;
 pub use rotation::{Rx, Ry, Rz, log, rotation_of_rpy, rpy_of, wrap_angle};
 pub use walked_distance::WalkedDistance;
 

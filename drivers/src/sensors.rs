@@ -1,7 +1,7 @@
 //! Sensor model: noise, then resolution.
 
 use crate::checks::{BadKey, check_range};
-use crate::rng::Rng;
+use controller::math::Rng;
 use controller::params::SensorParams;
 use lcmtypes::RobotState;
 use serde::Deserialize;

@@ -4,13 +4,12 @@
 //! coordinates count as actuated, base included; there are no contacts and no gravity; the compared torque is the inertial part `M vd`.
 //! Expected values are computed by dense linear algebra, without the stack.
 
-use controller::math::{Rx, Ry, Rz};
+use controller::math::{Rng, Rx, Ry, Rz};
 use controller::model::{BaseState, Kinematics, mass_matrix, point_bias_acceleration, point_jacobian_linear};
 use controller::qp::Qp;
 use controller::quadruped::leg::Leg;
 use controller::quadruped::robot::Robot;
 use controller::stack::{Cascade, Rows, Solver, Term};
-use drivers::Rng;
 use nalgebra::{DMatrix, DVector, Vector3};
 
 /// Regularization of the programs: small enough that relative errors of 1e-8 are visible.

@@ -4,8 +4,8 @@ use crate::bench::{Bench, RunSpec, count};
 use crate::experiment::Experiment;
 use crate::row::Row;
 use crate::states::{OpenLoop, States};
+use controller::math::Rng;
 use controller::quadruped::estimation::AssumedBase;
-use drivers::Rng;
 use nalgebra::Vector3;
 
 pub(super) const EXPERIMENT: Experiment = Experiment {

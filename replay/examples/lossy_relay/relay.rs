@@ -3,6 +3,7 @@
 //! Each sender is relayed from a separate socket, so that a receiver behind the relay sees one sequence per sender, as before it.
 #![allow(clippy::unwrap_used, missing_docs)]
 
+use controller::math::Rng;
 use replay::udpm::{Packet, Url};
 use serde::Serialize;
 use std::collections::BTreeMap;
@@ -60,7 +61,7 @@ pub struct SenderAccount {
 pub struct Relay {
     to: Url,
     shares: Shares,
-    random: u64,
+    random: Rng,
     channels: BTreeMap<String, Counts>,
     senders: BTreeMap<SocketAddrV4, Sender>,
 }
@@ -92,7 +93,7 @@ struct Held {
 
 impl Relay {
     pub fn new(to: Url, shares: Shares, seed: u64) -> Self {
-        Relay { to, shares, random: seed, channels: BTreeMap::new(), senders: BTreeMap::new() }
+        Relay { to, shares, random: Rng::from_state(seed), channels: BTreeMap::new(), senders: BTreeMap::new() }
     }
 
     /// Processes a datagram: sends it once, twice, later or never.
@@ -170,13 +171,9 @@ impl Relay {
         Account { total, channels: self.channels.clone(), senders }
     }
 
-    /// A random number from 0 to 1; splitmix64.
+    /// Uniform in 0..1.
     fn random(&mut self) -> f64 {
-        self.random = self.random.wrapping_add(0x9e37_79b9_7f4a_7c15);
-        let mut x = self.random;
-        x = (x ^ (x >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-        x = (x ^ (x >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-        ((x ^ (x >> 31)) >> 11) as f64 / (1u64 << 53) as f64
+        self.random.uniform(0.0, 1.0)
     }
 }
 

@@ -1,4 +1,5 @@
-//! Seeded random numbers with the same bits on every machine: SplitMix64 and `libm`.
+//! Seeded random numbers with the same bits on every machine: SplitMix64 and `libm`. For terrain, sensor noise, experiments and
+//! benches; no controller uses it.
 
 use std::f64::consts::TAU;
 
@@ -18,6 +19,11 @@ impl Rng {
             rng.state = rng.next_u64();
         }
         rng
+    }
+
+    /// A stream with this state.
+    pub fn from_state(state: u64) -> Self {
+        Rng { state }
     }
 
     /// 64 random bits. Source: G. Steele, D. Lea, C. Flood, *Fast splittable pseudorandom number generators* (2014), Fig. 17.
