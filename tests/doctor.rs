@@ -55,13 +55,13 @@ fn the_listener_counts_received_messages() {
         assert!(stderr.read_line(&mut text).unwrap() > 0, "the listener ended: {text}");
     }
     ran(between("send").args(["--seconds", "1", "--rate", "300"]).output().unwrap()).exits(0);
-    let heard = ran(listener.wait_with_output().unwrap());
-    let json = heard.json();
+    let listened = ran(listener.wait_with_output().unwrap());
+    let json = listened.json();
     let number = |key: &str| json[key].as_u64().unwrap();
     assert_eq!((number("sent"), number("sent_long"), number("came_again")), (297, 3, 0));
     assert!(json["sender"].is_string());
     // On a busy machine messages may be lost; then the exit code is 1.
-    assert_eq!(heard.code, i32::from(number("lost") + number("lost_long") > 0), "{json}");
+    assert_eq!(listened.code, i32::from(number("lost") + number("lost_long") > 0), "{json}");
 }
 
 #[test]

@@ -93,22 +93,22 @@ fn the_spy_counts_the_messages_that_the_relay_dropped() {
     for SenderAccount { port, counts, lost_at_ends, .. } in &account.senders {
         let Counts { messages, lost, duplicated, .. } = *counts;
         let all = json["senders"].as_array().unwrap();
-        let heard = all.iter().find(|s| s["sender"].as_str().unwrap().ends_with(&format!(":{port}"))).unwrap();
-        assert_eq!(heard["received"], messages - lost, "{heard}");
-        assert_eq!(heard["lost"], lost - lost_at_ends, "{heard}");
-        assert_eq!(heard["duplicates"], duplicated, "{heard}");
+        let sender = all.iter().find(|s| s["sender"].as_str().unwrap().ends_with(&format!(":{port}"))).unwrap();
+        assert_eq!(sender["received"], messages - lost, "{sender}");
+        assert_eq!(sender["lost"], lost - lost_at_ends, "{sender}");
+        assert_eq!(sender["duplicates"], duplicated, "{sender}");
     }
     // Per channel: received messages, and lost ones of ROBOT_STATE, which has a counter.
     for (name, Counts { messages, lost, .. }) in &account.channels {
-        let heard = channel(&json, name);
-        assert_eq!(heard["count"], messages - lost, "{heard}");
+        let row = channel(&json, name);
+        assert_eq!(row["count"], messages - lost, "{row}");
         let at_ends: u64 = account.senders.iter().map(|sender| sender.lost_at_ends).sum();
         assert_eq!(at_ends, 0, "use a seed with which the last messages are received");
         match &**name {
-            channels::ROBOT_STATE => assert_eq!(heard["lost"], *lost, "{heard}"),
+            channels::ROBOT_STATE => assert_eq!(row["lost"], *lost, "{row}"),
             _ => {
-                assert_eq!(heard["lost"], Value::Null, "{heard}");
-                assert!(heard["lost_at_most"].as_u64().unwrap() >= *lost, "{heard}");
+                assert_eq!(row["lost"], Value::Null, "{row}");
+                assert!(row["lost_at_most"].as_u64().unwrap() >= *lost, "{row}");
             }
         }
     }
@@ -237,10 +237,10 @@ fn a_spy_sends_nothing() {
     socket.send_to(&split(10, "A", b"end")[0], (url.group, url.port)).unwrap();
     let json = end(spy).exits(0).json();
     assert_eq!((&json["lost"], &json["events"]), (&json!(10), &json!(1)));
-    let mut heard = 0;
+    let mut seen = 0;
     while let Some(datagram) = listener.receive_now().unwrap() {
         assert_eq!(datagram.sender.port(), port);
-        heard += 1;
+        seen += 1;
     }
-    assert_eq!(heard, 11);
+    assert_eq!(seen, 11);
 }

@@ -44,7 +44,7 @@ fn a_golden_log_keeps_what_a_replay_needs() {
         all.chain([("WBC_SOLUTION", 25)]).map(|(name, count)| (name.to_owned(), count)).collect::<Vec<_>>()
     };
     assert_eq!(counts("trot.mcap"), kept(25));
-    // What is asked for is kept of every tick; so it is when the log is recorded anew.
+    // Requested channels are stored for every tick, also when the log is recorded again.
     assert_eq!(counts("crawl.mcap"), kept(500));
     for name in ["trot", "crawl"] {
         let bytes = || std::fs::read(dir.join(format!("{name}.mcap"))).unwrap();
@@ -122,7 +122,7 @@ fn a_change_that_is_meant_is_accepted() {
 
 /// A type of an output has changed since: nothing can be compared, but the inputs still stand for themselves.
 #[test]
-fn a_log_of_another_version_can_be_recorded_anew() {
+fn a_log_of_another_version_can_be_recorded_again() {
     let dir = folder("version");
     let mut events = toy::events(500);
     events.iter_mut().filter(|(c, ..)| c == channels::CONTROLLER_TICK).for_each(|(.., data)| data[7] ^= 1);

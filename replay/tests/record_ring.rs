@@ -28,7 +28,7 @@ fn a_log_through_a_ring_is_the_same_file() {
     for name in ["direct.mcap", "direct.lcmlog"] {
         let (direct, ring) = (path(name), path(&name.replace("direct", "ring")));
         write(&direct, &messages, usize::MAX);
-        // A ring of a few events: whoever writes waits thousands of times.
+        // A ring of a few events: the writer waits thousands of times.
         for capacity in [300, 1 << 20] {
             let mut log = RingWriter::create(&ring, &options(capacity, WhenFull::Wait)).unwrap();
             for (channel, t_ns, data) in &messages {

@@ -19,7 +19,7 @@ use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::time::{Duration, Instant};
 
 /// Long enough on a stalled machine; a test that passes never waits for it.
-const PATIENCE: Duration = Duration::from_secs(20);
+const TIME_OUT: Duration = Duration::from_secs(20);
 
 /// Network of a test.
 fn url(test: u32) -> Url {
@@ -41,13 +41,15 @@ fn options(url: &Url, out: &Path) -> RecordOptions {
 /// Records while `send` sends, until this number of messages was received.
 fn record(options: RecordOptions, messages: u64, send: impl FnOnce()) -> RecordSummary {
     let recorder = Recorder::start(options).unwrap();
-    let (sent, heard) = (AtomicBool::new(false), AtomicU64::new(0));
+    let (sent, received) = (AtomicBool::new(false), AtomicU64::new(0));
     std::thread::scope(|scope| {
         let recorded = scope.spawn(|| {
             let began = Instant::now();
-            let all = || sent.load(Ordering::SeqCst) && heard.load(Ordering::SeqCst) >= messages;
-            let stop = || all() || began.elapsed() > PATIENCE;
-            recorder.run(&stop, &mut |progress| heard.store(progress.status.counts.received, Ordering::SeqCst)).unwrap()
+            let all = || sent.load(Ordering::SeqCst) && received.load(Ordering::SeqCst) >= messages;
+            let stop = || all() || began.elapsed() > TIME_OUT;
+            recorder
+                .run(&stop, &mut |progress| received.store(progress.status.counts.received, Ordering::SeqCst))
+                .unwrap()
         });
         send();
         sent.store(true, Ordering::SeqCst);
@@ -112,7 +114,7 @@ fn stock_datagrams(url: &Url, messages: &[(&str, Vec<u8>)]) -> Vec<Vec<u8>> {
         let count = split(0, channel, data).len();
         for _ in 0..count {
             while let (None, true) =
-                (listener.receive().unwrap().map(|d| datagrams.push(d.bytes.to_vec())), began.elapsed() < PATIENCE)
+                (listener.receive().unwrap().map(|d| datagrams.push(d.bytes.to_vec())), began.elapsed() < TIME_OUT)
             {
             }
         }
@@ -134,8 +136,8 @@ fn the_counts_match_exactly_what_the_relay_did() {
 
         let path = path(name);
         let relay = Relay::new(&far);
-        let heard = 60 - 6;
-        let recorded = record(options(&far, &path), heard, || {
+        let received = 60 - 6;
+        let recorded = record(options(&far, &path), received, || {
             let dropped = [5, 10, 11, 12, 40, 50].map(at);
             for (i, datagram) in datagrams.iter().enumerate() {
                 if dropped.contains(&i) || i == at(30) || i == 21 {
@@ -163,7 +165,7 @@ fn the_counts_match_exactly_what_the_relay_did() {
             (54, 6, 2, 2, 0)
         );
         assert_eq!(account.lost_runs, [run(5, 1), run(10, 3), run(40, 1), run(50, 1)]);
-        assert_eq!((recorded.intake.senders.len(), recorded.intake.counts.received), (1, heard));
+        assert_eq!((recorded.intake.senders.len(), recorded.intake.counts.received), (1, received));
 
         let (logged, texts) = content(&path);
         let numbers: Vec<u32> = logged.iter().map(|(_, number)| *number).collect();

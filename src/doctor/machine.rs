@@ -213,11 +213,11 @@ mod tests {
 
     #[test]
     fn a_missing_real_time_limit_is_a_warning_with_the_limits_file() {
-        let nobody = [
+        let unprivileged = [
             ("/proc/self/status", "CapEff:\t0000000000000000\n"),
             ("/proc/self/limits", "Max realtime priority     0  0\nMax locked memory    8388608  8388608 bytes\n"),
         ];
-        let system = machine("nobody", &nobody);
+        let system = machine("unprivileged", &unprivileged);
         let check = scheduler(&system, Some("SCHED_FIFO 1 refused: EPERM".to_owned()));
         assert_eq!(level_and_fix(&check), (Level::Warn, &*format!("{LIMITS}   (then log in again)")));
         assert!(memory(&system).found.contains("8192 kB"));
