@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
 # Builds the fuzz targets with the stable compiler and runs one, or each in turn:  fuzz/run.sh SECONDS [TARGET]
-# cargo-fuzz does the same on a nightly compiler; there is no unsafe code in what is fuzzed, so coverage is asked for and no sanitizer.
+# cargo-fuzz does the same on a nightly compiler; there is no unsafe code in what is fuzzed, so coverage is requested and no sanitizer.
 set -euo pipefail
 cd "$(dirname "$0")"
 seconds=${1:?SECONDS}
