@@ -102,14 +102,14 @@ fn main() -> ExitCode {
         Ok(Outcome::DataLoss) => ExitCode::from(3),
         Err(error) if is_closed_pipe(&error) => ExitCode::SUCCESS,
         Err(error) => {
-            eprintln!("error: {}", replay::printable_lines(&in_words(&error)));
+            eprintln!("error: {}", replay::printable_lines(&message(&error)));
             ExitCode::from(2)
         }
     }
 }
 
-/// The error and its causes, without those that the message before them says already.
-fn in_words(error: &anyhow::Error) -> String {
+/// The error and its causes, each once: some messages contain their cause.
+fn message(error: &anyhow::Error) -> String {
     let mut text = error.to_string();
     for cause in error.chain().skip(1).map(ToString::to_string) {
         if !text.contains(&cause) {

@@ -17,6 +17,7 @@ mod builder;
 mod compare;
 mod cursor;
 mod inputs;
+mod options;
 mod origin;
 mod out;
 mod parallel;
@@ -30,6 +31,7 @@ pub(crate) use compare::show;
 pub use compare::{Divergence, FieldDifference, Index};
 pub use cursor::{Cursor, Moment};
 pub use inputs::{brief, lines, of_bytes};
+pub use options::{Load, Options};
 pub use origin::{Build, Deviation};
 pub use report::ReplayReport;
 pub use what_if::{DEFAULT_BOUND, Departure, Sample, TimedOverride, WhatIf, When};
@@ -47,39 +49,6 @@ use std::time::Instant;
 use stepper::Stepper;
 use ticks::{Beside, Ticks};
 use what_if::Collector;
-
-/// Options of a replay.
-#[derive(Debug, Clone, Default)]
-pub struct Options {
-    /// Parameter overrides for the whole replay: dotted key and TOML value.
-    pub set: Vec<(String, String)>,
-    /// Parameter overrides from a tick or time on, in the order of time.
-    pub timed_overrides: Vec<TimedOverride>,
-    /// Text of another URDF; it must have the joints of the log's URDF.
-    pub urdf: Option<String>,
-    /// Largest torque difference of a joint for which a what-if replay is valid, N m; default [`DEFAULT_BOUND`].
-    pub bound: Option<f64>,
-    /// This build, to compare with the build that wrote the log.
-    pub here: Option<Build>,
-    /// Start at the last snapshot at or before this time, s since the run's first tick.
-    pub from_s: Option<f64>,
-    /// Stop after the last tick at or before this time, s since the run's first tick.
-    pub to_s: Option<f64>,
-    /// Number of threads; 0 and 1 use the calling thread. The report does not depend on it. Overrides and `out` use one thread.
-    pub jobs: usize,
-    /// Write a copy of the log with the replayed outputs instead of the recorded ones.
-    pub out: Option<PathBuf>,
-}
-
-impl Options {
-    /// Whether parameters or robot differ from the log.
-    fn is_what_if(&self) -> bool {
-        !self.set.is_empty() || !self.timed_overrides.is_empty() || self.urdf.is_some()
-    }
-}
-
-/// Builds a controller from a run's description.
-pub type Load<'a> = dyn Fn(&RunInfo) -> Result<Box<dyn Controller>, LoadError> + Sync + 'a;
 
 /// A log that can be replayed.
 pub struct Replay<'a> {

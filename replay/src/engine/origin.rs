@@ -110,9 +110,9 @@ fn is_unneeded(file: &str, consumed: &[Consumed]) -> bool {
     let name = file.strip_suffix(".lcm").unwrap_or(file);
     let carries = |channel: &&channels::Channel| channel.type_name.rsplit('.').next() == Some(name);
     let is_field = |(_, text): &(&str, &str)| code(text).any(|line| line.split(' ').next() == Some(name));
-    let mut carriers = channels::CHANNELS.iter().filter(carries).peekable();
-    carriers.peek().is_some()
-        && carriers.all(|channel| consumed.iter().all(|(consumed, _)| **consumed != *channel.name))
+    let mut of_type = channels::CHANNELS.iter().filter(carries).peekable();
+    of_type.peek().is_some()
+        && of_type.all(|channel| consumed.iter().all(|(consumed, _)| **consumed != *channel.name))
         && !lcmtypes::SOURCES.iter().any(is_field)
 }
 
