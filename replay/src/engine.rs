@@ -99,7 +99,7 @@ impl<'a> Replay<'a> {
     /// - [`Error::Io`], [`Error::SameFile`] and the errors of [`crate::log::LogWriter`] for [`Options::out`].
     pub fn run(&self, options: &Options, progress: &mut dyn FnMut(f64)) -> Result<ReplayReport, Error> {
         let begin = Instant::now();
-        let builder = Builder::new(self, options)?;
+        let builder = self.builder(options)?;
         let what_if = options.is_what_if();
         if !options.timed_overrides.is_empty() && options.out.is_some() {
             return Err(Error::ParameterChangesInLog);
@@ -140,6 +140,14 @@ impl<'a> Replay<'a> {
         report.deviations = origin::deviations(&self.info, &builder.info, options.here.as_ref(), &ticks.consumed());
         report.what_if = found;
         Ok(report)
+    }
+
+    /// Builds controllers with all overrides that hold from the start.
+    ///
+    /// # Errors
+    /// [`Error::Load`]: unknown parameter or invalid value.
+    fn builder<'b>(&'b self, options: &Options) -> Result<Builder<'b>, Error> {
+        Ok(Builder::new(&self.path, &*self.load, self.changed(options)?, options))
     }
 
     /// RUN_INFO with all overrides that hold from the start.

@@ -1,6 +1,6 @@
 //! Builds the controllers of a run whose parameters change.
 
-use super::{Load, Options, Replay, TimedOverride, When};
+use super::{Load, Options, TimedOverride, When};
 use crate::Error;
 use controller::Controller;
 use controller::params::apply_overrides;
@@ -21,13 +21,10 @@ pub(super) struct Builder<'b> {
 }
 
 impl<'b> Builder<'b> {
-    /// A builder for a log and the overrides of `options`.
-    ///
-    /// # Errors
-    /// [`Error::Load`]: unknown parameter or invalid value.
-    pub fn new(replay: &'b Replay<'b>, options: &Options) -> Result<Self, Error> {
+    /// A builder for the log at `path`. `info` is its RUN_INFO with the overrides of `options`.
+    pub fn new(path: &'b Path, load: &'b Load<'b>, info: RunInfo, options: &Options) -> Self {
         let overridden = options.set.iter().map(|(key, _)| key.clone()).collect();
-        Ok(Builder { path: &replay.path, load: &*replay.load, info: Arc::new(replay.changed(options)?), overridden })
+        Builder { path, load, info: Arc::new(info), overridden }
     }
 
     /// Builds the controller after parameter changes, in order.

@@ -97,7 +97,7 @@ impl<'r> Cursor<'r> {
     /// As [`Replay::run`].
     pub fn open(replay: &'r Replay<'r>, options: &Options, progress: &mut dyn FnMut(f64)) -> Result<Self, Error> {
         let options = Options { set: options.set.clone(), urdf: options.urdf.clone(), ..Options::default() };
-        let (builder, keep_state) = (Builder::new(replay, &options)?, options.is_what_if());
+        let (builder, keep_state) = (replay.builder(&options)?, options.is_what_if());
         let stepper = Stepper::new(&builder, keep_state)?;
         let bytes = super::file_length(&replay.path)?.max(1);
         let mut ticks = Ticks::open(&replay.path, Beside::Nothing)?;
