@@ -34,8 +34,8 @@ fn text(s: &LogSummary) -> String {
     let mut text = format!("{:?}, {} events, {:.3} s, {:.1} MB", s.format, s.events, s.duration_s, megabytes(s.bytes));
     if let Some(first_t_ns) = s.first_t_ns {
         #[expect(clippy::cast_precision_loss, reason = "a time for display")]
-        let before_s = s.zero_t_ns.saturating_sub(first_t_ns) as f64 * 1e-9;
-        text += &format!("\ntimes: s since {}; the first event is at {:.3} s", s.zero.text(), -before_s);
+        let first_s = first_t_ns.saturating_sub(s.zero_t_ns) as f64 * 1e-9;
+        text += &format!("\ntimes: s since {}; the first event is at {first_s:.3} s", s.zero.text());
     }
     if s.damaged > 0 {
         text += &format!("\n{} damaged ranges, {} bytes skipped", s.damaged, s.bytes_skipped);
