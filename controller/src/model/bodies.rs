@@ -168,7 +168,7 @@ impl Model {
             let I_C = X_BC.R * link.inertial.I_C * X_BC.R.transpose();
             inertias[body] += SpatialInertia::from_com(link.inertial.mass, X_BC.p, &I_C);
             total_mass += link.inertial.mass;
-            frames.push(FrameOnBody { name: link.name.clone(), body, X_BL: X_BL.clone() });
+            frames.push(FrameOnBody { name: link.name.clone(), body, X_BL: *X_BL });
         }
 
         if !total_mass.is_finite() || (base == Base::Floating && total_mass == 0.0) {
