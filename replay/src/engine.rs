@@ -137,7 +137,7 @@ impl<'a> Replay<'a> {
             return Err(Error::NoInput { path: self.path.clone() });
         }
         let mut report = counts.report(ticks.late, ticks.health(), begin.elapsed().as_secs_f64());
-        report.deviations = origin::deviations(&self.info, &builder.info, options.here.as_ref(), &ticks.consumed());
+        report.deviations = origin::deviations(&self.info, &builder.info, options.here.as_ref());
         report.what_if = found;
         Ok(report)
     }

@@ -1,13 +1,11 @@
-//! Differences between a log and its replay in build, parameters, robot and types. They are reported before any difference in bits.
+//! Differences between a log and its replay in build, parameters and robot. They are reported before any difference in bits.
+//!
+//! Message types need no entry: a message whose fingerprint differs from this build's is [`crate::Error::OtherTypeVersion`]. The `.lcm` texts of
+//! RUN_INFO describe the log to other tools and do not decide anything here.
 
 use controller::params::Params;
-use lcm_idl::TypeSet;
-use lcmtypes::{RunInfo, channels};
-use std::collections::{BTreeMap, BTreeSet};
-use std::sync::Arc;
-
-/// Channel and fingerprint of messages that a replay decoded or compared.
-pub(super) type Consumed = (Arc<str>, Option<u64>);
+use lcmtypes::RunInfo;
+use std::collections::BTreeMap;
 
 /// A build of this software, as RUN_INFO describes one.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
@@ -37,7 +35,7 @@ impl Build {
 /// A difference between the log and its replay.
 #[derive(Debug, Clone, PartialEq, Eq, serde::Serialize)]
 pub struct Deviation {
-    /// `revision`, `dirty`, `toolchain`, `build`, `urdf`, `types`, or the key of a parameter.
+    /// `revision`, `dirty`, `toolchain`, `build`, `urdf`, or the key of a parameter.
     pub what: String,
     /// Value in the log; empty for a parameter that the log does not contain.
     pub log: String,
@@ -48,8 +46,7 @@ pub struct Deviation {
 /// What differs between a log and the build and parameters that replay it.
 ///
 /// - `used`: the run's description after all requested changes.
-/// - `consumed`: the channels and fingerprints that the replay decoded or compared.
-pub(super) fn deviations(log: &RunInfo, used: &RunInfo, here: Option<&Build>, consumed: &[Consumed]) -> Vec<Deviation> {
+pub(super) fn deviations(log: &RunInfo, used: &RunInfo, here: Option<&Build>) -> Vec<Deviation> {
     let mut found = Vec::new();
     let mut compare = |what: &str, log: &str, here: &str| {
         if log != here {
@@ -67,7 +64,6 @@ pub(super) fn deviations(log: &RunInfo, used: &RunInfo, here: Option<&Build>, co
     if log.urdf != used.urdf {
         compare("urdf", &format!("{} as recorded", size(&log.urdf)), &format!("{} as given", size(&used.urdf)));
     }
-    changed_types(log, consumed, &mut compare);
     // Complete the text, so that the defaults of parameters added after the log count too.
     let completed =
         |text: &str| Params::from_toml(text, "").map_or_else(|_| text.to_owned(), |params| params.to_toml());
@@ -80,59 +76,6 @@ pub(super) fn deviations(log: &RunInfo, used: &RunInfo, here: Option<&Build>, co
         compare(name, &value(&before), &value(&now));
     }
     found
-}
-
-/// Types that the replay consumed and that RUN_INFO declares with another fingerprint than this build.
-///
-/// Comments and types that the replay does not need make no difference.
-fn changed_types(log: &RunInfo, consumed: &[Consumed], compare: &mut dyn FnMut(&str, &str, &str)) {
-    // Parsing all texts costs as much as fifty ticks of a replay, so equal texts are not parsed.
-    if log.lcm_types.iter().all(|file| is_unneeded(&file.name, consumed) || is_unchanged(&file.name, &file.text)) {
-        return;
-    }
-    let texts = log.lcm_types.iter().map(|file| (&*file.name, &*file.text));
-    let of_log = match TypeSet::parse(texts) {
-        Ok(types) => types,
-        Err(error) => return compare("types", &format!("RUN_INFO.lcm_types: {error}"), ""),
-    };
-    let names: BTreeSet<&str> =
-        consumed.iter().filter_map(|(channel, fingerprint)| type_name(channel, *fingerprint)).collect();
-    for name in names {
-        if let (Some(then), Some(now)) = (of_log.by_name(name), lcmtypes::types().by_name(name)) {
-            let shown = |fingerprint: u64| format!("{name} with fingerprint {fingerprint:016x}");
-            compare("types", &shown(then.fingerprint()), &shown(now.fingerprint()));
-        }
-    }
-}
-
-/// The file declares the type of channels that the replay did not consume, and no other type has a field of it.
-fn is_unneeded(file: &str, consumed: &[Consumed]) -> bool {
-    let name = file.strip_suffix(".lcm").unwrap_or(file);
-    let carries = |channel: &&channels::Channel| channel.type_name.rsplit('.').next() == Some(name);
-    let is_field = |(_, text): &(&str, &str)| code(text).any(|line| line.split(' ').next() == Some(name));
-    let mut of_type = channels::CHANNELS.iter().filter(carries).peekable();
-    of_type.peek().is_some()
-        && of_type.all(|channel| consumed.iter().all(|(consumed, _)| **consumed != *channel.name))
-        && !lcmtypes::SOURCES.iter().any(is_field)
-}
-
-/// The text has the declarations of this build's file of that name, whatever its comments; also if this build has no such file.
-fn is_unchanged(file: &str, text: &str) -> bool {
-    let known = lcmtypes::SOURCES.iter().find(|(name, _)| *name == file);
-    known.is_none_or(|(_, known)| code(text).eq(code(known)))
-}
-
-/// The lines of a `.lcm` text without line comments and white space around them.
-fn code(text: &str) -> impl Iterator<Item = &str> {
-    text.lines().map(|line| line.split("//").next().unwrap_or_default().trim()).filter(|line| !line.is_empty())
-}
-
-/// Type of a consumed message. The type of a snapshot depends on the controller, so its fingerprint names it.
-fn type_name(channel: &str, fingerprint: Option<u64>) -> Option<&'static str> {
-    match channels::find(channel) {
-        Some(known) if known.name != channels::CONTROLLER_SNAPSHOT => Some(known.type_name),
-        _ => lcmtypes::types().by_fingerprint(fingerprint?).map(|ty| ty.name()),
-    }
 }
 
 /// Every value of a TOML text by its dotted key.

@@ -116,12 +116,6 @@ impl Ticks {
         self.events.health()
     }
 
-    /// Channels and fingerprints of the messages read so far that a replay decodes or compares.
-    pub fn consumed(&self) -> Vec<(Arc<str>, Option<u64>)> {
-        let consumed = self.kinds.iter().filter(|(.., kind)| !matches!(kind, Kind::Beside | Kind::Other));
-        consumed.map(|(channel, fingerprint, _)| (Arc::clone(channel), *fingerprint)).collect()
-    }
-
     /// Events after the last input.
     pub fn rest(&mut self) -> Vec<Event> {
         self.others.take().unwrap_or_default()
