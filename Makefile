@@ -18,7 +18,7 @@ build: setup ## build the command, TARGET_DIR/release/hoof
 
 # PREFIX=DIR: default /usr/local, or ~/.local for a user that may not write there.
 install: build ## install hoof, libmujoco, robots, scenarios, completions and manual pages (PREFIX=DIR)
-	scripts/install.sh $(TARGET_DIR)/release/hoof $(PREFIX)
+	scripts/install.sh $(TARGET_DIR)/release/hoof $(if $(PREFIX),"$(PREFIX)")
 
 demo: build ## simulate, log, replay bit for bit and report, with one command
 	$(TARGET_DIR)/release/hoof demo
@@ -54,9 +54,9 @@ test-steps:
 	@tree=$$(cargo tree --locked --package hoofprint --prefix none); \
 	if grep '^matrixmultiply' <<<"$$tree"; then echo "error: matrixmultiply is in the build of hoofprint" >&2; exit 1; fi
 
-# BASE=REVISION: golden logs must equal those of this revision (default: the last commit).
+# BASE=REVISION: golden logs must equal those of this revision.
 house: ## judge the source tree: README length, circles, phrases, golden logs, newcomer tasks, minutes of check and test
-	scripts/house.sh --target-dir $(TARGET_DIR) $(if $(BASE),--base $(BASE))
+	scripts/house.sh --target-dir $(TARGET_DIR) --base "$(or $(BASE),$(error make house needs BASE=REVISION))"
 
 guard: setup ## count the instructions of a replay and compare them with the stored counts (ACCEPT=1 stores new ones)
 	cargo test --release --locked --workspace --test instructions

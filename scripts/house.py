@@ -34,15 +34,16 @@ def golden_changes(base):
 
 
 def minutes(path, name):
-    """Minutes of the last `make NAME` that passed; None if there was none."""
+    """Minutes of the last `make NAME` if it passed on the present revision, else None."""
     last = json.loads(path.read_text()).get(name) if path.is_file() else None
-    return last["minutes"] if last and last["passed"] else None
+    head = subprocess.run(["git", "rev-parse", "HEAD"], cwd=TOP, capture_output=True, text=True).stdout.strip()
+    return last["minutes"] if last and last["passed"] and head.startswith(last["revision"]) else None
 
 
 def main():
     parser = argparse.ArgumentParser(description="Judges the source tree.")
     parser.add_argument("--json", action="store_true", help="print rows as JSON")
-    parser.add_argument("--base", default="HEAD", help="revision whose golden logs are compared (default HEAD)")
+    parser.add_argument("--base", required=True, help="revision whose golden logs are compared, such as the last release")
     parser.add_argument("--target-dir", default="target", type=Path, help="folder of make_times.json (default target)")
     args = parser.parse_args()
 

@@ -82,13 +82,8 @@ impl ParameterRequestHandler {
     /// # Errors
     /// [`Refusal`]: the key is unknown or cannot be changed, or the value has the wrong type, is out of range, or is too long.
     pub fn propose(&self, request: &ParameterRequest) -> Result<Proposal, Refusal> {
+        check_length(request)?;
         let ParameterRequest { seq, key, value, .. } = request;
-        let length = key.len() + value.len();
-        if length > MAX_LENGTH || value.contains('\n') {
-            let start: String = key.chars().take(QUOTED).collect();
-            let reason = format!("{start} rejected: {length} bytes, expected one line of at most {MAX_LENGTH}");
-            return Err(Refusal { code: RequestReply::CODE_OUT_OF_RANGE, reason });
-        }
         let proposed = self.parameters.with(key, value).and_then(|parameters| Ok((parameters.build()?, parameters)));
         let (controller, parameters) =
             proposed.map_err(|error| Refusal::of_parameter(key, value, code(&error), &error))?;
@@ -101,6 +96,21 @@ impl ParameterRequestHandler {
     pub fn accept(&mut self, parameters: Parameters) {
         self.parameters = parameters;
     }
+}
+
+/// Checks that key and value of a request are one line of limited length.
+///
+/// # Errors
+/// [`Refusal`] with `CODE_OUT_OF_RANGE`.
+pub fn check_length(request: &ParameterRequest) -> Result<(), Refusal> {
+    let ParameterRequest { key, value, .. } = request;
+    let length = key.len() + value.len();
+    if length <= MAX_LENGTH && !value.contains('\n') {
+        return Ok(());
+    }
+    let start: String = key.chars().take(QUOTED).collect();
+    let reason = format!("{start} rejected: {length} bytes, expected one line of at most {MAX_LENGTH}");
+    Err(Refusal { code: RequestReply::CODE_OUT_OF_RANGE, reason })
 }
 
 /// `request_reply_t` CODE_* for an error.

@@ -57,6 +57,13 @@ impl OperatorReplies {
     pub fn forwarded(&mut self, operator: usize, command: &OperatorCommand) {
         let new = (operator, command.seq, command.t_ns);
         if self.forwarded.back() != Some(&new) {
+            // A sequence that does not increase is that of a restarted operator, whose requests have no reply yet.
+            let last = self.forwarded.iter().rev().find(|(of, ..)| *of == operator);
+            if let (Some((_, seq, _)), Some(operator)) = (last, self.operators.get_mut(operator))
+                && command.seq <= *seq
+            {
+                operator.replied = None;
+            }
             if self.forwarded.len() == FORWARDED {
                 self.forwarded.pop_front();
             }
@@ -161,6 +168,18 @@ mod tests {
         replies.forwarded(PAD, &idle);
         assert_eq!(consumed(&mut replies, &idle, ControllerTick::MODE_DAMPING, refused), None, "the same outcome");
         assert_eq!(consumed(&mut replies, &idle, ControllerTick::MODE_IDLE, 0), Some((RequestReply::CODE_DONE, 4)));
+    }
+
+    #[test]
+    fn a_restarted_operator_gets_a_reply_to_the_same_request() {
+        let mut replies = replies();
+        for (seq, reply) in
+            [(7, Some((RequestReply::CODE_DONE, 7))), (8, None), (0, Some((RequestReply::CODE_DONE, 0)))]
+        {
+            let stand = command(OperatorCommand::MODE_STAND, seq);
+            replies.forwarded(PAD, &stand);
+            assert_eq!(consumed(&mut replies, &stand, ControllerTick::MODE_STANCE, 0), reply, "seq {seq}");
+        }
     }
 
     #[test]

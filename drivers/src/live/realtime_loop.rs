@@ -170,7 +170,15 @@ impl RealtimeLoop {
         (self.input.t_ns, self.input.tick) = (wake_ns, self.report.ticks);
         while let Some(call) = self.calls.next() {
             match call {
-                Call::Operator { t_ns, command } => (self.input.t_op_ns, self.input.op) = (t_ns, command),
+                Call::Operator { t_ns, command } => {
+                    let is_stop = |op: &OperatorCommand| op.mode == OperatorCommand::MODE_DAMPING;
+                    let begins_stop = is_stop(&command) && !is_stop(&self.input.op);
+                    (self.input.t_op_ns, self.input.op) = (t_ns, command);
+                    // Later calls wait for the next tick, so that a tick consumes the emergency stop even if it is cleared at once.
+                    if begins_stop {
+                        break;
+                    }
+                }
                 Call::Switch(switch) => self.switch(switch),
                 Call::Handover(handover) => self.hand_over(handover),
             }

@@ -29,8 +29,10 @@ impl Replies {
         if let Some((_, reply)) = self.requests.iter().find(|(known, _)| *known == id) {
             return Some(reply.clone().map_or(Known::Pending, Known::Answered));
         }
-        if self.requests.len() == CAPACITY {
-            self.requests.pop_front();
+        if self.requests.len() >= CAPACITY {
+            // The ring of calls and the queue of parameter requests bound the pending ones far below the capacity.
+            let oldest_answered = self.requests.iter().position(|(_, reply)| reply.is_some());
+            self.requests.remove(oldest_answered.unwrap_or(0));
         }
         self.requests.push_back((id, None));
         None
@@ -68,12 +70,17 @@ mod tests {
     }
 
     #[test]
-    fn the_oldest_requests_are_forgotten() {
+    fn the_oldest_answered_requests_are_forgotten_and_pending_ones_kept() {
+        let id = |request_id| RequestId { sender_id: 1, request_id };
         let mut replies = Replies::default();
-        for request_id in 0..=1024 {
-            assert_eq!(replies.open(RequestId { sender_id: 1, request_id }), None);
+        assert_eq!(replies.open(id(0)), None);
+        for request_id in 1..=1024 {
+            assert_eq!(replies.open(id(request_id)), None);
+            replies.answer(&RequestReply { sender_id: 1, request_id, ..RequestReply::default() });
         }
-        assert_eq!(replies.pending().len(), 1024);
-        assert_eq!(replies.pending()[0].request_id, 1);
+        assert_eq!(replies.pending(), [id(0)]);
+        assert_eq!(replies.open(id(0)), Some(Known::Pending));
+        assert!(matches!(replies.open(id(2)), Some(Known::Answered(_))));
+        assert_eq!(replies.open(id(1)), None, "the oldest answered one is forgotten");
     }
 }

@@ -23,6 +23,8 @@ use lcmtypes::{
 };
 use std::collections::VecDeque;
 
+/// Characters of an unknown name that a reply quotes.
+const QUOTED: usize = 80;
 /// Parameter requests that may wait.
 const MAX_WAITING: usize = 64;
 
@@ -129,7 +131,7 @@ impl Requests {
     fn receive_operator(&mut self, source: usize, command: &OperatorCommand, out: &mut Outgoing) {
         let t_ns = now_ns();
         self.mux.receive(source, t_ns, command);
-        // After each command, so that an emergency stop that is cleared at once takes effect nevertheless.
+        // After each command: the real-time thread consumes an emergency stop in a tick even if the next command clears it.
         self.forward_operator(out);
         if let Some(active) = self.mux.active()
             && let Some(reply) = self.operator_replies.received(source, active, t_ns, command)
@@ -168,7 +170,8 @@ impl Requests {
             }
         };
         let controller = self.controllers.iter().position(|name| *name == command.controller).ok_or_else(|| {
-            let (name, known) = (&command.controller, self.controllers.join(", "));
+            let name: String = command.controller.chars().take(QUOTED).collect();
+            let known = self.controllers.join(", ");
             let reason = format!("unknown controller {name:?}: the run has {known}");
             Refusal { code: RequestReply::CODE_UNKNOWN_NAME, reason }
         });
@@ -186,7 +189,10 @@ impl Requests {
         if self.is_known(id, out) {
             return;
         }
-        if self.waiting.len() < MAX_WAITING {
+        // Before it is stored: a foreign message may have any length.
+        if let Err(refusal) = parameter_requests::check_length(&request) {
+            self.refuse_parameter(id, &refusal, out);
+        } else if self.waiting.len() < MAX_WAITING {
             self.waiting.push_back(request);
         } else {
             let why = format!("{MAX_WAITING} requests are waiting already");
