@@ -71,7 +71,7 @@ pub struct Args {
     /// Read alarm conditions from the list `alarms` of a TOML file
     #[arg(long, value_name = "FILE")]
     alarms: Option<PathBuf>,
-    /// Plot a field from the start, such as 'ROBOT_STATE q[2]'; may be repeated
+    /// Plot a field from the start, such as `ROBOT_STATE q[2]`; may be repeated
     #[arg(long, value_name = "CHANNEL FIELD", conflicts_with = "once")]
     plot: Vec<String>,
     /// Listen for --seconds, or read the whole log, print the table and exit

@@ -1,7 +1,7 @@
 //! A first parameter file for a quadruped, derived from its URDF alone: `hoof robot init`.
 //!
-//! - [`legs`] finds legs, feet and IMU in the tree of links.
-//! - [`posture`] solves for a standing posture within the joint limits.
+//! - `legs` finds legs, feet and IMU in the tree of links.
+//! - `posture` solves for a standing posture within the joint limits.
 //! - this file scales HyQ's forces and steps by mass and size, and writes the TOML text.
 //!
 //! It runs before a controller exists; no controller uses it.

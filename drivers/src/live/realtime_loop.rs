@@ -118,7 +118,7 @@ impl RealtimeLoop {
         }
     }
 
-    /// Runs for `ticks` ticks, or until `ending` requests an end. The last [`LAST_TICKS`] damp the joints.
+    /// Runs for `ticks` ticks, or until `ending` requests an end. The last `LAST_TICKS` damp the joints.
     pub fn run(&mut self, ticks: i64, ending: &Ending) -> RealtimeReport {
         let mut due_ns = self.schedule.after(now_ns());
         let (mut end, mut sit_since_ns) = (ticks, None);

@@ -1,7 +1,7 @@
 //! Exports a log for ROS 2 viewers: MCAP with CDR messages, which Foxglove, PlotJuggler and rerun open.
 //!
-//! Every channel of a known type becomes a topic `/CHANNEL` with the same fields ([`lcm_types`]). Further topics let a viewer draw the
-//! robot ([`robot_topics`]): `/robot_description` (URDF), `/tf` (100 Hz), `/joint_states`, `/imu`, `/contact/FOOT` (estimated forces) and
+//! Every channel of a known type becomes a topic `/CHANNEL` with the same fields (`lcm_types`). Further topics let a viewer draw the
+//! robot (`robot_topics`): `/robot_description` (URDF), `/tf` (100 Hz), `/joint_states`, `/imu`, `/contact/FOOT` (estimated forces) and
 //! `/contact_truth/FOOT` (forces of the simulator). Times are log times.
 
 mod definitions;
