@@ -1,7 +1,7 @@
 //! Experiments of the source documents: each simulates, replays its logs bit for bit, measures, and judges what it measured.
 //!
 //! - [`recipes`]: one file per experiment, and the table [`ALL`] that lists them.
-//! - [`bench`]: runs simulations on all cores and keeps their logs. Every recipe uses it.
+//! - [`mod@bench`]: runs simulations on all cores and keeps their logs. Every recipe uses it.
 //! - [`row`]: the judged row `{name, published, wanted, measured, unit, pass}`; [`tables`]: all rows as text, JSON and Markdown.
 //! - [`limit_search`]: the largest value of a scenario's key that a robot survives.
 //! - [`states`]: feeds the logged inputs of a run to controllers with other parameters.

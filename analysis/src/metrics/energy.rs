@@ -18,7 +18,7 @@ pub struct Energy {
     pub mean_positive_power_w: f64,
     /// Time integral of `Σ max(τ q̇, 0)`, J.
     pub positive_work_j: f64,
-    /// Cost of transport: positive work divided by `m g` times [`Locomotion::path_m`](super::Locomotion::path_m). `null` without ground truth, without a URDF, or
+    /// Cost of transport: positive work divided by `m g` times `Locomotion::path_m`. `null` without ground truth, without a URDF, or
     /// if the path is not longer than 0.5 m.
     pub cost_of_transport: Option<f64>,
     /// Largest ratio of torque to torque limit of any joint; `null` without limits in the URDF.
