@@ -206,8 +206,9 @@ fn the_robot_stands_when_the_terminal_is_closed() {
         until(&mut bus, key, |c| c.mode == mode && (key != "w" || c.v_H[0] == 0.3));
     }
     terminal.end();
-    until(&mut bus, "the end", |c| c.mode == Op::MODE_STAND && c.v_H[0] == 0.0);
-    let (commands, events) = received(&mut bus);
+    let mut events = until(&mut bus, "the end", |c| c.mode == Op::MODE_STAND && c.v_H[0] == 0.0);
+    let (commands, later) = received(&mut bus);
+    events.extend(later);
     assert!(commands.iter().all(|c| c.mode == Op::MODE_STAND));
     assert_eq!(outline(&events).last(), Some(&("teleop", Event::LEVEL_WARNING)));
 }
@@ -215,14 +216,17 @@ fn the_robot_stands_when_the_terminal_is_closed() {
 /// Longest wait for a message; a passing test gets it much earlier.
 const TIMEOUT: Duration = Duration::from_secs(60);
 
-/// Waits for a command.
-fn until(bus: &mut LcmBus, after: &str, wanted: impl Fn(&OperatorCommand) -> bool) {
+/// Waits for a command; returns the events that came with it.
+fn until(bus: &mut LcmBus, after: &str, wanted: impl Fn(&OperatorCommand) -> bool) -> Vec<Event> {
     let start = Instant::now();
     loop {
-        for message in bus.handle(Duration::from_millis(100)).unwrap() {
-            if message.channel != channels::EVENT && wanted(&OperatorCommand::decode(&message.data).unwrap()) {
-                return;
-            }
+        let (events, commands): (Vec<_>, Vec<_>) = bus
+            .handle(Duration::from_millis(100))
+            .unwrap()
+            .into_iter()
+            .partition(|message| message.channel == channels::EVENT);
+        if commands.iter().any(|message| wanted(&OperatorCommand::decode(&message.data).unwrap())) {
+            return events.iter().map(|message| Event::decode(&message.data).unwrap()).collect();
         }
         assert!(start.elapsed() < TIMEOUT, "no such command after {after:?}");
     }
