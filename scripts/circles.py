@@ -77,6 +77,7 @@ class Module:
         self.globs = []  # (path, line)
         self.paths = []  # (path, line)
         self.idents = []  # (identifier, line): single names in code
+        self.macro_calls = set()  # (name, line) of `name!`
         self.reexports = []  # (path, local name, line) of `pub use`
 
     def root(self):
@@ -225,6 +226,8 @@ def parse(tokens, module, directory, root):
                     at = end
                     continue
                 module.idents.append((token, line))
+                if at + 1 < len(tokens) and tokens[at + 1][0] == "!":
+                    module.macro_calls.add((token, line))
         at += 1
 
 
@@ -309,6 +312,11 @@ def imports(root):
         if module.globs:
             local = module.items | set(module.children) | set(module.uses)
             named += [([name], line) for name, line in module.idents if name not in local]
+        # A macro without `#[macro_export]` or `use` is found by its textual scope.
+        for name, line in module.idents:
+            target = root.items_of_macros.get(name)
+            if target is not None and (name, line) in module.macro_calls and target.file != module.file:
+                edges.setdefault((module.file, target.file), (line, f"{name}!"))
         for path, line in named:
             for target in resolve(module, path):
                 if target.file != module.file:

@@ -8,7 +8,7 @@ import subprocess
 import sys
 from pathlib import Path
 
-KINDS = (".rs", ".md", ".toml", ".sh", ".py", ".lcm", ".css", ".html")
+KINDS = (".rs", ".md", ".toml", ".sh", ".py", ".lcm", ".css", ".html", "Makefile", "SOURCES")
 LIST = "scripts/words.tsv"
 # Names on the wire, in JSON and in files that tools write: users type or read them, so they stay.
 EXEMPT = re.compile(
@@ -25,7 +25,33 @@ def patterns(text):
             sys.exit(f"error: {LIST}:{number}: expected a pattern, a tab and a replacement, found {line!r}")
         # A space between words is `_` in an identifier.
         pattern = pattern.replace(" ", "[ _]")
-        yield re.compile(f"(?<![A-Za-z])(?:{pattern})(?![A-Za-z])", re.IGNORECASE), instead
+        yield pattern, instead
+
+
+def at_letter_edges(pattern):
+    return re.compile(f"(?<![A-Za-z])(?:{pattern})(?![A-Za-z])", re.IGNORECASE)
+
+
+COMMENT = re.compile(r"^\s*(?:///?|//!|#|\*)(?!\[)\s*")
+WORDS_OF_A_PHRASE = 5
+HUMP = re.compile(r"(?<=[a-z0-9])(?=[A-Z])")
+
+
+def searched(text):
+    """(line, text, joint) triples: each line, the words of each CamelCase name joined by `_`, and the text around each line end.
+
+    `joint`: only a match across this position counts, -1 = any match.
+    """
+    lines = [EXEMPT.sub("", line) for line in text.splitlines()]
+    for number, line in enumerate(lines, 1):
+        yield number, line, -1
+        for name in re.findall(r"[A-Za-z0-9]*[a-z0-9][A-Z][A-Za-z0-9]*", line):
+            yield number, HUMP.sub("_", name), -1
+    for number, (line, after) in enumerate(zip(lines, lines[1:]), 1):
+        first = " ".join(line.split()[-WORDS_OF_A_PHRASE:])
+        second = " ".join(COMMENT.sub("", after).split()[:WORDS_OF_A_PHRASE])
+        if first and second:
+            yield number, f"{first} {second}", len(first)
 
 
 def main():
@@ -39,14 +65,18 @@ def main():
     files = [f for f in listed.split("\0") if f.endswith(KINDS) and (top / f).is_file()]
     files = [f for f in files if f != "scripts/words.py"]
     files = [f for f in files if not args.paths or f.startswith(tuple(args.paths))]
-    old = list(patterns((top / LIST).read_text(encoding="utf-8")))
-    hits = []
+    listed_patterns = list(patterns((top / LIST).read_text(encoding="utf-8")))
+    any_of = at_letter_edges("|".join(pattern for pattern, _ in listed_patterns))
+    old = [(at_letter_edges(pattern), instead) for pattern, instead in listed_patterns]
+    hits, seen = [], set()
     for file in files:
-        for number, line in enumerate((top / file).read_text(encoding="utf-8").splitlines(), 1):
-            line = EXEMPT.sub("", line)
+        for number, line, joint in searched((top / file).read_text(encoding="utf-8")):
+            if not any_of.search(line):
+                continue
             for pattern, instead in old:
-                match = pattern.search(line)
-                if match:
+                match = next((m for m in pattern.finditer(line) if joint < 0 or m.start() < joint < m.end()), None)
+                if match and (file, number, instead) not in seen:
+                    seen.add((file, number, instead))
                     hits.append((file, number, match.group(), instead))
     if args.json:
         print(json.dumps({"hits": len(hits), "files": len({h[0] for h in hits})}))

@@ -123,7 +123,9 @@ impl Entry {
             (Some(name), has_no_fields) => {
                 let kind = kind_named(name)?;
                 if (kind == fields) == has_no_fields {
-                    return Err(format!("kind `fields` and key `fields` belong together, found kind `{name}`"));
+                    return Err(format!(
+                        "key `fields` is required with kind `fields` and not allowed with another kind, found kind `{name}`"
+                    ));
                 }
                 kind
             }

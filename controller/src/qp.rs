@@ -4,7 +4,7 @@
 //! ```text
 //! min  ½ xᵀ H x + gᵀ x     subject to   A x = b,   C x ≤ d,   l ≤ x ≤ u
 //! ```
-//! Sizes are constant for a controller: a row that is switched off keeps its place and gets numbers that do not constrain.
+//! Sizes are constant for a controller: a row that is switched off keeps its index and gets bounds that are never active.
 
 mod active_set;
 mod clarabel_backend;

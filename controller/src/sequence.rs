@@ -100,8 +100,8 @@ impl Sequence {
         (state.t_ns, state.tick, state.running) = (self.t_ns, self.tick, self.running);
         for (k, (member, part)) in self.members.iter().zip(&mut state.parts).enumerate() {
             part.data.clear();
-            // A stopped controller starts from its initial state, so its present state does not matter. After a panic it would be half a tick that no
-            // replay can compute.
+            // A stopped controller starts from its initial state, so its present state does not matter. After a panic the state
+            // would be that of an incomplete tick, which a replay cannot compute.
             if runs(self.running, k) {
                 member.controller.snapshot(&mut part.data);
             } else {

@@ -1,6 +1,6 @@
 //! Moving floors: the ground under one foot drops or rises while the foot is in the air.
 //!
-//! A foot with floor moves stands on a plane of its own. This plane collides only with the leg of that foot, and the leg collides only
+//! Each foot with floor moves stands on a separate plane. This plane collides only with the leg of that foot, and the leg collides only
 //! with this plane. A move takes effect in one step, while the foot is above the old and the new height, so that no contact sees a
 //! moving floor.
 

@@ -199,7 +199,7 @@ impl Run {
             sim.add_push(push.link.as_deref(), push.f_W, push.tau_W)?;
         }
         sim.step()?;
-        // Low is a fall only in stance and walk. Without torque (idle) the robot lies as it was placed.
+        // A low base is a fall in stance and walk only. In idle (no torque) the robot lies where it was placed.
         let fell = match self.mode.mode() {
             ControllerTick::MODE_STANCE | ControllerTick::MODE_WALK => sim.fallen(),
             ControllerTick::MODE_IDLE => false,

@@ -17,7 +17,7 @@ use std::time::{Duration, Instant};
 
 /// Longest wait for an event between two checks of the processes.
 const POLL: Duration = Duration::from_millis(50);
-/// Longest time for a process to end before it is killed; it includes the time to sit down.
+/// A process that has not ended after this time is killed. Sitting down is part of the time.
 const END_TIMEOUT: Duration = Duration::from_secs(25);
 /// Time for which driver and recorder continue after the controller has died, so that the log shows the reaction of the robot.
 const AFTERMATH: Duration = Duration::from_secs(1);

@@ -92,7 +92,7 @@ impl Console<'_> {
             }
             if self.session.due_ns <= now {
                 self.read_pad(now)?;
-                // Reading from a terminal that has hung up may not fail.
+                // A read from a disconnected terminal may return no error.
                 anyhow::ensure!(std::io::stdin().is_terminal(), "terminal disconnected");
             }
             self.session.heartbeat(now)?;

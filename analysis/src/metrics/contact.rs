@@ -104,7 +104,7 @@ fn summarize(delays_ms: &[Option<f64>]) -> Touchdowns {
 
 /// One entry per swing that ended in stance: the delay of the touchdown, ms, or `None` for a false touchdown.
 ///
-/// Contact in the first half of a swing is ignored, as in the controller: it is no landing.
+/// Contact in the first half of a swing is ignored, as in the controller: the foot has not left the ground yet.
 pub(crate) fn touchdown_delays_ms(ticks: &[Tick], leg: usize) -> Vec<Option<f64>> {
     let mut delays = Vec::new();
     let mut descending = false;

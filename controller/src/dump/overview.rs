@@ -1,4 +1,4 @@
-//! A tick at a glance: typed values that a screen lays out without knowing the kind of robot.
+//! Overview of a tick: typed values, from which a screen is laid out for any kind of robot.
 
 use super::Quantity;
 use crate::qp::{NamedViolation, QpStatus};

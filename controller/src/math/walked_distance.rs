@@ -5,7 +5,7 @@ const SAMPLE_NS: i64 = 1_000_000_000;
 
 /// Distance walked: the horizontal length of the path of the base, from the first position to the last.
 ///
-/// The path is sampled once per second. So a curve counts with its length, and the sway of the body within a stride does not count.
+/// The path is sampled once per second: a curve counts with its length, the sway of the body within a stride does not.
 /// Every tool that prints a distance walked uses this type.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct WalkedDistance {

@@ -24,7 +24,7 @@ pub enum ModelError {
         /// Message of the parser.
         reason: String,
     },
-    /// No link at all.
+    /// The file defines no link.
     #[error("{file}: no link found, expected at least one")]
     NoLinks {
         /// Name of the source.

@@ -9,7 +9,7 @@
 //! factor, which every row rotates; this solver keeps an orthonormal basis of the working set only ([`super::working_set`]). The
 //! iterations are in [`super::search`].
 //!
-//! Every solve starts cold: nothing is remembered, so a solution is a function of the program alone. Ties go to the lowest index, sums run in
+//! Every solve starts without a working set of an earlier one, so a solution is a function of the program alone. Ties go to the lowest index, sums run in
 //! a fixed order, and nothing is allocated. Variables are factorized in reverse order: the base comes first, couples with every joint and
 //! costs least at the end of the factor ([`Envelope`]). A variable without a row and without coupling to another variable, such as
 //! the force of a foot in the air, is solved on its own.

@@ -298,7 +298,8 @@ impl Controller for Quadruped {
             self.state.qd_des.fill(0.0);
             self.state.qdd_des.fill(0.0);
             self.state.gait_running = false;
-            // After one QP failure too many every other quantity of the tick is valid, and WBC_SOLUTION says which level failed: keep the messages.
+            // After the last QP failure that is allowed, all other quantities of the tick are valid, and WBC_SOLUTION contains the level
+            // that failed: keep the messages.
             if found.is_none_or(|fault| fault.code != ControllerTick::FAULT_QP) {
                 self.messages.clear(&self.state);
             }

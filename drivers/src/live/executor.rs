@@ -109,7 +109,7 @@ impl Executor {
         &self.granted
     }
 
-    /// Whether the run has ended by itself. If the publisher has died, there is neither an operator nor a log: the robot sits down.
+    /// Whether the run has ended by itself. If the publisher thread has ended, no operator command arrives and nothing is logged: the robot sits down.
     pub fn is_finished(&self) -> bool {
         if self.publisher.as_ref().is_some_and(JoinHandle::is_finished) {
             self.sit_down();

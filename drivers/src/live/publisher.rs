@@ -113,7 +113,7 @@ impl Publisher {
     fn receive(&mut self) {
         match self.out.bus().handle(POLL) {
             Ok(messages) => messages.iter().for_each(|message| self.requests.receive(message, &mut self.out)),
-            // A bus that fails at once must not make this thread spin.
+            // Without a pause, a bus whose calls fail at once would keep a core busy.
             Err(_) => std::thread::sleep(POLL),
         }
     }

@@ -61,7 +61,7 @@ pub struct RealtimeReport {
     pub late: u64,
     /// Ticks skipped because the tick before took too long or the thread woke too late.
     pub skipped: u64,
-    /// Messages for which the ring to the publisher had no room.
+    /// Messages dropped because the ring to the publisher was full.
     pub not_carried: u64,
     /// Commands that the hardware could not send.
     pub unsent: u64,

@@ -1,11 +1,11 @@
-//! The byte format, and what generated code calls.
+//! The byte format: functions that generated code calls.
 //!
 //! A message is its type's fingerprint, then its fields in order, all big-endian and without padding. A struct inside a struct has
 //! no fingerprint; an array has no length of its own; a string has a 32-bit length that counts its final NUL.
 
 use crate::{DecodeError, DecodeProblem, EncodeError};
 
-/// Structs may stand this deep in each other, so that hostile bytes cannot exhaust the stack.
+/// Greatest nesting of structs, so that hostile bytes cannot exhaust the stack.
 pub const MAX_DEPTH: usize = 128;
 
 /// Elements that take no bytes (a struct without fields, a row of length 0) allowed in one message: nothing else bounds them.
