@@ -22,7 +22,7 @@ mod spy;
 mod teleop;
 
 use clap::{CommandFactory, Parser, Subcommand};
-use outcome::{Outcome, say, say_json};
+use outcome::{Outcome, note, say, say_json};
 use std::process::ExitCode;
 
 /// Log-centric whole-body control for legged robots: every run is a log, every log replays bit for bit.
@@ -102,7 +102,7 @@ fn main() -> ExitCode {
         Ok(Outcome::DataLoss) => ExitCode::from(3),
         Err(error) if is_closed_pipe(&error) => ExitCode::SUCCESS,
         Err(error) => {
-            eprintln!("error: {}", replay::printable_lines(&message(&error)));
+            note(format!("error: {}", message(&error)));
             ExitCode::from(2)
         }
     }

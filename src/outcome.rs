@@ -1,6 +1,9 @@
 //! How a command ends, and how it prints.
 
 use anyhow::Context;
+use replay::printable::{printable_json, printable_lines};
+use std::fmt::Display;
+use std::io::Write;
 
 /// Result of a command that could do its work; its exit code.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -20,13 +23,19 @@ impl Outcome {
     }
 }
 
-/// Writes a line to standard output. A closed pipe is an error, not a panic.
-pub fn say(text: impl std::fmt::Display) -> anyhow::Result<()> {
-    use std::io::Write;
-    writeln!(std::io::stdout().lock(), "{text}").context("standard output")
+/// Writes text to standard output. Text from logs, messages and files may be anywhere in it: what could control a terminal is escaped. A closed pipe
+/// is an error, not a panic.
+pub fn say(text: impl Display) -> anyhow::Result<()> {
+    writeln!(std::io::stdout().lock(), "{}", printable_lines(&text.to_string())).context("standard output")
 }
 
-/// Prints a value as JSON.
+/// Writes text to standard error, escaped as by [`say`]. A failure is ignored: a terminal that was closed must not end a run.
+pub fn note(text: impl Display) {
+    let _ = writeln!(std::io::stderr().lock(), "{}", printable_lines(&text.to_string()));
+}
+
+/// Prints a value as JSON, in which every character that could control a terminal is a `\\uXXXX`.
 pub fn say_json(value: &impl serde::Serialize) -> anyhow::Result<()> {
-    say(serde_json::to_string_pretty(value)?)
+    let json = serde_json::to_string_pretty(value)?;
+    writeln!(std::io::stdout().lock(), "{}", printable_json(&json)).context("standard output")
 }

@@ -6,6 +6,7 @@ mod common;
 use common::live_process::{LiveProcess, kill};
 use common::network::url;
 use common::{events, folder, hoof, messages, ran};
+use drivers::live::EndCause;
 use lcmtypes::bus::{Bus, LcmBus};
 use lcmtypes::channels::{CONTROLLER_INPUT, CONTROLLER_TICK, EVENT, ROBOT_COMMAND, ROBOT_STATE};
 use lcmtypes::{ControllerInput, ControllerTick, Event, Message, OperatorCommand, RobotCommand, enum_names};
@@ -232,10 +233,33 @@ fn the_robot_of_a_second_driver_stands_up_on_request() {
     assert_replays(&log);
 }
 
+/// The terminal is closed, or `hoof run` dies: the robot sits down (or damps on a machine that stalls), and an EVENT has the cause.
+fn ends_in_a_safe_state(log: &Path, cause: EndCause) {
+    assert_replays(log);
+    let ticks: Vec<ControllerTick> = messages(log, CONTROLLER_TICK);
+    let had = |mode: i8| ticks.iter().any(|tick| tick.mode == mode);
+    let last = ticks.last().unwrap().mode;
+    let sat = had(ControllerTick::MODE_SIT) && last == ControllerTick::MODE_IDLE;
+    assert!(sat || had(ControllerTick::MODE_DAMPING), "{last}");
+    let told = messages::<Event>(log, EVENT).iter().filter(|event| event.text.contains(cause.text())).count();
+    assert_eq!(told, 1);
+}
+
 #[test]
-fn all_processes_end_when_the_run_is_killed() {
+fn a_closed_terminal_lets_the_robot_sit_down() {
+    let log = folder("hang_up").join("run.mcap");
+    let mut run = LiveProcess::run(&url(11), &log, "--ticks 30000");
+    run.process("controller");
+    run.wait_for(&["controller: ", "STANCE"]);
+    kill("-HUP", &run.id());
+    assert_eq!(run.end().json()["controller"]["exit_code"], 0);
+    ends_in_a_safe_state(&log, EndCause::HangUp);
+}
+
+#[test]
+fn the_robot_sits_down_and_all_processes_end_when_the_run_is_killed() {
     let log = folder("parent").join("run.mcap");
-    let mut run = LiveProcess::run(&url(6), &log, "");
+    let mut run = LiveProcess::run(&url(6), &log, "--ticks 30000");
     let processes = ["recorder", "driver", "controller"].map(|name| run.process(name));
     run.wait_for(&["controller: ", "STANCE"]);
     kill("-KILL", &run.id());
@@ -246,7 +270,7 @@ fn all_processes_end_when_the_run_is_killed() {
             std::thread::yield_now();
         }
     }
-    assert_replays(&log);
+    ends_in_a_safe_state(&log, EndCause::ParentDied);
 }
 
 #[test]

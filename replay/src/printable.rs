@@ -27,13 +27,28 @@ pub fn printable_lines(text: &str) -> String {
     text.lines().map(printable).collect::<Vec<_>>().join("\n")
 }
 
+/// [`printable`] for JSON: each unsafe character inside a string becomes `\\uXXXX`, so that the text still parses to the same value.
+pub fn printable_json(json: &str) -> Cow<'_, str> {
+    let is_unsafe = |c: char| c != '\n' && is_unsafe(c);
+    if !json.contains(is_unsafe) {
+        return Cow::Borrowed(json);
+    }
+    // All unsafe characters are below U+10000.
+    json.chars()
+        .fold(String::new(), |mut out, c| {
+            let _ = if is_unsafe(c) { write!(out, "\\u{:04x}", u32::from(c)) } else { write!(out, "{c}") };
+            out
+        })
+        .into()
+}
+
 /// [`printable`] for a path.
 pub fn printable_path(path: &Path) -> String {
     printable(&path.to_string_lossy()).into_owned()
 }
 
 fn is_unsafe(c: char) -> bool {
-    c.is_control() || matches!(c, '\u{202a}'..='\u{202e}' | '\u{2066}'..='\u{2069}')
+    c.is_control() || matches!(c, '\u{200e}' | '\u{200f}' | '\u{2028}'..='\u{202e}' | '\u{2066}'..='\u{2069}')
 }
 
 #[cfg(test)]
@@ -52,6 +67,10 @@ mod tests {
         for (text, expected) in cases {
             assert_eq!(printable(text), expected);
         }
+        let hostile = serde_json::json!({ "a\u{9b}": "b\u{202e}\u{1b}\n\u{7f}" });
+        let json = serde_json::to_string_pretty(&hostile).unwrap();
+        assert!(!printable_json(&json).contains(|c| c != '\n' && is_unsafe(c)));
+        assert_eq!(serde_json::from_str::<serde_json::Value>(&printable_json(&json)).unwrap(), hostile);
         assert_eq!(printable_lines("a\u{7}\nb\r\n"), "a\\u{7}\nb");
     }
 }

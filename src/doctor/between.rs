@@ -4,7 +4,7 @@
 //! several times, so that the listener knows the total.
 
 use super::network::CHANNEL;
-use crate::{say, say_json};
+use crate::{note, say, say_json};
 use anyhow::Context;
 use replay::udpm::{Listener, Outcome, Packet, Reassembler, Url, split};
 use serde::Serialize;
@@ -69,10 +69,10 @@ pub fn run(side: Side, url: &Url, seconds: f64, rate: f64, json: bool) -> anyhow
     anyhow::ensure!((0.1..=86_400.0).contains(&seconds), "--seconds {seconds}: expected 0.1 to 86400");
     anyhow::ensure!((1.0..=20_000.0).contains(&rate), "--rate {rate}: expected 1 to 20000");
     if url.ttl == 0 {
-        eprintln!(
+        note(format!(
             "warning: {url} stays on this machine; for another one: --lcm-url 'udpm://{}:{}?ttl=1'",
             url.group, url.port
-        );
+        ));
     }
     match side {
         Side::Send => send(url, seconds, rate),
@@ -169,9 +169,9 @@ impl Counter {
 fn listen(url: &Url, timeout: Duration, json: bool) -> anyhow::Result<crate::Outcome> {
     let mut listener = Listener::open(url)?;
     if let Some(warning) = listener.warning() {
-        eprintln!("warning: {warning}");
+        note(format!("warning: {warning}"));
     }
-    eprintln!("listening to {url}; run on the other machine: hoof doctor --between send --lcm-url '{url}'");
+    note(format!("listening to {url}; run on the other machine: hoof doctor --between send --lcm-url '{url}'"));
     let (mut counter, mut reassembler) = (Counter::default(), Reassembler::default());
     let mut last = Instant::now();
     // After the first message a short timeout suffices: the sender has finished, or the network has failed.

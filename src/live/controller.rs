@@ -4,13 +4,13 @@ use super::run_file::{Hardware, RunFile};
 use super::{Length, Shared, Stop, refuse_a_second};
 use crate::robot::{RobotFiles, read, with_overrides};
 use crate::run_info;
-use crate::{Outcome, say, say_json};
+use crate::{Outcome, note, say, say_json};
 use anyhow::{Context, bail};
 use controller::model::JointKind;
 use controller::params::Params;
 use drivers::Scenario;
 use drivers::command_mux::CommandMux;
-use drivers::live::{self, Dummy, Executor, Faulty, LcmRobot, Plan, Summary};
+use drivers::live::{self, Dummy, EndCause, Executor, Faulty, LcmRobot, Plan, Summary};
 use drivers::run_info::{Run, describe};
 use lcmtypes::bus::LcmBus;
 use lcmtypes::{RunInfo, channels};
@@ -37,7 +37,7 @@ pub struct ControllerArgs {
 
 pub fn run(args: &ControllerArgs) -> anyhow::Result<Outcome> {
     let (file, url) = args.shared.load()?;
-    let stop = Stop::new(&args.shared)?;
+    let stop = Stop::new(args.shared.parent)?;
     let (info, hardware) = prepare(&file, &url)?;
     let schedule = file.executor.schedule();
     let executor = Executor::start(Plan {
@@ -52,18 +52,18 @@ pub fn run(args: &ControllerArgs) -> anyhow::Result<Outcome> {
         realtime: file.realtime.clone(),
     })?;
     for refused in &executor.granted().refused {
-        eprintln!("warning: {refused}");
+        note(format!("warning: {refused}"));
     }
-    eprintln!("controlling {} on {url}: {}", file.robot, executor.granted().text());
+    note(format!("controlling {} on {url}: {}", file.robot, executor.granted().text()));
     let begin = Instant::now();
     let is_over = || args.length.seconds.is_some_and(|length| begin.elapsed() >= length);
     while !stop.is_due() && !executor.is_finished() && !is_over() {
         std::thread::sleep(POLL);
     }
-    // A standing robot sits down; a second request ends the run at once.
-    stop.reset();
-    executor.sit_down();
-    while !stop.is_requested() && !executor.is_finished() {
+    // A standing robot sits down; a second signal ends the run at once.
+    executor.sit_down(stop.cause().unwrap_or(EndCause::Length));
+    stop.take_signal();
+    while stop.take_signal().is_none() && !executor.is_finished() {
         std::thread::sleep(POLL);
     }
     report(&executor.finish(), args.shared.json)

@@ -1,8 +1,8 @@
 //! `hoof driver`: the simulator in place of a robot, in real time.
 
-use super::{Shared, Stop, refuse_a_second};
+use super::{Shared, Stop, refuse_a_second, wait_for_controller};
 use crate::robot::RobotFiles;
-use crate::{Outcome, say, say_json};
+use crate::{Outcome, note, say, say_json};
 use anyhow::{Context, bail};
 use controller::params::Params;
 use drivers::live::plant::{self, Plant, Summary};
@@ -15,6 +15,8 @@ use std::time::Duration;
 
 /// Time between two checks of the main thread for the end of the run.
 const POLL: Duration = Duration::from_millis(20);
+/// Time without a command after which the controller has ended.
+const QUIET: Duration = Duration::from_millis(500);
 
 /// Simulate a robot in real time, as its driver process on LCM
 ///
@@ -33,7 +35,7 @@ pub fn run(args: &DriverArgs) -> anyhow::Result<Outcome> {
         let file = args.shared.run_file.display();
         bail!("{file}: no [simulation]; the robot's own driver is expected on the network");
     };
-    let stop = Stop::new(&args.shared)?;
+    let stop = Stop::new(args.shared.parent)?;
     let (files, params_text) = RobotFiles::find_with_params(&file.robot)?;
     let params = Params::from_toml(&params_text, &file.robot)?;
     let scenario = Scenario::load(&simulation.scenario)?;
@@ -43,6 +45,7 @@ pub fn run(args: &DriverArgs) -> anyhow::Result<Outcome> {
     let (sender, receiver) = (LcmSender::open(&url)?, LcmReceiver::open(&url)?);
     // One below the controller, so that the physics does not delay the command on a single core.
     let realtime = RealtimeParams { priority: file.realtime.priority.saturating_sub(1), ..file.realtime.clone() };
+    let listen = url.clone();
     let stopping = Arc::new(AtomicBool::new(false));
     let stopping_thread = stopping.clone();
     let name = scenario.name.clone();
@@ -50,13 +53,16 @@ pub fn run(args: &DriverArgs) -> anyhow::Result<Outcome> {
     let thread = std::thread::Builder::new().name("real-time".to_owned()).spawn(move || {
         let granted = realtime.apply();
         for refused in &granted.refused {
-            eprintln!("warning: {refused}");
+            note(format!("warning: {refused}"));
         }
-        eprintln!("driving {} in {name} on {url}: {}", file.robot, granted.text());
+        note(format!("driving {} in {name} on {url}: {}", file.robot, granted.text()));
         plant::run(Plant { scenario: &scenario, send_operator, sim: &mut sim, sender, receiver }, &stopping_thread)
     })?;
     while !stop.is_due() && !thread.is_finished() {
         std::thread::sleep(POLL);
+    }
+    if stop.is_orphaned() {
+        wait_for_controller(&listen, QUIET);
     }
     stopping.store(true, Ordering::Relaxed);
     let summary = thread.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic));

@@ -9,17 +9,15 @@ mod run;
 mod run_file;
 mod screen;
 mod set;
+mod stop;
 
 use anyhow::Context;
 use drivers::Scenario;
 use drivers::live::has_traffic;
-use nix::unistd::{Pid, getppid};
 use replay::udpm::Url;
 use run_file::RunFile;
 use std::ffi::OsString;
 use std::path::PathBuf;
-use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
 pub use controller::{ControllerArgs, run as controller};
@@ -27,6 +25,7 @@ pub use ctl::{CtlArgs, ctl};
 pub use driver::{DriverArgs, run as driver};
 pub use run::{RunArgs, run};
 pub use set::{SetArgs, set};
+pub use stop::{Stop, wait_for_controller};
 
 /// Time for which a process waits for messages of another process with the same role: several periods.
 const LISTEN: Duration = Duration::from_millis(30);
@@ -102,35 +101,5 @@ impl Length {
             (None, Some(seconds)) => vec!["--seconds".into(), seconds.to_string().into()],
             (None, None) => Vec::new(),
         }
-    }
-}
-
-/// Request to end a process: Ctrl-C, SIGTERM, or the end of its parent.
-struct Stop {
-    requested: Arc<AtomicBool>,
-    parent: Option<Pid>,
-}
-
-impl Stop {
-    fn new(shared: &Shared) -> anyhow::Result<Self> {
-        let requested = Arc::new(AtomicBool::new(false));
-        for signal in [signal_hook::consts::SIGINT, signal_hook::consts::SIGTERM] {
-            signal_hook::flag::register(signal, requested.clone()).context("signal handler")?;
-        }
-        Ok(Stop { requested, parent: shared.parent.map(Pid::from_raw) })
-    }
-
-    fn is_due(&self) -> bool {
-        self.is_requested() || self.parent.is_some_and(|parent| getppid() != parent)
-    }
-
-    /// Whether a signal has requested the end.
-    fn is_requested(&self) -> bool {
-        self.requested.load(Ordering::Relaxed)
-    }
-
-    /// Clears the request, so that a second signal can be detected.
-    fn reset(&self) {
-        self.requested.store(false, Ordering::Relaxed);
     }
 }

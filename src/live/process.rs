@@ -4,12 +4,19 @@ use anyhow::Context;
 use nix::sys::signal::{Signal, kill};
 use nix::unistd::Pid;
 use serde_json::{Value, json};
+use signal_hook::consts::SIGTERM;
 use std::ffi::OsStr;
 use std::io::{BufRead, BufReader, Read};
 use std::os::unix::process::{CommandExt, ExitStatusExt};
 use std::process::{Child, Command, ExitStatus, Stdio};
 use std::sync::mpsc::Sender;
 use std::thread::JoinHandle;
+use std::time::{Duration, Instant};
+
+/// Time for a process to end on SIGTERM before it is killed.
+const TIME_TO_END: Duration = Duration::from_secs(2);
+/// Time between two checks for its end.
+const POLL: Duration = Duration::from_millis(10);
 
 /// A line of the standard error of a process.
 pub struct Line {
@@ -77,11 +84,11 @@ impl Process {
         Ok(self.status)
     }
 
-    /// Sends SIGINT, unless the process has ended.
-    pub fn request_end(&mut self) -> anyhow::Result<()> {
+    /// Sends a signal that requests the end, unless the process has ended.
+    pub fn request_end(&mut self, signal: i32) -> anyhow::Result<()> {
         if self.status()?.is_none() {
             let pid = Pid::from_raw(self.child.id().cast_signed());
-            kill(pid, Signal::SIGINT).with_context(|| self.name)?;
+            kill(pid, Signal::try_from(signal)?).with_context(|| self.name)?;
         }
         Ok(())
     }
@@ -115,9 +122,15 @@ impl Process {
     }
 }
 
-/// The process ends with its parent.
+/// The process ends with its parent. Only after an error of the run; it gets time to complete its log or to damp the joints.
 impl Drop for Process {
     fn drop(&mut self) {
+        let begin = Instant::now();
+        if self.request_end(SIGTERM).is_ok() {
+            while begin.elapsed() < TIME_TO_END && matches!(self.child.try_wait(), Ok(None)) {
+                std::thread::sleep(POLL);
+            }
+        }
         if self.status.is_none() {
             // Fails if the process has just ended.
             let _ = self.child.kill();

@@ -3,6 +3,7 @@
 use super::controller::prepare;
 use super::process::{Line, Process};
 use super::screen::Screen;
+use super::stop::END_TIMEOUT;
 use super::{Length, Shared, Stop, refuse_a_second};
 use crate::{Outcome, say, say_json};
 use anyhow::{Context, bail};
@@ -10,6 +11,7 @@ use drivers::Scenario;
 use lcmtypes::bus::{Bus, LcmBus};
 use lcmtypes::{Event, Message, channels};
 use serde_json::{Map, Value, json};
+use signal_hook::consts::SIGINT;
 use std::ffi::{OsStr, OsString};
 use std::path::PathBuf;
 use std::sync::mpsc::{Receiver, Sender, channel};
@@ -17,16 +19,15 @@ use std::time::{Duration, Instant};
 
 /// Longest wait for an event between two checks of the processes.
 const POLL: Duration = Duration::from_millis(50);
-/// A process that has not ended after this time is killed. Sitting down is part of the time.
-const END_TIMEOUT: Duration = Duration::from_secs(25);
 /// Time for which driver and recorder continue after the controller has died, so that the log shows the reaction of the robot.
 const AFTERMATH: Duration = Duration::from_secs(1);
 
 /// Start recorder, driver and controller as processes over LCM, and leave one log
 ///
 /// Shows the state of the processes and the events of the run. Ctrl-C ends the processes in order: the controller, after a standing robot has sat
-/// down, then driver and recorder. A second Ctrl-C damps the joints at once. A simulated run without --ticks or --seconds lasts as long as its
-/// scenario; then a standing robot sits down.
+/// down, then driver and recorder. A second Ctrl-C damps the joints at once. SIGTERM and SIGHUP (terminal closed) act as Ctrl-C; after the death of
+/// `hoof run` the controller lets the robot sit down and the other processes end after it. A simulated run without --ticks or --seconds lasts as long
+/// as its scenario; then a standing robot sits down. With `operator = false` in [simulation] it lasts until it is stopped.
 ///
 /// If the recorder dies, the robot continues. If the driver dies, the controller damps and waits for another one (`hoof driver RUN_FILE`).
 ///
@@ -49,7 +50,7 @@ pub struct RunArgs {
 
 pub fn run(args: &RunArgs) -> anyhow::Result<Outcome> {
     let (file, url) = args.shared.load()?;
-    let stop = Stop::new(&args.shared)?;
+    let stop = Stop::new(args.shared.parent)?;
     let log = args.log.as_ref().unwrap_or(&file.log);
     // Checked before the recorder starts: a run that cannot start neither writes nor renames a log.
     if file.simulation.is_some() {
@@ -69,7 +70,7 @@ pub fn run(args: &RunArgs) -> anyhow::Result<Outcome> {
     }
 
     let (lines_in, lines) = channel();
-    let mut run = Running { processes: Vec::new(), lines_in, lines, screen, ending: false };
+    let mut run = Running { processes: Vec::new(), lines_in, lines, screen, ending: false, deaf: false };
     let url = url.to_string();
     let of_run: [OsString; 4] =
         ["--lcm-url".into(), url.into(), "--parent".into(), std::process::id().to_string().into()];
@@ -82,7 +83,9 @@ pub fn run(args: &RunArgs) -> anyhow::Result<Outcome> {
     if file.simulation.is_some() {
         run.start("driver", "driving", &[&["driver".into()], &common[..]].concat(), &stop)?;
     }
-    common.extend(args.length.arguments(scenario.as_ref()));
+    // A person's commands have no end: only a run with the scenario's operator ends with the scenario.
+    let has_script = file.simulation.as_ref().is_some_and(|simulation| simulation.operator);
+    common.extend(args.length.arguments(scenario.as_ref().filter(|_| has_script)));
     run.start("controller", "controlling", &[&["controller".into()], &common[..]].concat(), &stop)?;
 
     run.watch(&mut network, &stop)?;
@@ -125,6 +128,8 @@ struct Running {
     screen: Screen,
     /// The processes are being ended: their ends are expected.
     ending: bool,
+    /// The network has failed.
+    deaf: bool,
 }
 
 impl Running {
@@ -178,7 +183,15 @@ impl Running {
             std::thread::sleep(POLL);
             wait = Duration::ZERO;
         }
-        for message in network.handle(wait).context("the network of the run")? {
+        // A screen without events is no reason to end the robot's run.
+        let messages = network.handle(wait).unwrap_or_else(|error| {
+            if !std::mem::replace(&mut self.deaf, true) {
+                self.screen.say(&format!("no events are shown from now on: the network of the run: {error}"));
+            }
+            std::thread::sleep(wait);
+            Vec::new()
+        });
+        for message in messages {
             match &*message.channel {
                 channels::CONTROLLER_TICK => self.screen.tick(&message.data),
                 channels::ROBOT_STATE => self.screen.state(),
@@ -208,13 +221,11 @@ impl Running {
         self.ending = true;
         for place in (0..self.processes.len()).rev() {
             let mut requested = Instant::now();
-            stop.reset();
-            self.processes[place].request_end()?;
+            self.processes[place].request_end(stop.take_signal().unwrap_or(SIGINT))?;
             while self.processes[place].status()?.is_none() {
                 self.update(network)?;
-                if stop.is_requested() {
-                    stop.reset();
-                    self.processes[place].request_end()?;
+                if let Some(signal) = stop.take_signal() {
+                    self.processes[place].request_end(signal)?;
                 }
                 if requested.elapsed() > END_TIMEOUT {
                     self.screen.say(&format!(

@@ -1,8 +1,10 @@
 //! Display of a live run: one line per process at the bottom, events above. Without a terminal, only the events.
 
 use super::process::{Line, Process};
+use crate::note;
 use indicatif::{MultiProgress, ProgressBar, ProgressStyle};
 use lcmtypes::{ControllerTick, Event, Message, enum_names};
+use replay::{printable, printable_path};
 use std::path::{Path, PathBuf};
 use std::process::ExitStatus;
 use std::time::{Duration, Instant};
@@ -70,7 +72,7 @@ impl Screen {
 
     /// Shows a line of the standard error of a process.
     pub fn line(&self, line: &Line) {
-        self.say(&format!("{}: {}", line.process, line.text));
+        self.say(&format!("{}: {}", line.process, printable(&line.text)));
     }
 
     /// Shows an EVENT.
@@ -80,7 +82,7 @@ impl Screen {
             Event::LEVEL_WARNING => "warning ",
             _ => "",
         };
-        self.say(&format!("{mark}{}: {}", event.source, event.text));
+        self.say(&format!("{mark}{}: {}", printable(&event.source), printable(&event.text)));
     }
 
     /// Shows a line with the time since the start.
@@ -91,7 +93,7 @@ impl Screen {
             // A failing terminal must not stop the robot.
             let _ = self.all.println(wrapped(&time, text, width));
         } else {
-            eprintln!("{time}{text}");
+            note(format!("{time}{text}"));
         }
     }
 }
@@ -122,7 +124,7 @@ impl Status {
         match (process, &self.tick) {
             ("recorder", _) => {
                 let size = std::fs::metadata(log).map_or(0, |file| file.len());
-                format!("{:.1} MB in {}", size as f64 * 1e-6, log.display())
+                format!("{:.1} MB in {}", size as f64 * 1e-6, printable_path(log))
             }
             ("driver", _) => self.rate_hz().map_or_else(String::new, |rate| format!("{rate:.0} states/s")),
             (_, Some(tick)) => format!("{}, tick {}", enum_names::mode(tick.mode), tick.tick),

@@ -1,7 +1,7 @@
 //! `hoof log cat`: prints messages with every field decoded.
 
 use super::{LogTypes, Part, loss};
-use crate::Outcome;
+use crate::{Outcome, note};
 use anyhow::Context;
 use lcm_idl::{Leaf, Value};
 use replay::log::{EventRef, Health, LogReader, RunClock, Types, Zero};
@@ -43,7 +43,7 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
     // JSON lines contain t_ns alone, so they need no time zero.
     let clock = (!args.json).then(|| RunClock::read(&args.log)).transpose()?;
     if let Some(zero) = clock.map(|clock| clock.zero()).filter(|zero| *zero != Zero::FirstTick) {
-        eprintln!("{}: times are s since {}", args.log.display(), zero.text());
+        note(format!("{}: times are s since {}", args.log.display(), zero.text()));
     }
     let mut out = std::io::BufWriter::new(std::io::stdout().lock());
     let (mut health, mut line) = (Health::default(), String::new());
@@ -72,16 +72,16 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
     out.flush().context("standard output")?;
     drop(out);
     for damaged in &health.damaged {
-        eprintln!(
+        note(format!(
             "{}: damaged at byte {}, {} bytes: {}",
             args.log.display(),
             damaged.offset,
             damaged.bytes,
             printable(&damaged.why)
-        );
+        ));
     }
     if let Some(cut) = &health.cut {
-        eprintln!("{}: cut at byte {}, {} bytes of a record", args.log.display(), cut.offset, cut.bytes);
+        note(format!("{}: cut at byte {}, {} bytes of a record", args.log.display(), cut.offset, cut.bytes));
     }
     Ok(loss(!health.is_good()))
 }

@@ -1,17 +1,22 @@
 //! `hoof log record`: records an LCM network into a log.
 
-use crate::{Outcome, say, say_json};
+use crate::live::{Stop, wait_for_controller};
+use crate::{Outcome, note, say, say_json};
 use anyhow::Context;
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use replay::record::{Filter, Pattern, Progress, RecordLevel, RecordOptions, RecordSummary, Recorder, Rotation};
 use replay::udpm::Url;
 use replay::{printable, printable_path};
-use signal_hook::consts::{SIGINT, SIGTERM, SIGXFSZ};
+use signal_hook::consts::SIGXFSZ;
+use std::cell::OnceCell;
 use std::io::IsTerminal;
 use std::path::PathBuf;
 use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::atomic::AtomicBool;
 use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
+
+/// Time without ROBOT_COMMAND after which a run whose parent has died is over: longer than the driver waits, whose last EVENT is recorded.
+const QUIET: Duration = Duration::from_secs(1);
 
 /// Record all messages of an LCM network
 ///
@@ -74,25 +79,29 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
     let options = options(args)?;
     let end = args.seconds.map(|s| seconds("--seconds", s)).transpose()?.map(|length| Instant::now() + length);
     // Before the first byte is written, so that a signal cannot leave an incomplete log.
-    let stopped = Arc::new(AtomicBool::new(false));
-    for signal in [SIGINT, SIGTERM] {
-        signal_hook::flag::register(signal, Arc::clone(&stopped)).context("signal handler")?;
-    }
+    let stop = Stop::new(args.parent)?;
     // A file size limit is handled as a full disk, not as a fatal signal.
     signal_hook::flag::register(SIGXFSZ, Arc::new(AtomicBool::new(false))).context("signal handler")?;
 
     let url = options.url.clone();
     let recorder = Recorder::start(options)?;
     if let Some(warning) = recorder.warning() {
-        eprintln!("warning: {warning}");
+        note(format!("warning: {warning}"));
     }
     if let Some(moved) = recorder.moved() {
-        eprintln!("existing log renamed to {}", printable_path(moved));
+        note(format!("existing log renamed to {}", printable_path(moved)));
     }
     let mut line = StatusLine::new();
-    eprintln!("recording {url}");
-    let orphaned = || args.parent.is_some_and(|parent| nix::unistd::getppid().as_raw() != parent);
-    let stop = || stopped.load(Ordering::Relaxed) || end.is_some_and(|end| Instant::now() >= end) || orphaned();
+    note(format!("recording {url}"));
+    let waiting = OnceCell::new();
+    let stop = || {
+        // After the death of `hoof run`, the end of the robot's motion is recorded too; on another thread, since this one must not block.
+        if stop.is_orphaned() {
+            let url = url.clone();
+            return waiting.get_or_init(|| std::thread::spawn(move || wait_for_controller(&url, QUIET))).is_finished();
+        }
+        stop.is_due() || end.is_some_and(|end| Instant::now() >= end)
+    };
     let recorded = recorder.run(&stop, &mut |progress| line.show(progress))?;
     drop(line);
     if args.json {

@@ -1,6 +1,6 @@
 //! `hoof replay bisect`: finds the first revision that replays a log differently.
 
-use crate::{Outcome, say, say_json};
+use crate::{Outcome, note, say, say_json};
 use replay::bisect::{self, Cause, Found, Options, Verdict};
 use std::path::PathBuf;
 
@@ -46,7 +46,7 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
             Verdict::Bad => "bad",
             Verdict::Skipped => "skipped",
         };
-        eprintln!("{left:>4} left: {} {verdict:<7} {}", short(&outcome.revision), outcome.subject);
+        note(format!("{left:>4} left: {} {verdict:<7} {}", short(&outcome.revision), outcome.subject));
     })?;
     if args.json {
         say_json(&found)?

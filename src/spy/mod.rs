@@ -17,7 +17,7 @@ mod tree;
 mod view;
 
 use crate::log::{LogTypes, seconds};
-use crate::{Outcome, say};
+use crate::{Outcome, note, say};
 use anyhow::Context;
 use once::Report;
 use replay::log::Health;
@@ -132,9 +132,9 @@ fn once_live(args: &Args, mut alarms: Alarms) -> anyhow::Result<Outcome> {
     let url = Url::choose(args.lcm_url.as_deref())?;
     let mut live = Live::start(&url, args.types.read()?)?;
     if let Some(warning) = live.warning() {
-        eprintln!("warning: {warning}");
+        note(format!("warning: {warning}"));
     }
-    eprintln!("listening on {url}");
+    note(format!("listening on {url}"));
     let end = Instant::now() + Duration::from_secs_f64(args.seconds);
     while Instant::now() < end && !stopped.load(Ordering::Relaxed) && !live.has_failed() {
         std::thread::sleep(POLL);
@@ -147,7 +147,7 @@ fn once_live(args: &Args, mut alarms: Alarms) -> anyhow::Result<Outcome> {
     let report = Report::new(url.to_string(), "udpm".to_owned(), &Health::default(), summary, &mut alarms);
     let outcome = report.say(args.json)?;
     if report.is_empty() {
-        eprintln!("{}", source::nothing_received(&url));
+        note(format!("{}", source::nothing_received(&url)));
     }
     Ok(outcome)
 }

@@ -8,7 +8,7 @@ mod link;
 mod view;
 
 use crate::robot::{RobotFiles, read};
-use crate::{Outcome, say};
+use crate::{Outcome, note, say};
 use anyhow::Context;
 use controller::params::Params;
 use drivers::teleop::{CHANNEL, HEARTBEAT_NS, Limits, OperatorInput};
@@ -98,7 +98,7 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
     // The screen has shown it already.
     let failure = session.failure().filter(|_| !has_screen);
     if let Some(failure) = &failure {
-        eprintln!("warning: {failure}");
+        note(format!("warning: {failure}"));
     }
     Ok(Outcome::failed_if(failure.is_some()))
 }

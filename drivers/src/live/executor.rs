@@ -2,7 +2,7 @@
 
 use super::clock::TickSchedule;
 use super::publisher::{Publisher, PublisherReport};
-use super::realtime_loop::{End, Ending, RealtimeLoop, RealtimeReport};
+use super::realtime_loop::{End, EndCause, Ending, RealtimeLoop, RealtimeReport};
 use super::{Granted, Hardware, Lateness, RealtimeParams, call_ring, message_ring};
 use crate::DriverError;
 use crate::command_mux::CommandMux;
@@ -94,7 +94,7 @@ impl Executor {
         info.realtime = format!("live, every {} us, {}", schedule.period_ns / 1000, granted.text());
         let names = controllers.into_iter().map(|(name, _)| name).collect();
         let lateness = Lateness::new(schedule.period_ns);
-        let publisher = Publisher::new((messages_out, calls_in), bus, operators, info, names, lateness);
+        let publisher = Publisher::new((messages_out, calls_in), bus, operators, info, names, lateness, ending.clone());
         // On a busy machine it must not fall behind by more than the window within which a log's reader sorts messages.
         let settings = RealtimeParams { priority: realtime.priority.min(PUBLISHER_PRIORITY), ..RealtimeParams::none() };
         let publisher_thread = spawn("publisher", move || {
@@ -112,14 +112,14 @@ impl Executor {
     /// Whether the run has ended by itself. If the publisher thread has ended, no operator command arrives and nothing is logged: the robot sits down.
     pub fn is_finished(&self) -> bool {
         if self.publisher.as_ref().is_some_and(JoinHandle::is_finished) {
-            self.sit_down();
+            self.sit_down(EndCause::PublisherDied);
         }
         self.realtime.as_ref().is_none_or(JoinHandle::is_finished)
     }
 
-    /// Requests that a standing robot sits down; the run ends afterwards.
-    pub fn sit_down(&self) {
-        self.ending.request(End::Sit);
+    /// Requests that a standing robot sits down; the run ends afterwards. An EVENT reports the cause.
+    pub fn sit_down(&self, cause: EndCause) {
+        self.ending.request(End::Sit, cause);
     }
 
     /// Damps the joints, ends the run, and waits until every message is published.
@@ -128,7 +128,7 @@ impl Executor {
     }
 
     fn close(&mut self) -> Summary {
-        self.ending.request(End::Damp);
+        self.ending.request(End::Damp, EndCause::Length);
         let realtime = self.realtime.take().map(join).unwrap_or_default();
         Summary { realtime, publisher: self.publisher.take().map(join).unwrap_or_default() }
     }

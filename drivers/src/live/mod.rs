@@ -46,5 +46,5 @@ pub use message_ring::{MessageReceiver, MessageSender, RingMessage, message_ring
 pub use operator_replies::sender_id as operator_sender_id;
 pub use publisher::{PublisherReport, RUN_INFO_EVERY_NS};
 pub use realtime::{Granted, RealtimeParams};
-pub use realtime_loop::{End, Ending, RealtimeLoop, RealtimeReport};
+pub use realtime_loop::{End, EndCause, Ending, RealtimeLoop, RealtimeReport};
 pub use socket::{LcmReceiver, LcmSender, has_traffic, new_sender_id};

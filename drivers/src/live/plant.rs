@@ -208,10 +208,16 @@ impl<'a> Run<'a> {
         let awake = self.faults.paused_until(self.t_ns).is_none();
         if self.started && !self.timed_out && awake && age > WATCHDOG_NS {
             (self.timed_out, self.summary.watchdog) = (true, self.summary.watchdog + 1);
-            let text = format!("no command for {} us: joints damped", age / 1000);
             // A controller that commanded torque has died; one that commanded damping has ended.
-            let died = newest.mode == RobotCommand::MODE_TORQUE;
-            out.event(now, newest.tick, if died { Event::LEVEL_ERROR } else { Event::LEVEL_INFO }, "driver", text)?;
+            let (level, text) = if newest.mode == RobotCommand::MODE_TORQUE {
+                (
+                    Event::LEVEL_ERROR,
+                    format!("no command for {} us, limit {} us: joints damped", age / 1000, WATCHDOG_NS / 1000),
+                )
+            } else {
+                (Event::LEVEL_INFO, "the controller has ended; its last command damps the joints".to_owned())
+            };
+            out.event(now, newest.tick, level, "driver", text)?;
         }
         Ok(())
     }

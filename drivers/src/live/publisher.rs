@@ -3,6 +3,7 @@
 use super::clock::now_ns;
 use super::message_ring::{MessageReceiver, RingMessage};
 use super::outgoing::Outgoing;
+use super::realtime_loop::{EndCause, Ending};
 use super::requests::Requests;
 use super::{CallSender, Lateness};
 use crate::command_mux::CommandMux;
@@ -10,6 +11,7 @@ use crate::watch::{ModeEvent, ModeWatch};
 use controller::model::{JointKind, UrdfTree};
 use lcmtypes::bus::Bus;
 use lcmtypes::{ControllerInput, ControllerTick, Event, Message, RunInfo, Timing, channels, enum_names};
+use std::sync::Arc;
 use std::time::Duration;
 
 /// Period at which RUN_INFO and the parameter changes are published again, so that a log that begins later can be read, ns.
@@ -50,12 +52,13 @@ impl Publisher {
         info: RunInfo,
         controllers: Vec<String>,
         lateness: Lateness,
+        ending: Arc<Ending>,
     ) -> Self {
         Publisher {
             ring,
             out: Outgoing::new(bus),
             requests: Requests::new(calls, mux, &info, controllers.clone()),
-            events: TickEvents::new(&info, controllers, lateness),
+            events: TickEvents::new(&info, controllers, lateness, ending),
             info,
             info_due_ns: None,
         }
@@ -124,8 +127,10 @@ struct TickEvents {
     controllers: Vec<String>,
     /// The controllers that ran in the last tick, one bit each.
     running: i64,
+    /// The request to end the run, for its cause.
+    ending: Arc<Ending>,
     /// The executor has replaced the operator's command, to end the run.
-    ending: bool,
+    is_ending: bool,
     modes: ModeWatch,
     lateness: Lateness,
     /// Decoded messages of the present tick.
@@ -134,11 +139,12 @@ struct TickEvents {
 }
 
 impl TickEvents {
-    fn new(info: &RunInfo, controllers: Vec<String>, lateness: Lateness) -> Self {
+    fn new(info: &RunInfo, controllers: Vec<String>, lateness: Lateness, ending: Arc<Ending>) -> Self {
         TickEvents {
             controllers,
             running: 0,
-            ending: false,
+            ending,
+            is_ending: false,
             modes: ModeWatch::new(joints(info)),
             lateness,
             input: ControllerInput::default(),
@@ -182,10 +188,12 @@ impl TickEvents {
     /// Reports that the run is ending: from then on the executor's command replaces the operator's, with the time of the tick itself.
     fn report_end(&mut self, out: &mut Outgoing) {
         let ControllerInput { t_ns, tick, t_op_ns, ref op, .. } = self.input;
-        if !self.ending && t_op_ns == t_ns {
-            self.ending = true;
-            let text = format!("run ending: requesting {}", enum_names::operator_mode(op.mode));
-            out.event(t_ns, tick, Event::LEVEL_INFO, "executor", text);
+        if !self.is_ending && t_op_ns == t_ns {
+            self.is_ending = true;
+            let cause = self.ending.cause();
+            let text = format!("run ending: {}; requesting {}", cause.text(), enum_names::operator_mode(op.mode));
+            let is_planned = matches!(cause, EndCause::Length | EndCause::Interrupt);
+            out.event(t_ns, tick, if is_planned { Event::LEVEL_INFO } else { Event::LEVEL_WARNING }, "executor", text);
         }
     }
 

@@ -23,7 +23,51 @@ const OVERRUNS: u32 = 3;
 
 /// Request to end a run, set from any thread.
 #[derive(Debug, Default)]
-pub struct Ending(AtomicU8);
+pub struct Ending {
+    end: AtomicU8,
+    cause: AtomicU8,
+}
+
+/// Why a run ends.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[repr(u8)]
+pub enum EndCause {
+    /// Its length is over.
+    Length,
+    /// SIGINT: Ctrl-C.
+    Interrupt,
+    /// SIGTERM.
+    Terminate,
+    /// SIGHUP: the terminal was closed.
+    HangUp,
+    /// The process that started the run has died.
+    ParentDied,
+    /// The publisher thread has died: the run has neither an operator nor a log.
+    PublisherDied,
+}
+
+impl EndCause {
+    const ALL: [EndCause; 6] = [
+        EndCause::Length,
+        EndCause::Interrupt,
+        EndCause::Terminate,
+        EndCause::HangUp,
+        EndCause::ParentDied,
+        EndCause::PublisherDied,
+    ];
+
+    /// Text for an EVENT.
+    pub fn text(self) -> &'static str {
+        match self {
+            EndCause::Length => "length of the run reached",
+            EndCause::Interrupt => "SIGINT received",
+            EndCause::Terminate => "SIGTERM received",
+            EndCause::HangUp => "SIGHUP received (terminal closed)",
+            EndCause::ParentDied => "the process that started the run has died",
+            EndCause::PublisherDied => "the publisher thread has died",
+        }
+    }
+}
 
 /// How a run is to end.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
@@ -38,13 +82,21 @@ pub enum End {
 }
 
 impl Ending {
-    /// Requests an end. A more urgent request stays in force.
-    pub fn request(&self, end: End) {
-        self.0.fetch_max(end as u8, Ordering::Relaxed);
+    /// Requests an end. A more urgent request stays in force; the cause is that of the first request.
+    pub fn request(&self, end: End, cause: EndCause) {
+        if self.requested() == End::No {
+            self.cause.store(cause as u8, Ordering::Relaxed);
+        }
+        self.end.fetch_max(end as u8, Ordering::Relaxed);
+    }
+
+    /// Cause of the first request; [`EndCause::Length`] if there was none.
+    pub fn cause(&self) -> EndCause {
+        EndCause::ALL[usize::from(self.cause.load(Ordering::Relaxed))]
     }
 
     fn requested(&self) -> End {
-        match self.0.load(Ordering::Relaxed) {
+        match self.end.load(Ordering::Relaxed) {
             0 => End::No,
             1 => End::Sit,
             _ => End::Damp,
