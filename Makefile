@@ -34,6 +34,7 @@ check-steps:
 	cargo fmt --all --check
 	scripts/words.sh
 	scripts/circles.sh
+	scripts/newcomer.sh --edits
 	cargo clippy --release --locked --workspace --all-targets -- -D warnings
 	cargo test --release --locked --workspace --lib --bins
 	cargo test --release --locked --package hoofprint --test errors --test robot
@@ -46,6 +47,7 @@ test-steps:
 	cargo fmt --all --check
 	scripts/words.sh
 	scripts/circles.sh
+	scripts/newcomer.sh --edits
 	cargo clippy --release --locked --workspace --all-targets -- -D warnings
 	cargo test --release --locked --workspace
 	scripts/replay_across_builds.sh

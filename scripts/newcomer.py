@@ -54,6 +54,7 @@ def restore(before):
 def main():
     parser = argparse.ArgumentParser(description="Makes each change of scripts/newcomer.toml in a copy of the source tree and compiles it.")
     parser.add_argument("--only", default="", help="only tasks whose name contains this text")
+    parser.add_argument("--edits", action="store_true", help="only check that each edit still applies; compile nothing")
     args = parser.parse_args()
     tree, failed = TARGET / "newcomer", False
     copy(tree)
@@ -61,6 +62,9 @@ def main():
         if args.only not in task["name"]:
             continue
         before = apply(task, tree)
+        if args.edits:
+            restore(before)
+            continue
         try:
             # Dependencies compiled for the checkout itself are used again.
             check = ["cargo", "check", "--quiet", "--locked", "--target-dir", TARGET, "--package", task["package"]]
