@@ -66,8 +66,8 @@ def main():
             restore(before)
             continue
         try:
-            # Dependencies compiled for the checkout itself are used again.
-            check = ["cargo", "check", "--quiet", "--locked", "--target-dir", TARGET, "--package", task["package"]]
+            # A target directory of its own: cargo cannot distinguish the copy's packages from those of the checkout.
+            check = ["cargo", "check", "--quiet", "--locked", "--target-dir", TARGET / "newcomer_target", "--package", task["package"]]
             done = subprocess.run(check, cwd=tree, capture_output=True, text=True)
         finally:
             restore(before)
