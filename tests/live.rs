@@ -10,7 +10,6 @@ mod relay;
 use common::live_process::LiveProcess;
 use common::network::url;
 use common::{Ran, events, folder, hoof, messages};
-use drivers::live::operator_sender_id;
 use lcmtypes::bus::{Bus, LcmBus};
 use lcmtypes::channels::{
     CONTROLLER_INPUT, CONTROLLER_SNAPSHOT, CONTROLLER_TICK, OPERATOR_COMMAND, REQUEST_REPLY, ROBOT_COMMAND,
@@ -247,7 +246,7 @@ fn controllers_are_started_and_stopped_while_the_robot_stands() {
     assert!(both.eq(from..to));
     let replies: Vec<RequestReply> = messages(&log, REQUEST_REPLY);
     let senders: BTreeSet<i64> = replies.iter().map(|reply| reply.sender_id).collect();
-    let operator = operator_sender_id(OPERATOR_COMMAND);
+    let operator = messages::<OperatorCommand>(&log, OPERATOR_COMMAND)[0].sender_id;
     assert_eq!((senders.len(), senders.contains(&operator)), (5, true), "four processes, and the scenario's operator");
     let codes: Vec<(i8, i64)> =
         replies.iter().filter(|reply| reply.sender_id != operator).map(|reply| (reply.code, reply.tick)).collect();

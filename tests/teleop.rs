@@ -5,7 +5,6 @@ mod common;
 
 use common::network::url;
 use common::{Ran, command, folder, hoof, messages, ran};
-use drivers::live::operator_sender_id;
 use lcmtypes::bus::{Bus, LcmBus};
 use lcmtypes::{ControllerInput, ControllerTick, Event, Message, OperatorCommand, RequestReply, channels};
 use std::io::Write;
@@ -274,7 +273,7 @@ fn teleoperation_overrides_the_scenario_and_stops_the_robot() {
         assert!(found, "{channel}, level {level}: {operator:?}");
     }
     let inputs: Vec<ControllerInput> = messages(&log, channels::CONTROLLER_INPUT);
-    let teleop_id = operator_sender_id("OPERATOR_TELEOP");
+    let teleop_id = messages::<Op>(&log, "OPERATOR_TELEOP")[0].sender_id;
     let replies: Vec<RequestReply> = messages(&log, channels::REQUEST_REPLY);
     let is_stop = |reply: &RequestReply, input: &ControllerInput| {
         (input.tick, input.op.seq, input.op.mode) == (reply.tick, reply.request_id, Op::MODE_DAMPING)

@@ -84,7 +84,7 @@ fn print_tables(robot: &Robot, command: &RobotCommand, wbc: &WbcSolution, contac
     println!("HyQ, {:.1} kg, after one second. Forces of the ground on the feet, N, z up:\n", robot.mass());
     println!("  foot  measured z  contact   desired x         y         z");
     for (i, leg) in Leg::ALL.into_iter().enumerate() {
-        let ([x, y, z], contact_text) = (wbc.f_F_W[i], if contact.contact[i] { "yes" } else { "no" });
+        let ([x, y, z], contact_text) = (wbc.f_F_W[i], if contact.contact[i] == 1 { "yes" } else { "no" });
         println!("  {:<4}  {:>10.1}  {contact_text:<7}  {x:>10.1} {y:>9.1} {z:>9.1}", leg.name(), contact.f_F_W[i][2]);
     }
     let sum: f64 = wbc.f_F_W.iter().map(|f| f[2]).sum();

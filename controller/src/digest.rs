@@ -83,9 +83,10 @@ impl Digest {
 
 /// Digest of a controller input.
 pub fn input_digest(input: &ControllerInput) -> i64 {
-    let ControllerInput { t_ns, tick, running, t_op_ns, state, op } = input;
+    let ControllerInput { t_ns, tick, run_id, running, t_op_ns, state, op } = input;
     let mut d = Digest::default();
-    for word in [t_ns, tick, running, t_op_ns, &state.t_ns, &state.seq, &op.t_ns, &op.seq] {
+    let senders = [run_id, &state.sender_id, &op.sender_id, &op.t_mode_ns];
+    for word in [t_ns, tick, running, t_op_ns, &state.t_ns, &state.seq, &op.t_ns, &op.seq].into_iter().chain(senders) {
         d.word(word.cast_unsigned());
     }
     d.word(u64::from(state.nj.cast_unsigned()));

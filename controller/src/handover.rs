@@ -7,7 +7,7 @@
 use crate::error::{LoadError, RestoreError};
 use crate::interface::Controller;
 use crate::load::load;
-use crate::params::{ParamsError, apply_overrides};
+use crate::params::{ParamsError, apply_changes};
 use lcmtypes::RunInfo;
 
 /// A rejected parameter change.
@@ -51,7 +51,7 @@ impl Parameters {
         if key == "robot" || key.starts_with("robot.") {
             return Err(ChangeError::Fixed { key: key.to_owned() });
         }
-        let params = apply_overrides(&self.info.params, &[(key.to_owned(), value.to_owned())])?;
+        let params = apply_changes(&self.info.params, &[(key.to_owned(), value.to_owned())])?;
         Ok(Parameters { info: RunInfo { params, ..self.info.clone() } })
     }
 

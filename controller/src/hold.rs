@@ -10,7 +10,7 @@ use crate::error::{LoadError, RestoreError};
 use crate::interface::{Controller, Probe};
 use crate::model::{Base, JointInfo, Model, UrdfTree};
 use crate::outbox::Outbox;
-use crate::params::{Params, RobotConfig};
+use crate::params::{Params, RobotConfig, parameters_digest};
 use crate::safety::{Fault, check_joint_limits, check_joint_values, fault, limit_command};
 use crate::time::{SNAPSHOT_TICKS, seconds, step_seconds};
 use lcmtypes::channels::{self, Stage};
@@ -22,6 +22,7 @@ pub const NAME: &str = "hold";
 /// The controller.
 pub struct Hold {
     params: Params,
+    digest_parameters: i64,
     joints: Vec<JointInfo>,
     q_posture: Vec<f64>,
     state: HoldState,
@@ -36,6 +37,7 @@ impl Hold {
     /// # Errors
     /// A text is invalid, or `robot.posture` lacks a joint of the robot.
     pub fn new(urdf: &str, params: &str) -> Result<Self, LoadError> {
+        let digest_parameters = parameters_digest(params);
         let params = Params::from_toml(params, "parameters")?;
         let RobotConfig { name, urdf: file, posture, .. } = &params.robot;
         let model = Model::new(&UrdfTree::parse(urdf, file)?, Base::Floating)?;
@@ -54,7 +56,8 @@ impl Hold {
             q_from: vec![0.0; nj],
             ..HoldState::default()
         };
-        Ok(Hold { params, joints: model.joints, q_posture, snapshot_buffer: state.clone(), state, command })
+        let (joints, snapshot_buffer) = (model.joints, state.clone());
+        Ok(Hold { params, digest_parameters, joints, q_posture, snapshot_buffer, state, command })
     }
 
     /// Checks an input. Tilt and contacts are not checked: a robot on a stand may lean, and its feet need no ground.
@@ -140,18 +143,21 @@ impl Controller for Hold {
         self.advance(input);
         probe.stage_done(Stage::Input);
         self.fill_command();
+        self.command.run_id = input.run_id;
         limit_command(&self.joints, &mut self.command, &input.state);
         let HoldState { t_ns, tick, mode, fault, fault_index, fault_value, .. } = self.state;
         let digest_output = command_digest(&self.command);
         let status = ControllerTick {
             t_ns,
             tick,
+            run_id: input.run_id,
             mode,
             fault,
             fault_index,
             fault_value,
             digest_input,
             digest_output,
+            digest_parameters: self.digest_parameters,
             ..Default::default()
         };
         out.clear();

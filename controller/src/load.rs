@@ -3,7 +3,7 @@
 use crate::error::LoadError;
 use crate::hold::{self, Hold};
 use crate::interface::Controller;
-use crate::params::Params;
+use crate::params::{Params, parameters_digest};
 use crate::quadruped::{self, Quadruped};
 use crate::sequence::{self, Sequence};
 use lcmtypes::{RobotCommand, RunInfo};
@@ -19,7 +19,7 @@ pub fn load(info: &RunInfo) -> Result<Box<dyn Controller>, LoadError> {
     let controllers = list.split(',').map(|name| load_one(name.trim(), info)).collect::<Result<_, _>>()?;
     let params = Params::from_toml(&info.params, "parameters")?;
     let damping = RobotCommand::damping(params.robot.posture.len(), params.safety.damping);
-    Ok(Box::new(Sequence::new(controllers, damping)?))
+    Ok(Box::new(Sequence::new(controllers, damping, parameters_digest(&info.params))?))
 }
 
 fn load_one(name: &str, info: &RunInfo) -> Result<Box<dyn Controller>, LoadError> {

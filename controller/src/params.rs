@@ -8,13 +8,15 @@
 //! [`crate::qp`]. This module contains what is independent of the controller: the list of all tables ([`Params`]), the robot
 //! ([`RobotConfig`]), overrides by key, range checks and errors.
 
+mod digest;
 pub(crate) mod error;
 mod overrides;
 pub mod range;
 mod robot;
 mod tables;
 
+pub use digest::parameters_digest;
 pub use error::ParamsError;
-pub use overrides::apply_overrides;
+pub use overrides::{apply_changes, apply_overrides};
 pub use robot::{RobotConfig, SensorParams};
 pub use tables::Params;

@@ -37,6 +37,7 @@ pub struct Sequence {
     tick: i64,
     member_outbox: Outbox,
     damping: RobotCommand,
+    digest_parameters: i64,
     /// Preallocated message for writing and reading snapshots.
     snapshot_buffer: RefCell<SequenceState>,
 }
@@ -53,10 +54,15 @@ impl Sequence {
     /// Builds a sequence.
     ///
     /// - `damping`: the command while no controller runs.
+    /// - `digest_parameters`: as in `controller_tick_t`.
     ///
     /// # Errors
     /// The number of controllers is not 1 to 63, or two have the same name.
-    pub fn new(controllers: Vec<Box<dyn Controller>>, damping: RobotCommand) -> Result<Self, LoadError> {
+    pub fn new(
+        controllers: Vec<Box<dyn Controller>>,
+        damping: RobotCommand,
+        digest_parameters: i64,
+    ) -> Result<Self, LoadError> {
         let wrong = |what: String| LoadError::Sequence { what };
         if controllers.is_empty() || controllers.len() > MAX_CONTROLLERS {
             return Err(wrong(format!("found {} controllers, expected 1 to {MAX_CONTROLLERS}", controllers.len())));
@@ -85,6 +91,7 @@ impl Sequence {
             tick: -1,
             member_outbox: Outbox::new(),
             damping,
+            digest_parameters,
             snapshot_buffer: RefCell::new(state),
         })
     }
@@ -137,7 +144,7 @@ impl Controller for Sequence {
     }
 
     fn step_probed(&mut self, input: &ControllerInput, out: &mut Outbox, probe: &mut dyn Probe) {
-        let Sequence { members, running, member_outbox, damping, .. } = self;
+        let Sequence { members, running, member_outbox, damping, digest_parameters, .. } = self;
         let active = (0..members.len()).rev().find(|&k| runs(input.running, k));
         out.clear();
         let mut put = Ok(());
@@ -161,17 +168,19 @@ impl Controller for Sequence {
                 out.put_bytes(channel.expect("controllers use channels of the table only"), bytes);
             }
         }
-        let ControllerInput { t_ns, tick, .. } = *input;
+        let ControllerInput { t_ns, tick, run_id, .. } = *input;
         (self.running, self.t_ns, self.tick) = (input.running, t_ns, tick);
         if active.is_none() {
-            (damping.t_ns, damping.tick) = (t_ns, tick);
+            (damping.t_ns, damping.tick, damping.run_id) = (t_ns, tick, run_id);
             let status = ControllerTick {
                 t_ns,
                 tick,
+                run_id,
                 mode: ControllerTick::MODE_IDLE,
                 fault: ControllerTick::FAULT_CONTROLLER,
                 fault_index: -1,
                 digest_input: input_digest(input),
+                digest_parameters: *digest_parameters,
                 ..Default::default()
             };
             put = put.and_then(|()| out.put(channels::ROBOT_COMMAND, damping));

@@ -338,7 +338,7 @@ fn situations() -> Vec<Situation> {
 
     // No foot on the ground for almost the longest time allowed.
     let mut in_flight = QuadrupedState::decode(&situations[0].snapshot).unwrap();
-    (in_flight.t_no_contact, in_flight.contact) = (0.49, [false; 4]);
+    (in_flight.t_no_contact, in_flight.contact) = (0.49, [0; 4]);
     let mut bytes = Vec::new();
     in_flight.encode(&mut bytes).unwrap();
     let overrides = &[("contact.touch_load", "1.0"), ("recovery.lost_contact_time", "0.0")];

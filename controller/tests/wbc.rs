@@ -193,8 +193,10 @@ fn the_solution_has_the_acceleration_of_the_trunk_task() {
 fn nothing_depends_on_the_base_position() {
     // The input has no base position: the estimator uses the origin, at rest. `model_identities` shows that the model does not depend on
     // position and linear velocity of the base.
-    let ControllerInput { t_ns: _, tick: _, running: _, t_op_ns: _, state, op: _ } = ControllerInput::default();
-    let lcmtypes::RobotState { t_ns: _, seq: _, nj: _, q: _, qd: _, tau: _, q_WI_wxyz: _, w_WI_I: _, a_I: _ } = state;
+    let ControllerInput { t_ns: _, tick: _, run_id: _, running: _, t_op_ns: _, state, op: _ } = Default::default();
+    let lcmtypes::RobotState { t_ns: _, seq: _, sender_id: _, nj: _, q: _, qd: _, tau: _, q_WI_wxyz, w_WI_I, a_I } =
+        state;
+    let _imu = (q_WI_wxyz, w_WI_I, a_I);
     let at = *Estimate::new(hyq().robot()).kin.base();
     assert_eq!((at.p_WB, at.v_WB), (Vector3::zeros(), Vector3::zeros()));
 }

@@ -28,6 +28,7 @@ mod mujoco;
 pub mod operator_script;
 pub mod parameter_requests;
 pub mod robot_files;
+pub mod robot_info;
 pub mod run_info;
 pub mod scenario;
 mod sensors;

@@ -4,6 +4,7 @@
 //! seed give equal logs except for TIMING, which contains the wall clock.
 
 use crate::parameter_requests::{self, ParameterRequestHandler, Proposal, Refusal};
+use crate::robot_info::{ROBOT_INFO_EVERY_NS, robot_info};
 use crate::stage_clock::StageClock;
 use crate::watch::{ModeEvent, ModeWatch};
 use crate::{DriverError, FaultInjection, Scenario, Simulator};
@@ -11,8 +12,8 @@ use controller::handover::take_over;
 use controller::math::WalkedDistance;
 use controller::{Controller, Outbox};
 use lcmtypes::{
-    ControllerInput, ControllerTick, Event, GroundTruth, LegState, Message, ParameterChange, ParameterRequest,
-    RequestReply, RobotCommand, RobotState, RunInfo, channels,
+    ControllerInput, ControllerTick, Event, EventNumbers, GroundTruth, LegState, Message, ParameterChange,
+    ParameterRequest, RequestReply, RobotCommand, RobotInfo, RobotState, RunInfo, channels,
 };
 use replay::record::EventSink;
 use std::collections::VecDeque;
@@ -115,6 +116,8 @@ struct Run {
     /// Time since lift-off of each leg, s, 0 in stance; updated only in runs with false touches.
     t_swing: [f64; 4],
     mode: ModeWatch,
+    events: EventNumbers,
+    info: RobotInfo,
     fell_at: Option<i64>,
     safe_state: Option<String>,
     walked: WalkedDistance,
@@ -123,7 +126,7 @@ struct Run {
 impl Run {
     fn new(scenario: &Scenario, info: &RunInfo, sim: &dyn Simulator) -> Result<Self, DriverError> {
         let mut input = ControllerInput::default();
-        (input.running, input.op.seq) = (1, -1);
+        (input.run_id, input.running, input.op.seq) = (info.run_id, 1, -1);
         Ok(Run {
             operator: scenario.operator.clone(),
             faults: FaultInjection::new(&scenario.faults, sim.joints())?,
@@ -133,7 +136,7 @@ impl Run {
             changed: None,
             state: Vec::new(),
             input,
-            measured: RobotState::default(),
+            measured: RobotState { sender_id: info.run_id, ..RobotState::default() },
             truth: GroundTruth::default(),
             command: RobotCommand::default(),
             outbox: Outbox::new(),
@@ -141,6 +144,8 @@ impl Run {
             clock: StageClock::default(),
             t_swing: [0.0; 4],
             mode: ModeWatch::new(sim.joints().to_vec()),
+            events: EventNumbers::new(info.run_id),
+            info: robot_info(&info.robot, &info.urdf, sim.joints(), info.run_id),
             fell_at: None,
             safe_state: None,
             walked: WalkedDistance::default(),
@@ -159,7 +164,12 @@ impl Run {
         while let Some((at, text)) = self.timeline.pop_front_if(|(at, _)| *at <= t_ns) {
             self.event(log, at, tick, Event::LEVEL_INFO, "scenario", text)?;
         }
-        if let Some(op) = self.operator.operator_at(t_ns) {
+        if t_ns % ROBOT_INFO_EVERY_NS == 0 {
+            self.info.t_ns = t_ns;
+            put(&mut self.bytes, log, channels::ROBOT_INFO, t_ns, &self.info)?;
+        }
+        if let Some(mut op) = self.operator.operator_at(t_ns) {
+            op.sender_id = self.input.run_id;
             self.put(log, channels::OPERATOR_COMMAND, t_ns, &op)?;
             if self.faults.operator_arrives(t_ns) {
                 (self.input.t_op_ns, self.input.op) = (t_ns, op);
@@ -238,7 +248,7 @@ impl Run {
                 self.put(log, channels::PARAMETER_CHANGE, t_ns, change)?;
             }
             let outcome = outcome.as_ref();
-            self.put(log, channels::EVENT, t_ns, &parameter_requests::event(t_ns, tick, outcome))?;
+            self.put_event(log, parameter_requests::event(t_ns, tick, outcome))?;
             self.put(log, channels::REQUEST_REPLY, t_ns, &parameter_requests::reply(&request, t_ns, outcome))?;
         }
         Ok(())
@@ -282,8 +292,12 @@ impl Run {
         source: &str,
         text: String,
     ) -> Result<(), DriverError> {
-        let event = Event { t_ns, tick, level, source: source.to_owned(), text };
-        self.put(log, channels::EVENT, t_ns, &event)
+        self.put_event(log, Event { t_ns, tick, level, source: source.to_owned(), text, ..Event::default() })
+    }
+
+    fn put_event(&mut self, log: &mut dyn EventSink, mut event: Event) -> Result<(), DriverError> {
+        self.events.number(&mut event);
+        self.put(log, channels::EVENT, event.t_ns, &event)
     }
 
     fn put(

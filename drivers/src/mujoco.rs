@@ -57,7 +57,7 @@ pub struct MujocoSim {
     command: RobotCommand,
     /// Contact force on each foot in the last interval, in W, N.
     f_F_W: Vec<[f64; 3]>,
-    contact: Vec<bool>,
+    contact: Vec<i8>,
 }
 
 /// Indices of a joint in MuJoCo, and its range.
@@ -143,7 +143,7 @@ impl MujocoSim {
             standing_height: 0.0,
             imu,
             f_F_W: vec![[0.0; 3]; feet.len()],
-            contact: vec![false; feet.len()],
+            contact: vec![0; feet.len()],
             feet,
         };
         let start = std::mem::take(&mut sim.params.start);
@@ -174,7 +174,7 @@ impl MujocoSim {
     /// Sums the contact forces on each foot. Valid between the computation of forces and the next collision pass.
     fn read_contact_forces(&mut self) {
         self.f_F_W.fill([0.0; 3]);
-        self.contact.fill(false);
+        self.contact.fill(0);
         for (index, contact) in self.data.contact().iter().enumerate() {
             for (foot, &geom) in self.feet.iter().enumerate() {
                 let geoms = [contact.geom1, contact.geom2];
@@ -182,7 +182,7 @@ impl MujocoSim {
                     continue;
                 };
                 self.f_F_W[foot].iter_mut().zip(f_W).for_each(|(sum, part)| *sum += part);
-                self.contact[foot] |= contact.exclude == 0;
+                self.contact[foot] |= i8::from(contact.exclude == 0);
             }
         }
     }
@@ -334,7 +334,7 @@ impl Simulator for MujocoSim {
 
     fn step(&mut self) -> Result<(), DriverError> {
         for joint in 0..self.joints.len() {
-            let airborne = self.joints[joint].foot.is_some_and(|foot| !self.contact[foot]);
+            let airborne = self.joints[joint].foot.is_some_and(|foot| self.contact[foot] == 0);
             self.data.ctrl_mut()[joint] = self.drives.torque(joint, self.torque(joint), airborne);
         }
         self.move_floors();

@@ -81,6 +81,8 @@ impl OperatorScript {
         let mut command = OperatorCommand {
             t_ns: 0,
             seq: 0,
+            sender_id: 0,
+            t_mode_ns: 0,
             mode: OperatorCommand::MODE_STAND,
             gait: OperatorCommand::GAIT_TROT,
             v_H: [0.0; 2],
@@ -96,6 +98,9 @@ impl OperatorScript {
         let mut commands = Vec::with_capacity(keys.len());
         for key in keys {
             command.t_ns = to_ns(key.t_s);
+            if key.mode.is_some() || commands.is_empty() {
+                command.t_mode_ns = command.t_ns;
+            }
             command.mode = match key.mode {
                 Some(Mode::Stand) => OperatorCommand::MODE_STAND,
                 Some(Mode::Walk) => OperatorCommand::MODE_WALK,
@@ -174,6 +179,8 @@ mod tests {
         let last = OperatorCommand {
             t_ns: 80_000_000,
             seq: 5,
+            sender_id: 0,
+            t_mode_ns: 35_000_000,
             mode: OperatorCommand::MODE_WALK,
             gait: OperatorCommand::GAIT_CRAWL,
             v_H: [0.2, -0.1],

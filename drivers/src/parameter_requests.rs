@@ -38,6 +38,7 @@ impl ParameterEntry {
 #[derive(Debug)]
 pub struct ParameterRequestHandler {
     parameters: Parameters,
+    run_id: i64,
 }
 
 /// A change that is ready to take effect.
@@ -74,7 +75,7 @@ impl Refusal {
 impl ParameterRequestHandler {
     /// A handler for a run with the parameters of `info`.
     pub fn new(info: &RunInfo) -> Self {
-        ParameterRequestHandler { parameters: Parameters::new(info) }
+        ParameterRequestHandler { parameters: Parameters::new(info), run_id: info.run_id }
     }
 
     /// Checks a request and builds the controller with the new parameter.
@@ -87,8 +88,14 @@ impl ParameterRequestHandler {
         let proposed = self.parameters.with(key, value).and_then(|parameters| Ok((parameters.build()?, parameters)));
         let (controller, parameters) =
             proposed.map_err(|error| Refusal::of_parameter(key, value, code(&error), &error))?;
-        let change =
-            ParameterChange { seq: *seq, key: key.clone(), value: value.clone(), ..ParameterChange::default() };
+        let change = ParameterChange {
+            t_ns: 0,
+            tick: -1,
+            run_id: self.run_id,
+            seq: *seq,
+            key: key.clone(),
+            value: value.clone(),
+        };
         Ok(Proposal { controller, change, parameters })
     }
 
@@ -122,13 +129,13 @@ fn code(error: &ChangeError) -> i8 {
     }
 }
 
-/// The EVENT for the outcome of a request.
+/// The EVENT for the outcome of a request, without sender and number.
 pub fn event(t_ns: i64, tick: i64, outcome: Result<&ParameterChange, &Refusal>) -> Event {
     let (level, text) = match outcome {
         Ok(ParameterChange { key, value, .. }) => (Event::LEVEL_INFO, format!("{key} = {value} from this tick on")),
         Err(refusal) => (Event::LEVEL_WARNING, refusal.reason.clone()),
     };
-    Event { t_ns, tick, level, source: SOURCE.to_owned(), text }
+    Event { t_ns, tick, level, source: SOURCE.to_owned(), text, ..Event::default() }
 }
 
 /// The REQUEST_REPLY for the outcome of a request.
@@ -137,7 +144,8 @@ pub fn reply(request: &ParameterRequest, t_ns: i64, outcome: Result<&ParameterCh
         Ok(change) => (change.tick, RequestReply::CODE_DONE, String::new()),
         Err(refusal) => (-1, refusal.code, refusal.reason.clone()),
     };
-    RequestReply { t_ns, tick, sender_id: request.sender_id, request_id: request.seq, code, reason }
+    let kind = RequestReply::KIND_PARAMETER;
+    RequestReply { t_ns, tick, sender_id: request.sender_id, request_id: request.seq, kind, code, reason }
 }
 
 #[cfg(test)]

@@ -1,6 +1,7 @@
 //! RUN_INFO: everything a log needs to rebuild its controller and to identify the build and machine that wrote it.
 
-use lcmtypes::{RunInfo, TextFile};
+use controller::digest::Digest;
+use lcmtypes::{Message, RunInfo, TextFile};
 use replay::engine::Build;
 
 /// The part of RUN_INFO that differs between runs of one build.
@@ -20,15 +21,16 @@ pub struct Run<'a> {
     pub seed: i64,
 }
 
-/// Fills RUN_INFO for a lockstep run on this machine. A live run replaces `t_ns` and `realtime`.
+/// Fills RUN_INFO for a lockstep run on this machine. A live run replaces `t_ns`, `run_id` and `realtime`.
 pub fn describe(run: &Run, build: &Build) -> RunInfo {
     let lcm_types: Vec<TextFile> = lcmtypes::SOURCES
         .iter()
         .map(|(name, text)| TextFile { name: (*name).to_owned(), text: (*text).to_owned() })
         .collect();
     let Build { revision, dirty, toolchain, flags } = build.clone();
-    RunInfo {
+    let mut info = RunInfo {
         t_ns: 0,
+        run_id: 0,
         controller: run.controller.to_owned(),
         robot: run.robot.to_owned(),
         urdf: run.urdf.to_owned(),
@@ -44,7 +46,23 @@ pub fn describe(run: &Run, build: &Build) -> RunInfo {
         realtime: "lockstep".to_owned(),
         num_lcm_types: i32::try_from(lcm_types.len()).expect("there are a few dozen types"),
         lcm_types,
+    };
+    info.run_id = content_id(&info);
+    info
+}
+
+/// 64-bit digest of a description.
+fn content_id(info: &RunInfo) -> i64 {
+    let mut bytes = Vec::new();
+    info.encode(&mut bytes).expect("the number of types is that of the list");
+    let mut digest = Digest::default();
+    for word in bytes.chunks(8) {
+        let mut padded = [0; 8];
+        padded[..word.len()].copy_from_slice(word);
+        digest.word(u64::from_be_bytes(padded));
     }
+    digest.word(bytes.len() as u64);
+    digest.finish()
 }
 
 /// Host name, kernel, CPU.

@@ -316,7 +316,7 @@ impl OperatorInput {
         self.pad = PadState::default();
     }
 
-    /// The command to send at `t_ns`, with the next seq; `None` while no mode is requested.
+    /// The command to send at `t_ns`, with the next seq; the link sets the sender. `None` while no mode is requested.
     pub fn command(&mut self, t_ns: i64) -> Option<OperatorCommand> {
         let mode = self.mode?;
         let [forward, left, turn] = self.velocities(t_ns);
@@ -325,6 +325,8 @@ impl OperatorInput {
         let command = OperatorCommand {
             t_ns,
             seq: self.seq,
+            sender_id: 0,
+            t_mode_ns: 0,
             mode,
             gait: self.gait,
             v_H: [forward, left],

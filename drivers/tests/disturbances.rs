@@ -83,7 +83,7 @@ fn a_gain_in_air_does_not_affect_stance_legs() {
     // LF is lifted, RF stands.
     let mut command = hold(&sim, &[("lf_hfe_joint", 1.1), ("lf_kfe_joint", -2.2)]);
     run(&mut sim, &command, 500);
-    assert_eq!(truth(&sim).contact[..2], [false, true]);
+    assert_eq!(truth(&sim).contact[..2], [0, 1]);
     command.kp.fill(0.0);
     command.kd.fill(0.0);
     command.tau.fill(8.0);
@@ -100,17 +100,17 @@ fn a_floor_moves_only_under_a_lifted_foot() {
         let (down, up) = (hold(&sim, &[]), hold(&sim, &[("lf_hfe_joint", 1.1), ("lf_kfe_joint", -2.2)]));
         run(&mut sim, &down, 300);
         let standing = truth(&sim);
-        assert_eq!(standing.contact, [true; 4], "the floor does not move while the foot stands on it");
+        assert_eq!(standing.contact, [1; 4], "the floor does not move while the foot stands on it");
         assert!(standing.p_WF[0][2].abs() < 0.005, "{:?}", standing.p_WF[0]);
         run(&mut sim, &up, 400);
         assert!(truth(&sim).p_WF[0][2] > 0.06);
         run(&mut sim, &down, 600);
         // The leg keeps its length: it touches the raised floor, and hangs above the lowered one, below the ground of the other feet.
         let landed = truth(&sim);
-        assert_eq!(landed.contact[0], height > 0.0, "floor at {height}");
+        assert_eq!(landed.contact[0] == 1, height > 0.0, "floor at {height}");
         assert!(lands.contains(&landed.p_WF[0][2]), "floor at {height}: {:?}", landed.p_WF[0]);
         // A stiff robot on one raised foot rocks: another foot may hang, but feet in contact are on the ground.
-        for foot in (1..4).filter(|&foot| landed.contact[foot]) {
+        for foot in (1..4).filter(|&foot| landed.contact[foot] == 1) {
             assert!(landed.p_WF[foot][2].abs() < 0.005, "floor at {height}: {:?}", landed.p_WF);
         }
     }

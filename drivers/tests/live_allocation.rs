@@ -120,7 +120,7 @@ fn the_real_time_thread_allocates_nothing() {
     let (messages_in, mut messages_out) = message_ring(1 << 24);
     let (calls_in, calls_out) = call_ring();
     let controller = controller::load(&info).unwrap();
-    let mut realtime = RealtimeLoop::new(controller, 2, hardware, calls_out, messages_in, SCHEDULE);
+    let mut realtime = RealtimeLoop::new(controller, (info.run_id, 2), hardware, calls_out, messages_in, SCHEDULE);
 
     let over = Arc::new(AtomicBool::new(false));
     let sender = std::thread::spawn({

@@ -6,7 +6,7 @@ use controller::{Controller, Outbox, Probe, RestoreError};
 use drivers::Scenario;
 use drivers::command_mux::{CommandMux, default_sources};
 use drivers::live::clock::{TickSchedule, now_ns};
-use drivers::live::{Dummy, Executor, Faulty, Hardware, Plan, RealtimeParams, Summary, operator_sender_id};
+use drivers::live::{Dummy, Executor, Faulty, Hardware, Plan, RealtimeParams, Summary};
 use lcmtypes::bus::{Bus, MemoryBus, Received};
 use lcmtypes::channels::{
     CONTROLLER_INPUT, CONTROLLER_SNAPSHOT, CONTROLLER_TICK, EVENT, EXECUTOR_COMMAND, OPERATOR_COMMAND,
@@ -64,7 +64,7 @@ fn sequence(controllers: &[(&'static str, Work)]) -> Sequence {
     let [tau, q_des, qd_des, kp, kd] = [(); 5].map(|()| vec![0.0]);
     let damping =
         RobotCommand { mode: RobotCommand::MODE_DAMPING, nj: 1, tau, q_des, qd_des, kp, kd, ..RobotCommand::default() };
-    Sequence::new(controllers.iter().map(of).collect(), damping).unwrap()
+    Sequence::new(controllers.iter().map(of).collect(), damping, 0).unwrap()
 }
 
 /// An executor whose first controller runs from the first tick on, and a bus that receives all its messages.
@@ -279,13 +279,14 @@ fn parameter_requests_that_cannot_be_carried_out_are_answered_by_code() {
 fn an_operators_mode_request_is_answered() {
     let (executor, mut bus) = start(&[("only", |_| ())], i64::MAX);
     let mut received = Vec::new();
-    let [teleop, planner] = ["OPERATOR_TELEOP", OPERATOR_COMMAND].map(operator_sender_id);
-    let stand = OperatorCommand { t_ns: now_ns(), seq: 3, ..OperatorCommand::default() };
+    let (teleop, planner) = (11, 12);
+    let stand = OperatorCommand { t_ns: now_ns(), sender_id: teleop, seq: 3, ..OperatorCommand::default() };
     put(&mut bus, "OPERATOR_TELEOP", &stand);
     let followed = reply_to(&mut bus, &mut received, teleop, 3);
     assert_eq!(followed.code, RequestReply::CODE_DONE);
     put(&mut bus, "OPERATOR_TELEOP", &OperatorCommand { seq: 4, ..stand.clone() });
-    put(&mut bus, OPERATOR_COMMAND, &OperatorCommand { mode: OperatorCommand::MODE_WALK, ..stand });
+    let walk = OperatorCommand { mode: OperatorCommand::MODE_WALK, sender_id: planner, ..stand };
+    put(&mut bus, OPERATOR_COMMAND, &walk);
     let other = reply_to(&mut bus, &mut received, planner, 3);
     executor.finish();
     received.extend(bus.handle(Duration::ZERO).unwrap());

@@ -2,12 +2,16 @@
 
 use crate::{
     BaseTracking, ContactEstimate, ControllerInput, ControllerTick, Event, ExecutorCommand, GroundTruth, LegState,
-    Message, OperatorCommand, ParameterChange, ParameterRequest, QuadrupedState, RequestReply, RobotCommand,
+    Message, OperatorCommand, ParameterChange, ParameterRequest, QuadrupedState, RequestReply, RobotCommand, RobotInfo,
     RobotState, RunInfo, Timing, WbcSolution,
 };
 
 /// Description of the run, which makes a log self-contained; first message of a run.
 pub const RUN_INFO: &str = "RUN_INFO";
+/// Robot, joints and URDF behind a driver, at its start and once a second.
+pub const ROBOT_INFO: &str = "ROBOT_INFO";
+/// Robot, joints and URDF that a run controls, at its start and once a second.
+pub const EXPECTED_ROBOT: &str = "EXPECTED_ROBOT";
 /// Measurements of the robot's driver.
 pub const ROBOT_STATE: &str = "ROBOT_STATE";
 /// Command of an operator.
@@ -117,6 +121,8 @@ const fn channel<M: Message>(name: &'static str, stage: Option<Stage>, class: Cl
 /// All channels of the stack.
 pub const CHANNELS: &[Channel] = &[
     channel::<RunInfo>(RUN_INFO, None, Class::Meta),
+    channel::<RobotInfo>(ROBOT_INFO, None, Class::Meta),
+    channel::<RobotInfo>(EXPECTED_ROBOT, None, Class::Meta),
     channel::<RobotState>(ROBOT_STATE, None, Class::Debug),
     channel::<OperatorCommand>(OPERATOR_COMMAND, None, Class::Debug),
     channel::<ExecutorCommand>(EXECUTOR_COMMAND, None, Class::Debug),

@@ -31,11 +31,13 @@ mod generated {
 
 pub mod enum_names;
 mod robot_command;
+mod sender;
 
 use std::sync::LazyLock;
 
 pub use generated::hoofprint::*;
 pub use lcm_idl::{DecodeError, EncodeError, Message};
+pub use sender::{EventNumbers, new_sender_id};
 
 /// Name and text of every `.lcm` file, sorted by name. A log stores them, so that its messages can be decoded.
 pub const SOURCES: &[(&str, &str)] = include!(concat!(env!("OUT_DIR"), "/sources.rs"));

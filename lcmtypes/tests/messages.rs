@@ -12,6 +12,7 @@ fn state() -> RobotState {
     RobotState {
         t_ns: -2,
         seq: 1 << 40,
+        sender_id: 5,
         nj: 2,
         q: vec![0.1, f64::MIN_POSITIVE],
         qd: vec![-0.0, f64::INFINITY],
@@ -31,18 +32,18 @@ fn bytes<M: Message>(message: &M) -> Vec<u8> {
 #[test]
 fn a_message_is_fingerprint_and_fields_big_endian() {
     let bytes = bytes(&state());
-    assert_eq!(bytes.len(), 8 + 8 + 8 + 4 + 3 * 2 * 8 + (4 + 3 + 3) * 8);
+    assert_eq!(bytes.len(), 8 + 3 * 8 + 4 + 3 * 2 * 8 + (4 + 3 + 3) * 8);
     assert_eq!(bytes[..8], RobotState::FINGERPRINT.to_be_bytes());
     assert_eq!(bytes[8..16], (-2i64).to_be_bytes());
-    assert_eq!(bytes[24..28], [0, 0, 0, 2]);
-    assert_eq!(bytes[28..36], 0.1f64.to_bits().to_be_bytes());
+    assert_eq!(bytes[32..36], [0, 0, 0, 2]);
+    assert_eq!(bytes[36..44], 0.1f64.to_bits().to_be_bytes());
     assert_eq!(RobotState::decode(&bytes).unwrap(), state());
 }
 
 #[test]
 fn nested_messages_and_strings_survive_encoding() {
     let op = OperatorCommand { seq: -1, mode: OperatorCommand::MODE_WALK, v_H: [0.5, -0.25], ..Default::default() };
-    let input = ControllerInput { t_ns: 7, tick: 3, running: 1, t_op_ns: 6, state: state(), op };
+    let input = ControllerInput { t_ns: 7, tick: 3, run_id: 4, running: 1, t_op_ns: 6, state: state(), op };
     assert_eq!(ControllerInput::decode(&bytes(&input)).unwrap(), input);
 
     let file = TextFile { name: "ä.lcm".into(), text: "a\0b\n".into() };
@@ -55,7 +56,7 @@ fn nested_messages_and_strings_survive_encoding() {
         p_WF: vec![[1.0; 3]],
         v_WF: vec![[2.0; 3]],
         f_F_W: vec![[3.0; 3]],
-        contact: vec![true],
+        contact: vec![1],
         ..Default::default()
     };
     assert_eq!(GroundTruth::decode(&bytes(&truth)).unwrap(), truth);

@@ -3,7 +3,7 @@
 use crate::Error;
 use crate::engine::{Options, Replay, ReplayReport};
 use crate::record::Target;
-use lcmtypes::{Event, Message, channels};
+use lcmtypes::{Event, EventNumbers, Message, channels};
 use std::path::Path;
 
 /// [`Event::source`] of the verdict.
@@ -18,7 +18,9 @@ pub const SOURCE: &str = "proof";
 /// Those of [`Target`] and of [`Replay::run`].
 pub fn prove(path: &Path, log: &mut dyn Target, jobs: usize) -> Result<ReplayReport, Error> {
     log.flush()?;
-    let report = Replay::open(path)?.run(&Options { jobs, ..Options::default() }, &mut |_| {})?;
+    let replay = Replay::open(path)?;
+    let run_id = replay.info().run_id;
+    let report = replay.run(&Options { jobs, ..Options::default() }, &mut |_| {})?;
     let proved = is_proof(&report);
     let text = match &report.first_divergence {
         _ if proved => format!("replays bit for bit: {} ticks, {} messages", report.ticks, report.messages_compared),
@@ -30,7 +32,8 @@ pub fn prove(path: &Path, log: &mut dyn Target, jobs: usize) -> Result<ReplayRep
     };
     let level = if proved { Event::LEVEL_INFO } else { Event::LEVEL_ERROR };
     let t_ns = report.last_t_ns.unwrap_or_default();
-    let event = Event { t_ns, tick: -1, level, source: SOURCE.to_owned(), text };
+    let mut event = Event { t_ns, tick: -1, level, source: SOURCE.to_owned(), text, ..Event::default() };
+    EventNumbers::new(run_id).number(&mut event);
     let mut bytes = Vec::new();
     event.encode(&mut bytes).map_err(|source| Error::Encode { path: path.into(), source: source.into() })?;
     log.write(channels::EVENT, t_ns, &bytes)?;

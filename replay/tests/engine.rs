@@ -6,7 +6,7 @@ mod common;
 use common::toy::{self, PERIOD_NS, SNAPSHOT, Toy};
 use common::{Message, path};
 use lcmtypes::channels::{self, Stage};
-use lcmtypes::{ControllerInput, QuadrupedState, RunInfo, WbcSolution};
+use lcmtypes::{ControllerInput, ControllerTick, QuadrupedState, RunInfo, WbcSolution};
 use replay::Error;
 use replay::engine::{Divergence, Index, Options, Replay, ReplayReport};
 use std::path::Path;
@@ -128,6 +128,18 @@ fn a_changed_parameter_is_found_at_the_first_tick() {
     let set = vec![("gait.trot.no_such_thing".to_owned(), "2.5".to_owned())];
     let error = Replay::open_with(&path, toy::load).unwrap().run(&Options { set, ..Options::default() }, &mut |_| {});
     assert!(matches!(error, Err(Error::Load { .. })), "{error:?}");
+}
+
+/// As after a lost PARAMETER_CHANGE whose parameter changes no output.
+#[test]
+fn other_parameters_than_recorded_are_found_even_if_they_change_no_output() {
+    let change = |tick: &mut ControllerTick| tick.digest_parameters += 1;
+    let path = log("digest_parameters.mcap", |events| toy::change(events, channels::CONTROLLER_TICK, 437, change));
+    let first = replay(&path, &Options::default()).first_divergence.unwrap();
+    assert_eq!(place(&first), (437, "input", "CONTROLLER_TICK", "digest_parameters"));
+    // A what-if replay has other parameters; only what they change is a difference.
+    let set = vec![("wbc.friction".to_owned(), "0.5".to_owned())];
+    assert!(replay(&path, &Options { set, ..Options::default() }).identical);
 }
 
 #[test]

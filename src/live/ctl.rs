@@ -64,13 +64,16 @@ pub fn ctl(args: &CtlArgs) -> anyhow::Result<Outcome> {
     let mut client = Client::open(args.lcm_url.as_deref())?;
     let (mut action, mut left) = (args.action, args.repeat);
     let (action, reply) = loop {
-        let reply = client.request(channels::EXECUTOR_COMMAND, |sender_id, request_id| ExecutorCommand {
-            t_ns: now_ns(),
-            sender_id,
-            request_id,
-            action: action.code(),
-            controller: args.controller.clone(),
-        })?;
+        let reply =
+            client.request(channels::EXECUTOR_COMMAND, RequestReply::KIND_EXECUTOR, |sender_id, request_id| {
+                ExecutorCommand {
+                    t_ns: now_ns(),
+                    sender_id,
+                    request_id,
+                    action: action.code(),
+                    controller: args.controller.clone(),
+                }
+            })?;
         left -= 1;
         if left == 0 || reply.code != RequestReply::CODE_DONE {
             break (action, reply);

@@ -7,7 +7,8 @@ use anyhow::{Context, bail};
 use controller::params::Params;
 use drivers::live::plant::{self, Plant, Summary};
 use drivers::live::{LcmReceiver, LcmSender, RealtimeParams};
-use drivers::{MujocoSim, Scenario, SimParams, Terrain};
+use drivers::robot_info::robot_info;
+use drivers::{MujocoSim, Scenario, SimParams, Simulator, Terrain};
 use lcmtypes::channels;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -40,7 +41,8 @@ pub fn run(args: &DriverArgs) -> anyhow::Result<Outcome> {
     let params = Params::from_toml(&params_text, &file.robot)?;
     let scenario = Scenario::load(&simulation.scenario)?;
     let terrain = Terrain::new(&scenario.terrain, scenario.seed);
-    let mut sim = MujocoSim::new(&files.tree()?, &params.robot, terrain, SimParams::of(&scenario))?;
+    let tree = files.tree()?;
+    let mut sim = MujocoSim::new(&tree, &params.robot, terrain, SimParams::of(&scenario))?;
     refuse_a_second("driver", channels::ROBOT_STATE, &url)?;
     let (sender, receiver) = (LcmSender::open(&url)?, LcmReceiver::open(&url)?);
     // One below the controller, so that the physics does not delay the command on a single core.
@@ -49,6 +51,7 @@ pub fn run(args: &DriverArgs) -> anyhow::Result<Outcome> {
     let stopping = Arc::new(AtomicBool::new(false));
     let stopping_thread = stopping.clone();
     let name = scenario.name.clone();
+    let info = robot_info(&params.robot.name, &files.urdf, sim.joints(), 0);
     let send_operator = simulation.operator;
     let thread = std::thread::Builder::new().name("real-time".to_owned()).spawn(move || {
         let granted = realtime.apply();
@@ -56,7 +59,10 @@ pub fn run(args: &DriverArgs) -> anyhow::Result<Outcome> {
             note(format!("warning: {refused}"));
         }
         note(format!("driving {} in {name} on {url}: {}", file.robot, granted.text()));
-        plant::run(Plant { scenario: &scenario, send_operator, sim: &mut sim, sender, receiver }, &stopping_thread)
+        plant::run(
+            Plant { scenario: &scenario, send_operator, sim: &mut sim, sender, receiver, info },
+            &stopping_thread,
+        )
     })?;
     while !stop.is_due() && !thread.is_finished() {
         std::thread::sleep(POLL);

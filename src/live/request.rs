@@ -1,9 +1,8 @@
 //! A request to a live run, and its REQUEST_REPLY.
 
 use anyhow::bail;
-use drivers::live::new_sender_id;
 use lcmtypes::bus::{Bus, LcmBus};
-use lcmtypes::{Message, RequestReply, channels};
+use lcmtypes::{Message, RequestReply, channels, new_sender_id};
 use replay::udpm::Url;
 use std::time::{Duration, Instant};
 
@@ -40,11 +39,14 @@ impl Client {
 
     /// Publishes the request that `make` returns for a sender_id and a request_id, and waits for its reply.
     ///
+    /// - `kind`: `request_reply_t` KIND_*.
+    ///
     /// # Errors
     /// If the bus fails, or no reply arrives within [`TIMEOUT`].
     pub fn request<M: Message>(
         &mut self,
         channel: &str,
+        kind: i8,
         make: impl FnOnce(i64, i64) -> M,
     ) -> anyhow::Result<RequestReply> {
         let request_id = self.next_request_id;
@@ -60,8 +62,8 @@ impl Client {
             }
             let replies = self.bus.handle(POLL)?;
             let replies = replies.iter().filter_map(|message| RequestReply::decode(&message.data).ok());
-            let id = (self.sender_id, request_id);
-            if let Some(reply) = { replies }.find(|reply| (reply.sender_id, reply.request_id) == id) {
+            let id = (kind, self.sender_id, request_id);
+            if let Some(reply) = { replies }.find(|reply| (reply.kind, reply.sender_id, reply.request_id) == id) {
                 return Ok(reply);
             }
         }

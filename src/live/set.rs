@@ -34,12 +34,8 @@ pub fn set(args: &SetArgs) -> anyhow::Result<Outcome> {
     let mut client = Client::open(args.lcm_url.as_deref())?;
     let (mut changes, mut refusal) = (Vec::new(), None);
     for (key, value) in &requests {
-        let reply = client.request(channels::PARAMETER_REQUEST, |sender_id, seq| ParameterRequest {
-            t_ns: now_ns(),
-            sender_id,
-            seq,
-            key: key.clone(),
-            value: value.clone(),
+        let reply = client.request(channels::PARAMETER_REQUEST, RequestReply::KIND_PARAMETER, |sender_id, seq| {
+            ParameterRequest { t_ns: now_ns(), sender_id, seq, key: key.clone(), value: value.clone() }
         })?;
         if reply.code != RequestReply::CODE_DONE {
             refusal = Some(reply);

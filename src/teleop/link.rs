@@ -2,11 +2,11 @@
 
 use anyhow::Context;
 use controller::params::Params;
-use drivers::live::operator_sender_id;
 use drivers::teleop::{Limits, check_channel};
 use lcmtypes::bus::{Bus, LcmBus};
 use lcmtypes::{
-    ControllerInput, ControllerTick, Event, Message, OperatorCommand, RequestReply, RunInfo, channels, enum_names,
+    ControllerInput, ControllerTick, Event, EventNumbers, Message, OperatorCommand, RequestReply, RunInfo, channels,
+    enum_names, new_sender_id,
 };
 use nix::time::{ClockId, clock_gettime};
 use std::collections::VecDeque;
@@ -31,6 +31,8 @@ pub fn now_ns() -> i64 {
 pub struct Link {
     bus: Box<dyn Bus>,
     channel: String,
+    sender_id: i64,
+    events: EventNumbers,
     bytes: Vec<u8>,
     /// seq and t_ns of the last commands, oldest first.
     sent: VecDeque<(i64, i64)>,
@@ -114,8 +116,9 @@ impl Link {
     }
 
     fn over(bus: Box<dyn Bus>, channel: &str) -> Self {
-        let (bytes, sent) = (Vec::new(), VecDeque::new());
-        Link { bus, channel: channel.to_owned(), bytes, sent, status: Status::default() }
+        let (bytes, sent, sender_id) = (Vec::new(), VecDeque::new(), new_sender_id());
+        let events = EventNumbers::new(sender_id);
+        Link { bus, channel: channel.to_owned(), sender_id, events, bytes, sent, status: Status::default() }
     }
 
     /// Channel of the commands.
@@ -129,7 +132,7 @@ impl Link {
     /// If the bus does not accept it.
     pub fn send(&mut self, command: &OperatorCommand) -> anyhow::Result<()> {
         self.bytes.clear();
-        command.encode(&mut self.bytes)?;
+        OperatorCommand { sender_id: self.sender_id, ..command.clone() }.encode(&mut self.bytes)?;
         self.bus.publish(&self.channel, &self.bytes)?;
         self.status.sent(command);
         if self.sent.len() == SENT {
@@ -144,7 +147,9 @@ impl Link {
     /// # Errors
     /// If the bus does not accept it.
     pub fn event(&mut self, level: i8, text: String) -> anyhow::Result<()> {
-        let event = Event { t_ns: now_ns(), tick: -1, level, source: "teleop".to_owned(), text };
+        let source = "teleop".to_owned();
+        let mut event = Event { t_ns: now_ns(), tick: -1, level, source, text, ..Event::default() };
+        self.events.number(&mut event);
         self.bytes.clear();
         event.encode(&mut self.bytes)?;
         Ok(self.bus.publish(channels::EVENT, &self.bytes)?)
@@ -171,11 +176,11 @@ impl Link {
         }
         let ticks = messages.iter().filter(|m| m.channel == channels::CONTROLLER_TICK).count();
         self.status.count(u32::try_from(ticks).unwrap_or(u32::MAX), now_ns);
-        let sender_id = operator_sender_id(&self.channel);
+        let mine = (RequestReply::KIND_OPERATOR, self.sender_id);
         for message in &messages {
             if message.channel == channels::REQUEST_REPLY
                 && let Ok(reply) = RequestReply::decode(&message.data)
-                && reply.sender_id == sender_id
+                && (reply.kind, reply.sender_id) == mine
             {
                 self.status.replied(reply);
             }
@@ -378,16 +383,15 @@ mod tests {
         link.send(&stop).unwrap();
         assert_eq!(link.status.stop(STOP_TIMEOUT_NS), Some(Stop::Sent));
         assert_eq!(link.status.stop(STOP_TIMEOUT_NS + 1), Some(Stop::Failed));
-        let reply = |channel, request_id| RequestReply {
-            sender_id: operator_sender_id(channel),
-            request_id,
-            ..RequestReply::default()
-        };
-        put(&mut theirs, channels::REQUEST_REPLY, &reply("KEYS", 8));
-        put(&mut theirs, channels::REQUEST_REPLY, &reply("PAD", 7));
+        let (mine, kind) = (link.sender_id, RequestReply::KIND_OPERATOR);
+        let reply = |sender_id, request_id| RequestReply { sender_id, request_id, kind, ..RequestReply::default() };
+        put(&mut theirs, channels::REQUEST_REPLY, &reply(mine + 1, 8));
+        put(&mut theirs, channels::REQUEST_REPLY, &reply(mine, 7));
+        let other_kind = RequestReply { kind: RequestReply::KIND_PARAMETER, ..reply(mine, 8) };
+        put(&mut theirs, channels::REQUEST_REPLY, &other_kind);
         link.receive(0).unwrap();
         assert_eq!(link.status.stop(0), Some(Stop::Sent), "replies to others");
-        put(&mut theirs, channels::REQUEST_REPLY, &reply("PAD", 8));
+        put(&mut theirs, channels::REQUEST_REPLY, &reply(mine, 8));
         link.receive(0).unwrap();
         assert_eq!(link.status.stop(0), Some(Stop::Confirmed));
         let mut tick = ControllerTick { mode: ControllerTick::MODE_DAMPING, ..ControllerTick::default() };
@@ -405,8 +409,9 @@ mod tests {
         let (mut link, mut theirs) = link();
         link.send(&OperatorCommand { seq: 2, ..OperatorCommand::default() }).unwrap();
         let reply = RequestReply {
-            sender_id: operator_sender_id("PAD"),
+            sender_id: link.sender_id,
             request_id: 2,
+            kind: RequestReply::KIND_OPERATOR,
             code: RequestReply::CODE_WRONG_STATE,
             reason: "too steep".to_owned(),
             ..RequestReply::default()

@@ -46,7 +46,7 @@ impl Truth {
             p_WF: four(&message.p_WF)?,
             v_WF: four(&message.v_WF)?,
             f_F_W: four(&message.f_F_W)?,
-            contact: [*contact.first()?, *contact.get(1)?, *contact.get(2)?, *contact.get(3)?],
+            contact: [contact.first()?, contact.get(1)?, contact.get(2)?, contact.get(3)?].map(|touches| *touches != 0),
             pushed: message.f_push_W.iter().chain(&message.tau_push_W).any(|&x| x != 0.0),
         })
     }
@@ -97,7 +97,7 @@ pub struct Contact {
 
 impl From<ContactEstimate> for Contact {
     fn from(m: ContactEstimate) -> Self {
-        Self { f_F_W: m.f_F_W, f_normal: m.f_normal, contact: m.contact, n_W: m.n_W }
+        Self { f_F_W: m.f_F_W, f_normal: m.f_normal, contact: m.contact.map(|touches| touches != 0), n_W: m.n_W }
     }
 }
 

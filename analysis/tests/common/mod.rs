@@ -280,7 +280,7 @@ impl Moment {
             tick: self.tick,
             f_F_W: f_normal.map(|f| [0.0, 0.0, f]),
             f_normal,
-            contact: std::array::from_fn(|leg| swing_ticks(leg, self.tick).is_none()),
+            contact: std::array::from_fn(|leg| i8::from(swing_ticks(leg, self.tick).is_none())),
             height: HEIGHT,
             n_W: [0.0, 0.0, 1.0],
         }
@@ -329,7 +329,7 @@ impl Moment {
             p_WF,
             v_WF: vec![[0.0; 3]; 4],
             f_F_W: (0..4).map(|leg| [0.0, 0.0, self.force(leg)]).collect(),
-            contact: (0..4).map(|leg| self.touches(leg)).collect(),
+            contact: (0..4).map(|leg| i8::from(self.touches(leg))).collect(),
             f_push_W: [0.0, if (3000..3300).contains(&self.tick) { 60.0 } else { 0.0 }, 0.0],
             tau_push_W: [0.0; 3],
         }

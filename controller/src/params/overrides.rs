@@ -25,6 +25,37 @@ pub fn apply_overrides(text: &str, overrides: &[(String, String)]) -> Result<Str
     Ok(Params::from_toml(&text, "parameters with overrides")?.to_toml())
 }
 
+/// Sets parameters in a TOML text, as a `parameter_change_t` does, and returns the text with these changes and no others: keys that it omits stay
+/// omitted. Changes may be applied one by one or together.
+///
+/// - `changes`: as the overrides of [`apply_overrides`].
+///
+/// # Errors
+/// Those of [`apply_overrides`].
+pub fn apply_changes(text: &str, changes: &[(String, String)]) -> Result<String, ParamsError> {
+    let full: toml::Table = apply_overrides(text, changes)?.parse().expect("to_toml writes TOML");
+    let mut table: toml::Table = text.parse().expect("apply_overrides has read it");
+    for (key, _) in changes {
+        copy(&full, &mut table, key);
+    }
+    Ok(toml::to_string(&table).expect("a table that was read can be written"))
+}
+
+/// Copies the value of a dotted key, which `from` contains.
+fn copy(from: &toml::Table, to: &mut toml::Table, key: &str) {
+    let (name, rest) = key.split_once('.').map_or((key, None), |(name, rest)| (name, Some(rest)));
+    match (from.get(name), rest) {
+        (Some(toml::Value::Table(from)), Some(rest)) => {
+            let inner = to.entry(name).or_insert_with(|| toml::Value::Table(toml::Table::new()));
+            if let toml::Value::Table(to) = inner {
+                copy(from, to, rest);
+            }
+        }
+        (Some(value), None) => drop(to.insert(name.to_owned(), value.clone())),
+        _ => {}
+    }
+}
+
 fn set(table: &mut toml::Table, key: &str, value: &str) -> Result<(), ParamsError> {
     let unknown = |hint: String| ParamsError::UnknownKey { key: key.to_owned(), hint };
     let mut path: Vec<&str> = key.split('.').collect();
@@ -81,5 +112,27 @@ fn keys_of(table: &toml::Table, path: &[&str]) -> String {
     match &names[..] {
         [] => format!(", {place} has no keys; add them in a parameters file"),
         names => format!(", keys of {place}: {}", names.join(", ")),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::{apply_changes, apply_overrides};
+
+    #[test]
+    fn changes_one_by_one_or_together_add_only_their_keys() {
+        let text = include_str!("../../../robots/hyq/hyq.toml");
+        let change = |key: &str, value: &str| (key.to_owned(), value.to_owned());
+        let [a, b] = [change("wbc.friction", "0.4"), change("safety.max_tilt", "0.5")];
+        let one_by_one = apply_changes(&apply_changes(text, &[a.clone()]).unwrap(), &[b.clone()]).unwrap();
+        let together = apply_changes(text, &[a.clone(), b.clone()]).unwrap();
+        assert_eq!(one_by_one, together);
+        let mut expected: toml::Table = text.parse().unwrap();
+        for (table, key, value) in [("wbc", "friction", 0.4), ("safety", "max_tilt", 0.5)] {
+            let table = expected.entry(table).or_insert_with(|| toml::Value::Table(toml::Table::new()));
+            table.as_table_mut().unwrap().insert(key.to_owned(), value.into());
+        }
+        assert_eq!(together.parse::<toml::Table>().unwrap(), expected);
+        assert_eq!(apply_overrides(&together, &[]).unwrap(), apply_overrides(text, &[a, b]).unwrap());
     }
 }

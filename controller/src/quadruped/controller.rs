@@ -20,7 +20,7 @@ use crate::dump::Dump;
 use crate::error::{LoadError, RestoreError};
 use crate::interface::{Controller, Probe};
 use crate::outbox::Outbox;
-use crate::params::Params;
+use crate::params::{Params, parameters_digest};
 use crate::qp::NamedViolation;
 use crate::safety::{Fault, check_command, fault, limit_command};
 use crate::time::{SNAPSHOT_TICKS, step_seconds};
@@ -35,6 +35,7 @@ pub const NAME: &str = "quadruped";
 /// The controller: parameters, robot, state and scratch memory.
 pub struct Quadruped {
     params: Params,
+    digest_parameters: i64,
     pub(super) robot: Robot,
     stand_sit: StandSit,
     pub(super) state: State,
@@ -72,6 +73,7 @@ impl Quadruped {
     /// # Errors
     /// A text is invalid, or the parameters do not fit the robot.
     pub fn new(urdf: &str, params: &str) -> Result<Self, LoadError> {
+        let digest_parameters = parameters_digest(params);
         let params = Params::from_toml(params, "parameters")?;
         let robot = Robot::new(urdf, &params.robot)?;
         let stand_sit = StandSit::new(&robot, &params)?;
@@ -80,7 +82,17 @@ impl Quadruped {
         let messages = Messages::new(&robot, &scratch.wbc);
         let snapshot_buffer = RefCell::new(messages.snapshot.clone());
         let assumed_base = AssumedBase::default();
-        Ok(Quadruped { params, robot, stand_sit, state, assumed_base, scratch, messages, snapshot_buffer })
+        Ok(Quadruped {
+            params,
+            digest_parameters,
+            robot,
+            stand_sit,
+            state,
+            assumed_base,
+            scratch,
+            messages,
+            snapshot_buffer,
+        })
     }
 
     /// The state between two ticks.
@@ -226,12 +238,14 @@ impl Quadruped {
 
     /// Writes command and tick messages, and puts all messages into the outbox.
     fn publish(&mut self, input: &ControllerInput, digests: &Digests, out: &mut Outbox) {
-        let Quadruped { params, robot, stand_sit, state, scratch, messages, .. } = self;
+        let Quadruped { params, digest_parameters, robot, stand_sit, state, scratch, messages, .. } = self;
         messages.command(robot, params, stand_sit, &scratch.references, state);
+        messages.command.run_id = input.run_id;
         limit_command(&robot.model.joints, &mut messages.command, &input.state);
         messages.tick = ControllerTick {
             t_ns: state.t_ns,
             tick: state.tick,
+            run_id: input.run_id,
             mode: state.mode as i8,
             fault: state.fault,
             fault_index: state.fault_index,
@@ -242,6 +256,7 @@ impl Quadruped {
             digest_tasks: digests.0[Stage::Tasks as usize],
             digest_qp: digests.0[Stage::Qp as usize],
             digest_output: command_digest(&messages.command),
+            digest_parameters: *digest_parameters,
         };
         out.clear();
         let mut put = Ok(());

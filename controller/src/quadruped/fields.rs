@@ -83,7 +83,7 @@ macro_rules! plain_field {
             fn from_message(_: &'static str, message: $t) -> Result<Self, RestoreError> {
                 Ok(message)
             }
-            #[allow(unused_variables, reason = "integers and flags need no check")]
+            #[allow(unused_variables, reason = "integers need no check")]
             fn all(self, $accepts: fn(f64) -> bool) -> bool {
                 let $x = self;
                 $all
@@ -105,11 +105,46 @@ macro_rules! plain_field {
 }
 
 plain_field! {
-    bool, x, accepts => all true, digest d d.word(u64::from(x)), example n { let _ = n; true };
     i32, x, accepts => all true, digest d d.word(u64::from(x.cast_unsigned())), example n i32::from(n) + 1;
     i64, x, accepts => all true, digest d d.word(x.cast_unsigned()), example n i64::from(n) + 1;
     f64, x, accepts => all accepts(x), digest d d.f64(x), example n f64::from(n) + 0.5;
     [f64; 2], x, accepts => all x.into_iter().all(accepts), digest d d.f64s(&x), example n [0.25, 0.75].map(|x| x + f64::from(n));
+}
+
+/// 0 or 1 in the message: not every LCM implementation can encode arrays of `boolean`.
+impl Field for bool {
+    type Message = i8;
+
+    #[inline(always)]
+    fn to_message(self) -> i8 {
+        i8::from(self)
+    }
+
+    fn from_message(field: &'static str, message: i8) -> Result<Self, RestoreError> {
+        match message {
+            0 => Ok(false),
+            1 => Ok(true),
+            _ => Err(RestoreError::Value { field, found: message.into(), last: 1 }),
+        }
+    }
+
+    fn all(self, _: fn(f64) -> bool) -> bool {
+        true
+    }
+
+    #[inline(always)]
+    fn digest(self, digest: &mut Digest) {
+        digest.word(u64::from(self));
+    }
+
+    fn value(self) -> Value {
+        self.into()
+    }
+
+    #[cfg(test)]
+    fn example(_: u8) -> Self {
+        true
+    }
 }
 
 impl Field for Vector3<f64> {

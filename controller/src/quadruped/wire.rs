@@ -53,7 +53,7 @@ impl Messages {
         (m.t_ns, m.tick) = (state.t_ns, state.tick);
         m.f_F_W = state.f_F_W.0.map(Into::into);
         m.f_normal = state.f_F_W.0.map(|f| estimate.n_W.dot(&f));
-        m.contact = state.contact.0;
+        m.contact = state.contact.0.map(i8::from);
         m.height = state.height;
         m.n_W = estimate.n_W.into();
 
@@ -112,6 +112,7 @@ impl Messages {
             *to = level.info.map_or(WbcSolution::STATUS_NOT_RUN, |info| status(info.status));
         }
         m.n_clamped = n_clamped;
+        m.torque_slack = 0.0;
         (m.residual, m.base_residual) = if wbc.solved() {
             (wbc.tasks.residuals(&wbc.vd, estimate, state), wbc.base_residual())
         } else {
@@ -133,6 +134,7 @@ impl Messages {
         (m.n_var, m.n_eq, m.n_ineq, m.level) = (0, 0, 0, -1);
         m.level_status.fill(WbcSolution::STATUS_NOT_RUN);
         (m.residual, m.base_residual, m.f_F_W) = ([0.0; 3], 0.0, [[0.0; 3]; 4]);
+        m.torque_slack = 0.0;
         m.vd.fill(0.0);
     }
 
@@ -141,7 +143,7 @@ impl Messages {
     pub fn stand_sit(&mut self, robot: &Robot, estimate: &Estimate, state: &State) {
         self.contact.f_F_W = state.f_F_W.0.map(Into::into);
         self.contact.f_normal = state.f_F_W.0.map(|f| estimate.n_W.dot(&f));
-        self.contact.contact = state.contact.0;
+        self.contact.contact = state.contact.0.map(i8::from);
         self.contact.height = state.height;
         self.contact.n_W = estimate.n_W.into();
         let base = &mut self.base;

@@ -121,6 +121,8 @@ pub fn operator_at(tick: i64) -> OperatorCommand {
         _ => (OperatorCommand::MODE_STAND, OperatorCommand::GAIT_TROT),
     };
     OperatorCommand {
+        sender_id: 1,
+        t_mode_ns: 0,
         t_ns: tick / 100 * 100 * PERIOD_NS,
         seq: tick / 100,
         mode,

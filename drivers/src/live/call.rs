@@ -8,12 +8,14 @@ use rtrb::{Consumer, Producer, RingBuffer};
 /// Capacity of each ring, in calls.
 const CAPACITY: usize = 256;
 
-/// Identifies a request: `sender_id` and `request_id` of a `request_reply_t`.
+/// Identifies a request: `kind`, `sender_id` and `request_id` of a `request_reply_t`.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct RequestId {
+    /// `request_reply_t` KIND_*.
+    pub kind: i8,
     /// The sender.
     pub sender_id: i64,
-    /// The request, among those of its sender.
+    /// The request, among those of its kind and sender.
     pub request_id: i64,
 }
 

@@ -8,7 +8,7 @@ use crate::DriverError;
 use crate::command_mux::CommandMux;
 use controller::Controller;
 use lcmtypes::bus::Bus;
-use lcmtypes::{RunInfo, channels};
+use lcmtypes::{RunInfo, channels, new_sender_id};
 use std::sync::Arc;
 use std::sync::mpsc;
 use std::thread::JoinHandle;
@@ -30,7 +30,7 @@ pub struct Plan {
     pub bus: Box<dyn Bus>,
     /// The operators.
     pub operators: CommandMux,
-    /// Description of the run; the executor sets its time and real-time settings.
+    /// Description of the run; the executor sets its time, identity and real-time settings.
     pub info: RunInfo,
     /// Times at which ticks are due.
     pub schedule: TickSchedule,
@@ -78,9 +78,11 @@ impl Executor {
         let ending = Arc::<Ending>::default();
         let (messages_in, messages_out) = message_ring(RING_BYTES);
         let (calls_in, calls_out) = call_ring();
+        info.run_id = new_sender_id();
         let (granted_in, granted_out) = mpsc::channel();
         let running = controllers.iter().enumerate().fold(0, |bits, (k, (_, starts))| bits | i64::from(*starts) << k);
-        let mut realtime_loop = RealtimeLoop::new(controller, running, hardware, calls_out, messages_in, schedule);
+        let mut realtime_loop =
+            RealtimeLoop::new(controller, (info.run_id, running), hardware, calls_out, messages_in, schedule);
         let realtime_thread = spawn("real-time", {
             let (ending, realtime) = (ending.clone(), realtime.clone());
             move || {

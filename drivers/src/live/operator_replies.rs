@@ -7,14 +7,6 @@ use std::collections::VecDeque;
 /// Forwarded commands that are remembered: more than can wait for the real-time thread.
 const FORWARDED: usize = 512;
 
-/// `sender_id` of the replies to an operator: the 64-bit FNV-1a hash of its channel's name.
-pub fn sender_id(channel: &str) -> i64 {
-    let hash = channel
-        .bytes()
-        .fold(0xcbf2_9ce4_8422_2325_u64, |hash, byte| (hash ^ u64::from(byte)).wrapping_mul(0x0000_0100_0000_01b3));
-    hash.cast_signed()
-}
-
 /// Watches commands and ticks, and makes a reply when the outcome of an operator's mode request is new.
 #[derive(Debug)]
 pub struct OperatorReplies {
@@ -50,7 +42,7 @@ impl OperatorReplies {
         }
         let reason = format!("operator {} is active", self.operators.get(active)?.channel);
         let outcome = Outcome { t_ns, tick: -1, code: RequestReply::CODE_REJECTED, reason };
-        self.reply(operator, command.mode, command.seq, outcome)
+        self.reply(operator, command, outcome)
     }
 
     /// Takes a command that went to the real-time thread.
@@ -78,16 +70,18 @@ impl OperatorReplies {
         let (operator, ..) = *self.forwarded.iter().rev().find(sent)?;
         let (code, reason) = outcome(op.mode, tick)?;
         let tick_or_none = if code == RequestReply::CODE_DONE { tick.tick } else { -1 };
-        self.reply(operator, op.mode, op.seq, Outcome { t_ns: tick.t_ns, tick: tick_or_none, code, reason })
+        self.reply(operator, op, Outcome { t_ns: tick.t_ns, tick: tick_or_none, code, reason })
     }
 
-    fn reply(&mut self, operator: usize, mode: i8, seq: i64, outcome: Outcome) -> Option<RequestReply> {
+    fn reply(&mut self, operator: usize, command: &OperatorCommand, outcome: Outcome) -> Option<RequestReply> {
         let Outcome { t_ns, tick, code, reason } = outcome;
+        let OperatorCommand { mode, seq: request_id, sender_id, .. } = *command;
         let operator = self.operators.get_mut(operator)?;
         if operator.replied.replace((mode, code)) == Some((mode, code)) {
             return None;
         }
-        Some(RequestReply { t_ns, tick, sender_id: sender_id(&operator.channel), request_id: seq, code, reason })
+        let kind = RequestReply::KIND_OPERATOR;
+        Some(RequestReply { t_ns, tick, sender_id, request_id, kind, code, reason })
     }
 }
 
@@ -136,7 +130,7 @@ mod tests {
     }
 
     fn command(mode: i8, seq: i64) -> OperatorCommand {
-        OperatorCommand { mode, seq, t_ns: seq * 10, ..OperatorCommand::default() }
+        OperatorCommand { mode, seq, sender_id: 9, t_ns: seq * 10, ..OperatorCommand::default() }
     }
 
     /// Code and request of the reply to a command that a tick consumes.
@@ -144,14 +138,6 @@ mod tests {
         let input = ControllerInput { op: op.clone(), ..ControllerInput::default() };
         let tick = ControllerTick { mode, fault, tick: 40, ..ControllerTick::default() };
         replies.tick(&input, &tick).map(|reply| (reply.code, reply.request_id))
-    }
-
-    #[test]
-    fn the_sender_id_is_the_fnv_1a_hash() {
-        // Test vectors of the algorithm's authors.
-        assert_eq!(sender_id("").cast_unsigned(), 0xcbf2_9ce4_8422_2325);
-        assert_eq!(sender_id("a").cast_unsigned(), 0xaf63_dc4c_8601_ec8c);
-        assert_eq!(sender_id("foobar").cast_unsigned(), 0x8594_4171_f739_67e8);
     }
 
     #[test]
@@ -198,7 +184,7 @@ mod tests {
         let walk = command(OperatorCommand::MODE_WALK, 5);
         assert_eq!(replies.received(PAD, PAD, 0, &walk), None);
         let reply = replies.received(PLANNER, PAD, 0, &walk).unwrap();
-        assert_eq!((reply.code, reply.sender_id), (RequestReply::CODE_REJECTED, sender_id("PLANNER")));
+        assert_eq!((reply.code, reply.sender_id), (RequestReply::CODE_REJECTED, 9));
         assert!(reply.reason.contains("PAD"), "{}", reply.reason);
         assert_eq!(replies.received(PLANNER, PAD, 0, &command(OperatorCommand::MODE_WALK, 6)), None);
     }

@@ -1,19 +1,20 @@
 //! Messages from the publisher thread to the bus.
 
 use lcmtypes::bus::Bus;
-use lcmtypes::{Event, Message, channels};
+use lcmtypes::{Event, EventNumbers, Message, channels};
 
 /// Encodes and publishes messages, and counts those that the bus did not accept.
 pub struct Outgoing {
     bus: Box<dyn Bus>,
     bytes: Vec<u8>,
     unpublished: u64,
+    events: EventNumbers,
 }
 
 impl Outgoing {
-    /// Publishes on `bus`.
-    pub fn new(bus: Box<dyn Bus>) -> Self {
-        Outgoing { bus, bytes: Vec::new(), unpublished: 0 }
+    /// Publishes on `bus` the messages of a run.
+    pub fn new(bus: Box<dyn Bus>, run_id: i64) -> Self {
+        Outgoing { bus, bytes: Vec::new(), unpublished: 0, events: EventNumbers::new(run_id) }
     }
 
     /// The bus, to receive from.
@@ -40,6 +41,12 @@ impl Outgoing {
 
     /// Publishes an EVENT.
     pub fn event(&mut self, t_ns: i64, tick: i64, level: i8, source: &str, text: String) {
-        self.put(channels::EVENT, &Event { t_ns, tick, level, source: source.to_owned(), text });
+        self.put_event(Event { t_ns, tick, level, source: source.to_owned(), text, ..Event::default() });
+    }
+
+    /// Publishes an EVENT; sets its sender and number.
+    pub fn put_event(&mut self, mut event: Event) {
+        self.events.number(&mut event);
+        self.put(channels::EVENT, &event);
     }
 }

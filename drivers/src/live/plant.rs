@@ -4,10 +4,14 @@
 //! the scenario starts. If no command arrives for [`WATCHDOG_NS`], the watchdog damps the joints.
 
 use super::clock::{TickSchedule, now_ns, sleep_until};
-use super::socket::{LcmReceiver, LcmSender, new_sender_id};
+use super::socket::{LcmReceiver, LcmSender};
 use crate::operator_script::OperatorScript;
+use crate::robot_info::ROBOT_INFO_EVERY_NS;
 use crate::{DriverError, FaultInjection, Scenario, Simulator};
-use lcmtypes::{ControllerTick, Event, GroundTruth, Message, ParameterRequest, RobotCommand, RobotState, channels};
+use lcmtypes::{
+    ControllerTick, Event, EventNumbers, GroundTruth, Message, ParameterRequest, RobotCommand, RobotInfo, RobotState,
+    channels, new_sender_id,
+};
 use std::collections::VecDeque;
 use std::sync::atomic::{AtomicBool, Ordering};
 
@@ -45,6 +49,8 @@ pub struct Plant<'a> {
     pub sender: LcmSender,
     /// Receives commands.
     pub receiver: LcmReceiver,
+    /// Describes the robot; the driver sets sender and time.
+    pub info: RobotInfo,
 }
 
 /// Runs until `stop` is set. After the end of the scenario its last operator command continues to be sent.
@@ -79,7 +85,8 @@ struct Run<'a> {
     timeline: VecDeque<(i64, String)>,
     /// Parameter requests of the scenario, in the order of time.
     requests: VecDeque<ParameterRequest>,
-    sender_id: i64,
+    info: RobotInfo,
+    info_due_ns: i64,
     state: RobotState,
     truth: GroundTruth,
     newest: RobotCommand,
@@ -99,14 +106,17 @@ struct Run<'a> {
 
 impl<'a> Run<'a> {
     fn new(plant: Plant<'a>) -> Result<Self, DriverError> {
-        let Plant { scenario, send_operator, sim, sender, receiver } = plant;
+        let Plant { scenario, send_operator, sim, sender, receiver, mut info } = plant;
+        info.sender_id = new_sender_id();
+        let sender_id = info.sender_id;
         Ok(Run {
             faults: FaultInjection::new(&scenario.faults, sim.joints())?,
             operator: send_operator.then(|| scenario.operator.clone()),
             timeline: scenario.timeline().into(),
             requests: if send_operator { scenario.parameters.clone().into() } else { VecDeque::new() },
-            sender_id: new_sender_id(),
-            state: RobotState::default(),
+            state: RobotState { sender_id, ..RobotState::default() },
+            info,
+            info_due_ns: i64::MIN,
             truth: GroundTruth::default(),
             newest: RobotCommand::default(),
             applied: RobotCommand::default(),
@@ -114,7 +124,7 @@ impl<'a> Run<'a> {
             scenario,
             sim,
             receiver,
-            out: Sender { sender, bytes: Vec::new() },
+            out: Sender { sender, bytes: Vec::new(), events: EventNumbers::new(sender_id) },
             t_ns: 0,
             number: 0,
             started: false,
@@ -131,18 +141,19 @@ impl<'a> Run<'a> {
         if !self.started {
             return Ok(());
         }
-        let Run { scenario, sim, out, faults, applied, t_ns, sender_id, .. } = self;
+        let Run { scenario, sim, out, faults, applied, t_ns, info, .. } = self;
         while let Some((_, text)) = self.timeline.pop_front_if(|(at, _)| *at <= *t_ns) {
             out.event(now, -1, Event::LEVEL_INFO, "scenario", text)?;
         }
         if let Some(mut op) = self.operator.as_mut().and_then(|script| script.operator_at(*t_ns))
             && faults.operator_arrives(*t_ns)
         {
-            op.t_ns = now;
+            op.t_mode_ns += now - op.t_ns;
+            (op.t_ns, op.sender_id) = (now, info.sender_id);
             self.summary.unsent += out.put(channels::OPERATOR_COMMAND, &op)?;
         }
         while let Some(request) = self.requests.pop_front_if(|request| request.t_ns <= *t_ns) {
-            let request = ParameterRequest { t_ns: now, sender_id: *sender_id, ..request };
+            let request = ParameterRequest { t_ns: now, sender_id: info.sender_id, ..request };
             self.summary.unsent += out.put(channels::PARAMETER_REQUEST, &request)?;
         }
         applied.clone_from(if self.timed_out { &self.damping } else { &self.newest });
@@ -163,9 +174,13 @@ impl<'a> Run<'a> {
         Ok(())
     }
 
-    /// Sends the measurement and the ground truth.
+    /// Sends the measurement, the ground truth and, once a second, the description of the robot.
     fn measure(&mut self, now: i64) -> Result<(), DriverError> {
-        let Run { sim, out, faults, state, truth, t_ns, number, .. } = self;
+        let Run { sim, out, faults, state, truth, t_ns, number, info, info_due_ns, .. } = self;
+        if now >= *info_due_ns {
+            (info.t_ns, *info_due_ns) = (now, now + ROBOT_INFO_EVERY_NS);
+            self.summary.unsent += out.put(channels::ROBOT_INFO, info)?;
+        }
         // Fault windows are in scenario time; the message has the time of the monotonic clock.
         sim.robot_state(*t_ns, *number, state);
         state.t_ns = now;
@@ -227,6 +242,7 @@ impl<'a> Run<'a> {
 struct Sender {
     sender: LcmSender,
     bytes: Vec<u8>,
+    events: EventNumbers,
 }
 
 impl Sender {
@@ -238,7 +254,8 @@ impl Sender {
     }
 
     fn event(&mut self, t_ns: i64, tick: i64, level: i8, source: &str, text: String) -> Result<(), DriverError> {
-        let event = Event { t_ns, tick, level, source: source.to_owned(), text };
+        let mut event = Event { t_ns, tick, level, source: source.to_owned(), text, ..Event::default() };
+        self.events.number(&mut event);
         self.put(channels::EVENT, &event).map(drop)
     }
 }

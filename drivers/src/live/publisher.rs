@@ -56,7 +56,7 @@ impl Publisher {
     ) -> Self {
         Publisher {
             ring,
-            out: Outgoing::new(bus),
+            out: Outgoing::new(bus, info.run_id),
             requests: Requests::new(calls, mux, &info, controllers.clone()),
             events: TickEvents::new(&info, controllers, lateness, ending),
             info,
@@ -103,7 +103,11 @@ impl Publisher {
                 self.out.put(channels::RUN_INFO, &self.info);
                 self.requests.publish_changes(&mut self.out);
             }
-            self.out.put_bytes(message.channel, message.data);
+            match message.channel {
+                // The events of both threads are numbered together.
+                channels::EVENT => drop(Event::decode(message.data).map(|event| self.out.put_event(event))),
+                channel => self.out.put_bytes(channel, message.data),
+            }
             self.events.take(message, &mut self.requests, &mut self.out);
         }
     }

@@ -142,16 +142,16 @@ pub struct RealtimeLoop {
 }
 
 impl RealtimeLoop {
-    /// Allocates all that a tick needs. Bit k of `running`: the k-th controller runs from the first tick on.
+    /// Allocates all that a tick needs. `run_id`: as in RUN_INFO. Bit k of `running`: the k-th controller runs from the first tick on.
     pub fn new(
         controller: Box<dyn Controller>,
-        running: i64,
+        (run_id, running): (i64, i64),
         hardware: Box<dyn Hardware>,
         calls: CallReceiver,
         ring: MessageSender,
         schedule: TickSchedule,
     ) -> Self {
-        let mut input = ControllerInput { running, state: empty_state(), ..ControllerInput::default() };
+        let mut input = ControllerInput { run_id, running, state: empty_state(), ..ControllerInput::default() };
         input.op.seq = -1;
         RealtimeLoop {
             controller,
@@ -239,7 +239,7 @@ impl RealtimeLoop {
         if let Some(mode) = instead.filter(|mode| !is_stopped || *mode == OperatorCommand::MODE_DAMPING) {
             let seq = self.input.op.seq.max(0);
             (self.input.t_op_ns, self.input.op) =
-                (wake_ns, OperatorCommand { mode, seq, ..OperatorCommand::default() });
+                (wake_ns, OperatorCommand { sender_id: self.input.run_id, mode, seq, ..OperatorCommand::default() });
         }
 
         self.step();
@@ -330,7 +330,8 @@ impl RealtimeLoop {
     /// Sends an EVENT. This allocates; the controllers have been stopped by then.
     fn report_error(&mut self, text: String) {
         let ControllerInput { t_ns, tick, .. } = self.input;
-        let event = Event { t_ns, tick, level: Event::LEVEL_ERROR, source: "executor".to_owned(), text };
+        let (level, source) = (Event::LEVEL_ERROR, "executor".to_owned());
+        let event = Event { t_ns, tick, level, source, text, ..Event::default() };
         encode(&mut self.bytes, &event);
         self.pass_bytes(channels::EVENT);
     }

@@ -40,7 +40,7 @@ impl Replies {
 
     /// Keeps the reply to a request.
     pub fn answer(&mut self, reply: &RequestReply) {
-        let id = RequestId { sender_id: reply.sender_id, request_id: reply.request_id };
+        let id = RequestId { kind: reply.kind, sender_id: reply.sender_id, request_id: reply.request_id };
         if let Some((_, slot)) = self.requests.iter_mut().find(|(known, _)| *known == id) {
             *slot = Some(reply.clone());
         }
@@ -58,10 +58,12 @@ mod tests {
 
     #[test]
     fn a_repeated_request_gets_the_same_reply() {
-        let id = |sender_id, request_id| RequestId { sender_id, request_id };
+        let id = |sender_id, request_id| RequestId { kind: 0, sender_id, request_id };
         let mut replies = Replies::default();
         assert_eq!(replies.open(id(1, 7)), None);
         assert_eq!(replies.open(id(2, 7)), None, "another sender with the same number");
+        assert_eq!(replies.open(RequestId { kind: 1, ..id(2, 7) }), None, "another kind with the same number");
+        replies.answer(&RequestReply { kind: 1, sender_id: 2, request_id: 7, ..RequestReply::default() });
         assert_eq!(replies.open(id(1, 7)), Some(Known::Pending));
         let reply = RequestReply { sender_id: 1, request_id: 7, tick: 40, ..RequestReply::default() };
         replies.answer(&reply);
@@ -71,7 +73,7 @@ mod tests {
 
     #[test]
     fn the_oldest_answered_requests_are_forgotten_and_pending_ones_kept() {
-        let id = |request_id| RequestId { sender_id: 1, request_id };
+        let id = |request_id| RequestId { kind: 0, sender_id: 1, request_id };
         let mut replies = Replies::default();
         assert_eq!(replies.open(id(0)), None);
         for request_id in 1..=1024 {

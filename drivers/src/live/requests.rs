@@ -157,7 +157,8 @@ impl Requests {
     fn receive_switch(&mut self, command: &ExecutorCommand, out: &mut Outgoing) {
         // Before each call, so that the ring for results always has room.
         self.take_results(out);
-        let id = RequestId { sender_id: command.sender_id, request_id: command.request_id };
+        let ExecutorCommand { sender_id, request_id, .. } = *command;
+        let id = RequestId { kind: RequestReply::KIND_EXECUTOR, sender_id, request_id };
         if self.is_known(id, out) {
             return;
         }
@@ -245,7 +246,7 @@ impl Requests {
                         self.refuse_parameter(id, &Refusal::of_parameter(&change.key, &change.value, code, &why), out);
                     } else {
                         self.parameters.accept(parameters);
-                        out.put(channels::EVENT, &parameter_requests::event(change.t_ns, change.tick, Ok(&change)));
+                        out.put_event(parameter_requests::event(change.t_ns, change.tick, Ok(&change)));
                         self.changes.changed(&change, now_ns(), out);
                         self.done(id, change.t_ns, change.tick, out);
                     }
@@ -269,7 +270,7 @@ impl Requests {
     }
 
     fn refuse_parameter(&mut self, id: RequestId, refusal: &Refusal, out: &mut Outgoing) {
-        out.put(channels::EVENT, &parameter_requests::event(now_ns(), -1, Err(refusal)));
+        out.put_event(parameter_requests::event(now_ns(), -1, Err(refusal)));
         self.refuse(id, refusal, out);
     }
 
@@ -292,9 +293,10 @@ impl Requests {
 }
 
 fn id_of(request: &ParameterRequest) -> RequestId {
-    RequestId { sender_id: request.sender_id, request_id: request.seq }
+    RequestId { kind: RequestReply::KIND_PARAMETER, sender_id: request.sender_id, request_id: request.seq }
 }
 
 fn reply_to(id: RequestId) -> RequestReply {
-    RequestReply { sender_id: id.sender_id, request_id: id.request_id, ..RequestReply::default() }
+    let RequestId { kind, sender_id, request_id } = id;
+    RequestReply { kind, sender_id, request_id, ..RequestReply::default() }
 }

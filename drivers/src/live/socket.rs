@@ -2,7 +2,6 @@
 
 use crate::DriverError;
 use replay::udpm::{Listener, MAX_DATAGRAM, Packet, Url};
-use std::hash::{BuildHasher, Hasher, RandomState};
 use std::net::{Ipv4Addr, SocketAddrV4, UdpSocket};
 use std::time::{Duration, Instant};
 
@@ -14,12 +13,6 @@ const BUFFER: usize = 1 << 20;
 const POLL: Duration = Duration::from_millis(2);
 /// First bytes of a message that fits one datagram.
 const SHORT: [u8; 4] = *b"LC02";
-
-/// A random number that identifies this process as the sender of requests.
-pub fn new_sender_id() -> i64 {
-    // The keys of a RandomState are random, so the hash of nothing is too.
-    RandomState::new().build_hasher().finish().cast_signed()
-}
 
 /// Receives the messages of an LCM network that fit one datagram each.
 pub struct LcmReceiver {

@@ -3,7 +3,7 @@
 use super::{Load, Options, TimedOverride, When};
 use crate::Error;
 use controller::Controller;
-use controller::params::apply_overrides;
+use controller::params::apply_changes;
 use lcmtypes::{ParameterChange, RunInfo};
 use std::collections::VecDeque;
 use std::path::Path;
@@ -18,13 +18,15 @@ pub(super) struct Builder<'b> {
     pub info: Arc<RunInfo>,
     /// Overridden keys; changes of them in the log are ignored.
     overridden: Arc<[String]>,
+    /// Parameters or robot differ from the log.
+    pub is_what_if: bool,
 }
 
 impl<'b> Builder<'b> {
     /// A builder for the log at `path`. `info` is its RUN_INFO with the overrides of `options`.
     pub fn new(path: &'b Path, load: &'b Load<'b>, info: RunInfo, options: &Options) -> Self {
         let overridden = options.set.iter().map(|(key, _)| key.clone()).collect();
-        Builder { path, load, info: Arc::new(info), overridden }
+        Builder { path, load, info: Arc::new(info), overridden, is_what_if: options.is_what_if() }
     }
 
     /// Builds the controller after parameter changes, in order.
@@ -37,7 +39,7 @@ impl<'b> Builder<'b> {
             return (self.load)(&self.info).map_err(wrong);
         }
         let set: Vec<_> = changes.iter().map(|change| (change.key.clone(), change.value.clone())).collect();
-        let params = apply_overrides(&self.info.params, &set).map_err(|source| wrong(source.into()))?;
+        let params = apply_changes(&self.info.params, &set).map_err(|source| wrong(source.into()))?;
         (self.load)(&RunInfo { params, ..RunInfo::clone(&self.info) }).map_err(wrong)
     }
 

@@ -71,15 +71,30 @@ pub(super) struct Pair<'a> {
     pub replayed: Option<&'a [u8]>,
 }
 
-/// Finds the first difference of a tick. `different`: all different pairs in the order of the controller's outputs.
-pub(super) fn attribute(tick: i64, t_ns: i64, t_s: f64, different: &[Pair]) -> Option<Divergence> {
+/// Whether two messages are CONTROLLER_TICKs that are equal except for the digest of the parameters, which a what-if replay changes.
+pub(super) fn is_same_tick(channel: &str, recorded: &[u8], replayed: &[u8]) -> bool {
+    let without = |bytes: &[u8]| {
+        let tick = ControllerTick::decode(bytes).ok()?;
+        let mut rest = Vec::new();
+        ControllerTick { digest_parameters: 0, ..tick }.encode(&mut rest).ok()?;
+        Some(rest)
+    };
+    channel.ends_with(channels::CONTROLLER_TICK)
+        && without(recorded).is_some_and(|tick| Some(tick) == without(replayed))
+}
+
+/// Finds the first difference of a tick.
+///
+/// - `different`: all different pairs in the order of the controller's outputs.
+/// - `is_what_if`: the parameters may differ.
+pub(super) fn attribute(tick: i64, t_ns: i64, t_s: f64, different: &[Pair], is_what_if: bool) -> Option<Divergence> {
     let digests = different.iter().find(|pair| pair.channel == channels::CONTROLLER_TICK);
-    let (stage, shown) = match digests.and_then(first_digest) {
-        Some((stage, recorded, replayed)) => {
+    let (stage, shown) = match digests.and_then(|pair| first_digest(pair, is_what_if)) {
+        Some((stage, field, recorded, replayed)) => {
             let shown = different.iter().find(|pair| stage_of(pair.channel) == stage && !is_tick(pair));
             let digest = FieldDifference {
                 channel: channels::CONTROLLER_TICK.to_owned(),
-                field: format!("digest_{}", stage.name()),
+                field: field.to_owned(),
                 index: None,
                 recorded: format!("{recorded:#018x}"),
                 replayed: format!("{replayed:#018x}"),
@@ -123,22 +138,23 @@ fn stage_of(channel: &str) -> Stage {
     channels::find(channel).and_then(|known| known.stage).unwrap_or(Stage::Output)
 }
 
-/// The earliest stage with different digests, and both digests.
-fn first_digest(pair: &Pair) -> Option<(Stage, i64, i64)> {
-    let digests = |bytes: &[u8]| {
-        let tick = ControllerTick::decode(bytes).ok()?;
-        Some(Stage::ALL.map(|stage| match stage {
-            Stage::Input => tick.digest_input,
-            Stage::Estimation => tick.digest_estimation,
-            Stage::Gait => tick.digest_gait,
-            Stage::Tasks => tick.digest_tasks,
-            Stage::Qp => tick.digest_qp,
-            Stage::Output => tick.digest_output,
-        }))
+/// The earliest stage with different digests, the field, and both digests. The parameters count as an input, except in a what-if replay.
+fn first_digest(pair: &Pair, is_what_if: bool) -> Option<(Stage, &'static str, i64, i64)> {
+    let recorded = ControllerTick::decode(pair.recorded?).ok()?;
+    let replayed = ControllerTick::decode(pair.replayed?).ok()?;
+    let digests = |tick: ControllerTick| {
+        [
+            (Stage::Input, "digest_input", tick.digest_input),
+            (Stage::Input, "digest_parameters", if is_what_if { 0 } else { tick.digest_parameters }),
+            (Stage::Estimation, "digest_estimation", tick.digest_estimation),
+            (Stage::Gait, "digest_gait", tick.digest_gait),
+            (Stage::Tasks, "digest_tasks", tick.digest_tasks),
+            (Stage::Qp, "digest_qp", tick.digest_qp),
+            (Stage::Output, "digest_output", tick.digest_output),
+        ]
     };
-    let (recorded, replayed) = (digests(pair.recorded?)?, digests(pair.replayed?)?);
-    let stages = Stage::ALL.into_iter().zip(recorded.into_iter().zip(replayed));
-    stages.map(|(stage, (a, b))| (stage, a, b)).find(|(_, a, b)| a != b)
+    let both = digests(recorded).into_iter().zip(digests(replayed));
+    both.map(|((stage, field, a), (.., b))| (stage, field, a, b)).find(|(.., a, b)| a != b)
 }
 
 /// The first different field of a pair, by reflection.

@@ -1,7 +1,7 @@
 //! Steps one controller through a segment of a log and compares its outputs.
 
 use super::builder::{Builder, PendingOverrides};
-use super::compare::{Pair, attribute};
+use super::compare::{Pair, attribute, is_same_tick};
 use super::inputs::stage_inputs;
 use super::report::Counts;
 use super::ticks::Tick;
@@ -154,6 +154,7 @@ impl<'b> Stepper<'b> {
         }
         let t_s = tick.since_ns.unwrap_or_default() as f64 * 1e-9;
         let (outbox, state, counts) = (&self.outbox, &self.state, &mut self.counts);
+        let is_what_if = self.builder.is_what_if;
         let mut different = Vec::new();
         let mut compared = 0;
         for (channel, recorded) in &tick.recorded {
@@ -161,7 +162,9 @@ impl<'b> Stepper<'b> {
             let replayed = if is_snapshot { Some(&state[..]) } else { outbox.get(channel) };
             compared += 1;
             counts.snapshots += u64::from(is_snapshot);
-            if replayed != Some(recorded) {
+            let is_same =
+                |replayed: &[u8]| replayed == &**recorded || is_what_if && is_same_tick(channel, recorded, replayed);
+            if !replayed.is_some_and(is_same) {
                 different.push(Pair { channel, recorded: Some(recorded), replayed });
             }
         }
@@ -175,7 +178,7 @@ impl<'b> Stepper<'b> {
         let place = |channel: &str| outbox.iter().position(|(c, _)| c == channel).unwrap_or(usize::MAX);
         different.sort_by_key(|pair| place(pair.channel));
         if counts.first.is_none()
-            && let Some(mut first) = attribute(tick.tick, t_ns, t_s, &different)
+            && let Some(mut first) = attribute(tick.tick, t_ns, t_s, &different, is_what_if)
         {
             first.last_agreed_tick = self.agreed;
             first.inputs = stage_inputs(first.stage, tick.input.as_ref(), &self.controller.dump());

@@ -9,7 +9,7 @@ use super::drop_policy::{DropPolicy, RecordLevel};
 use crate::Error;
 use crate::log::{LogWriter, check_event};
 use crate::udpm::monotonic_ns;
-use lcmtypes::{Event, Message, channels};
+use lcmtypes::{Event, EventNumbers, Message, channels, new_sender_id};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -110,6 +110,7 @@ pub struct RingWriter {
     thread: Option<JoinHandle<Result<u64, Error>>>,
     policy: Option<DropPolicy>,
     clock: Option<fn() -> i64>,
+    events: EventNumbers,
     reported_level: RecordLevel,
     last_ns: i64,
     message: Vec<u8>,
@@ -149,6 +150,7 @@ impl RingWriter {
             thread: Some(thread),
             policy,
             clock: options.clock,
+            events: EventNumbers::new(new_sender_id()),
             reported_level: RecordLevel::All,
             last_ns: 0,
             message: Vec::new(),
@@ -193,7 +195,9 @@ impl RingWriter {
     /// As [`EventSink::write`].
     pub fn report(&mut self, t_ns: i64, level: i8, text: String) -> Result<(), Error> {
         let message_ns = self.clock.map_or(t_ns, |clock| clock());
-        let event = Event { t_ns: message_ns, tick: -1, level, source: "recorder".to_owned(), text };
+        let source = "recorder".to_owned();
+        let mut event = Event { t_ns: message_ns, tick: -1, level, source, text, ..Event::default() };
+        self.events.number(&mut event);
         let mut bytes = std::mem::take(&mut self.message);
         bytes.clear();
         event.encode(&mut bytes).map_err(|source| Error::Encode { path: self.path.clone(), source: source.into() })?;

@@ -1,7 +1,7 @@
 //! A small controller with a filter and an integrator, so that its replay depends on its state.
 
 use controller::digest::Digest;
-use controller::params::Params;
+use controller::params::{Params, parameters_digest};
 use controller::{Controller, LoadError, Outbox, Probe, RestoreError};
 use lcmtypes::channels::Stage;
 use lcmtypes::{
@@ -35,6 +35,7 @@ pub struct Toy {
     /// `restore` changes the state by one ulp.
     pub restores_badly: bool,
     pub last: (i64, i64),
+    pub digest_parameters: i64,
 }
 
 /// Builds the toy, as [`controller::load`] builds real controllers.
@@ -44,7 +45,7 @@ pub fn load(info: &RunInfo) -> Result<Box<dyn Controller>, LoadError> {
 
 pub fn toy(info: &RunInfo) -> Result<Toy, LoadError> {
     let gain = Params::from_toml(&info.params, "toy")?.gait.trot.swing_frequency;
-    Ok(Toy { gain, ..Toy::default() })
+    Ok(Toy { gain, digest_parameters: parameters_digest(&info.params), ..Toy::default() })
 }
 
 fn digest(values: &[f64]) -> i64 {
@@ -107,6 +108,7 @@ impl Controller for Toy {
             digest_tasks: digest(&[task]),
             digest_qp: digest(&[vd]),
             digest_output: digest(&[tau]),
+            digest_parameters: self.digest_parameters,
             ..Default::default()
         };
         out.put(channels::CONTROLLER_TICK, &digests).unwrap();
