@@ -96,14 +96,14 @@ fn decode_names_the_field() {
     let input = ControllerInput { state: state(), ..Default::default() };
     let bytes = bytes(&input);
     let error = |bytes: &[u8]| ControllerInput::decode(bytes).unwrap_err().to_string();
-    // The second joint velocity is at byte 8 + 32 + 20 + 16 + 8 = 84.
+    // The second joint velocity is at byte 8 + 40 + 28 + 16 + 8 = 100.
     assert_eq!(
-        error(&bytes[..56]),
-        "hoofprint.controller_input_t, field state.nj, byte 56: 0 bytes remain, expected at least 4"
+        error(&bytes[..72]),
+        "hoofprint.controller_input_t, field state.nj, byte 72: 0 bytes remain, expected at least 4"
     );
     assert_eq!(
-        error(&bytes[..86]),
-        "hoofprint.controller_input_t, field state.qd, byte 76: 10 bytes remain, expected at least 16"
+        error(&bytes[..102]),
+        "hoofprint.controller_input_t, field state.qd, byte 92: 10 bytes remain, expected at least 16"
     );
     assert_eq!(
         error(&[&bytes[..], &[0]].concat()),
@@ -116,12 +116,12 @@ fn decode_names_the_field() {
 #[test]
 fn hostile_lengths_do_not_allocate() {
     let mut bytes = bytes(&state());
-    bytes[24..28].copy_from_slice(&i32::MAX.to_be_bytes());
+    bytes[32..36].copy_from_slice(&i32::MAX.to_be_bytes());
     let error = RobotState::decode(&bytes).unwrap_err().to_string();
-    assert_eq!(error, "hoofprint.robot_state_t, field q, byte 28: 128 bytes remain, expected at least 17179869176");
-    bytes[24..28].copy_from_slice(&(-1i32).to_be_bytes());
+    assert_eq!(error, "hoofprint.robot_state_t, field q, byte 36: 128 bytes remain, expected at least 17179869176");
+    bytes[32..36].copy_from_slice(&(-1i32).to_be_bytes());
     let error = RobotState::decode(&bytes).unwrap_err().to_string();
-    assert_eq!(error, "hoofprint.robot_state_t, field q, byte 28: nj is -1, expected a length of 0 or more");
+    assert_eq!(error, "hoofprint.robot_state_t, field q, byte 36: nj is -1, expected a length of 0 or more");
 }
 
 #[test]
@@ -147,7 +147,8 @@ fn the_channel_table_agrees_with_the_lcm_files() {
         assert_eq!(&*ty.def().fields[0].name, "t_ns", "the first field is the time");
     }
     let fingerprints: std::collections::BTreeSet<u64> = CHANNELS.iter().map(|c| c.fingerprint).collect();
-    assert_eq!(fingerprints.len(), CHANNELS.len(), "fingerprints are unique");
+    let types: std::collections::BTreeSet<&str> = CHANNELS.iter().map(|c| c.type_name).collect();
+    assert_eq!(fingerprints.len(), types.len(), "fingerprints are unique");
     let inputs: Vec<&str> = CHANNELS.iter().filter(|c| c.class == Class::ReplayInput).map(|c| c.name).collect();
     assert_eq!(inputs, ["PARAMETER_CHANGE", "CONTROLLER_INPUT"], "the inputs of a replay");
     assert!(CHANNELS.iter().all(|c| c.stage.is_none() || c.class != Class::Timing));
