@@ -7,6 +7,7 @@
 //! references; the controller computes the torques that keep it there. With `cargo run ... --example stand -- 0.01` the base is rolled by
 //! 0.01 rad to the right, and the forces change to push it upright.
 #![allow(non_snake_case, reason = "names carry frames: see ARCHITECTURE.md")]
+#![expect(clippy::disallowed_methods, reason = "an example reads its command line")]
 
 use controller::math::{Rx, quaternion};
 use controller::model::GRAVITY;

@@ -21,7 +21,7 @@ use lcmtypes::channels::{self, CONTROLLER_SNAPSHOT};
 use lcmtypes::{ControllerInput, ControllerState, ControllerTick, Message, RobotCommand, SequenceState};
 use std::cell::{RefCell, RefMut};
 use std::collections::BTreeSet;
-use std::sync::{Mutex, PoisonError};
+use std::sync::PoisonError;
 
 /// Name of the kind; the name of a run's controller contains the list too: `sequence(hold, quadruped)`.
 pub const NAME: &str = "sequence";
@@ -127,8 +127,12 @@ fn runs(bits: i64, k: usize) -> bool {
 
 /// Returns `name` with static lifetime; each name is stored once per process. Messages of a run then refer to their channel without a copy of its
 /// name.
+#[expect(
+    clippy::disallowed_types,
+    reason = "the names are the same in every run, and no result depends on who stored one first"
+)]
 fn interned(name: String) -> &'static str {
-    static NAMES: Mutex<BTreeSet<&'static str>> = Mutex::new(BTreeSet::new());
+    static NAMES: std::sync::Mutex<BTreeSet<&'static str>> = std::sync::Mutex::new(BTreeSet::new());
     let mut names = NAMES.lock().unwrap_or_else(PoisonError::into_inner);
     if let Some(known) = names.get(&*name) {
         return known;

@@ -2,7 +2,7 @@
 //!
 //! Exception: with the reference solver, Clarabel 0.11 makes [`PER_SOLVE`] allocations per solve, for the names of its timers. The test asserts
 //! this number, so that a new version or a second solve is noticed.
-#![allow(non_snake_case, clippy::unwrap_used, missing_docs)]
+#![allow(clippy::disallowed_types, clippy::disallowed_macros, non_snake_case, clippy::unwrap_used, missing_docs)]
 #![allow(unsafe_code, reason = "a global allocator that counts; it forwards every call to the system allocator")]
 
 mod common;

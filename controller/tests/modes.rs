@@ -1,5 +1,5 @@
 //! Modes of the controller: transitions, rejected requests, faults.
-#![allow(non_snake_case, clippy::unwrap_used, missing_docs)]
+#![allow(clippy::disallowed_types, non_snake_case, clippy::unwrap_used, missing_docs)]
 
 mod common;
 

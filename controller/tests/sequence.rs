@@ -1,5 +1,5 @@
 //! Sequences of controllers: which one commands the robot, start and stop, completeness of the snapshot.
-#![allow(non_snake_case, clippy::unwrap_used, missing_docs)]
+#![allow(clippy::disallowed_types, non_snake_case, clippy::unwrap_used, missing_docs)]
 
 mod common;
 

@@ -40,7 +40,8 @@ impl WalkedDistance {
 }
 
 fn length(a: [f64; 2], b: [f64; 2]) -> f64 {
-    ((b[0] - a[0]).powi(2) + (b[1] - a[1]).powi(2)).sqrt()
+    let (x, y) = (b[0] - a[0], b[1] - a[1]);
+    (x * x + y * y).sqrt()
 }
 
 #[cfg(test)]
