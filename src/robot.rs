@@ -7,7 +7,7 @@ use analysis::table::{Column, Table};
 use anyhow::Context;
 use clap::Subcommand;
 use controller::model::eval::{EvalRequest, RobotInfo, eval};
-use controller::params::Params;
+use controller::params::{Params, bounds};
 pub use drivers::robot_files::{RobotFiles, find_shipped, overrides, read, with_overrides};
 use std::path::PathBuf;
 
@@ -18,7 +18,7 @@ pub enum Command {
     Info {
         /// Name of a robot in robots/, its TOML file, or any URDF file
         robot: String,
-        /// Print every parameter of the controller and its value instead, as TOML
+        /// Print every parameter of the controller with value, allowed range and unit instead, as TOML
         #[arg(long)]
         params: bool,
         /// Print JSON
@@ -61,7 +61,7 @@ pub fn run(command: &Command) -> anyhow::Result<Outcome> {
 
 fn info(robot: &str, params: bool, json: bool) -> anyhow::Result<()> {
     if params {
-        return say(RobotFiles::find_with_params(robot)?.1.trim_end());
+        return say(with_bounds(&RobotFiles::find_with_params(robot)?.1));
     }
     let files = RobotFiles::find(robot)?;
     let mut info = RobotInfo::new(&files.tree()?)?;
@@ -92,4 +92,20 @@ fn info(robot: &str, params: bool, json: bool) -> anyhow::Result<()> {
         say(format!("\nwarning: {warning}"))?;
     }
     Ok(())
+}
+
+/// Parameters as TOML, with a comment that has range and unit behind each number. Ranges of tables stand behind the head of the table.
+fn with_bounds(params: &str) -> String {
+    let mut table = String::new();
+    let line = |line: &str| {
+        let key = if let Some(name) = line.strip_prefix('[').and_then(|line| line.strip_suffix(']')) {
+            table = name.to_owned();
+            table.clone()
+        } else {
+            format!("{table}.{}", line.split(" =").next().unwrap_or_default())
+        };
+        let bound = bounds().find(|bound| bound.key == key);
+        bound.map_or(line.to_owned(), |bound| format!("{line}  # {}", bound.text()))
+    };
+    params.trim_end().lines().map(line).collect::<Vec<_>>().join("\n")
 }

@@ -4,6 +4,7 @@
 mod common;
 
 use common::{command, folder, hoof, ran};
+use controller::params::bounds;
 use serde_json::{Value, json};
 use std::io::Write;
 use std::process::Stdio;
@@ -33,6 +34,9 @@ fn hyq_has_its_mass_joints_and_feet() {
 fn listed_parameters_are_a_valid_robot_file() {
     let folder = folder("params");
     let listed = hoof("robot info hyq --params").exits(0).stdout;
+    let with_range = listed.lines().filter(|line| line.contains("  # ") && line.contains(" to ")).count();
+    // Those of duty and phases are not "A to B"; postures have one range for all joints.
+    assert_eq!(with_range, bounds().count() - 4);
     let toml = folder.join("hyq.toml");
     std::fs::write(&toml, &listed).unwrap();
     std::fs::copy("robots/hyq/hyq.urdf", folder.join("hyq.urdf")).unwrap();

@@ -6,7 +6,8 @@
 //!
 //! Each table is defined where it is used: [`crate::quadruped::params`], [`crate::hold::params`], [`crate::safety`], [`crate::stack`],
 //! [`crate::qp`]. This module contains what is independent of the controller: the list of all tables ([`Params`]), the robot
-//! ([`RobotConfig`]), overrides by key, range checks and errors.
+//! ([`RobotConfig`]), overrides by key, ranges and errors.
+//! Each table has the allowed range of its numbers beside it (`BOUNDS`); [`bounds`] lists all of them.
 
 mod digest;
 pub(crate) mod error;
@@ -18,5 +19,6 @@ mod tables;
 pub use digest::parameters_digest;
 pub use error::ParamsError;
 pub use overrides::{apply_changes, apply_overrides};
+pub use range::Bound;
 pub use robot::{RobotConfig, SensorParams};
-pub use tables::Params;
+pub use tables::{Params, bounds};

@@ -132,8 +132,8 @@ fn a_bad_input_and_a_failed_solve_allocate_nothing_more() {
     });
     assert!(bad.iter().all(|(.., n)| *n == 0), "{bad:?}");
 
-    let never = [("wbc.max_iterations", "1"), ("safety.max_qp_failures", "1000")];
-    let starved = counted(hyq_with(&[never[0], never[1], CLARABEL]), 60, |_| ());
+    let never = [("wbc.max_iterations", "1"), ("safety.max_qp_failures", "50")];
+    let starved = counted(hyq_with(&[never[0], never[1], CLARABEL]), 50, |_| ());
     for (tick, wbc, n) in starved {
         assert_eq!((wbc.status, n), (WbcSolution::STATUS_FAILED, PER_SOLVE), "tick {}", tick.tick);
     }

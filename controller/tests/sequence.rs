@@ -179,7 +179,7 @@ fn hold_changes_parameters_without_a_step() {
     let robot = hyq();
     let folded: Vec<f64> = robot.robot().q_nominal.iter().map(|q| q + 0.4).collect();
     for (change, key, value) in
-        [(1500, "hold.duration", "30.0"), (3050, "hold.duration", "30.0"), (1500, "hold.kp", "1e9")]
+        [(1500, "hold.duration", "30.0"), (3050, "hold.duration", "30.0"), (1500, "hold.kp", "1e4")]
     {
         let (mut hold, mut out) = (load("hold").unwrap(), Outbox::new());
         let mut before = folded.clone();

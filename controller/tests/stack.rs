@@ -159,7 +159,7 @@ fn when_a_lower_level_fails_the_level_above_gives_the_command() {
         let mut controller = hyq_with(&[
             ("stack.formula", &format!("{formula} {UNDER}")),
             ("wbc.max_iterations", &iterations.to_string()),
-            ("safety.max_qp_failures", "1000000"),
+            ("safety.max_qp_failures", "50"),
         ]);
         let (mut puppet, mut out) = (Puppet::new(7), Outbox::new());
         for _ in 0..300 {

@@ -129,9 +129,18 @@ fn code(error: &ChangeError) -> i8 {
     }
 }
 
-/// The EVENT for the outcome of a request, without sender and number.
+/// Whether a parameter belongs to the safety checks.
+fn is_safety(key: &str) -> bool {
+    key.starts_with("safety.")
+}
+
+/// The EVENT for the outcome of a request, without sender and number. An accepted change of `safety.*` is a warning.
 pub fn event(t_ns: i64, tick: i64, outcome: Result<&ParameterChange, &Refusal>) -> Event {
     let (level, text) = match outcome {
+        // A changed limit of the safety checks must not go unnoticed.
+        Ok(ParameterChange { key, value, .. }) if is_safety(key) => {
+            (Event::LEVEL_WARNING, format!("safety limit changed: {key} = {value} from this tick on"))
+        }
         Ok(ParameterChange { key, value, .. }) => (Event::LEVEL_INFO, format!("{key} = {value} from this tick on")),
         Err(refusal) => (Event::LEVEL_WARNING, refusal.reason.clone()),
     };
@@ -151,6 +160,14 @@ pub fn reply(request: &ParameterRequest, t_ns: i64, outcome: Result<&ParameterCh
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn an_accepted_change_of_a_safety_limit_is_a_warning() {
+        for (key, level) in [("safety.max_tilt", Event::LEVEL_WARNING), ("trunk.kp", Event::LEVEL_INFO)] {
+            let change = ParameterChange { key: key.to_owned(), value: "0.7".to_owned(), ..ParameterChange::default() };
+            assert_eq!(event(0, 0, Ok(&change)).level, level);
+        }
+    }
 
     #[test]
     fn oversized_values_are_refused_with_a_short_reason() {

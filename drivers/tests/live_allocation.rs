@@ -100,7 +100,7 @@ fn send(
 fn the_real_time_thread_allocates_nothing() {
     let (mut info, inputs) = golden();
     // Neither a machine that stalls nor measurements that do not follow the commands must end the walk.
-    let lenient = ["safety.max_state_age=1000.0", "safety.max_tilt=3.0"];
+    let lenient = ["safety.max_state_age=0.2", "safety.max_tilt=1.2"];
     let lenient: Vec<(String, String)> = lenient
         .iter()
         .filter_map(|set| set.split_once('='))

@@ -331,12 +331,8 @@ impl Error {
 }
 
 /// The command that adds a multicast route, if the error shows that none exists.
-fn socket_advice(error: &std::io::Error) -> &'static str {
+fn socket_advice(error: &std::io::Error) -> String {
     let no_route =
         error.kind() == std::io::ErrorKind::NetworkUnreachable || error.raw_os_error() == Some(nix::libc::ENODEV);
-    if no_route {
-        "; no interface has a multicast route; as root: ip route replace 224.0.0.0/4 dev lo (or the robot's interface)"
-    } else {
-        ""
-    }
+    if no_route { format!("; {}", lcmtypes::bus::NO_ROUTE) } else { String::new() }
 }

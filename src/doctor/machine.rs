@@ -2,14 +2,12 @@
 
 use super::Check;
 use super::files::{CAP_IPC_LOCK, CAP_SYS_NICE, System};
-use drivers::live::RealtimeParams;
+use drivers::live::{LIMITS_FIX, RealtimeParams};
 use nix::sys::statvfs::statvfs;
 use std::path::Path;
 
 /// Log data rate of a live quadruped run with margin, bytes/s: 20 s of HyQ give 38 MB.
 const LOG_BYTES_PER_S: u64 = 2_500_000;
-
-const LIMITS: &str = "printf '%s - rtprio 95\\n%s - memlock unlimited\\n' $USER $USER | sudo tee /etc/security/limits.d/60-hoofprint.conf";
 
 /// All checks of the machine.
 pub fn checks(system: &System, logs: &Path) -> Vec<Check> {
@@ -40,9 +38,7 @@ fn scheduler(system: &System, refused: Option<String>) -> Check {
     let limit = system.limit("Max realtime priority").unwrap_or(0);
     let capable = system.is_capable(CAP_SYS_NICE);
     let (found, fix) = match (capable, limit) {
-        (false, 0) => {
-            (format!("{refused}: the real-time priority limit is 0"), format!("{LIMITS}   (then log in again)"))
-        }
+        (false, 0) => (format!("{refused}: the real-time priority limit is 0"), LIMITS_FIX.to_owned()),
         _ => (
             format!("{refused} although permitted: the control group has no real-time budget"),
             "sudo sysctl -w kernel.sched_rt_runtime_us=-1".to_owned(),
@@ -59,7 +55,7 @@ fn memory(system: &System) -> Check {
         limit => {
             let found =
                 format!("limit {} kB; a page fault in the control loop can cost a tick", limit.unwrap_or(0) / 1024);
-            Check::warn(NAME, found, format!("{LIMITS}   (then log in again)"))
+            Check::warn(NAME, found, LIMITS_FIX.to_owned())
         }
     }
 }
@@ -219,7 +215,7 @@ mod tests {
         ];
         let system = machine("unprivileged", &unprivileged);
         let check = scheduler(&system, Some("SCHED_FIFO 1 refused: EPERM".to_owned()));
-        assert_eq!(level_and_fix(&check), (Level::Warn, &*format!("{LIMITS}   (then log in again)")));
+        assert_eq!(level_and_fix(&check), (Level::Warn, &*LIMITS_FIX.to_owned()));
         assert!(memory(&system).found.contains("8192 kB"));
         assert_eq!(scheduler(&system, None).level, Level::Ok);
 

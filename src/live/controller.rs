@@ -54,7 +54,7 @@ pub fn run(args: &ControllerArgs) -> anyhow::Result<Outcome> {
     for refused in &executor.granted().refused {
         note(format!("warning: {refused}"));
     }
-    note(format!("controlling {} on {url}: {}", file.robot, executor.granted().text()));
+    note(format!("controlling {} on {url}: {}", file.robot, executor.granted().held_text()));
     let begin = Instant::now();
     let is_over = || args.length.seconds.is_some_and(|length| begin.elapsed() >= length);
     while !stop.is_due() && !executor.is_finished() && !is_over() {

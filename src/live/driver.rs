@@ -58,7 +58,7 @@ pub fn run(args: &DriverArgs) -> anyhow::Result<Outcome> {
         for refused in &granted.refused {
             note(format!("warning: {refused}"));
         }
-        note(format!("driving {} in {name} on {url}: {}", file.robot, granted.text()));
+        note(format!("driving {} in {name} on {url}: {}", file.robot, granted.held_text()));
         plant::run(
             Plant { scenario: &scenario, send_operator, sim: &mut sim, sender, receiver, info },
             &stopping_thread,

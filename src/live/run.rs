@@ -10,6 +10,7 @@ use anyhow::{Context, bail};
 use drivers::Scenario;
 use lcmtypes::bus::{Bus, LcmBus};
 use lcmtypes::{Event, Message, channels};
+use replay::udpm::Url;
 use serde_json::{Map, Value, json};
 use signal_hook::consts::SIGINT;
 use std::ffi::{OsStr, OsString};
@@ -71,11 +72,13 @@ pub fn run(args: &RunArgs) -> anyhow::Result<Outcome> {
 
     let (lines_in, lines) = channel();
     let mut run = Running { processes: Vec::new(), lines_in, lines, screen, ending: false, deaf: false };
-    let url = url.to_string();
     let of_run: [OsString; 4] =
-        ["--lcm-url".into(), url.into(), "--parent".into(), std::process::id().to_string().into()];
-    let record = [OsStr::new("log"), OsStr::new("record"), log.as_os_str()].map(OsString::from);
-    run.start("recorder", "recording", &[&record[..], &of_run].concat(), &stop)?;
+        ["--lcm-url".into(), url.to_string().into(), "--parent".into(), std::process::id().to_string().into()];
+    let mut record = [OsStr::new("log"), OsStr::new("record"), log.as_os_str()].map(OsString::from).to_vec();
+    record.extend_from_slice(&of_run);
+    // The receive buffer of the run file is for control; the recorder has its own, larger one.
+    record[4] = Url { recv_buf_size: None, ..url }.to_string().into();
+    run.start("recorder", "recording", &record, &stop)?;
     let mut common = [&[args.shared.run_file.clone().into()], &of_run[..]].concat();
     if let Some(scenario) = &args.shared.scenario {
         common.extend(["--scenario".into(), scenario.into()]);
@@ -202,6 +205,7 @@ impl Running {
                 }
             }
         }
+        self.screen.show_suppressed();
         while let Ok(line) = self.lines.try_recv() {
             self.screen.line(&line);
         }

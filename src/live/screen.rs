@@ -2,6 +2,8 @@
 
 use super::process::{Line, Process};
 use crate::note;
+use drivers::live::EventLimit;
+use drivers::live::clock::now_ns;
 use indicatif::{MultiProgress, ProgressBar, ProgressStyle};
 use lcmtypes::{ControllerTick, Event, Message, enum_names};
 use replay::{printable, printable_path};
@@ -19,6 +21,7 @@ pub struct Screen {
     start: Instant,
     log: PathBuf,
     status: Status,
+    limit: EventLimit,
 }
 
 /// Status of the run, from the messages of its processes.
@@ -33,7 +36,14 @@ impl Screen {
     /// A screen without processes, for a run that is recorded in `log`.
     pub fn new(log: PathBuf) -> Self {
         let status = Status { tick: None, states: (0, Instant::now()), rate_hz: None };
-        Screen { all: MultiProgress::new(), rows: Vec::new(), start: Instant::now(), log, status }
+        Screen {
+            all: MultiProgress::new(),
+            rows: Vec::new(),
+            start: Instant::now(),
+            log,
+            status,
+            limit: EventLimit::default(),
+        }
     }
 
     /// Whether the lines of the processes are shown on a terminal.
@@ -75,14 +85,24 @@ impl Screen {
         self.say(&format!("{}: {}", line.process, printable(&line.text)));
     }
 
-    /// Shows an EVENT.
-    pub fn event(&self, event: &Event) {
+    /// Shows an EVENT, unless its source sends too many.
+    pub fn event(&mut self, event: &Event) {
+        if !self.limit.passes(now_ns(), &event.source) {
+            return;
+        }
         let mark = match event.level {
             Event::LEVEL_ERROR => "ERROR ",
             Event::LEVEL_WARNING => "warning ",
             _ => "",
         };
         self.say(&format!("{mark}{}: {}", printable(&event.source), printable(&event.text)));
+    }
+
+    /// Shows how many EVENTs were not shown.
+    pub fn show_suppressed(&mut self) {
+        for suppressed in self.limit.take_suppressed(now_ns()) {
+            self.say(&format!("warning {}: {}", printable(&suppressed.source), suppressed.text()));
+        }
     }
 
     /// Shows a line with the time since the start.

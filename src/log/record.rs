@@ -166,14 +166,18 @@ fn civil(days: u64) -> (u64, u64, u64) {
     (era * 400 + year_of_era + u64::from(month <= 2), month, day)
 }
 
-/// Status line on standard error, if it is a terminal.
+/// Status line on standard error, if it is a terminal; otherwise a line when messages are lost.
 struct StatusLine {
     bar: Option<ProgressBar>,
     began: Instant,
     last: (Instant, u64, u64),
     rates: (f64, f64),
+    /// Lost and dropped messages that a line has reported, and when.
+    losses: (u64, Option<Instant>),
 }
 
+/// Shortest time between two reports of losses.
+const LOSS_INTERVAL: Duration = Duration::from_secs(1);
 /// Averaging time of the rates.
 const RATE: Duration = Duration::from_millis(500);
 
@@ -185,12 +189,12 @@ impl StatusLine {
             bar
         });
         let now = Instant::now();
-        StatusLine { bar, began: now, last: (now, 0, 0), rates: (0.0, 0.0) }
+        StatusLine { bar, began: now, last: (now, 0, 0), rates: (0.0, 0.0), losses: (0, None) }
     }
 
     #[expect(clippy::cast_precision_loss, reason = "numbers for display")]
     fn show(&mut self, progress: &Progress) {
-        let Some(bar) = &self.bar else { return };
+        let Some(bar) = &self.bar else { return self.report_losses(progress) };
         let Progress { status, file_bytes, free_bytes, trouble, file } = progress;
         let (at, received, bytes) = self.last;
         let span = at.elapsed();
@@ -223,6 +227,26 @@ impl StatusLine {
         }
         bar.set_message(text);
         bar.tick();
+    }
+}
+
+impl StatusLine {
+    /// Reports losses when they happen, at most once per [`LOSS_INTERVAL`]. `hoof run` shows the line.
+    fn report_losses(&mut self, progress: &Progress) {
+        let Progress { status, trouble, .. } = progress;
+        let ([lost, ..], kernel, dropped) = (status.lost_duplicate_late, status.counts.kernel_dropped, status.left_out);
+        let (reported, at) = self.losses;
+        let sum = lost + u64::from(kernel) + dropped;
+        if sum == reported || at.is_some_and(|at| at.elapsed() < LOSS_INTERVAL) {
+            return;
+        }
+        self.losses = (sum, Some(Instant::now()));
+        let cause = trouble.as_ref().map_or(String::new(), |trouble| format!(": {trouble}"));
+        note(format!(
+            "warning: {} messages are not in the log so far: {lost} lost on the network, of these {kernel} datagrams because the receive buffer was \
+             full; {dropped} dropped because disk or processor are too slow{cause}",
+            lost + dropped
+        ));
     }
 }
 

@@ -1,7 +1,6 @@
 //! Parameters of the hold controller.
 
-use crate::params::error::ParamsError;
-use crate::params::range::positive;
+use crate::params::range::{Bound, range};
 use serde::{Deserialize, Serialize};
 
 /// The `[hold]` table.
@@ -23,14 +22,10 @@ impl Default for HoldParams {
 }
 
 impl HoldParams {
-    /// Checks the range of each parameter.
-    ///
-    /// # Errors
-    /// The first parameter out of its range.
-    pub fn check(&self) -> Result<(), ParamsError> {
-        let HoldParams { kp, kd, duration } = self;
-        positive("hold.kp", *kp)?;
-        positive("hold.kd", *kd)?;
-        positive("hold.duration", *duration)
-    }
+    /// Allowed range of each number.
+    pub const BOUNDS: &[Bound] = &[
+        Bound::new("hold.kp", range!(0.001, 10000), "N m/rad"),
+        Bound::new("hold.kd", range!(0.0001, 1000), "N m s/rad"),
+        Bound::new("hold.duration", range!(0.1, 60), "s"),
+    ];
 }

@@ -42,7 +42,7 @@ pub enum ParamsError {
         key: &'static str,
         /// Its value.
         found: f64,
-        /// The range.
-        expected: &'static str,
+        /// The range, with its unit.
+        expected: String,
     },
 }

@@ -1,6 +1,4 @@
-//! Range checks of parameters. A value that passes can be used in a `clamp`, as a count, or in a quadratic program.
-
-use super::error::ParamsError;
+//! Ranges of numbers. A parameter in its range can be used in a `clamp`, as a count, or in a quadratic program.
 
 /// The allowed range of a number, for parameters and for operator commands.
 #[derive(Clone, Copy, Debug)]
@@ -11,40 +9,39 @@ pub struct Range {
     pub expected: &'static str,
 }
 
-/// Upper limit of every gain, time and limit, so that products of them stay far from infinity.
-const MAX: Range = Range { contains: |x| x <= 1e9, expected: "at most 1e9" };
+/// The [`Range`] from one number to another, both included.
+macro_rules! range {
+    ($min:literal, $max:literal) => {
+        $crate::params::range::Range {
+            contains: |x| {
+                #[allow(clippy::cast_lossless, reason = "some literals are integers")]
+                let (min, max) = ($min as f64, $max as f64);
+                (min..=max).contains(&x)
+            },
+            expected: concat!(stringify!($min), " to ", stringify!($max)),
+        }
+    };
+}
+pub(crate) use range;
 
-/// Checks that `found` is above 0 and at most 1e9.
-pub(crate) fn positive(key: &'static str, found: f64) -> Result<(), ParamsError> {
-    within(key, &[found], "a positive number", |x| x > 0.0 && x.is_finite())?;
-    in_range(key, &[found], MAX)
+/// A parameter and its allowed range.
+#[derive(Clone, Copy, Debug)]
+pub struct Bound {
+    /// Dotted key of a number, of an array of numbers, or of a table of numbers.
+    pub key: &'static str,
+    /// Range of each number.
+    pub range: Range,
+    /// Unit; empty = none, or it depends on another parameter.
+    pub unit: &'static str,
 }
 
-/// Checks that each of `found` is at least 0 and at most 1e9.
-pub(crate) fn not_negative(key: &'static str, found: &[f64]) -> Result<(), ParamsError> {
-    within(key, found, "a number that is not negative", |x| x >= 0.0 && x.is_finite())?;
-    in_range(key, found, MAX)
-}
-
-/// Checks that each of `found` is in `range`.
-pub(crate) fn in_range(key: &'static str, found: &[f64], range: Range) -> Result<(), ParamsError> {
-    within(key, found, range.expected, range.contains)
-}
-
-/// Checks that `fits` holds for each of `found`; the error contains the first one for which it does not.
-pub(crate) fn within(
-    key: &'static str,
-    found: &[f64],
-    expected: &'static str,
-    fits: impl Fn(f64) -> bool,
-) -> Result<(), ParamsError> {
-    match found.iter().find(|x| !fits(**x)) {
-        Some(&found) => Err(ParamsError::OutOfRange { key, found, expected }),
-        None => Ok(()),
+impl Bound {
+    pub(crate) const fn new(key: &'static str, range: Range, unit: &'static str) -> Self {
+        Bound { key, range, unit }
     }
-}
 
-/// Checks that `found`, a force divided by the robot's weight, is above 0 and at most 1.
-pub(crate) fn weight_fraction(key: &'static str, found: f64) -> Result<(), ParamsError> {
-    within(key, &[found], "above 0 and at most 1, a fraction of the weight", |x| x > 0.0 && x <= 1.0)
+    /// The range with its unit.
+    pub fn text(&self) -> String {
+        format!("{} {}", self.range.expected, self.unit).trim_end().to_owned()
+    }
 }

@@ -1,7 +1,6 @@
 //! The robot, and the resolution of its sensors in simulation.
 
-use super::error::ParamsError;
-use super::range::{not_negative, positive, within};
+use super::range::{Bound, range};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 
@@ -64,25 +63,16 @@ impl Default for SensorParams {
 }
 
 impl RobotConfig {
-    /// Checks the range of each number.
-    ///
-    /// # Errors
-    /// The first number out of its range.
-    pub fn check(&self) -> Result<(), ParamsError> {
-        let RobotConfig { name: _, urdf: _, feet: _, foot_radius, imu_link: _, posture, lying, sensors } = self;
-        positive("robot.foot_radius", *foot_radius)?;
-        for &q in posture.values() {
-            within("robot.posture", &[q], "a finite angle", f64::is_finite)?;
-        }
-        for &q in lying.values() {
-            within("robot.lying", &[q], "a finite angle", f64::is_finite)?;
-        }
-        let SensorParams { position, velocity, torque, orientation, gyro, acceleration } = sensors;
-        not_negative("robot.sensors.position", &[*position])?;
-        not_negative("robot.sensors.velocity", &[*velocity])?;
-        not_negative("robot.sensors.torque", &[*torque])?;
-        not_negative("robot.sensors.orientation", &[*orientation])?;
-        not_negative("robot.sensors.gyro", &[*gyro])?;
-        not_negative("robot.sensors.acceleration", &[*acceleration])
-    }
+    /// Allowed range of each number.
+    pub const BOUNDS: &[Bound] = &[
+        Bound::new("robot.foot_radius", range!(0.001, 1), "m"),
+        Bound::new("robot.posture", range!(-12.6, 12.6), "rad or m"),
+        Bound::new("robot.lying", range!(-12.6, 12.6), "rad or m"),
+        Bound::new("robot.sensors.position", range!(0, 1), "rad"),
+        Bound::new("robot.sensors.velocity", range!(0, 10), "rad/s"),
+        Bound::new("robot.sensors.torque", range!(0, 100), "N m"),
+        Bound::new("robot.sensors.orientation", range!(0, 0.1), ""),
+        Bound::new("robot.sensors.gyro", range!(0, 10), "rad/s"),
+        Bound::new("robot.sensors.acceleration", range!(0, 10), "m/s²"),
+    ];
 }

@@ -1,6 +1,7 @@
 //! The list of all tables of the parameters file.
 
 use super::error::ParamsError;
+use super::range::Bound;
 use super::robot::RobotConfig;
 use crate::hold::params::HoldParams;
 use crate::qp::QpParams;
@@ -81,40 +82,65 @@ impl Params {
         toml::to_string(self).expect("plain structs of numbers, strings and tables always serialize")
     }
 
-    /// Checks the range of each parameter, and that the formula of the stack can be parsed.
+    /// Checks the range of each number, relations between them, and that the formula of the stack can be parsed.
     fn check(&self) -> Result<(), ParamsError> {
-        let Params {
-            robot,
-            gait,
-            foothold,
-            swing,
-            contact,
-            terrain,
-            recovery,
-            trunk,
-            posture,
-            stack,
-            qp: _,
-            wbc,
-            stand,
-            safety,
-            hold,
-        } = self;
-        Formula::parse(&stack.formula)?;
-        robot.check()?;
-        gait.check()?;
-        foothold.check()?;
-        swing.check()?;
-        contact.check()?;
-        terrain.check()?;
-        recovery.check()?;
-        trunk.check()?;
-        posture.check()?;
-        wbc.check()?;
-        stand.check()?;
-        safety.check()?;
-        hold.check()
+        Formula::parse(&self.stack.formula)?;
+        let table = toml::Table::try_from(self).expect("plain structs of numbers, strings and tables always serialize");
+        for bound in bounds() {
+            let mut found = Vec::new();
+            if let Some(value) = lookup(&table, bound.key) {
+                numbers(value, &mut found);
+            }
+            if let Some(&found) = found.iter().find(|x| !(bound.range.contains)(**x)) {
+                return Err(ParamsError::OutOfRange { key: bound.key, found, expected: bound.text() });
+            }
+        }
+        let Params { wbc, contact, .. } = self;
+        less("wbc.f_z_min", wbc.f_z_min < wbc.f_z_max, wbc.f_z_min, "less than wbc.f_z_max", wbc.f_z_max)?;
+        let (release, touch) = (contact.release_load, contact.touch_load);
+        less("contact.release_load", release <= touch, release, "at most contact.touch_load", touch)
     }
+}
+
+/// Each number among the parameters, with its allowed range.
+pub fn bounds() -> impl Iterator<Item = &'static Bound> {
+    let tables: [&[Bound]; 10] = [
+        RobotConfig::BOUNDS,
+        GaitParams::BOUNDS,
+        FootholdParams::BOUNDS,
+        ContactParams::BOUNDS,
+        RecoveryParams::BOUNDS,
+        TrunkParams::BOUNDS,
+        WbcParams::BOUNDS,
+        StandParams::BOUNDS,
+        SafetyParams::BOUNDS,
+        HoldParams::BOUNDS,
+    ];
+    tables.into_iter().flatten()
+}
+
+fn lookup<'a>(table: &'a toml::Table, key: &str) -> Option<&'a toml::Value> {
+    let (table, key) = match key.split_once('.') {
+        Some((first, rest)) => (table.get(first)?.as_table()?, rest),
+        None => return table.get(key),
+    };
+    lookup(table, key)
+}
+
+/// All numbers of a value, of its elements and of its table.
+fn numbers(value: &toml::Value, found: &mut Vec<f64>) {
+    match value {
+        toml::Value::Float(x) => found.push(*x),
+        #[expect(clippy::cast_precision_loss, reason = "the integers among the parameters have 32 bits")]
+        toml::Value::Integer(x) => found.push(*x as f64),
+        toml::Value::Array(values) => values.iter().for_each(|value| numbers(value, found)),
+        toml::Value::Table(values) => values.values().for_each(|value| numbers(value, found)),
+        _ => {}
+    }
+}
+
+fn less(key: &'static str, holds: bool, found: f64, relation: &str, limit: f64) -> Result<(), ParamsError> {
+    if holds { Ok(()) } else { Err(ParamsError::OutOfRange { key, found, expected: format!("{relation} ({limit})") }) }
 }
 
 #[cfg(test)]
@@ -141,6 +167,47 @@ mod tests {
     fn full_text_reads_back_to_the_same_parameters() {
         let params = Params::from_toml(ROBOT, "test").unwrap();
         assert_eq!(Params::from_toml(&params.to_toml(), "test").unwrap(), params);
+    }
+
+    #[test]
+    fn every_number_has_a_bound_and_every_bound_a_number() {
+        let mut text = ROBOT.to_owned();
+        text += "lying = { j1 = 0.1 }";
+        let params = Params::from_toml(&text, "test").unwrap();
+        let table = toml::Table::try_from(&params).unwrap();
+        let count = |value: &toml::Value| {
+            let mut found = Vec::new();
+            numbers(value, &mut found);
+            found.len()
+        };
+        let bounded: usize = bounds().map(|bound| count(lookup(&table, bound.key).expect(bound.key))).sum();
+        assert_eq!(bounded, count(&toml::Value::Table(table)));
+    }
+
+    /// `UPDATE_GOLDEN=1` writes the page.
+    #[test]
+    fn the_page_of_parameters_lists_every_bound() {
+        let path = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../docs/parameters.md");
+        let rows = bounds().map(|bound| format!("| `{}` | {} | {} |\n", bound.key, bound.range.expected, bound.unit));
+        let table = format!("| parameter | allowed | unit |\n|---|---|---|\n{}", rows.collect::<String>());
+        let page = std::fs::read_to_string(&path).unwrap();
+        let (head, listed) = page.split_at(page.find("| parameter").unwrap());
+        if std::env::var_os("UPDATE_GOLDEN").is_some() {
+            std::fs::write(&path, format!("{head}{table}")).unwrap();
+        } else {
+            assert_eq!(listed, table);
+        }
+    }
+
+    #[test]
+    fn safety_cannot_be_switched_off() {
+        for bound in SafetyParams::BOUNDS {
+            for value in ["1e9", "-1", "nan", "inf"] {
+                let value = if bound.key == "safety.max_qp_failures" { "1000000" } else { value };
+                let error = overridden(bound.key, value).unwrap_err();
+                assert!(matches!(&error, ParamsError::OutOfRange { key, .. } if *key == bound.key), "{error}");
+            }
+        }
     }
 
     #[test]

@@ -1,7 +1,6 @@
 //! Parameters of the safety checks.
 
-use crate::params::error::ParamsError;
-use crate::params::range::{not_negative, positive, within};
+use crate::params::range::{Bound, range};
 use serde::{Deserialize, Serialize};
 
 /// The `[safety]` table: limits that lead to the safe state, and the damping in it.
@@ -48,32 +47,17 @@ impl Default for SafetyParams {
 }
 
 impl SafetyParams {
-    /// Checks the range of each parameter.
-    ///
-    /// # Errors
-    /// The first parameter out of its range.
-    pub fn check(&self) -> Result<(), ParamsError> {
-        let SafetyParams {
-            max_tilt,
-            max_state_age,
-            max_operator_age,
-            position_margin,
-            velocity_factor,
-            torque_factor,
-            min_height,
-            max_flight_time,
-            max_qp_failures,
-            damping,
-        } = self;
-        positive("safety.max_tilt", *max_tilt)?;
-        positive("safety.max_state_age", *max_state_age)?;
-        positive("safety.max_operator_age", *max_operator_age)?;
-        not_negative("safety.position_margin", &[*position_margin])?;
-        positive("safety.velocity_factor", *velocity_factor)?;
-        positive("safety.torque_factor", *torque_factor)?;
-        within("safety.min_height", &[*min_height], "at least 0 and below 1", |x| (0.0..1.0).contains(&x))?;
-        positive("safety.max_flight_time", *max_flight_time)?;
-        within("safety.max_qp_failures", &[f64::from(*max_qp_failures)], "at least 0", |x| x >= 0.0)?;
-        positive("safety.damping", *damping)
-    }
+    /// Allowed range of each number.
+    pub const BOUNDS: &[Bound] = &[
+        Bound::new("safety.max_tilt", range!(0.05, 1.2), "rad"),
+        Bound::new("safety.max_state_age", range!(0.001, 0.2), "s"),
+        Bound::new("safety.max_operator_age", range!(0.02, 5), "s"),
+        Bound::new("safety.position_margin", range!(0, 0.5), "rad"),
+        Bound::new("safety.velocity_factor", range!(0.5, 10), ""),
+        Bound::new("safety.torque_factor", range!(0.5, 3), ""),
+        Bound::new("safety.min_height", range!(0.2, 0.95), ""),
+        Bound::new("safety.max_flight_time", range!(0.05, 2), "s"),
+        Bound::new("safety.max_qp_failures", range!(0, 50), "ticks"),
+        Bound::new("safety.damping", range!(0.001, 200), "N m s/rad"),
+    ];
 }

@@ -6,6 +6,9 @@ use crate::model::{FrameId, Kinematics, Model, frame_bias_acceleration, frame_ja
 use nalgebra::{DMatrix, Matrix3, Vector3, Vector6};
 use serde::{Deserialize, Serialize};
 
+/// Largest gain of a task, in its own unit.
+const MAX_GAIN: f64 = 1e4;
+
 /// A Cartesian task in the parameters: `[stack.tasks.NAME]` with `type = "cartesian"`.
 ///
 /// Six rows: x, y, z of the link's origin, then rotation about x, y, z; in the axes of `relative_to`, or of the world. The
@@ -82,7 +85,7 @@ impl Cartesian {
     /// - `home`: kinematics in the nominal posture with level trunk.
     ///
     /// # Errors
-    /// Links that the model does not have; gains that are non-finite or negative.
+    /// Links that the model does not have; gains that are not in 0 to 10000.
     pub fn new(name: &str, config: &CartesianConfig, model: &Model, home: &Kinematics) -> Result<Self, StackError> {
         let frame = |key, link: &str| {
             let wrong =
@@ -90,7 +93,7 @@ impl Cartesian {
             model.frame(link).map_err(wrong)
         };
         for (key, gains) in [("kp", &config.kp), ("kd", &config.kd)] {
-            if let Some(&found) = gains.iter().find(|gain| !(**gain >= 0.0 && gain.is_finite())) {
+            if let Some(&found) = gains.iter().find(|gain| !(0.0..=MAX_GAIN).contains(*gain)) {
                 return Err(StackError::Gain { task: name.to_owned(), key, found });
             }
         }

@@ -14,8 +14,8 @@ pub enum StackError {
         /// Text expected there.
         expected: &'static str,
     },
-    /// A weight that is not positive and finite.
-    #[error("stack.formula, column {column}: weight of {task} is {found}, expected a positive number")]
+    /// A weight out of its range.
+    #[error("stack.formula, column {column}: weight of {task} is {found}, expected 1e-9 to 1e9")]
     Weight {
         /// Position.
         column: usize,
@@ -116,7 +116,7 @@ pub enum StackError {
         what: String,
     },
     /// A gain out of range.
-    #[error("stack.tasks.{task}.{key}: found {found}, expected a finite number >= 0")]
+    #[error("stack.tasks.{task}.{key}: found {found}, expected 0 to 10000")]
     Gain {
         /// The task.
         task: String,

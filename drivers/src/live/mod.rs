@@ -22,6 +22,7 @@
 mod call;
 mod change_repeater;
 pub mod clock;
+mod event_limit;
 mod executor;
 mod faulty;
 mod hardware;
@@ -38,12 +39,13 @@ mod requests;
 mod socket;
 
 pub use call::{Call, CallReceiver, CallResult, CallSender, Handover, RequestId, Switch, call_ring};
+pub use event_limit::{EventLimit, Suppressed};
 pub use executor::{Executor, Plan, Summary};
 pub use faulty::Faulty;
 pub use hardware::{Dummy, Hardware, LcmRobot};
 pub use lateness::Lateness;
 pub use message_ring::{MessageReceiver, MessageSender, RingMessage, message_ring};
 pub use publisher::{PublisherReport, RUN_INFO_EVERY_NS};
-pub use realtime::{Granted, RealtimeParams};
+pub use realtime::{Granted, LIMITS_FIX, RealtimeParams};
 pub use realtime_loop::{End, EndCause, Ending, RealtimeLoop, RealtimeReport};
 pub use socket::{LcmReceiver, LcmSender, has_traffic};

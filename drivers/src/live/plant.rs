@@ -230,7 +230,7 @@ impl<'a> Run<'a> {
                     format!("no command for {} us, limit {} us: joints damped", age / 1000, WATCHDOG_NS / 1000),
                 )
             } else {
-                (Event::LEVEL_INFO, "the controller has ended; its last command damps the joints".to_owned())
+                (Event::LEVEL_INFO, "no more commands; the last one damps the joints".to_owned())
             };
             out.event(now, newest.tick, level, "driver", text)?;
         }

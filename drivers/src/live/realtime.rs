@@ -11,6 +11,11 @@ use thread_priority::{
     set_thread_priority_and_policy, thread_native_id,
 };
 
+/// Command that permits real-time priorities and locked memory.
+pub const LIMITS_FIX: &str = "printf '%s - rtprio 95\\n%s - memlock unlimited\\n' $USER $USER | sudo tee /etc/security/limits.d/60-hoofprint.conf   (then log in again)";
+/// Number of the capability to lock memory beyond the limit.
+const CAP_IPC_LOCK: u32 = 14;
+
 /// Real-time settings to request from the system.
 #[derive(Clone, Debug, PartialEq, Eq, Deserialize)]
 #[serde(default, deny_unknown_fields)]
@@ -43,6 +48,11 @@ pub struct Granted {
 }
 
 impl Granted {
+    /// The granted settings as one line.
+    pub fn held_text(&self) -> String {
+        if self.held.is_empty() { "no real-time setting".to_owned() } else { self.held.join(", ") }
+    }
+
     /// All settings as one line, for RUN_INFO.
     pub fn text(&self) -> String {
         let nothing = self.held.is_empty().then(|| "no real-time setting".to_owned());
@@ -70,8 +80,7 @@ impl RealtimeParams {
             take(format!("core {core}"), pin(core));
         }
         if self.lock_memory {
-            let all = MlockAllFlags::MCL_CURRENT | MlockAllFlags::MCL_FUTURE;
-            take("locked memory".to_owned(), mlockall(all).map_err(|error| error.desc().to_owned()));
+            take("locked memory".to_owned(), lock_memory());
         }
         // SCHED_FIFO has no timer slack; other schedulers may wake up to 50 us late to save power.
         take("no timer slack".to_owned(), nix::sys::prctl::set_timerslack(1).map_err(|error| error.desc().to_owned()));
@@ -87,11 +96,37 @@ impl RealtimeParams {
     }
 }
 
+/// Locks present and future memory. Under a limit this is refused: the call itself may succeed, and a later allocation would then end the process.
+fn lock_memory() -> Result<(), String> {
+    let read = |file: &str| std::fs::read_to_string(file).unwrap_or_default();
+    if let Some(limit) = memory_limit(&read("/proc/self/limits"), &read("/proc/self/status")) {
+        return Err(format!("the limit is {} kB, expected unlimited; {LIMITS_FIX}", limit / 1024));
+    }
+    mlockall(MlockAllFlags::MCL_CURRENT | MlockAllFlags::MCL_FUTURE).map_err(|error| error.desc().to_owned())
+}
+
+/// The limit of locked memory, bytes; `None` if there is none or it does not apply.
+///
+/// - `limits`, `status`: texts of /proc/self/limits and /proc/self/status.
+fn memory_limit(limits: &str, status: &str) -> Option<u64> {
+    let capabilities = status.lines().find_map(|line| line.strip_prefix("CapEff:"));
+    let capabilities = capabilities.and_then(|bits| u64::from_str_radix(bits.trim(), 16).ok()).unwrap_or(0);
+    if capabilities >> CAP_IPC_LOCK & 1 == 1 {
+        return None;
+    }
+    limits.lines().find_map(|line| line.strip_prefix("Max locked memory"))?.split_whitespace().next()?.parse().ok()
+}
+
 fn fifo(priority: u8) -> Result<(), String> {
     let value = ThreadPriorityValue::try_from(priority)?;
     let policy = ThreadSchedulePolicy::Realtime(RealtimeThreadSchedulePolicy::Fifo);
-    set_thread_priority_and_policy(thread_native_id(), ThreadPriority::Crossplatform(value), policy)
-        .map_err(|error| error.to_string())
+    set_thread_priority_and_policy(thread_native_id(), ThreadPriority::Crossplatform(value), policy).map_err(|error| {
+        match error {
+            thread_priority::Error::OS(1) => format!("not permitted; {LIMITS_FIX}"),
+            thread_priority::Error::OS(code) => std::io::Error::from_raw_os_error(code).to_string(),
+            error => error.to_string(),
+        }
+    })
 }
 
 fn pin(core: usize) -> Result<(), String> {
@@ -113,6 +148,16 @@ fn stay_awake() -> std::io::Result<File> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_limit_of_locked_memory_is_found_unless_it_does_not_apply() {
+        let limits =
+            |limit| format!("Max processes  7  7  processes\nMax locked memory         {limit} {limit} bytes\n");
+        let status = |bits| format!("Name:\thoof\nCapEff:\t{bits}\n");
+        assert_eq!(memory_limit(&limits("8388608"), &status("0000000000000000")), Some(8_388_608));
+        assert_eq!(memory_limit(&limits("8388608"), &status("000001ffffffffff")), None);
+        assert_eq!(memory_limit(&limits("unlimited"), &status("0000000000000000")), None);
+    }
 
     #[test]
     fn refused_settings_are_reported() {

@@ -3,13 +3,13 @@
 use std::collections::VecDeque;
 use std::ffi::{CStr, CString, c_char, c_int, c_void};
 use std::io;
+use std::net::{Ipv4Addr, SocketAddrV4, UdpSocket};
 use std::ptr::NonNull;
 use std::time::Duration;
 
-use super::{Bus, BusError, QUEUE_CAPACITY, Received, check_channel, check_size, ffi, whole_name};
+use super::{Bus, BusError, NO_ROUTE, QUEUE_CAPACITY, Received, check_channel, check_size, ffi, whole_name};
 
-const ADVICE_UDPM: &str = "UDP multicast needs a route; run `ip route replace 224.0.0.0/4 dev lo` as root for traffic within \
-                           this machine (for a robot's network, replace `lo` by its interface)";
+const ADVICE_UDPM: &str = "expected udpm://239.255.76.67:7667?ttl=0&recv_buf_size=BYTES or part of it";
 const ADVICE_OTHER: &str =
     "expected one of udpm://239.255.76.67:7667?ttl=0, memq://, file://PATH?mode=w (or mode=r&speed=0)";
 
@@ -40,7 +40,12 @@ impl LcmBus {
     /// # Errors
     /// [`BusError::Open`], with advice.
     pub fn open(url: &str) -> Result<Self, BusError> {
-        let advice = if url.is_empty() || url.starts_with("udpm:") { ADVICE_UDPM } else { ADVICE_OTHER };
+        let is_udpm = url.is_empty() || url.starts_with("udpm:");
+        // Checked here, because liblcm prints several lines of its own about it.
+        if is_udpm && !has_multicast_route(url) {
+            return Err(BusError::Open { url: url.to_owned(), advice: NO_ROUTE });
+        }
+        let advice = if is_udpm { ADVICE_UDPM } else { ADVICE_OTHER };
         let error = || BusError::Open { url: url.to_owned(), advice };
         let c_url = CString::new(url).map_err(|_| error())?;
         let provider = if url.is_empty() { std::ptr::null() } else { c_url.as_ptr() };
@@ -70,6 +75,15 @@ impl LcmBus {
         }
         Err(BusError::Receive { url: self.url.clone(), reason: reason.to_string() })
     }
+}
+
+/// Whether the group of a `udpm:` URL can be reached; LCM's default group if the URL names none.
+fn has_multicast_route(url: &str) -> bool {
+    let group = url.strip_prefix("udpm://").and_then(|rest| rest.split('?').next()?.parse::<SocketAddrV4>().ok());
+    let group = group.unwrap_or(SocketAddrV4::new(Ipv4Addr::new(239, 255, 76, 67), 7667));
+    let unreachable = |error: &io::Error| error.kind() == io::ErrorKind::NetworkUnreachable;
+    let connected = UdpSocket::bind((Ipv4Addr::UNSPECIFIED, 0)).and_then(|socket| socket.connect(group));
+    !connected.is_err_and(|error| unreachable(&error))
 }
 
 /// Copies a message into the inbox that `user_data` points to.

@@ -23,6 +23,9 @@ use regex_lite::Regex;
 pub use lcm::LcmBus;
 pub use memory::MemoryBus;
 
+/// Why no LCM network can be joined, and what to do.
+pub const NO_ROUTE: &str =
+    "no interface has a multicast route; as root: ip route replace 224.0.0.0/4 dev lo (or the robot's interface)";
 /// Capacity of a queue, in messages. The default of liblcm, 30, overflows within 3 ms with 10 channels at 1 kHz.
 pub const QUEUE_CAPACITY: usize = 5000;
 

@@ -1,7 +1,6 @@
 //! Parameters of contact and terrain estimation.
 
-use crate::params::error::ParamsError;
-use crate::params::range::{not_negative, positive, weight_fraction, within};
+use crate::params::range::{Bound, range};
 use serde::{Deserialize, Serialize};
 
 /// The `[contact]` table: contact estimation. Source: Raiola, eq. (18) and section 4.3.
@@ -34,18 +33,15 @@ impl Default for ContactParams {
 }
 
 impl ContactParams {
-    /// Checks the range of each parameter.
-    ///
-    /// # Errors
-    /// The first parameter out of its range.
-    pub fn check(&self) -> Result<(), ParamsError> {
-        let ContactParams { touch_load, release_load, inertia_compensation: _, debounce, min_jacobian_det } = self;
-        weight_fraction("contact.touch_load", *touch_load)?;
-        weight_fraction("contact.release_load", *release_load)?;
-        within("contact.release_load", &[*release_load], "at most contact.touch_load", |x| x <= *touch_load)?;
-        within("contact.debounce", &[f64::from(*debounce)], "at least 1", |x| x >= 1.0)?;
-        not_negative("contact.min_jacobian_det", &[*min_jacobian_det])
-    }
+    /// Allowed range of each number of this file.
+    pub const BOUNDS: &[Bound] = &[
+        Bound::new("contact.touch_load", range!(1e-6, 1), "weights"),
+        Bound::new("contact.release_load", range!(1e-6, 1), "weights"),
+        Bound::new("contact.debounce", range!(1, 100), "ticks"),
+        Bound::new("contact.min_jacobian_det", range!(0, 1), "m³"),
+        Bound::new("terrain.time_constant", range!(0.001, 100), "s"),
+        Bound::new("terrain.max_gradient", range!(0, 0.6), ""),
+    ];
 }
 
 /// The `[terrain]` table: terrain estimation. Source: Raiola, section 3.4, which refers to other work for the estimator.
@@ -65,17 +61,5 @@ pub struct TerrainParams {
 impl Default for TerrainParams {
     fn default() -> Self {
         TerrainParams { estimator: true, time_constant: 0.5, max_gradient: 0.4 }
-    }
-}
-
-impl TerrainParams {
-    /// Checks the range of each parameter.
-    ///
-    /// # Errors
-    /// The first parameter out of its range.
-    pub fn check(&self) -> Result<(), ParamsError> {
-        let TerrainParams { estimator: _, time_constant, max_gradient } = self;
-        positive("terrain.time_constant", *time_constant)?;
-        within("terrain.max_gradient", &[*max_gradient], "0 to 0.6", |x| (0.0..=0.6).contains(&x))
     }
 }

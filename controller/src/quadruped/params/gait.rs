@@ -1,13 +1,14 @@
 //! Parameters of the gaits.
 
-use crate::params::error::ParamsError;
-use crate::params::range::{Range, in_range, positive, within};
+use crate::params::range::{Bound, Range, range};
 use serde::{Deserialize, Serialize};
 
 /// Range of a duty factor.
 pub const DUTY: Range = Range { contains: |x| (0.5..1.0).contains(&x), expected: "at least 0.5 and below 1" };
+/// Range of a phase.
+const PHASE: Range = Range { contains: |x| (0.0..1.0).contains(&x), expected: "at least 0 and below 1" };
 /// Range of a swing frequency, Hz.
-pub const SWING_FREQUENCY: Range = Range { contains: |x| (0.5..=10.0).contains(&x), expected: "0.5 to 10" };
+pub const SWING_FREQUENCY: Range = range!(0.5, 10);
 
 /// The `[gait]` table: timing of the gaits. Source: Raiola, Fig. 4 and Table 2, except for the crawl. With the printed duty factor of 0.80 and
 /// 2 Hz the weight has to move from one support triangle to the next in 0.125 s, and the robot falls where the feet do not land as planned; with
@@ -78,31 +79,22 @@ impl Default for GaitParams {
     }
 }
 
-/// Checks the range of each value of a gait; the macro puts the gait's name into the keys.
-macro_rules! check_gait {
-    ($name:literal, $gait:expr) => {{
-        let GaitTiming { duty, swing_frequency, lift_off_phase, sway, residual_load, ramp, velocity_gain } = $gait;
-        in_range(concat!("gait.", $name, ".duty"), &[*duty], DUTY)?;
-        in_range(concat!("gait.", $name, ".swing_frequency"), &[*swing_frequency], SWING_FREQUENCY)?;
-        let phase = |x| (0.0..1.0).contains(&x);
-        within(concat!("gait.", $name, ".lift_off_phase"), lift_off_phase, "at least 0 and below 1", phase)?;
-        within(concat!("gait.", $name, ".sway"), &[*sway], "0 to 0.5", |x| (0.0..=0.5).contains(&x))?;
-        let key = concat!("gait.", $name, ".residual_load");
-        within(key, &[*residual_load], "0 to 0.2", |x| (0.0..=0.2).contains(&x))?;
-        within(concat!("gait.", $name, ".ramp"), &[*ramp], "0 to 0.5", |x| (0.0..=0.5).contains(&x))?;
-        positive(concat!("gait.", $name, ".velocity_gain"), *velocity_gain)?;
-    }};
-}
-
 impl GaitParams {
-    /// Checks the range of each parameter.
-    ///
-    /// # Errors
-    /// The first parameter out of its range.
-    pub fn check(&self) -> Result<(), ParamsError> {
-        let GaitParams { trot, crawl } = self;
-        check_gait!("trot", trot);
-        check_gait!("crawl", crawl);
-        Ok(())
-    }
+    /// Allowed range of each number.
+    pub const BOUNDS: &[Bound] = &[
+        Bound::new("gait.trot.duty", DUTY, ""),
+        Bound::new("gait.trot.swing_frequency", SWING_FREQUENCY, "Hz"),
+        Bound::new("gait.trot.lift_off_phase", PHASE, "strides"),
+        Bound::new("gait.trot.sway", range!(0, 0.5), ""),
+        Bound::new("gait.trot.residual_load", range!(0, 0.2), "weights"),
+        Bound::new("gait.trot.ramp", range!(0, 0.5), ""),
+        Bound::new("gait.trot.velocity_gain", range!(0.1, 3), ""),
+        Bound::new("gait.crawl.duty", DUTY, ""),
+        Bound::new("gait.crawl.swing_frequency", SWING_FREQUENCY, "Hz"),
+        Bound::new("gait.crawl.lift_off_phase", PHASE, "strides"),
+        Bound::new("gait.crawl.sway", range!(0, 0.5), ""),
+        Bound::new("gait.crawl.residual_load", range!(0, 0.2), "weights"),
+        Bound::new("gait.crawl.ramp", range!(0, 0.5), ""),
+        Bound::new("gait.crawl.velocity_gain", range!(0.1, 3), ""),
+    ];
 }

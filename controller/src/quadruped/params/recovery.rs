@@ -1,7 +1,6 @@
 //! Parameters of the reactions to disturbances.
 
-use crate::params::error::ParamsError;
-use crate::params::range::{not_negative, positive, weight_fraction};
+use crate::params::range::{Bound, range};
 use serde::{Deserialize, Serialize};
 
 /// The `[recovery]` table: reactions to pushes, to obstacles that a swinging foot hits, and to ground that gives way. Not part of Raiola.
@@ -43,26 +42,13 @@ impl Default for RecoveryParams {
 }
 
 impl RecoveryParams {
-    /// Checks the range of each parameter.
-    ///
-    /// # Errors
-    /// The first parameter out of its range.
-    pub fn check(&self) -> Result<(), ParamsError> {
-        let RecoveryParams {
-            capture_point: _,
-            capture_gain,
-            max_capture,
-            velocity_time_constant,
-            step_reflex: _,
-            reflex_load,
-            reflex_retraction,
-            lost_contact_time,
-        } = self;
-        not_negative("recovery.capture_gain", &[*capture_gain])?;
-        not_negative("recovery.max_capture", &[*max_capture])?;
-        positive("recovery.velocity_time_constant", *velocity_time_constant)?;
-        weight_fraction("recovery.reflex_load", *reflex_load)?;
-        not_negative("recovery.reflex_retraction", &[*reflex_retraction])?;
-        not_negative("recovery.lost_contact_time", &[*lost_contact_time])
-    }
+    /// Allowed range of each number.
+    pub const BOUNDS: &[Bound] = &[
+        Bound::new("recovery.capture_gain", range!(0, 5), ""),
+        Bound::new("recovery.max_capture", range!(0, 1), "m"),
+        Bound::new("recovery.velocity_time_constant", range!(0.001, 10), "s"),
+        Bound::new("recovery.reflex_load", range!(1e-9, 1), "weights"),
+        Bound::new("recovery.reflex_retraction", range!(0, 0.3), "m"),
+        Bound::new("recovery.lost_contact_time", range!(0, 10), "s"),
+    ];
 }

@@ -1,7 +1,6 @@
 //! Parameters of standing up and sitting down.
 
-use crate::params::error::ParamsError;
-use crate::params::range::{not_negative, positive, within};
+use crate::params::range::{Bound, range};
 use serde::{Deserialize, Serialize};
 
 /// The `[stand]` table: standing up from the ground and sitting down, in joint space with the joint loop of the drives. Not part of Raiola.
@@ -41,18 +40,14 @@ impl Default for StandParams {
 }
 
 impl StandParams {
-    /// Checks the range of each parameter.
-    ///
-    /// # Errors
-    /// The first parameter out of its range.
-    pub fn check(&self) -> Result<(), ParamsError> {
-        let StandParams { stiffness, damping, joint_speed, rise_speed, fold, max_error, timeout } = self;
-        positive("stand.stiffness", *stiffness)?;
-        not_negative("stand.damping", &[*damping])?;
-        positive("stand.joint_speed", *joint_speed)?;
-        positive("stand.rise_speed", *rise_speed)?;
-        within("stand.fold", &[*fold], "above 0 and at most 0.9", |x| x > 0.0 && x <= 0.9)?;
-        positive("stand.max_error", *max_error)?;
-        positive("stand.patience", *timeout)
-    }
+    /// Allowed range of each number.
+    pub const BOUNDS: &[Bound] = &[
+        Bound::new("stand.stiffness", range!(0.01, 100), "1/rad"),
+        Bound::new("stand.damping", range!(0, 10), "s/rad"),
+        Bound::new("stand.joint_speed", range!(0.01, 10), "rad/s"),
+        Bound::new("stand.rise_speed", range!(0.005, 2), "m/s"),
+        Bound::new("stand.fold", range!(0.05, 0.9), ""),
+        Bound::new("stand.max_error", range!(1e-9, 3), "rad"),
+        Bound::new("stand.patience", range!(0.01, 60), "s"),
+    ];
 }

@@ -1,11 +1,10 @@
 //! Parameters of footholds and swing trajectories.
 
-use crate::params::error::ParamsError;
-use crate::params::range::{Range, in_range, not_negative, positive, within};
+use crate::params::range::{Bound, Range, range};
 use serde::{Deserialize, Serialize};
 
 /// Range of a step height, m.
-pub const STEP_HEIGHT: Range = Range { contains: |x| (0.01..=0.25).contains(&x), expected: "0.01 to 0.25" };
+pub const STEP_HEIGHT: Range = range!(0.01, 0.25);
 
 /// The `[foothold]` table: foothold planner, filter and limits of the velocity command. Source: Raiola, eqs. (19)-(25).
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -45,30 +44,20 @@ impl Default for FootholdParams {
 }
 
 impl FootholdParams {
-    /// Checks the range of each parameter.
-    ///
-    /// # Errors
-    /// The first parameter out of its range.
-    pub fn check(&self) -> Result<(), ParamsError> {
-        let FootholdParams {
-            max_step_length,
-            command_time_constant,
-            max_acceleration,
-            max_speed,
-            max_yaw_rate,
-            speed_trim_gain,
-            max_speed_trim,
-            freeze_fraction,
-        } = self;
-        positive("foothold.max_step_length", *max_step_length)?;
-        positive("foothold.command_time_constant", *command_time_constant)?;
-        positive("foothold.max_acceleration", *max_acceleration)?;
-        not_negative("foothold.max_speed", &[*max_speed])?;
-        not_negative("foothold.max_yaw_rate", &[*max_yaw_rate])?;
-        not_negative("foothold.speed_trim_gain", &[*speed_trim_gain])?;
-        not_negative("foothold.max_speed_trim", &[*max_speed_trim])?;
-        within("foothold.freeze_fraction", &[*freeze_fraction], "0 to 1", |x| (0.0..=1.0).contains(&x))
-    }
+    /// Allowed range of each number of this file.
+    pub const BOUNDS: &[Bound] = &[
+        Bound::new("foothold.max_step_length", range!(0.001, 1), "m"),
+        Bound::new("foothold.command_time_constant", range!(0.001, 10), "s"),
+        Bound::new("foothold.max_acceleration", range!(0.001, 20), "m/s²"),
+        Bound::new("foothold.max_speed", range!(0, 3), "m/s"),
+        Bound::new("foothold.max_yaw_rate", range!(0, 5), "rad/s"),
+        Bound::new("foothold.speed_trim_gain", range!(0, 10), "1/s"),
+        Bound::new("foothold.max_speed_trim", range!(0, 1), "m/s"),
+        Bound::new("foothold.freeze_fraction", range!(0, 1), ""),
+        Bound::new("swing.height", STEP_HEIGHT, "m"),
+        Bound::new("swing.clik_gain", range!(0.01, 1000), "1/s"),
+        Bound::new("swing.reach_time", range!(0, 0.5), "swing times"),
+    ];
 }
 
 /// The `[swing]` table: swing ellipse and closed-loop inverse kinematics. Source: Raiola, eqs. (26)-(30), Table 2.
@@ -86,18 +75,5 @@ pub struct SwingParams {
 impl Default for SwingParams {
     fn default() -> Self {
         SwingParams { height: 0.1, clik_gain: 10.0, reach_time: 0.5 }
-    }
-}
-
-impl SwingParams {
-    /// Checks the range of each parameter.
-    ///
-    /// # Errors
-    /// The first parameter out of its range.
-    pub fn check(&self) -> Result<(), ParamsError> {
-        let SwingParams { height, clik_gain, reach_time } = self;
-        in_range("swing.height", &[*height], STEP_HEIGHT)?;
-        positive("swing.clik_gain", *clik_gain)?;
-        within("swing.reach_time", &[*reach_time], "0 to 0.5", |x| (0.0..=0.5).contains(&x))
     }
 }

@@ -1,7 +1,6 @@
 //! Parameters of the trunk and posture tasks.
 
-use crate::params::error::ParamsError;
-use crate::params::range::{not_negative, positive};
+use crate::params::range::{Bound, range};
 use serde::{Deserialize, Serialize};
 
 /// The `[trunk]` table: trunk orientation task and height of the base. Source: Raiola, eqs. (8), (16)-(17), (31)-(32), section 5.
@@ -42,30 +41,23 @@ impl Default for TrunkParams {
 }
 
 impl TrunkParams {
-    /// Checks the range of each parameter.
-    ///
-    /// # Errors
-    /// The first parameter out of its range.
-    pub fn check(&self) -> Result<(), ParamsError> {
-        let TrunkParams {
-            kp,
-            kd,
-            height_gain,
-            max_height_correction,
-            max_orientation_rate,
-            max_orientation,
-            max_height_rate,
-            max_height_offset,
-        } = self;
-        not_negative("trunk.kp", kp)?;
-        not_negative("trunk.kd", kd)?;
-        not_negative("trunk.height_gain", &[*height_gain])?;
-        not_negative("trunk.max_height_correction", &[*max_height_correction])?;
-        not_negative("trunk.max_orientation_rate", &[*max_orientation_rate])?;
-        not_negative("trunk.max_orientation", &[*max_orientation])?;
-        not_negative("trunk.max_height_rate", &[*max_height_rate])?;
-        not_negative("trunk.max_height_offset", &[*max_height_offset])
-    }
+    /// Allowed range of each number of this file.
+    pub const BOUNDS: &[Bound] = &[
+        Bound::new("trunk.kp", range!(0, 10000), "1/s²"),
+        Bound::new("trunk.kd", range!(0, 1000), "1/s"),
+        Bound::new("trunk.height_gain", range!(0, 100), "1/s"),
+        Bound::new("trunk.max_height_correction", range!(0, 0.5), "m"),
+        Bound::new("trunk.max_orientation_rate", range!(0, 5), "rad/s"),
+        Bound::new("trunk.max_orientation", range!(0, 0.8), "rad"),
+        Bound::new("trunk.max_height_rate", range!(0, 2), "m/s"),
+        Bound::new("trunk.max_height_offset", range!(0, 0.5), "m"),
+        Bound::new("posture.swing_kp", range!(0, 10000), ""),
+        Bound::new("posture.swing_kd", range!(0, 1000), ""),
+        Bound::new("posture.stance_kp", range!(0, 10000), ""),
+        Bound::new("posture.stance_kd", range!(0, 1000), ""),
+        Bound::new("posture.max_stance_lead", range!(0.001, 10), "rad"),
+        Bound::new("posture.blend_time_constant", range!(0.001, 100), "s"),
+    ];
 }
 
 /// The `[posture]` table: posture task. Source: Raiola, eq. (9), section 5; gains of the leg joints HAA HFE KFE.
@@ -103,30 +95,5 @@ impl Default for PostureParams {
             max_stance_lead: 0.15,
             blend_time_constant: 0.25,
         }
-    }
-}
-
-impl PostureParams {
-    /// Checks the range of each parameter.
-    ///
-    /// # Errors
-    /// The first parameter out of its range.
-    pub fn check(&self) -> Result<(), ParamsError> {
-        let PostureParams {
-            swing_kp,
-            swing_kd,
-            swing_inertia: _,
-            stance_kp,
-            stance_kd,
-            stance_inertia: _,
-            max_stance_lead,
-            blend_time_constant,
-        } = self;
-        not_negative("posture.swing_kp", swing_kp)?;
-        not_negative("posture.swing_kd", swing_kd)?;
-        not_negative("posture.stance_kp", stance_kp)?;
-        not_negative("posture.stance_kd", stance_kd)?;
-        positive("posture.max_stance_lead", *max_stance_lead)?;
-        positive("posture.blend_time_constant", *blend_time_constant)
     }
 }

@@ -1,7 +1,6 @@
 //! Parameters of the quadratic programs.
 
-use crate::params::error::ParamsError;
-use crate::params::range::{positive, within};
+use crate::params::range::{Bound, range};
 use serde::{Deserialize, Serialize};
 
 /// The `[wbc]` table: constraints and solver settings of the quadratic programs. Source: Raiola, eqs. (10)-(15), Table 2.
@@ -43,21 +42,15 @@ impl Default for WbcParams {
 }
 
 impl WbcParams {
-    /// Checks the range of each parameter.
-    ///
-    /// # Errors
-    /// The first parameter out of its range.
-    pub fn check(&self) -> Result<(), ParamsError> {
-        let WbcParams { regularization, friction, f_xy_max, f_z_max, f_z_min, qdd_max, max_iterations, tolerance } =
-            self;
-        positive("wbc.regularization", *regularization)?;
-        positive("wbc.friction", *friction)?;
-        positive("wbc.f_xy_max", *f_xy_max)?;
-        positive("wbc.f_z_max", *f_z_max)?;
-        positive("wbc.f_z_min", *f_z_min)?;
-        within("wbc.f_z_min", &[*f_z_min], "less than wbc.f_z_max", |x| x < *f_z_max)?;
-        positive("wbc.qdd_max", *qdd_max)?;
-        within("wbc.max_iterations", &[f64::from(*max_iterations)], "at least 1", |x| x >= 1.0)?;
-        positive("wbc.tolerance", *tolerance)
-    }
+    /// Allowed range of each number.
+    pub const BOUNDS: &[Bound] = &[
+        Bound::new("wbc.regularization", range!(1e-12, 1), ""),
+        Bound::new("wbc.friction", range!(0.05, 2), ""),
+        Bound::new("wbc.f_xy_max", range!(1, 100000), "N"),
+        Bound::new("wbc.f_z_max", range!(1, 100000), "N"),
+        Bound::new("wbc.f_z_min", range!(0.001, 10000), "N"),
+        Bound::new("wbc.qdd_max", range!(1, 100000), "rad/s²"),
+        Bound::new("wbc.max_iterations", range!(1, 10000), ""),
+        Bound::new("wbc.tolerance", range!(1e-14, 0.01), ""),
+    ];
 }
