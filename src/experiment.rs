@@ -4,6 +4,7 @@ mod limit;
 
 use crate::progress::Progress;
 use crate::{Outcome, run_info, say, say_json};
+use analysis::table::{Column, Table};
 use anyhow::Context;
 use clap::Subcommand;
 use experiments::bench::{Bar, file_stem};
@@ -101,13 +102,16 @@ fn list(json: bool) -> anyhow::Result<()> {
         };
         return say_json(&ALL.iter().map(entry).collect::<Vec<_>>());
     }
-    let width = ALL.iter().map(|experiment| experiment.id.len()).max().unwrap_or(0) + 2;
+    let mut table = Table::new([
+        Column::left("id"),
+        Column::left("title"),
+        Column::left("robot"),
+        Column::right("seeds"),
+        Column::right("minutes"),
+    ]);
     for Experiment { id, title, published, robot, seeds, minutes, .. } in ALL {
-        let seeds = if *seeds > 1 { format!(", {seeds} seeds") } else { String::new() };
-        say(format!(
-            "{id:<width$}{title}\n{:width$}published: {published}\n{:width$}{robot}{seeds}, about {minutes} min",
-            "", ""
-        ))?;
+        table.row([(*id).to_owned(), (*title).to_owned(), (*robot).to_owned(), seeds.to_string(), minutes.to_string()]);
+        table.row(["", &format!("published: {published}")]);
     }
-    Ok(())
+    say(table)
 }

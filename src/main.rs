@@ -21,7 +21,7 @@ mod sim;
 mod spy;
 mod teleop;
 
-use clap::{CommandFactory, Parser, Subcommand};
+use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
 use outcome::{Outcome, note, say, say_json};
 use std::process::ExitCode;
 
@@ -57,17 +57,26 @@ enum Command {
     /// Write figures, tables, metrics.json and report.html of logs, or check metrics against limits
     Report(report::Args),
     /// Reproduce experiments of the source documents, and compare measured with published values
-    #[command(subcommand)]
+    #[command(subcommand, after_help = "Example: hoof experiment list\n         hoof experiment run A3 --seeds 20")]
     Experiment(experiment::Command),
     Spy(Box<spy::Args>),
     /// Inspect, convert, record and play logs
-    #[command(subcommand)]
+    #[command(
+        subcommand,
+        after_help = "Example: hoof log info run.mcap\n         hoof log trim run.mcap part.mcap --from 10 --to 20\n         hoof log cat run.mcap --channels EVENT"
+    )]
     Log(log::Command),
     /// Check and extend the regression corpus: golden logs that must replay bit for bit
-    #[command(subcommand)]
+    #[command(
+        subcommand,
+        after_help = "Example: hoof corpus check\n         hoof corpus add run.mcap --name flat_trot --why \"HyQ trots on flat ground\""
+    )]
     Corpus(corpus::Command),
     /// Inspect robots, evaluate their models, and write a first parameter file
-    #[command(subcommand)]
+    #[command(
+        subcommand,
+        after_help = "Example: hoof robot info hyq --params\n         hoof robot init my_robot.urdf --out robots/my_robot"
+    )]
     Robot(robot::Command),
     /// Write shell completions and manual pages
     #[command(hide = true)]
@@ -76,7 +85,9 @@ enum Command {
 
 fn main() -> ExitCode {
     // A closed pipe (`hoof log cat run.mcap | head`) ends the program quietly, as it does for every Unix tool.
-    let result = match Cli::parse().command {
+    let matches = with_negative_numbers(Cli::command()).get_matches();
+    let cli = Cli::from_arg_matches(&matches).unwrap_or_else(|error| error.exit());
+    let result = match cli.command {
         Command::Demo(args) => demo::run(&args),
         Command::Sim(args) => sim::run(&args),
         Command::Run(args) => live::run(&args),
@@ -108,13 +119,27 @@ fn main() -> ExitCode {
     }
 }
 
+/// The command and its subcommands, whose options take negative numbers as values: `--from -1` is a value out of range, not an unknown option.
+fn with_negative_numbers(command: clap::Command) -> clap::Command {
+    let takes_values = |argument: &clap::Arg| argument.get_action().takes_values();
+    command
+        .mut_args(|argument| if takes_values(&argument) { argument.allow_negative_numbers(true) } else { argument })
+        .mut_subcommands(with_negative_numbers)
+}
+
 /// The error and its causes, each once: some messages contain their cause.
 fn message(error: &anyhow::Error) -> String {
     let mut text = error.to_string();
     for cause in error.chain().skip(1).map(ToString::to_string) {
-        if !text.contains(&cause) {
-            text = format!("{text}: {cause}");
+        if text.contains(&cause) {
+            continue;
         }
+        // "cannot read log a.mcap" and "a.mcap: not found" name the file once.
+        let shared = cause.match_indices(": ").map(|(end, _)| end).filter(|end| text.ends_with(&cause[..*end])).last();
+        text = match shared {
+            Some(end) => format!("{text}{}", &cause[end..]),
+            None => format!("{text}: {cause}"),
+        };
     }
     text
 }

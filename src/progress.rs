@@ -1,6 +1,6 @@
 //! A progress bar on standard error.
 
-use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
+use indicatif::{ProgressBar, ProgressDrawTarget, ProgressState, ProgressStyle};
 
 /// Resolution of a bar.
 const STEPS: u64 = 1000;
@@ -12,8 +12,14 @@ impl Progress {
     /// A bar with a title.
     pub fn new(title: impl Into<std::borrow::Cow<'static, str>>) -> Self {
         let bar = ProgressBar::with_draw_target(Some(STEPS), ProgressDrawTarget::stderr());
-        let style = ProgressStyle::with_template("{msg:<28} {bar:40} {percent:>3} % {elapsed:>4}, {eta:>4} left")
-            .expect("the template is a constant that parses");
+        let style = ProgressStyle::with_template("{msg:<28} {bar:40} {percent:>3} % {elapsed:>4}, {left:>4} left")
+            .expect("the template is a constant that parses")
+            // The estimate is rounded up: work that goes on does not show 0 s left.
+            .with_key("left", |state: &ProgressState, out: &mut dyn std::fmt::Write| {
+                let left = if state.fraction() < 1.0 { state.eta().as_secs().max(1) } else { 0 };
+                // A failing formatter only leaves the estimate out.
+                let _ = write!(out, "{left}s");
+            });
         bar.set_style(style);
         bar.set_message(title);
         Progress(bar)

@@ -25,7 +25,7 @@ pub struct Args {
     #[arg(value_name = "LOG", required_unless_present = "print_plots")]
     logs: Vec<PathBuf>,
     /// Folder to write to; created if missing
-    #[arg(long, value_name = "DIR", required_unless_present_any = ["check", "print_plots"])]
+    #[arg(long, value_name = "DIR", required_unless_present_any = ["check", "print_plots", "json"])]
     out: Option<PathBuf>,
     /// TOML file that selects figures, sizes and fields; `--print-plots` prints the default
     #[arg(long, value_name = "FILE")]
@@ -42,7 +42,7 @@ pub struct Args {
     /// Check the metrics of each log against limits; writes nothing without `--out`
     #[arg(long, value_name = "FILE")]
     check: Option<PathBuf>,
-    /// Print the metrics as JSON instead of tables
+    /// Print the metrics as JSON instead of tables; writes nothing without `--out`
     #[arg(long)]
     json: bool,
 }

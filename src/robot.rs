@@ -7,7 +7,7 @@ use analysis::table::{Column, Table};
 use anyhow::Context;
 use clap::Subcommand;
 use controller::model::eval::{EvalRequest, RobotInfo, eval};
-use controller::params::{Params, bounds};
+use controller::params::{Params, ParamsError, apply_overrides, bounds};
 pub use drivers::robot_files::{RobotFiles, find_shipped, overrides, read, with_overrides};
 use std::path::PathBuf;
 
@@ -29,8 +29,9 @@ pub enum Command {
     #[command(
         after_help = "Example: echo '{\"base\": null, \"q\": {\"lf_haa_joint\": -0.2, ...}, \"qd\": {...}}' | hoof robot eval robots/hyq/hyq.urdf --state -\n\n\
         State: {base: {position_m, quaternion_wxyz, linear_velocity, angular_velocity} or null, q: {joint: rad}, qd: {joint: rad/s}}. \
-        Velocities of the base are expressed in the base frame.\n\
-        Result: Jacobians are world-aligned, linear rows first; velocity_order names the rows of the mass matrix."
+        linear_velocity and angular_velocity of the state are expressed in base axes.\n\
+        Result: base rows of the mass matrix, bias force, gravity and Jacobians are in world axes, linear rows first; velocity_order names the rows. \
+        The result is always JSON."
     )]
     Eval {
         /// Name of a robot in robots/, its TOML file, or any URDF file
@@ -38,6 +39,9 @@ pub enum Command {
         /// JSON file with the state; - reads standard input
         #[arg(long, value_name = "FILE")]
         state: PathBuf,
+        /// Print JSON, which is the only format
+        #[arg(long)]
+        json: bool,
     },
     /// Write a first parameter file for a quadruped from its URDF: feet, posture, and forces and steps by size
     Init(init::Args),
@@ -47,7 +51,7 @@ pub fn run(command: &Command) -> anyhow::Result<Outcome> {
     match command {
         Command::Info { robot, params, json } => info(robot, *params, *json)?,
         Command::Init(args) => return init::run(args),
-        Command::Eval { robot, state } => {
+        Command::Eval { robot, state, json: _ } => {
             let files = RobotFiles::find(robot)?;
             let text = if state.as_os_str() == "-" { std::io::read_to_string(std::io::stdin())? } else { read(state)? };
             let of_file =
@@ -108,4 +112,19 @@ fn with_bounds(params: &str) -> String {
         bound.map_or(line.to_owned(), |bound| format!("{line}  # {}", bound.text()))
     };
     params.trim_end().lines().map(line).collect::<Vec<_>>().join("\n")
+}
+
+/// Checks each `KEY=VALUE` of an option by itself, so that an error names the argument and not the log.
+pub fn check_overrides(option: &str, params: &str, set: &[String]) -> anyhow::Result<()> {
+    for text in set {
+        let one = overrides(std::slice::from_ref(text))?;
+        // Two values that are valid only together are judged together, by the replay.
+        match apply_overrides(params, &one) {
+            Err(error) if set.len() == 1 || !matches!(error, ParamsError::OutOfRange { .. }) => {
+                return Err(anyhow::Error::new(error).context(format!("{option} {text}")));
+            }
+            _ => {}
+        }
+    }
+    Ok(())
 }

@@ -46,8 +46,8 @@ pub enum DriverError {
         /// Folders searched besides the working directory.
         folders: Vec<PathBuf>,
     },
-    /// A parameter override without `=`.
-    #[error("parameter {text}: expected KEY=VALUE")]
+    /// A parameter override without `=`, key or value.
+    #[error("parameter {text:?}: expected KEY=VALUE, for example wbc.friction=0.6")]
     Override {
         /// The text.
         text: String,

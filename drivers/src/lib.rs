@@ -20,6 +20,7 @@ pub mod command_mux;
 mod drives;
 mod error;
 pub mod fault_injection;
+mod fault_limits;
 mod floor;
 pub mod live;
 pub mod lockstep;

@@ -143,7 +143,7 @@ impl Run {
             bytes: Vec::new(),
             clock: StageClock::default(),
             t_swing: [0.0; 4],
-            mode: ModeWatch::new(sim.joints().to_vec()),
+            mode: ModeWatch::new(sim.joints().to_vec()).with_limits(info),
             events: EventNumbers::new(info.run_id),
             info: robot_info(&info.robot, &info.urdf, sim.joints(), info.run_id),
             fell_at: None,
@@ -241,6 +241,7 @@ impl Run {
                         Refusal::of_parameter(&change.key, &change.value, RequestReply::CODE_WRONG_STATE, &why)
                     })?;
                     self.changed = Some(next);
+                    self.mode.change(&change.key, &change.value);
                     self.parameters.accept(parameters);
                     Ok(ParameterChange { t_ns, tick, ..change })
                 });

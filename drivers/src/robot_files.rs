@@ -92,11 +92,13 @@ pub fn with_overrides(params: &str, set: &[String]) -> Result<String, DriverErro
 /// Splits each `KEY=VALUE` into key and value.
 ///
 /// # Errors
-/// [`DriverError::Override`] for a text without `=`.
+/// [`DriverError::Override`] for a text without `=`, key or value.
 pub fn overrides(set: &[String]) -> Result<Vec<(String, String)>, DriverError> {
     let split = |text: &String| {
-        let (key, value) = text.split_once('=').ok_or_else(|| DriverError::Override { text: text.clone() })?;
-        Ok((key.trim().to_owned(), value.trim().to_owned()))
+        let parts = text.split_once('=').map(|(key, value)| (key.trim(), value.trim()));
+        let filled = parts.filter(|(key, value)| !key.is_empty() && !value.is_empty());
+        let (key, value) = filled.ok_or_else(|| DriverError::Override { text: text.clone() })?;
+        Ok((key.to_owned(), value.to_owned()))
     };
     set.iter().map(split).collect()
 }

@@ -1,12 +1,14 @@
 //! Events from the ticks of a controller: changes of mode, rejected requests, faults.
 
-use lcmtypes::{ControllerTick, Event, enum_names};
+use crate::fault_limits::FaultLimits;
+use lcmtypes::{ControllerTick, Event, RunInfo, enum_names};
 
 /// Watches the ticks of a run.
 #[derive(Debug)]
 pub struct ModeWatch {
     /// Names of the actuated joints, in URDF order.
     joints: Vec<String>,
+    limits: Option<FaultLimits>,
     mode: i8,
     fault: i32,
 }
@@ -25,7 +27,20 @@ pub struct ModeEvent {
 impl ModeWatch {
     /// A watch for a robot with these actuated joints, in URDF order.
     pub fn new(joints: Vec<String>) -> Self {
-        ModeWatch { joints, mode: ControllerTick::MODE_IDLE, fault: ControllerTick::FAULT_NONE }
+        ModeWatch { joints, limits: None, mode: ControllerTick::MODE_IDLE, fault: ControllerTick::FAULT_NONE }
+    }
+
+    /// The texts of faults contain the limits of this run.
+    #[must_use]
+    pub fn with_limits(self, info: &RunInfo) -> Self {
+        ModeWatch { limits: FaultLimits::new(info), ..self }
+    }
+
+    /// Takes a changed parameter, from which limits follow.
+    pub fn change(&mut self, key: &str, value: &str) {
+        if let Some(limits) = &mut self.limits {
+            limits.change(key, value);
+        }
     }
 
     /// `controller_tick_t` MODE_* of the last tick.
@@ -73,8 +88,15 @@ impl ModeWatch {
         format!("operator command rejected: {}", self.description(tick))
     }
 
-    /// The fault with joint or key and value.
+    /// The fault with joint or key, value and limit.
     fn description(&self, tick: &ControllerTick) -> String {
+        let ControllerTick { fault, fault_index, .. } = *tick;
+        let limit = self.limits.as_ref().and_then(|limits| limits.text(fault, usize::try_from(fault_index).ok()));
+        limit.map_or_else(|| self.fault(tick), |limit| format!("{}, {limit}", self.fault(tick)))
+    }
+
+    /// The fault with joint or key and value.
+    fn fault(&self, tick: &ControllerTick) -> String {
         let ControllerTick { fault, fault_index, fault_value: value, .. } = *tick;
         let name = enum_names::fault(fault);
         let index = usize::try_from(fault_index).ok();

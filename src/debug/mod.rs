@@ -8,16 +8,18 @@ mod tests;
 mod view;
 
 use crate::progress::Progress;
-use crate::robot::overrides;
+use crate::robot::{check_overrides, overrides};
 use crate::{Outcome, replay_log, run_info, say, say_json};
 use controller::model::{Base, Model, UrdfTree};
 use events::Kind;
 use ratatui::Terminal;
 use ratatui::backend::TestBackend;
 use replay::engine::{Cursor, Options, Replay};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use view::Screen;
 
+/// Time after the last tick that is still part of it, s.
+const END_S: f64 = 0.01;
 /// Width and height of the screen that `--once` prints.
 const ONCE: (u16, u16) = (112, 36);
 
@@ -53,13 +55,14 @@ pub struct Args {
 
 pub fn run(args: &Args) -> anyhow::Result<Outcome> {
     let replay = Replay::open(&args.log)?;
+    check_overrides("--set", &replay.info().params, &args.set)?;
     let options = Options { set: overrides(&args.set)?, here: Some(run_info::build()), ..Options::default() };
     let bar = Progress::new("read the log");
     let mut cursor = Cursor::open(&replay, &options, &mut |part| bar.set(part))?;
     drop(bar);
     let first = match (args.tick, args.at) {
         (Some(tick), _) => tick,
-        (None, Some(at)) => cursor.tick_at(at)?,
+        (None, Some(at)) => tick_at(&mut cursor, &args.log, at)?,
         (None, None) => cursor.first_tick(),
     };
     let mut moment = cursor.go_to(first)?;
@@ -91,6 +94,20 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
         say(printed(&screen, ONCE)?)?;
     }
     Ok(Outcome::failed_if(moment.divergence.is_some()))
+}
+
+/// The last tick at or before a time. A time outside the log is an error.
+fn tick_at(cursor: &mut Cursor, log: &Path, at: f64) -> anyhow::Result<i64> {
+    let tick = cursor.tick_at(at)?;
+    let (shown, first, last) = (cursor.go_to(tick)?.since_s, cursor.first_tick(), cursor.last_tick());
+    // Within a period of the last tick, or of the first one.
+    let is_inside = tick < last && at >= shown || tick == last && at <= shown + END_S;
+    if !is_inside {
+        let ends = [first, last].map(|tick| cursor.go_to(tick).map(|moment| moment.since_s));
+        let [first_s, last_s] = ends;
+        anyhow::bail!("{}: --at {at}: the log has ticks from {:.3} s to {:.3} s", log.display(), first_s?, last_s?);
+    }
+    Ok(tick)
 }
 
 /// Names of the joints of a URDF, in its order; empty if it cannot be read.

@@ -1,5 +1,6 @@
 //! One check of `hoof doctor`.
 
+use analysis::table::{Column, Table};
 use serde::Serialize;
 
 /// Result of a check, from best to worst.
@@ -44,12 +45,16 @@ impl Check {
     pub fn fail(name: &'static str, found: impl Into<String>, fix: impl Into<String>) -> Self {
         Check { name, level: Level::Fail, found: found.into(), fix: Some(fix.into()) }
     }
+}
 
-    pub fn text(&self) -> String {
-        let mut text = format!("{:<5} {:<20} {}", self.level.label(), self.name, self.found);
-        if let Some(fix) = &self.fix {
-            text += &format!("\n{:27}-> {fix}", "");
+/// The checks as a table; the row below a check that is not good has the command that fixes it.
+pub fn table(checks: &[Check]) -> Table {
+    let mut table = Table::new([Column::left(""), Column::left(""), Column::left("")]);
+    for Check { name, level, found, fix } in checks {
+        table.row([level.label(), name, found.as_str()]);
+        if let Some(fix) = fix {
+            table.row(["", "", &format!("-> {fix}")]);
         }
-        text
     }
+    table
 }

@@ -65,9 +65,7 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
     if args.json {
         say_json(&Report { url: url.to_string(), worst, checks: &checks })?;
     } else {
-        for check in &checks {
-            say(check.text())?;
-        }
+        say(check::table(&checks))?;
     }
     Ok(Outcome::failed_if(worst == Level::Fail))
 }

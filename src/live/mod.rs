@@ -24,6 +24,7 @@ pub use controller::{ControllerArgs, run as controller};
 pub use ctl::{CtlArgs, ctl};
 pub use driver::{DriverArgs, run as driver};
 pub use run::{RunArgs, run};
+pub use run_file::toml_error;
 pub use set::{SetArgs, set};
 pub use stop::{Stop, wait_for_controller};
 

@@ -8,6 +8,7 @@ use drivers::command_mux::{CommandMux, Source, default_sources};
 use drivers::live::RealtimeParams;
 use drivers::live::clock::TickSchedule;
 use drivers::teleop::check_channel;
+use replay::udpm::Url;
 use serde::Deserialize;
 use std::path::{Path, PathBuf};
 
@@ -142,9 +143,7 @@ impl RunFile {
     /// Every error names the file.
     pub fn load(path: &Path) -> anyhow::Result<Self> {
         let text = read(path)?;
-        let mut file: RunFile = toml::from_str(&text)
-            .map_err(|error| anyhow::anyhow!("{}", error.to_string().trim_end()))
-            .with_context(|| path.display().to_string())?;
+        let mut file: RunFile = toml::from_str(&text).map_err(|error| toml_error(path, &text, &error))?;
         let folder = path.parent().unwrap_or(Path::new(""));
         if let Some(simulation) = &mut file.simulation {
             simulation.scenario = folder.join(&simulation.scenario);
@@ -176,9 +175,12 @@ impl RunFile {
         if let Some(Controller { name, .. }) = self.controllers.iter().find(|controller| !is_name(&controller.name)) {
             anyhow::bail!("[[controller]] name = {name:?}: expected letters, digits and _");
         }
-        if let Some(faults) = self.faults.as_ref().filter(|faults| !faults.is_file()) {
-            anyhow::bail!("faults: file {} not found", faults.display());
+        let scenario = self.simulation.as_ref().map(|simulation| ("simulation.scenario", &simulation.scenario));
+        for (key, file) in scenario.into_iter().chain(self.faults.as_ref().map(|faults| ("faults", faults))) {
+            anyhow::ensure!(file.is_file(), "{key}: file {} not found", file.display());
         }
+        self.lcm.url.parse::<Url>().with_context(|| format!("lcm.url = {:?}", self.lcm.url))?;
+        RobotFiles::find_with_params(&self.robot).with_context(|| format!("robot = {:?}", self.robot))?;
         if !self.set.is_empty() {
             let (_, params) = RobotFiles::find_with_params(&self.robot)?;
             let set = || format!("set = {:?}", self.set);
@@ -188,6 +190,15 @@ impl RunFile {
         anyhow::ensure!(priority <= 99, "realtime.priority is {priority}, expected 0 (no real-time scheduler) to 99");
         Ok(())
     }
+}
+
+/// A TOML error on one line: file, line, key or value, what was expected.
+pub fn toml_error(path: &Path, text: &str, error: &toml::de::Error) -> anyhow::Error {
+    let offset = error.span().map_or(0, |span| span.start.min(text.len()));
+    let number = text.bytes().take(offset).filter(|&byte| byte == b'\n').count();
+    let line = text.lines().nth(number).unwrap_or_default().trim();
+    let at = if line.is_empty() { String::new() } else { format!(", in `{line}`") };
+    anyhow::anyhow!("{}:{}: {}{at}", path.display(), number + 1, error.message().replace('\n', ", "))
 }
 
 #[cfg(test)]
@@ -234,7 +245,12 @@ mod tests {
             (format!("{minimal}faults = \"nope.toml\"\n"), "nope.toml"),
             (format!("{minimal}set = [\"trunk.kpp=3\"]\n"), "\"trunk.kpp\""),
             (format!("{minimal}set = [\"wbc.friction=-1\"]\n"), "wbc.friction is -1"),
-            (format!("{minimal}set = [\"trunk.kp\"]\n"), "trunk.kp: "),
+            (format!("{minimal}set = [\"trunk.kp\"]\n"), "\"trunk.kp\": "),
+            (format!("{minimal}set = [\"trunk.kp=\"]\n"), "\"trunk.kp=\": "),
+            (format!("{minimal}[executor]\nperiod_us = \"x\"\n"), "period_us"),
+            (format!("{minimal}[lcm]\nurl = \"udpm://1.2.3.4\"\n"), "lcm.url"),
+            (format!("{minimal}[simulation]\nscenario = \"nope.toml\"\n"), "simulation.scenario"),
+            ("robot = \"nope\"\nlog = \"a.mcap\"\n".to_owned(), "robot = \"nope\""),
         ] {
             let error = format!("{:#}", load(&text).unwrap_err());
             assert!(error.contains(named) && error.contains(".toml"), "{error}");

@@ -1,8 +1,11 @@
 //! Arguments and output that several log commands share.
 
 use crate::{Outcome, say, say_json};
-use replay::log::{CopyReport, EventFilter, Types};
-use std::path::PathBuf;
+use replay::log::{CopyReport, EventFilter, ItemRef, LogReader, Types};
+use replay::printable;
+use std::collections::BTreeSet;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 /// Message types from `.lcm` files.
 #[derive(clap::Args)]
@@ -28,6 +31,77 @@ pub struct Channels {
     /// Omit channels whose whole name matches this regular expression
     #[arg(long, value_name = "REGEX")]
     pub exclude: Option<String>,
+}
+
+/// Channels of which an error gives the names.
+const NAMED: usize = 40;
+
+impl Channels {
+    /// Fails if a selection is given and no channel of the logs is selected. Reads up to the first event of a selected channel.
+    pub fn check(&self, logs: &[&Path]) -> anyhow::Result<()> {
+        let filter = EventFilter::new(self.channels.as_deref(), self.exclude.as_deref(), None, None)?;
+        if self.channels.is_none() && self.exclude.is_none() {
+            return Ok(());
+        }
+        let mut missing = vec![()];
+        let names = search(logs, |name| {
+            if filter.matches(name) {
+                missing.clear();
+            }
+            missing.is_empty()
+        })?;
+        let given = [("--channels", &self.channels), ("--exclude", &self.exclude)];
+        let given: Vec<_> = given.iter().filter_map(|(o, text)| Some(format!("{o} {:?}", text.as_ref()?))).collect();
+        anyhow::ensure!(missing.is_empty(), "{} selects no channel: {}", given.join(" "), listed(logs, &names));
+        Ok(())
+    }
+}
+
+/// Fails if a log does not have each of these channels.
+pub fn check_names(option: &str, log: &Path, wanted: impl IntoIterator<Item = String>) -> anyhow::Result<()> {
+    let mut missing: BTreeSet<String> = wanted.into_iter().collect();
+    if missing.is_empty() {
+        return Ok(());
+    }
+    let names = search(&[log], |name| {
+        missing.remove(name);
+        missing.is_empty()
+    })?;
+    let Some(name) = missing.first() else { return Ok(()) };
+    anyhow::bail!("{option} {name}: no channel of this name: {}", listed(&[log], &names))
+}
+
+/// Calls `found` with the channel of each event until it returns true. Returns the names, at most [`NAMED`].
+fn search(logs: &[&Path], mut found: impl FnMut(&str) -> bool) -> anyhow::Result<BTreeSet<String>> {
+    let (mut names, mut last) = (BTreeSet::new(), None);
+    for log in logs {
+        let mut reader = LogReader::open(log)?;
+        while let Some(item) = reader.read()? {
+            let ItemRef::Event(event) = item else { continue };
+            if last.as_ref().is_some_and(|last| Arc::ptr_eq(last, event.channel)) {
+                continue;
+            }
+            last = Some(Arc::clone(event.channel));
+            if found(event.channel) {
+                return Ok(names);
+            }
+            if names.len() < NAMED && !names.contains(&**event.channel) {
+                names.insert(event.channel.to_string());
+            }
+        }
+    }
+    Ok(names)
+}
+
+fn listed(logs: &[&Path], names: &BTreeSet<String>) -> String {
+    let logs: Vec<_> = logs.iter().map(|log| log.display().to_string()).collect();
+    let names: Vec<_> = names.iter().map(|name| printable(name)).collect();
+    let more = if names.len() == NAMED { ", ..." } else { "" };
+    format!(
+        "{} has {}{more}",
+        logs.join(" and "),
+        if names.is_empty() { "no events".to_owned() } else { names.join(", ") }
+    )
 }
 
 /// Channels and time range to select.

@@ -6,6 +6,7 @@ use anyhow::Context;
 use lcm_idl::{Leaf, Value};
 use replay::log::{EventRef, Health, LogReader, RunClock, Types, Zero};
 use replay::printable;
+use replay::printable::printable_json;
 use std::fmt::Write as _;
 use std::io::Write;
 use std::path::{Path, PathBuf};
@@ -39,7 +40,11 @@ pub struct Args {
 pub fn run(args: &Args) -> anyhow::Result<Outcome> {
     let mut types = args.types.read()?;
     let mut reader = if args.follow { follow(&args.log)? } else { LogReader::open(&args.log)? };
-    let mut filter = args.part.filter()?.for_log(&args.log)?;
+    let filter = args.part.filter()?;
+    if !args.follow {
+        args.part.channels.check(&[&args.log])?;
+    }
+    let mut filter = filter.for_log(&args.log)?;
     // JSON lines contain t_ns alone, so they need no time zero.
     let clock = (!args.json).then(|| RunClock::read(&args.log)).transpose()?;
     if let Some(zero) = clock.map(|clock| clock.zero()).filter(|zero| *zero != Zero::FirstTick) {
@@ -66,8 +71,9 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
             Some(clock) => text_line(&event, clock.of_event(&event), &types, &mut line),
             None => json_line(&event, &types, &mut line),
         }
-        line.push('\n');
-        out.write_all(line.as_bytes()).context("standard output")?;
+        // Text of a foreign log can be anywhere in the line.
+        let shown = if args.json { printable_json(&line) } else { printable(&line) };
+        writeln!(out, "{shown}").context("standard output")?;
     }
     out.flush().context("standard output")?;
     drop(out);

@@ -86,6 +86,7 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
     let (to, out) = target(args)?;
     let Channels { channels, exclude } = &args.channels;
     let filter = EventFilter::new(channels.as_deref(), exclude.as_deref(), None, None)?;
+    args.channels.check(&[&args.log])?;
     let types = args.types.read()?;
     let bar = Progress::new("convert");
     let mut progress = |part| bar.set(part);

@@ -26,6 +26,7 @@ pub struct FilterArgs {
 }
 
 pub fn filter(args: &FilterArgs) -> anyhow::Result<Outcome> {
+    args.part.channels.check(&[&args.log])?;
     let options = CopyOptions { filter: args.part.filter()?, types: args.types.read()?, ..CopyOptions::default() };
     let bar = Progress::new("filter");
     let copied = replay::log::copy(&args.log, &args.out, options, &mut |part| bar.set(part))?;
@@ -63,6 +64,7 @@ pub struct TrimArgs {
 
 pub fn trim(args: &TrimArgs) -> anyhow::Result<Outcome> {
     let (filter, types) = (args.part.filter()?, args.types.read()?);
+    args.part.channels.check(&[&args.log])?;
     let bar = Progress::new("trim");
     let mut progress = |part| bar.set(part);
     let copied = match args.around {
@@ -130,6 +132,7 @@ pub struct RecoverArgs {
 pub fn recover(args: &RecoverArgs) -> anyhow::Result<Outcome> {
     let Channels { channels, exclude } = &args.channels;
     let filter = EventFilter::new(channels.as_deref(), exclude.as_deref(), None, None)?;
+    args.channels.check(&[&args.log])?;
     let options = CopyOptions { filter, types: args.types.read()?, keep_unchecked: args.unchecked };
     let bar = Progress::new("recover");
     let copied = replay::log::copy(&args.log, &args.out, options, &mut |part| bar.set(part))?;

@@ -27,6 +27,7 @@ pub struct Args {
 
 pub fn run(args: &Args) -> anyhow::Result<Outcome> {
     let (filter, types) = (args.part.filter()?, args.types.read()?);
+    args.part.channels.check(&[&args.left, &args.right])?;
     let bar = Progress::new("diff");
     let diff = replay::log::diff(&args.left, &args.right, &filter, types, &mut |part| bar.set(part))?;
     drop(bar);

@@ -31,7 +31,8 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
 }
 
 fn text(s: &LogSummary) -> String {
-    let mut text = format!("{:?}, {} events, {:.3} s, {:.1} MB", s.format, s.events, s.duration_s, megabytes(s.bytes));
+    let mut text =
+        format!("{}, {} events, {:.3} s, {:.1} MB", s.format.name(), s.events, s.duration_s, megabytes(s.bytes));
     if let Some(first_t_ns) = s.first_t_ns {
         #[expect(clippy::cast_precision_loss, reason = "a time for display")]
         let first_s = first_t_ns.saturating_sub(s.zero_t_ns) as f64 * 1e-9;

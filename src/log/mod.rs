@@ -11,7 +11,7 @@ mod record;
 mod verify;
 
 use crate::Outcome;
-use arguments::{Channels, Part, loss, print_copy_report};
+use arguments::{Channels, Part, check_names, loss, print_copy_report};
 pub use arguments::{LogTypes, seconds};
 use clap::Subcommand;
 pub use record::default_name as record_name;

@@ -1,5 +1,6 @@
 //! `hoof log play`: publishes the messages of a log over LCM at their recorded times.
 
+use super::{Channels, check_names};
 use crate::{Outcome, say, say_json};
 use anyhow::{Context, bail};
 use crossterm::event::{Event as TerminalEvent, KeyCode, KeyEvent, KeyEventKind, KeyModifiers};
@@ -110,6 +111,8 @@ const SECOND: i64 = 1_000_000_000;
 
 pub fn run(args: &Args) -> anyhow::Result<Outcome> {
     let options = options(args)?;
+    Channels { channels: args.channels.clone(), exclude: None }.check(&[&args.log])?;
+    check_names("--rename", &args.log, options.rename.keys().cloned())?;
     let mut bus = LcmBus::open(&args.lcm_url)?;
     if !args.force {
         reject_live_robot(&args.lcm_url, &options)?;

@@ -2,9 +2,12 @@
 
 use crate::live::{Stop, wait_for_controller};
 use crate::{Outcome, note, say, say_json};
+use analysis::table::{Column, Table};
 use anyhow::Context;
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
-use replay::record::{Filter, Pattern, Progress, RecordLevel, RecordOptions, RecordSummary, Recorder, Rotation};
+use replay::record::{
+    Filter, Pattern, Progress, RecordLevel, RecordOptions, RecordSummary, Recorder, Rotation, SenderCounts,
+};
 use replay::udpm::Url;
 use replay::{printable, printable_path};
 use signal_hook::consts::SIGXFSZ;
@@ -115,7 +118,7 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
 fn options(args: &Args) -> anyhow::Result<RecordOptions> {
     let pattern = |text: &Option<String>| text.as_deref().map(Pattern::new).transpose();
     let rotation = Rotation {
-        bytes: args.rotate_mb.map(|mb| bytes("--rotate-mb", mb)).transpose()?,
+        bytes: args.rotate_mb.map(rotation_bytes).transpose()?,
         time_ns: match args.rotate_s {
             Some(s) => Some(i64::try_from(seconds("--rotate-s", s)?.as_nanos()).context("--rotate-s")?),
             None => None,
@@ -137,6 +140,11 @@ fn bytes(option: &str, megabytes: f64) -> anyhow::Result<u64> {
     anyhow::ensure!((0.0..=1e7).contains(&megabytes), "{option} {megabytes}: expected 0 to 10000000");
     #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "in range, as just checked")]
     Ok((megabytes * 1e6) as u64)
+}
+
+fn rotation_bytes(megabytes: f64) -> anyhow::Result<u64> {
+    anyhow::ensure!((0.001..=1e7).contains(&megabytes), "--rotate-mb {megabytes}: expected 0.001 to 10000000");
+    bytes("--rotate-mb", megabytes)
 }
 
 fn seconds(option: &str, s: f64) -> anyhow::Result<Duration> {
@@ -267,11 +275,19 @@ fn text(recorded: &RecordSummary) -> String {
     if let Some(failure) = &intake.failure {
         text += &format!("\nthe log ends early: {failure}");
     }
-    for sender in &intake.senders {
-        text += &format!(
-            "\nsender {}: {} received, {} lost, {} duplicates, {} out of order",
-            sender.sender, sender.received, sender.lost, sender.duplicates, sender.reordered
-        );
+    if !intake.senders.is_empty() {
+        let counts = ["received", "lost", "duplicates", "out of order"].map(Column::right);
+        let mut table = Table::new([Column::left("sender")].into_iter().chain(counts));
+        for SenderCounts { sender, received, lost, duplicates, reordered, .. } in &intake.senders {
+            table.row([
+                sender.to_string(),
+                received.to_string(),
+                lost.to_string(),
+                duplicates.to_string(),
+                reordered.to_string(),
+            ]);
+        }
+        text += &format!("\n{table}");
     }
     if intake.counts.kernel_dropped > 0 {
         text +=

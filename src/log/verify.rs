@@ -45,7 +45,7 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
 
 fn text(c: &VerifyReport) -> String {
     let verdict = if c.good { "good" } else { "not good" };
-    let mut text = format!("{verdict}: {:?}, {} events, {:.3} s", c.format, c.events, c.duration_s);
+    let mut text = format!("{verdict}: {}, {} events, {:.3} s", c.format.name(), c.events, c.duration_s);
     for damaged in &c.damaged {
         text += &format!("\ndamaged at byte {}, {} bytes: {}", damaged.offset, damaged.bytes, printable(&damaged.why));
     }

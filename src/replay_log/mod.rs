@@ -9,7 +9,7 @@ mod text;
 mod timed_overrides;
 
 use crate::progress::Progress;
-use crate::robot::{overrides, read};
+use crate::robot::{check_overrides, overrides, read};
 use crate::sim::Stack;
 use crate::{Outcome, run_info, say, say_json};
 use analysis::robot::Robot;
@@ -64,7 +64,7 @@ pub struct Args {
     #[arg(long, value_name = "LOG2", conflicts_with = "changes")]
     resim: Option<PathBuf>,
     /// Print every quantity of a tick: inputs, results of each stage, and the conflicting constraints if the solver failed
-    #[arg(long = "break", value_name = "TICK", allow_negative_numbers = true, conflicts_with_all = ["sweep", "resim", "out", "plot", "changes", "from", "to"])]
+    #[arg(long = "break", value_name = "TICK", conflicts_with_all = ["sweep", "resim", "out", "plot", "changes", "from", "to"])]
     at: Option<i64>,
     /// Start at the last snapshot at or before this time, s since the run's first tick
     #[arg(long, value_name = "S")]
@@ -118,6 +118,9 @@ fn name_files(args: &Args, error: anyhow::Error) -> anyhow::Error {
 }
 
 fn run_log(args: &Args, log: &Path, options: &Options) -> anyhow::Result<Outcome> {
+    if !args.set.is_empty() && (args.at.is_some() || args.sweep.is_some() || args.resim.is_some()) {
+        check_set(&Replay::open(log)?, args)?;
+    }
     if let Some(tick) = args.at {
         return break_at::run(log, options, tick, args.json);
     }
@@ -128,6 +131,7 @@ fn run_log(args: &Args, log: &Path, options: &Options) -> anyhow::Result<Outcome
         return resim::run(log, options, out, args.json);
     }
     let replay = Replay::open(log)?;
+    check_set(&replay, args)?;
     let report = with_bar(&replay, options)?;
     if let (Some(path), Some(what_if)) = (&args.plot, &report.what_if) {
         sweep::plot(path, &[("replayed".to_owned(), what_if)])?;
@@ -142,6 +146,10 @@ fn run_log(args: &Args, log: &Path, options: &Options) -> anyhow::Result<Outcome
         say(text(&report, &joints(&replay)))?
     }
     Ok(outcome(&report))
+}
+
+fn check_set(replay: &Replay, args: &Args) -> anyhow::Result<()> {
+    check_overrides("--set", &replay.info().params, &args.set)
 }
 
 fn options(args: &Args) -> anyhow::Result<Options> {

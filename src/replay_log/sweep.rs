@@ -1,6 +1,7 @@
 //! `hoof replay LOG --sweep KEY=FROM:TO:COUNT`: what-if replays of one log with several values of a parameter, on all cores.
 
 use crate::progress::Progress;
+use crate::robot::check_overrides;
 use crate::{Outcome, say, say_json};
 use analysis::table::{Column, Table};
 use anyhow::{Context, ensure};
@@ -30,11 +31,16 @@ pub fn run(
     plot_file: Option<&Path>,
     json: bool,
 ) -> anyhow::Result<Outcome> {
-    let (key, spec) = sweep.split_once('=').with_context(|| format!("--sweep {sweep}: expected KEY=FROM:TO:COUNT"))?;
+    let (key, spec) = sweep
+        .split_once('=')
+        .with_context(|| format!("--sweep {sweep}: found no =, expected KEY=FROM:TO:COUNT or KEY=VALUE|VALUE"))?;
     let values = values(spec).with_context(|| format!("--sweep {sweep}"))?;
     let params = &Replay::open(log)?.info().params.clone();
     let as_found = |value: &String| filled(params, key, value);
     let settings: Vec<String> = values.iter().map(as_found).collect();
+    for value in &settings {
+        check_overrides("--sweep", params, &[format!("{key}={value}")])?;
+    }
     let reports = replay_all(log, options, key, &settings)?;
     let mut rows = Vec::new();
     for (value, report) in values.iter().zip(reports) {
@@ -70,7 +76,7 @@ fn values(spec: &str) -> anyhow::Result<Vec<String>> {
             let (from, to) = (number(from)?, number(to)?);
             let count: u16 =
                 count.trim().parse().with_context(|| format!("\"{count}\": expected a number of values"))?;
-            ensure!(count >= 2, "expected at least 2 values, found {count}");
+            ensure!(count >= 2, "COUNT is {count}, expected 2 to {MOST}");
             let step = (to - from) / f64::from(count - 1);
             // Rounded, so that 0.1 + 0.2 is shown as 0.3.
             (0..count).map(|i| format!("{:?}", ((from + step * f64::from(i)) * 1e9).round() / 1e9)).collect()

@@ -1,5 +1,6 @@
 //! Parameter changes during a replay, read from a TOML file.
 
+use crate::live::toml_error;
 use crate::robot::read;
 use anyhow::{Context, ensure};
 use replay::engine::{TimedOverride, When};
@@ -22,11 +23,12 @@ struct Entry {
 
 /// Reads the changes. They must be in the order of time.
 pub fn read_file(path: &Path) -> anyhow::Result<Vec<TimedOverride>> {
-    parse(&read(path)?).with_context(|| path.display().to_string())
+    let text = read(path)?;
+    let file = toml::from_str(&text).map_err(|error| toml_error(path, &text, &error))?;
+    changes(&file).with_context(|| path.display().to_string())
 }
 
-fn parse(text: &str) -> anyhow::Result<Vec<TimedOverride>> {
-    let file: File = toml::from_str(text)?;
+fn changes(file: &File) -> anyhow::Result<Vec<TimedOverride>> {
     let by_tick = file.change.first().is_some_and(|entry| entry.tick.is_some());
     let mut changes = Vec::new();
     let mut last = f64::NEG_INFINITY;
@@ -69,7 +71,7 @@ mod tests {
     #[test]
     fn changes_are_read_in_order() {
         let text = "[[change]]\nt_s = 1.5\nset = { wbc.friction = 0.6, \"trunk.kp\" = [1.0, 2.0, 3.0] }\n[[change]]\nt_s = 2\nset.wbc.friction = 0.7";
-        let changes = parse(text).unwrap();
+        let changes = changes(&toml::from_str(text).unwrap()).unwrap();
         let found: Vec<(When, &str, &str)> = changes.iter().map(|c| (c.when, &*c.key, &*c.value)).collect();
         let (first, second) = (When::Seconds(1.5), When::Seconds(2.0));
         let mut expected = vec![
@@ -85,6 +87,7 @@ mod tests {
 
     #[test]
     fn changes_out_of_order_are_rejected() {
+        let parse = |text: &str| anyhow::Ok(changes(&toml::from_str(text)?)?);
         let error = |text: &str| format!("{:#}", parse(text).unwrap_err());
         let late = "[[change]]\ntick = 5\nset = {}\n[[change]]\ntick = 4\nset = {}";
         assert!(error(late).starts_with("change 2:"), "{}", error(late));

@@ -16,6 +16,7 @@ mod tests;
 mod tree;
 mod view;
 
+use crate::live::toml_error;
 use crate::log::{LogTypes, seconds};
 use crate::{Outcome, note, say};
 use anyhow::Context;
@@ -121,7 +122,7 @@ fn alarms(args: &Args) -> anyhow::Result<Alarms> {
     let mut texts = args.alarm.clone();
     if let Some(path) = &args.alarms {
         let text = std::fs::read_to_string(path).with_context(|| path.display().to_string())?;
-        let file: File = toml::from_str(&text).with_context(|| path.display().to_string())?;
+        let file: File = toml::from_str(&text).map_err(|error| toml_error(path, &text, &error))?;
         texts.extend(file.alarms);
     }
     Ok(Alarms::new(texts.iter().map(|text| Alarm::new(text)).collect::<Result<_, _>>()?))

@@ -193,7 +193,8 @@ impl State {
 
     fn type_filter(&mut self, code: KeyCode) {
         match code {
-            KeyCode::Enter => self.is_typing = false,
+            // An invalid expression is not applied.
+            KeyCode::Enter => self.is_typing = self.is_filter_bad,
             KeyCode::Esc => {
                 self.is_typing = false;
                 self.filter.clear();

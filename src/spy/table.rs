@@ -1,5 +1,6 @@
 //! Rows as text: columns, widths and number formats.
 
+use analysis::table::{self, Table};
 use replay::record::SenderCounts;
 use replay::traffic::{Raised, Row};
 use std::cmp::Ordering;
@@ -164,19 +165,13 @@ pub fn line(columns: &[Column], cell: impl Fn(Column) -> String) -> String {
 
 /// The whole table without truncation.
 pub fn text(rows: &[Row]) -> String {
-    let cells = |cell: &dyn Fn(Column) -> String| LEFT_TO_RIGHT.map(cell);
-    let mut table = vec![cells(&|column| column.title().to_owned())];
-    table.extend(rows.iter().map(|row| cells(&|column| column.cell(row))));
-    let width = |place: usize| table.iter().map(|cells| cells[place].chars().count()).max().unwrap_or(0);
-    let widths: [usize; LEFT_TO_RIGHT.len()] = std::array::from_fn(width);
-    let line = |cells: &[String; LEFT_TO_RIGHT.len()]| {
-        let place = |place: usize| match (widths[place], LEFT_TO_RIGHT[place].is_text()) {
-            (width, true) => format!("{:<width$}", cells[place]),
-            (width, false) => format!("{:>width$}", cells[place]),
-        };
-        (0..LEFT_TO_RIGHT.len()).map(place).collect::<Vec<_>>().join("  ").trim_end().to_owned()
-    };
-    table.iter().map(line).collect::<Vec<_>>().join("\n")
+    let column =
+        |column: Column| if column.is_text() { table::Column::left } else { table::Column::right }(column.title());
+    let mut table = Table::new(LEFT_TO_RIGHT.map(column));
+    for row in rows {
+        table.row(LEFT_TO_RIGHT.map(|column| column.cell(row)));
+    }
+    table.to_string()
 }
 
 /// One line of statistics of a sender.

@@ -248,7 +248,7 @@ impl Screen<'_> {
         let yellow = Style::new().fg(Color::Yellow);
         let first = if state.is_typing || !state.filter.is_empty() {
             let (cursor, note) = match (state.is_typing, state.is_filter_bad) {
-                (true, true) => ("_", "  invalid regular expression"),
+                (true, true) => ("_", "  invalid regular expression: the last valid one is in use"),
                 (true, false) => ("_", "  Enter: apply, Esc: clear"),
                 (false, _) => ("", "  Esc: clear"),
             };

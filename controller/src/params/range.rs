@@ -24,7 +24,7 @@ macro_rules! range {
 }
 pub(crate) use range;
 
-/// A parameter and its allowed range.
+/// A parameter and its allowed range. Each number of a table has a line in the table's `BOUNDS`; a test of [`super::bounds`] fails otherwise.
 #[derive(Clone, Copy, Debug)]
 pub struct Bound {
     /// Dotted key of a number, of an array of numbers, or of a table of numbers.

@@ -60,6 +60,14 @@ mod tests {
     }
 
     #[test]
+    fn after_a_late_tick_the_period_is_the_true_one_again() {
+        let schedule = TickSchedule { period_ns: 1000, phase_ns: 300 };
+        // A tick that was due at 5300 ends 7 periods later; the ticks in between are skipped, none is made up for.
+        let next = schedule.after(5300 + 7123);
+        assert_eq!((next, schedule.after(next), schedule.after(next + 400)), (13_300, 14_300, 14_300));
+    }
+
+    #[test]
     fn ticks_are_whole_periods_apart_and_keep_their_phase() {
         let schedule = TickSchedule { period_ns: 1000, phase_ns: 400 };
         assert_eq!([0, 399, 400, 401, 1399, 1400].map(|now| schedule.after(now)), [400, 400, 1400, 1400, 1400, 2400]);

@@ -1,5 +1,7 @@
 //! Messages from the publisher thread to the bus.
 
+use super::EventLimit;
+use super::clock::now_ns;
 use lcmtypes::bus::Bus;
 use lcmtypes::{Event, EventNumbers, Message, channels};
 
@@ -9,12 +11,19 @@ pub struct Outgoing {
     bytes: Vec<u8>,
     unpublished: u64,
     events: EventNumbers,
+    limit: EventLimit,
 }
 
 impl Outgoing {
     /// Publishes on `bus` the messages of a run.
     pub fn new(bus: Box<dyn Bus>, run_id: i64) -> Self {
-        Outgoing { bus, bytes: Vec::new(), unpublished: 0, events: EventNumbers::new(run_id) }
+        Outgoing {
+            bus,
+            bytes: Vec::new(),
+            unpublished: 0,
+            events: EventNumbers::new(run_id),
+            limit: EventLimit::default(),
+        }
     }
 
     /// The bus, to receive from.
@@ -44,9 +53,32 @@ impl Outgoing {
         self.put_event(Event { t_ns, tick, level, source: source.to_owned(), text, ..Event::default() });
     }
 
-    /// Publishes an EVENT; sets its sender and number.
+    /// Publishes an EVENT; sets its sender and number. An error is always published; of the others, those beyond [`EventLimit`] are counted: a flood
+    /// of bad requests must not become a flood of EVENTs.
     pub fn put_event(&mut self, mut event: Event) {
-        self.events.number(&mut event);
-        self.put(channels::EVENT, &event);
+        let now_ns = now_ns();
+        let passes = event.level == Event::LEVEL_ERROR || self.limit.passes(now_ns, &event.source);
+        if passes {
+            self.events.number(&mut event);
+            self.put(channels::EVENT, &event);
+        }
+    }
+
+    /// Publishes how many EVENTs were not published. Call it several times per second.
+    pub fn report_suppressed(&mut self) {
+        let now_ns = now_ns();
+        for suppressed in self.limit.take_suppressed(now_ns) {
+            let text = suppressed.text();
+            let mut event = Event {
+                t_ns: now_ns,
+                tick: -1,
+                level: Event::LEVEL_WARNING,
+                source: suppressed.source,
+                text,
+                ..Event::default()
+            };
+            self.events.number(&mut event);
+            self.put(channels::EVENT, &event);
+        }
     }
 }

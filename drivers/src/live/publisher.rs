@@ -10,7 +10,9 @@ use crate::command_mux::CommandMux;
 use crate::watch::{ModeEvent, ModeWatch};
 use controller::model::{JointKind, UrdfTree};
 use lcmtypes::bus::Bus;
-use lcmtypes::{ControllerInput, ControllerTick, Event, Message, RunInfo, Timing, channels, enum_names};
+use lcmtypes::{
+    ControllerInput, ControllerTick, Event, Message, ParameterChange, RunInfo, Timing, channels, enum_names,
+};
 use std::sync::Arc;
 use std::time::Duration;
 
@@ -75,6 +77,7 @@ impl Publisher {
             }
             self.receive();
             self.requests.work(&mut self.out);
+            self.out.report_suppressed();
         }
         self.requests.close(&mut self.out);
         // For a log that began within the last seconds.
@@ -149,7 +152,7 @@ impl TickEvents {
             running: 0,
             ending,
             is_ending: false,
-            modes: ModeWatch::new(joints(info)),
+            modes: ModeWatch::new(joints(info)).with_limits(info),
             lateness,
             input: ControllerInput::default(),
             timing: Timing::default(),
@@ -169,6 +172,11 @@ impl TickEvents {
                         out.event(tick.t_ns, tick.tick, level, "controller", text);
                     }
                     requests.tick(&self.input, &tick, out);
+                }
+            }
+            channels::PARAMETER_CHANGE => {
+                if let Ok(change) = ParameterChange::decode(message.data) {
+                    self.modes.change(&change.key, &change.value);
                 }
             }
             channels::TIMING if self.timing.decode_into(message.data).is_ok() => {

@@ -18,24 +18,36 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 const USAGE: &str = "lossy_relay FROM_URL TO_URL [--drop SHARE] [--duplicate SHARE] [--reorder SHARE] [--seed N] [--count DATAGRAMS] [--channels REGEX]";
 
+/// Prints an error and the usage, and ends with exit code 2.
+fn usage(error: &str) -> ! {
+    eprintln!("error: {}\nusage: {USAGE}", replay::printable(error));
+    std::process::exit(2)
+}
+
+fn parsed<T: std::str::FromStr>(text: &str) -> T {
+    text.parse().unwrap_or_else(|_| usage(&format!("{text:?}: expected a number")))
+}
+
 fn main() {
     let mut arguments = std::env::args().skip(1);
     let (mut urls, mut shares, mut seed, mut count) = (Vec::new(), Shares::default(), 1u64, u64::MAX);
     let mut channels: Option<Pattern> = None;
     while let Some(argument) = arguments.next() {
-        let mut value = || arguments.next().expect(USAGE);
+        let mut value = || arguments.next().unwrap_or_else(|| usage("a value is missing"));
         match argument.as_str() {
-            "--drop" => shares.drop = value().parse().expect(USAGE),
-            "--duplicate" => shares.duplicate = value().parse().expect(USAGE),
-            "--reorder" => shares.reorder = value().parse().expect(USAGE),
-            "--seed" => seed = value().parse().expect(USAGE),
-            "--count" => count = value().parse().expect(USAGE),
-            "--channels" => channels = Some(Pattern::new(&value()).expect(USAGE)),
-            url => urls.push(url.parse::<Url>().unwrap_or_else(|error| panic!("{error}\n{USAGE}"))),
+            "--drop" => shares.drop = parsed(&value()),
+            "--duplicate" => shares.duplicate = parsed(&value()),
+            "--reorder" => shares.reorder = parsed(&value()),
+            "--seed" => seed = parsed(&value()),
+            "--count" => count = parsed(&value()),
+            "--channels" => channels = Some(Pattern::new(&value()).unwrap_or_else(|error| usage(&error.to_string()))),
+            url => urls.push(url.parse::<Url>().unwrap_or_else(|error| usage(&error.to_string()))),
         }
     }
-    let [from, to] = &urls[..] else { panic!("{USAGE}") };
-    assert!(from.port != to.port, "{from} and {to}: the two networks need different ports");
+    let [from, to] = &urls[..] else { usage("expected two networks") };
+    if from.port == to.port {
+        usage(&format!("{from} and {to}: the two networks need different ports"));
+    }
 
     let passes = |bytes: &[u8]| {
         let named =

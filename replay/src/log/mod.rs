@@ -75,6 +75,16 @@ pub enum Format {
     Mcap,
 }
 
+impl Format {
+    /// Name for people.
+    pub fn name(self) -> &'static str {
+        match self {
+            Format::LcmLog => "LCM event log",
+            Format::Mcap => "MCAP",
+        }
+    }
+}
+
 /// One message of a log.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Event {

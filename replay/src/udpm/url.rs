@@ -57,7 +57,8 @@ impl FromStr for Url {
             let (group, port) = network.split_once(':').unwrap_or((network, ""));
             url.group = group.parse().map_err(|_| error(format!("{group:?} is not an IPv4 address")))?;
             if !port.is_empty() {
-                url.port = port.parse().map_err(|_| error(format!("port {port:?}: expected 1 to 65535")))?;
+                let number = port.parse().ok().filter(|number| *number > 0);
+                url.port = number.ok_or_else(|| error(format!("port {port:?}: expected 1 to 65535")))?;
             }
         }
         if !url.group.is_multicast() {
@@ -101,6 +102,7 @@ mod tests {
             ("udpm://10.0.0.1:7667", "10.0.0.1"),
             ("udpm://?ttl=300", "ttl=300"),
             ("udpm://?recv_buf_size=much", "recv_buf_size=much"),
+            ("udpm://239.1.2.3:0", "port"),
             ("udpm://?tll=1", "\"tll\""),
         ] {
             let Err(Error::LcmUrl { url, problem }) = text.parse::<Url>() else { panic!("{text}: accepted") };
