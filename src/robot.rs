@@ -121,7 +121,7 @@ pub fn check_overrides(option: &str, params: &str, set: &[String]) -> anyhow::Re
         // Two values that are valid only together are judged together, by the replay.
         match apply_overrides(params, &one) {
             Err(error) if set.len() == 1 || !matches!(error, ParamsError::OutOfRange { .. }) => {
-                return Err(anyhow::Error::new(error).context(format!("{option} {text}")));
+                return Err(anyhow::Error::new(error).context(option.to_owned()));
             }
             _ => {}
         }

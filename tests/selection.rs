@@ -50,9 +50,9 @@ fn a_selection_without_channels_is_an_error_that_lists_them() {
 fn an_argument_is_named_by_its_own_error() {
     let folder = folder("arguments");
     let log = log(&folder);
-    rejects(&format!("replay {log} --set wbc.mu=0.5"), &["--set wbc.mu=0.5", "friction"]);
-    rejects(&format!("debug {log} --once --set wbc.mu=0.5"), &["--set wbc.mu=0.5"]);
-    rejects(&format!("replay {log} --sweep wbc.friction=0.5:9:3"), &["--sweep wbc.friction=", "0.05 to 2"]);
+    rejects(&format!("replay {log} --set wbc.mu=0.5"), &["--set: ", "wbc.mu", "friction"]);
+    rejects(&format!("debug {log} --once --set wbc.mu=0.5"), &["--set: ", "wbc.mu"]);
+    rejects(&format!("replay {log} --sweep wbc.friction=0.5:9:3"), &["--sweep: ", "wbc.friction", "0.05 to 2"]);
     rejects(&format!("replay {log} --sweep wbc.friction=0.5:0.6:1"), &["--sweep", "COUNT"]);
     rejects(&format!("debug {log} --once --at 99"), &["--at 99", &log, "0.000 s"]);
     rejects(&format!("log trim {log} x.mcap --from -1"), &["-1", "0 to 1e9"]);

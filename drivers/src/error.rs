@@ -47,7 +47,7 @@ pub enum DriverError {
         folders: Vec<PathBuf>,
     },
     /// A parameter override without `=`, key or value.
-    #[error("parameter {text:?}: expected KEY=VALUE, for example wbc.friction=0.6")]
+    #[error("parameter {text:?}: expected KEY=VALUE, such as swing.height=0.12")]
     Override {
         /// The text.
         text: String,

@@ -110,7 +110,7 @@ impl Shown {
 fn the_channel_table_fits_80_by_24_characters() {
     let mut shown = Shown::new();
     let lines = shown.lines(80, 24);
-    assert_eq!(lines[0], "239.255.76.67:7667  3 channels  lost 5  1190 msg/s  157.0 kB/s");
+    assert_eq!(lines[0], "239.255.76.67:7667  3 channels  lost 5  1190 msg/s  165.0 kB/s");
     assert!(lines[1].contains("FROZEN") && lines[1].contains("ALARM 2") && lines[1].contains("REC log.mcap 3 s"));
     assert_eq!(lines[2], "channel↓                  count  rate Hz   jitter      B/s   lost   late     age");
     // Without a counter in the messages the bound is the loss of the sender on all channels; OTHER's sender lost nothing.
@@ -165,7 +165,7 @@ fn rows_are_sorted_by_any_column_both_ways() {
 #[test]
 fn a_field_of_a_message_is_selected_and_plotted() {
     let mut shown = Shown::new();
-    shown.press(&[KeyCode::End, KeyCode::Enter, KeyCode::Down, KeyCode::Down, KeyCode::Down]);
+    shown.press(&[KeyCode::End, KeyCode::Enter, KeyCode::Down, KeyCode::Down, KeyCode::Down, KeyCode::Down]);
     assert!(shown.lines(80, 24).iter().any(|line| line.starts_with("▸ q                  [2] 0.250 4.990")));
     // A time span of 0.6 s instead of 10 s.
     shown.type_in("----");
