@@ -201,7 +201,7 @@ fn diff_reports_the_first_field_and_counts_missing_messages_separately() {
         if &*event.channel == CONTROLLER_TICK {
             ticks += 1;
             if ticks == 1235 {
-                // The last byte of digest_output.
+                // The last byte of digest_parameters.
                 *event.data.last_mut().unwrap() ^= 1;
             }
         }
@@ -212,7 +212,7 @@ fn diff_reports_the_first_field_and_counts_missing_messages_separately() {
     };
     let tick = channel(CONTROLLER_TICK, &diff);
     assert_eq!((&tick["different"], &tick["first"]["number"]), (&1.into(), &1234.into()));
-    assert_eq!(tick["first"]["field"], "digest_output");
+    assert_eq!(tick["first"]["field"], "digest_parameters");
     assert_eq!(channel(CONTROLLER_INPUT, &diff)["identical"], true);
 
     let mut out = LogWriter::create(&log).unwrap();
