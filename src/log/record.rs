@@ -244,7 +244,7 @@ impl StatusLine {
         let Progress { status, trouble, .. } = progress;
         let ([lost, ..], kernel, dropped) = (status.lost_duplicate_late, status.counts.kernel_dropped, status.left_out);
         let (reported, at) = self.losses;
-        let sum = lost + u64::from(kernel) + dropped;
+        let sum = lost + kernel + dropped;
         if sum == reported || at.is_some_and(|at| at.elapsed() < LOSS_INTERVAL) {
             return;
         }

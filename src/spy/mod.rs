@@ -148,7 +148,7 @@ fn once_live(args: &Args, mut alarms: Alarms) -> anyhow::Result<Outcome> {
     let report = Report::new(url.to_string(), "udpm".to_owned(), &Health::default(), summary, &mut alarms);
     let outcome = report.say(args.json)?;
     if report.is_empty() {
-        note(format!("{}", source::nothing_received(&url)));
+        note(source::nothing_received(&url));
     }
     Ok(outcome)
 }
