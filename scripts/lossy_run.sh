@@ -13,9 +13,9 @@ out=$(mktemp -d)
 trap 'kill $(jobs -p) 2>/dev/null || true; rm -rf "$out"' EXIT
 
 : >"$out/stderr"
-"$relay" "$robot_side" "$control_side" --drop 0.01 --seed 1 --channels "ROBOT_STATE|OPERATOR_COMMAND|GROUND_TRUTH|EVENT" >"$out/states" 2>>"$out/stderr" &
+"$relay" "$robot_side" "$control_side" --drop 0.01 --seed 1 --channels "ROBOT_INFO|ROBOT_STATE|OPERATOR_COMMAND|GROUND_TRUTH|EVENT" >"$out/states" 2>>"$out/stderr" &
 states=$!
-"$relay" "$control_side" "$robot_side" --drop 0.01 --seed 2 --channels ROBOT_COMMAND >"$out/commands" 2>>"$out/stderr" &
+"$relay" "$control_side" "$robot_side" --drop 0.01 --seed 2 --channels "ROBOT_COMMAND|EXPECTED_ROBOT" >"$out/commands" 2>>"$out/stderr" &
 commands=$!
 "$hoof" log record "$out/run.mcap" --lcm-url "$control_side" >/dev/null 2>&1 &
 recorder=$!

@@ -7,12 +7,14 @@ use common::live_process::{LiveProcess, kill};
 use common::network::url;
 use common::{events, folder, hoof, messages, ran};
 use drivers::live::EndCause;
+use drivers::live::clock::now_ns;
 use lcmtypes::bus::{Bus, LcmBus};
-use lcmtypes::channels::{CONTROLLER_INPUT, CONTROLLER_TICK, EVENT, ROBOT_COMMAND, ROBOT_STATE};
-use lcmtypes::{ControllerInput, ControllerTick, Event, Message, OperatorCommand, RobotCommand, enum_names};
+use lcmtypes::channels::{CONTROLLER_INPUT, CONTROLLER_TICK, EVENT, EXPECTED_ROBOT, ROBOT_COMMAND, ROBOT_STATE};
+use lcmtypes::{ControllerInput, ControllerTick, Event, Message, OperatorCommand, RobotCommand, RobotInfo, enum_names};
 use serde_json::Value;
 use std::path::Path;
 use std::process::Command;
+use std::time::Duration;
 use test_support::replace_once;
 
 /// Asserts that the log replays bit for bit. The log of a killed controller ends with commands whose inputs were not published yet.
@@ -84,9 +86,8 @@ fn the_controller_damps_after_its_driver_died_and_uses_a_second_driver() {
     assert_eq!(commands[stale].mode, RobotCommand::MODE_DAMPING);
     assert_eq!(commands[stale - 1].mode, RobotCommand::MODE_TORQUE);
     assert!(inputs[stale].t_ns - inputs[stale].state.t_ns > 10_000_000);
-    // The states of the second driver count from 0.
     assert!(
-        inputs[stale..].iter().any(|input| input.state.seq < inputs[stale].state.seq),
+        inputs[stale..].iter().any(|input| input.state.sender_id != inputs[stale].state.sender_id),
         "no state of the second driver"
     );
 }
@@ -285,4 +286,57 @@ fn a_second_controller_and_a_second_driver_are_refused() {
     }
     run.interrupt();
     run.end();
+}
+
+fn put(bus: &mut LcmBus, channel: &str, message: &impl Message) {
+    let mut bytes = Vec::new();
+    message.encode(&mut bytes).unwrap();
+    bus.publish(channel, &bytes).unwrap();
+}
+
+#[test]
+fn foreign_commands_are_refused_and_of_two_runs_the_later_one_ends() {
+    let log = folder("two_runs").join("run.mcap");
+    let mut run = LiveProcess::run(&url(12), &log, "--seconds 60");
+    run.wait_for(&["controller: ", "STANCE"]);
+    let mut bus = LcmBus::open(&url(12)).unwrap();
+    bus.subscribe(ROBOT_COMMAND).unwrap();
+    let mut command = loop {
+        let messages = bus.handle(Duration::from_millis(20)).unwrap();
+        if let Some(message) = messages.last() {
+            break RobotCommand::decode(&message.data).unwrap();
+        }
+    };
+    // With the identity of the run, far ahead, and harmful.
+    (command.tick, command.kd) = (command.tick + 100_000, vec![-1e6; command.kd.len()]);
+    put(&mut bus, ROBOT_COMMAND, &command);
+    run.wait_for(&["driver: ", "ROBOT_COMMAND", "another sender"]);
+    put(&mut bus, ROBOT_COMMAND, &RobotCommand { run_id: command.run_id + 1, ..command });
+    run.wait_for(&["driver: ", "ROBOT_COMMAND", "another run"]);
+
+    let mut other = RobotInfo { t_ns: now_ns(), sender_id: 1, t_start_ns: i64::MAX, ..RobotInfo::default() };
+    put(&mut bus, EXPECTED_ROBOT, &other);
+    run.wait_for(&["controller: ", "DAMPING"]);
+    (other.t_ns, other.sender_id, other.t_start_ns) = (now_ns(), 2, 0);
+    put(&mut bus, EXPECTED_ROBOT, &other);
+    let ran = run.end().exits(1).json();
+    assert_eq!(ran["controller"]["second_run"], true);
+    assert_replays(&log);
+}
+
+#[test]
+fn a_driver_with_another_robot_is_not_commanded() {
+    let folder = folder("wrong_robot");
+    let run_file = folder.join("run.toml");
+    let text = std::fs::read_to_string("runs/hyq_sim.toml").unwrap();
+    let scenarios = concat!("scenario = \"", env!("CARGO_MANIFEST_DIR"), "/scenarios/");
+    let text = replace_once(&text, "scenario = \"../scenarios/", scenarios);
+    std::fs::write(&run_file, replace_once(&text, "robot = \"hyq\"", "robot = \"anymal_b\"")).unwrap();
+    let mut driver = LiveProcess::start(&format!("driver runs/hyq_sim.toml --lcm-url {} --json", url(13)));
+    driver.wait_for(&["driving hyq"]);
+    let wrong = hoof(&format!("controller {} --lcm-url {} --ticks 1000", run_file.display(), url(13))).exits(2);
+    assert!(["hyq", "anymal_b"].iter().all(|name| wrong.stderr.contains(name)), "{}", wrong.stderr);
+    driver.interrupt();
+    let driver = driver.end().json();
+    assert_eq!(driver["sim_seconds"], 0.0, "the scenario starts with the first command");
 }

@@ -261,13 +261,13 @@ fn teleoperation_overrides_the_scenario_and_stops_the_robot() {
     let operator: Vec<&Event> = events.iter().filter(|event| event.source == "operator").collect();
     let mut reported = operator.iter();
     let (info, warning) = (Event::LEVEL_INFO, Event::LEVEL_WARNING);
-    // Scenario active, teleoperation active, its stop, the stop cleared, scenario active again.
+    // Scenario active, teleoperation active, its stop, the stop cleared; the scenario's request is older and is ignored from then on.
     for (channel, level) in [
         ("OPERATOR_COMMAND", info),
         ("OPERATOR_TELEOP", info),
         ("OPERATOR_TELEOP", warning),
         ("OPERATOR_TELEOP", info),
-        ("OPERATOR_COMMAND", info),
+        ("OPERATOR_COMMAND", warning),
     ] {
         let found = reported.any(|event| event.text.contains(channel) && event.level == level);
         assert!(found, "{channel}, level {level}: {operator:?}");

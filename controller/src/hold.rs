@@ -86,7 +86,7 @@ impl Hold {
             return;
         }
         let found = self.check(input);
-        let Fault { code, index, value } = found.unwrap_or_default();
+        let Fault { code, index, value } = found.or_else(|| rejection(&input.op)).unwrap_or_default();
         (self.state.fault, self.state.fault_index, self.state.fault_value) = (code, index, value);
         if found.is_some() {
             // Before the first valid input the robot has no torque: the controller stays in IDLE and reports the fault.
@@ -131,6 +131,13 @@ impl Hold {
         command.kp.fill(kp);
         command.kd.fill(kd);
     }
+}
+
+/// The controller stands whatever the operator requests: a request for another mode is rejected.
+fn rejection(op: &OperatorCommand) -> Option<Fault> {
+    let is_followed = op.seq < 0 || op.mode == OperatorCommand::MODE_STAND;
+    let refused = Fault { code: ControllerTick::FAULT_OPERATOR_REFUSED, index: op.mode.into(), value: 0.0 };
+    (!is_followed).then_some(refused)
 }
 
 impl Controller for Hold {
@@ -192,6 +199,39 @@ impl Controller for Hold {
         let RobotCommand { tau, q_des, qd_des, kp, kd, .. } = &mut self.command;
         for values in [tau, q_des, qd_des, kp, kd] {
             values.fill(f64::NAN);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn requests_for_other_modes_than_stand_are_rejected_by_name() {
+        let (urdf, params) = (include_str!("../../robots/hyq/hyq.urdf"), include_str!("../../robots/hyq/hyq.toml"));
+        let mut hold = Hold::new(urdf, params).unwrap();
+        let nj = hold.command.nj;
+        let zeros = vec![0.0; hold.q_posture.len()];
+        let mut input = ControllerInput::default();
+        (input.state.nj, input.state.q) = (nj, hold.q_posture.clone());
+        (input.state.qd, input.state.tau, input.state.q_WI_wxyz) = (zeros.clone(), zeros, [1.0, 0.0, 0.0, 0.0]);
+        let mut out = Outbox::new();
+        for (mode, fault) in [
+            (OperatorCommand::MODE_STAND, ControllerTick::FAULT_NONE),
+            (OperatorCommand::MODE_WALK, ControllerTick::FAULT_OPERATOR_REFUSED),
+            (OperatorCommand::MODE_SIT, ControllerTick::FAULT_OPERATOR_REFUSED),
+            (OperatorCommand::MODE_STAND, ControllerTick::FAULT_NONE),
+            (OperatorCommand::MODE_DAMPING, ControllerTick::FAULT_OPERATOR),
+        ] {
+            input.op.mode = mode;
+            hold.step(&input, &mut out);
+            let tick = ControllerTick::decode(out.get(channels::CONTROLLER_TICK).unwrap()).unwrap();
+            assert_eq!(tick.fault, fault, "mode {mode}");
+            if fault == ControllerTick::FAULT_OPERATOR_REFUSED {
+                assert_eq!((tick.mode, tick.fault_index), (ControllerTick::MODE_STAND_UP, mode.into()));
+            }
+            input.tick += 1;
         }
     }
 }

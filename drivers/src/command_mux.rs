@@ -1,17 +1,27 @@
 //! Command multiplexer: selects one of several operators of a robot.
 //!
 //! Each [`Source`] is a channel of `operator_command_t` with a priority and a time-out, as in ROS `twist_mux`: the source with the highest priority
-//! that has not timed out is active. Two rules differ from `twist_mux`:
+//! that has not timed out is active. Several processes may send on one channel; their `sender_id` distinguishes them, and the one that is active stays
+//! active until it times out. These rules differ from `twist_mux`:
 //!
-//! - An emergency stop (`MODE_DAMPING`) of any source overrides all priorities. It stays in force, without being repeated, until the same source
-//!   sends another mode: only the source that triggered the stop can clear it.
-//! - When all sources have timed out, the last command is kept with its arrival time. The controller checks its age and stops walking.
+//! - An emergency stop (`MODE_DAMPING`) of any sender overrides all priorities. It stays in force, without being repeated, until the same sender
+//!   sends another mode: only the sender that triggered the stop can clear it. If that sender has timed out, its process may have ended: then another
+//!   sender of the same channel can clear the stop by a new request for IDLE.
+//! - A mode request takes effect only if it is new: made after the start of the run, and after the operator before was last in control. So neither
+//!   an operator that sent before the start nor one that was overridden moves the robot without a new request.
+//! - When all senders have timed out, the last command is kept with its arrival time. The controller checks its age and stops walking.
 //!
-//! Pure: the caller gives the time; nothing is allocated after construction.
+//! Pure: the caller gives the time. Memory is bounded: [`MAX_SENDERS`] per source.
+
+mod sender;
+#[cfg(test)]
+mod tests;
 
 use crate::teleop;
-use lcmtypes::{OperatorCommand, channels};
+use lcmtypes::{OperatorCommand, channels, enum_names};
+use sender::Sender;
 use serde::Deserialize;
+use std::collections::VecDeque;
 
 /// An `[[operator]]` entry of a run file.
 #[derive(Clone, Debug, PartialEq, Deserialize)]
@@ -24,6 +34,13 @@ pub struct Source {
     /// Time after its last command at which the source times out, s.
     #[serde(default = "default_timeout")]
     pub timeout_s: f64,
+}
+
+impl Source {
+    #[expect(clippy::cast_possible_truncation, reason = "a time-out is at most a minute")]
+    fn timeout_ns(&self) -> i64 {
+        (self.timeout_s * 1e9).round() as i64
+    }
 }
 
 /// Twelve periods of the 20 ms heartbeat.
@@ -39,6 +56,11 @@ pub fn default_sources() -> Vec<Source> {
     };
     vec![source(teleop::CHANNEL, 100), source(channels::OPERATOR_COMMAND, 10)]
 }
+
+/// Senders that are remembered for each source.
+pub const MAX_SENDERS: usize = 8;
+/// Changes that wait to be reported.
+const MAX_TRANSITIONS: usize = 64;
 
 /// Period at which an emergency stop in force is repeated to the controller, ns: that of an operator's heartbeat.
 pub const RENEW_NS: i64 = teleop::HEARTBEAT_NS;
@@ -69,6 +91,17 @@ pub struct Selection<'a> {
     pub arrival_ns: i64,
 }
 
+/// Why a command is not followed.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Ignored {
+    /// Another sender is active; its source.
+    OtherActive(usize),
+    /// The mode was requested before the start of the run.
+    BeforeRun,
+    /// The mode was requested while another operator, this source, was in control.
+    Overridden(usize),
+}
+
 /// A change of the selection, to be reported.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Transition {
@@ -80,12 +113,19 @@ pub enum Transition {
     StopTriggered(usize),
     /// This source cleared its emergency stop.
     StopCleared(usize),
+    /// A mode request of a sender of this source is ignored; `operator_command_t` MODE_*.
+    Ignored(usize, i8, Ignored),
 }
 
 impl Transition {
     /// Whether a person should check the robot.
     pub fn is_warning(self) -> bool {
-        matches!(self, Transition::TimedOut(_) | Transition::StopTriggered(_))
+        match self {
+            Transition::TimedOut(_) | Transition::StopTriggered(_) => true,
+            // An operator of lower priority that sends beside the active one is common.
+            Transition::Ignored(source, _, why) => !matches!(why, Ignored::OtherActive(active) if active != source),
+            Transition::Activated(_) | Transition::StopCleared(_) => false,
+        }
     }
 }
 
@@ -93,30 +133,28 @@ impl Transition {
 #[derive(Clone, Debug)]
 pub struct CommandMux {
     sources: Vec<Source>,
-    /// Last command of each source.
-    last: Vec<Option<LastCommand>>,
+    /// At most [`MAX_SENDERS`] per source, in the order of their first command.
+    senders: Vec<Sender>,
+    /// Start of the run, ns.
+    start_ns: i64,
     active: Option<Active>,
-    /// Source, seq, sending time and arrival of the last [`CommandMux::new_selection`].
-    newest: Option<(usize, i64, i64, i64)>,
-    /// State that [`CommandMux::transition`] has reported.
+    /// Source, sender, seq, sending time and arrival of the last [`CommandMux::new_selection`].
+    newest: Option<(usize, i64, i64, i64, i64)>,
+    transitions: VecDeque<Transition>,
+    /// Time of the last [`Transition::Ignored`] of each source, ns.
+    ignored_ns: Vec<Option<i64>>,
+    /// State that a transition has reported.
     reported: Option<Active>,
 }
 
-#[derive(Clone, Debug)]
-struct LastCommand {
-    command: OperatorCommand,
-    arrival_ns: i64,
-    /// It is an emergency stop.
-    stops: bool,
-    /// The value of `stops` that [`CommandMux::transition`] has reported.
-    reported_stops: bool,
-}
-
-/// The source whose command is selected.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+/// The sender whose command is selected.
+#[derive(Clone, Copy, Debug)]
 struct Active {
     source: usize,
+    id: i64,
     timed_out: bool,
+    /// Time since which it is in control, ns: since it became active, or since the last emergency stop began or ended.
+    since_ns: i64,
 }
 
 impl CommandMux {
@@ -140,7 +178,15 @@ impl CommandMux {
                 return Err(SourcesError::Timeout { channel, found: *timeout_s });
             }
         }
-        Ok(CommandMux { last: vec![None; sources.len()], sources, active: None, newest: None, reported: None })
+        let (active, newest, reported) = (None, None, None);
+        let (senders, transitions) = (Vec::new(), VecDeque::new());
+        let ignored_ns = vec![None; sources.len()];
+        Ok(CommandMux { sources, senders, start_ns: i64::MIN, active, newest, transitions, ignored_ns, reported })
+    }
+
+    /// Sets the start of the run, ns: mode requests that were made before are ignored.
+    pub fn start(&mut self, t_ns: i64) {
+        self.start_ns = t_ns;
     }
 
     /// The sources, as listed.
@@ -153,296 +199,237 @@ impl CommandMux {
         self.sources.iter().position(|source| source.channel == channel)
     }
 
-    /// Index of the source that was selected last; `None` before the first command.
-    pub fn active(&self) -> Option<usize> {
-        self.active.map(|active| active.source)
-    }
-
     /// Takes a command of a source that arrived at `t_ns`.
     ///
-    /// A command that is older than the last one, by seq and by its own clock, is ignored: it could clear an emergency stop that was sent after it.
-    /// An emergency stop is never ignored. A source that has timed out may have been restarted, with other numbers and another clock: its command
-    /// is always taken.
+    /// A command that is older than the sender's last one, by seq and by its own clock, is ignored: it could clear an emergency stop that was sent
+    /// after it. An emergency stop is never ignored. A sender that has timed out may have been restarted, with other numbers and another clock: its
+    /// command is always taken.
     pub fn receive(&mut self, source: usize, t_ns: i64, command: &OperatorCommand) {
-        let stops = command.mode == OperatorCommand::MODE_DAMPING;
-        let is_alive = self.is_alive(source, t_ns);
-        let Some(slot) = self.last.get_mut(source) else { return };
-        if let Some(last) = slot.as_ref()
-            && is_alive
-            && !stops
-            && command.seq <= last.command.seq
-            && command.t_ns < last.command.t_ns
-        {
+        let Some(timeout_ns) = self.sources.get(source).map(Source::timeout_ns) else { return };
+        let known = self.senders.iter().position(|sender| (sender.source, sender.id()) == (source, command.sender_id));
+        let Some(place) = known.or_else(|| self.make_room(source, t_ns, command)) else { return };
+        if known.is_some() {
+            if !self.senders[place].take(t_ns, timeout_ns, command) {
+                return;
+            }
+        } else {
+            let is_starting = t_ns.saturating_sub(self.start_ns) < timeout_ns;
+            self.senders.push(Sender::new(source, t_ns, is_starting, command));
+        }
+        self.update_stops(place, t_ns);
+    }
+
+    /// Place of a new sender. An emergency stop always has one; other commands only if fewer than [`MAX_SENDERS`] of its source are in use.
+    fn make_room(&mut self, source: usize, t_ns: i64, command: &OperatorCommand) -> Option<usize> {
+        let of_source = |sender: &Sender| sender.source == source;
+        if self.senders.iter().filter(|sender| of_source(sender)).count() >= MAX_SENDERS {
+            let is_active = |sender: &Sender| self.active.is_some_and(|active| active.is(sender));
+            let timed_out = |sender: &Sender| !sender.is_alive(t_ns, self.sources[source].timeout_ns());
+            let stops = command.mode == OperatorCommand::MODE_DAMPING;
+            let free = self.senders.iter().position(|sender| {
+                of_source(sender) && !is_active(sender) && sender.stop_ns.is_none() && (stops || timed_out(sender))
+            });
+            self.senders.remove(free?);
+        }
+        Some(self.senders.len())
+    }
+
+    /// Begins or clears emergency stops after a command of the sender at `place`.
+    fn update_stops(&mut self, place: usize, t_ns: i64) {
+        let Sender { source, request_ns, .. } = self.senders[place];
+        let mode = self.senders[place].command.mode;
+        let stops = mode == OperatorCommand::MODE_DAMPING;
+        let change = match (stops, self.senders[place].stop_ns) {
+            (true, None) => Some(Transition::StopTriggered(source)),
+            (false, Some(_)) => Some(Transition::StopCleared(source)),
+            _ => None,
+        };
+        if let Some(change) = change {
+            self.senders[place].stop_ns = stops.then_some(t_ns);
+            self.stop_changed(change, t_ns);
+        }
+        if mode != OperatorCommand::MODE_IDLE {
             return;
         }
-        let reported_stops = slot.as_ref().is_some_and(|last| last.reported_stops);
-        *slot = Some(LastCommand { command: command.clone(), arrival_ns: t_ns, stops, reported_stops });
+        // The stop of a sender that has timed out.
+        let timeout_ns = self.sources[source].timeout_ns();
+        for k in 0..self.senders.len() {
+            let other = &mut self.senders[k];
+            if other.source == source && !other.is_alive(t_ns, timeout_ns) && request_ns > other.arrival_ns {
+                let had_stop = other.stop_ns.take().is_some();
+                if had_stop {
+                    // The request that clears the stop is new, requests before it are not.
+                    self.stop_changed(Transition::StopCleared(source), request_ns.saturating_sub(1));
+                }
+            }
+        }
+    }
+
+    /// From now on the active operator is in control again: requests made before are ignored.
+    fn stop_changed(&mut self, change: Transition, t_ns: i64) {
+        if let Some(active) = &mut self.active {
+            active.since_ns = t_ns;
+        }
+        self.report(change);
+    }
+
+    /// Why a sender's commands are not followed; `None` if they are. Call it after [`CommandMux::select`].
+    pub fn ignored(&self, source: usize, sender_id: i64) -> Option<Ignored> {
+        let active = self.active?;
+        if (active.source, active.id) == (source, sender_id) {
+            return None;
+        }
+        let sender = self.senders.iter().find(|sender| (sender.source, sender.id()) == (source, sender_id));
+        if sender.is_some_and(|sender| sender.request_ns < self.start_ns) {
+            Some(Ignored::BeforeRun)
+        } else if active.timed_out {
+            Some(Ignored::Overridden(active.source))
+        } else {
+            Some(Ignored::OtherActive(active.source))
+        }
     }
 
     /// The command that is followed at `t_ns`; `None` before the first command of any source.
     pub fn select(&mut self, t_ns: i64) -> Option<Selection<'_>> {
         self.active = self.find_active(t_ns);
-        let source = self.active?.source;
-        let last = self.last[source].as_ref()?;
-        let arrival_ns = if last.stops { t_ns } else { last.arrival_ns };
-        Some(Selection { source, command: &last.command, arrival_ns })
+        self.report_ignored(t_ns);
+        let active = self.active?;
+        let sender = self.senders.iter().find(|sender| active.is(sender))?;
+        let arrival_ns = if sender.stop_ns.is_some() { t_ns } else { sender.arrival_ns };
+        Some(Selection { source: sender.source, command: &sender.command, arrival_ns })
     }
 
     /// [`CommandMux::select`], if it is another command than last time. An emergency stop in force is repeated every [`RENEW_NS`].
     pub fn new_selection(&mut self, t_ns: i64) -> Option<Selection<'_>> {
         let before = self.newest;
         let Selection { source, command, arrival_ns } = self.select(t_ns)?;
-        let now = (source, command.seq, command.t_ns, arrival_ns);
-        let is_same = |before: (usize, i64, i64, i64)| {
-            (before.0, before.1, before.2) == (now.0, now.1, now.2) && arrival_ns - before.3 < RENEW_NS
+        let now = (source, command.sender_id, command.seq, command.t_ns, arrival_ns);
+        let is_same = |before: (usize, i64, i64, i64, i64)| {
+            (before.0, before.1, before.2, before.3) == (now.0, now.1, now.2, now.3) && arrival_ns - before.4 < RENEW_NS
         };
         if before.is_some_and(is_same) {
             return None;
         }
         self.newest = Some(now);
-        let command = &self.last[source].as_ref()?.command;
-        Some(Selection { source, command, arrival_ns })
+        let sender = self.senders.iter().find(|sender| (sender.source, sender.id()) == (now.0, now.1))?;
+        Some(Selection { source, command: &sender.command, arrival_ns })
     }
 
     /// Next transition that has not been reported yet.
     pub fn transition(&mut self) -> Option<Transition> {
-        for (source, last) in self.last.iter_mut().enumerate() {
-            let Some(last) = last else { continue };
-            if last.stops != last.reported_stops {
-                last.reported_stops = last.stops;
-                let transition = if last.stops { Transition::StopTriggered } else { Transition::StopCleared };
-                return Some(transition(source));
-            }
+        if let Some(transition) = self.transitions.pop_front() {
+            return Some(transition);
         }
-        if self.reported == self.active {
+        let key = |active: Active| (active.source, active.id, active.timed_out);
+        if self.reported.map(key) == self.active.map(key) {
             return None;
         }
         self.reported = self.active;
-        let Active { source, timed_out } = self.active?;
+        let Active { source, timed_out, .. } = self.active?;
         Some(if timed_out { Transition::TimedOut(source) } else { Transition::Activated(source) })
     }
 
     /// A transition as a sentence.
     pub fn text(&self, transition: Transition) -> String {
-        let channel = |source: usize| self.sources.get(source).map_or("?", |source| &*source.channel);
         match transition {
-            Transition::Activated(source) => format!("{} is active", channel(source)),
-            Transition::TimedOut(source) => format!("{} timed out; no operator is active", channel(source)),
-            Transition::StopTriggered(source) => format!("emergency stop by {}", channel(source)),
-            Transition::StopCleared(source) => format!("emergency stop cleared by {}", channel(source)),
+            Transition::Activated(source) => format!("{} is active", self.channel(source)),
+            Transition::TimedOut(source) => format!("{} timed out; no operator is active", self.channel(source)),
+            Transition::StopTriggered(source) => format!("emergency stop by {}", self.channel(source)),
+            Transition::StopCleared(source) => format!("emergency stop cleared by {}", self.channel(source)),
+            Transition::Ignored(source, mode, why) => {
+                let (channel, mode) = (self.channel(source), enum_names::operator_mode(mode));
+                format!("{mode} of {channel} ignored: {}", self.reason(source, why))
+            }
         }
     }
 
-    /// A source with an emergency stop in force, else the one with the highest priority that has not timed out, else the last active one.
+    /// Why commands of a source are ignored, as a sentence.
+    pub fn reason(&self, source: usize, why: Ignored) -> String {
+        match why {
+            Ignored::OtherActive(active) if active == source => {
+                format!("another sender on {} is active", self.channel(source))
+            }
+            Ignored::OtherActive(active) => format!("operator {} is active", self.channel(active)),
+            Ignored::BeforeRun => "requested before the start of the run; request it again".to_owned(),
+            Ignored::Overridden(before) => {
+                format!("requested before the last command of operator {}; request it again", self.channel(before))
+            }
+        }
+    }
+
+    fn channel(&self, source: usize) -> &str {
+        self.sources.get(source).map_or("?", |source| &*source.channel)
+    }
+
+    fn report(&mut self, transition: Transition) {
+        if self.transitions.len() < MAX_TRANSITIONS {
+            self.transitions.push_back(transition);
+        }
+    }
+
+    /// Reports mode requests that are ignored, each once, and at most one of a source in a second.
+    fn report_ignored(&mut self, t_ns: i64) {
+        for k in 0..self.senders.len() {
+            let sender = &self.senders[k];
+            let (source, mode) = (sender.source, sender.command.mode);
+            if !sender.is_alive(t_ns, self.sources[source].timeout_ns()) {
+                continue;
+            }
+            let why = self.ignored(source, sender.id());
+            let is_due = self.ignored_ns[source].is_none_or(|last| t_ns.saturating_sub(last) >= 1_000_000_000);
+            if let Some(why) = why
+                && sender.reported != Some((mode, why))
+                && is_due
+            {
+                self.senders[k].reported = Some((mode, why));
+                self.ignored_ns[source] = Some(t_ns);
+                self.report(Transition::Ignored(source, mode, why));
+            }
+        }
+    }
+
+    /// A sender with an emergency stop in force, else the active sender or one with a new request that has precedence, else the last active one.
     fn find_active(&self, t_ns: i64) -> Option<Active> {
-        let best = |is_candidate: &dyn Fn(usize) -> bool| {
-            let candidates = (0..self.sources.len()).filter(|&source| is_candidate(source));
-            // max_by_key returns the last of equal elements: reversed, the one listed first.
-            candidates.rev().max_by_key(|&source| self.sources[source].priority)
+        // min_by_key returns the first of equal elements: the source listed first, the sender that was received from first.
+        let best = |is_candidate: &dyn Fn(&Sender) -> bool| {
+            let candidates = self.senders.iter().filter(|sender| is_candidate(sender));
+            candidates.min_by_key(|sender| self.rank(sender))
         };
-        let stops = |source: usize| self.last[source].as_ref().is_some_and(|last| last.stops);
-        if let Some(source) = best(&stops).or_else(|| best(&|source| self.is_alive(source, t_ns))) {
-            return Some(Active { source, timed_out: false });
+        let found = best(&|sender| sender.stop_ns.is_some()).or_else(|| best(&|sender| self.may_command(sender, t_ns)));
+        match (found, self.active) {
+            (Some(found), Some(active)) if active.is(found) => Some(Active { timed_out: false, ..active }),
+            (Some(found), _) => Some(Active { source: found.source, id: found.id(), timed_out: false, since_ns: t_ns }),
+            (None, active) => active.map(|last| Active { timed_out: true, ..last }),
         }
-        self.active.map(|last| Active { timed_out: true, ..last })
     }
 
-    /// Whether a source has sent a command that has not timed out.
-    fn is_alive(&self, source: usize, t_ns: i64) -> bool {
-        let (Some(Some(last)), Some(Source { timeout_s, .. })) = (self.last.get(source), self.sources.get(source))
-        else {
+    /// Order of precedence, the smallest first: priority, place in the list, and within a source the active sender.
+    fn rank(&self, sender: &Sender) -> (i64, usize, bool) {
+        let is_active = self.active.is_some_and(|active| active.is(sender));
+        (-i64::from(self.sources[sender.source].priority), sender.source, !is_active)
+    }
+
+    /// Whether a sender has not timed out, and is the active one or has a new request.
+    fn may_command(&self, sender: &Sender, t_ns: i64) -> bool {
+        if !sender.is_alive(t_ns, self.sources[sender.source].timeout_ns()) || sender.request_ns < self.start_ns {
             return false;
+        }
+        let Some(active) = self.active else { return true };
+        if active.is(sender) {
+            return true;
+        }
+        let last = self.senders.iter().find(|other| active.is(other));
+        let in_control = last.filter(|last| last.is_alive(t_ns, self.sources[last.source].timeout_ns()));
+        let until_ns = match (in_control, last) {
+            (None, Some(last)) => last.arrival_ns.max(active.since_ns),
+            _ => active.since_ns,
         };
-        #[expect(clippy::cast_precision_loss, reason = "ages are far below 2^53 ns")]
-        let age_s = t_ns.saturating_sub(last.arrival_ns) as f64 * 1e-9;
-        age_s <= *timeout_s
+        sender.request_ns > until_ns
     }
 }
 
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    const MS: i64 = 1_000_000;
-    const PAD: usize = 0;
-    const KEYS: usize = 1;
-    const PLANNER: usize = 2;
-
-    /// Three sources with decreasing priority.
-    fn mux() -> CommandMux {
-        let source = |channel: &str, priority, timeout_s| Source { channel: channel.to_owned(), priority, timeout_s };
-        CommandMux::new(vec![source("PAD", 30, 0.1), source("KEYS", 20, 0.25), source("PLANNER", 10, 1.0)]).unwrap()
-    }
-
-    fn command(mode: i8, seq: i64) -> OperatorCommand {
-        OperatorCommand { mode, seq, t_ns: seq * 20 * MS, ..OperatorCommand::default() }
-    }
-
-    fn walk(seq: i64) -> OperatorCommand {
-        command(OperatorCommand::MODE_WALK, seq)
-    }
-
-    fn stop(seq: i64) -> OperatorCommand {
-        command(OperatorCommand::MODE_DAMPING, seq)
-    }
-
-    fn stand(seq: i64) -> OperatorCommand {
-        command(OperatorCommand::MODE_STAND, seq)
-    }
-
-    /// Source, seq and arrival in ms of the selected command.
-    fn selected(mux: &mut CommandMux, ms: i64) -> Option<(usize, i64, i64)> {
-        mux.select(ms * MS).map(|found| (found.source, found.command.seq, found.arrival_ns / MS))
-    }
-
-    fn transitions(mux: &mut CommandMux) -> Vec<Transition> {
-        std::iter::from_fn(|| mux.transition()).collect()
-    }
-
-    #[test]
-    fn the_highest_priority_is_active_until_it_times_out() {
-        let mut a = mux();
-        assert_eq!(selected(&mut a, 0), None);
-        a.receive(PLANNER, 10 * MS, &walk(7));
-        assert_eq!(selected(&mut a, 12), Some((PLANNER, 7, 10)));
-        assert_eq!(transitions(&mut a), [Transition::Activated(PLANNER)]);
-        a.receive(PAD, 20 * MS, &walk(1));
-        a.receive(PLANNER, 30 * MS, &walk(8));
-        assert_eq!(selected(&mut a, 120), Some((PAD, 1, 20)), "100 ms after its command, its time-out");
-        assert_eq!(transitions(&mut a), [Transition::Activated(PAD)]);
-        assert_eq!(selected(&mut a, 121), Some((PLANNER, 8, 30)));
-        assert_eq!(transitions(&mut a), [Transition::Activated(PLANNER)]);
-        assert_eq!(transitions(&mut a), [], "once");
-    }
-
-    #[test]
-    fn the_last_command_is_kept_when_all_have_timed_out() {
-        let mut a = mux();
-        a.receive(KEYS, 10 * MS, &walk(3));
-        a.receive(PLANNER, 9 * MS, &walk(1));
-        assert_eq!(selected(&mut a, 200), Some((KEYS, 3, 10)));
-        assert_eq!(selected(&mut a, 1009), Some((PLANNER, 1, 9)));
-        assert_eq!(selected(&mut a, 5000), Some((PLANNER, 1, 9)));
-        assert_eq!(transitions(&mut a), [Transition::TimedOut(PLANNER)]);
-        a.receive(PLANNER, 5020 * MS, &walk(2));
-        assert_eq!(selected(&mut a, 5020), Some((PLANNER, 2, 5020)));
-        assert_eq!(transitions(&mut a), [Transition::Activated(PLANNER)]);
-    }
-
-    #[test]
-    fn an_emergency_stop_overrides_priorities_and_only_its_source_clears_it() {
-        let mut a = mux();
-        a.receive(PAD, 0, &walk(1));
-        a.receive(PLANNER, 5 * MS, &stop(2));
-        assert_eq!(selected(&mut a, 6), Some((PLANNER, 2, 6)));
-        assert_eq!(transitions(&mut a), [Transition::StopTriggered(PLANNER), Transition::Activated(PLANNER)]);
-        for ms in 1..500 {
-            a.receive(PAD, ms * 20 * MS, &stand(ms + 1));
-            assert_eq!(selected(&mut a, ms * 20 + 1), Some((PLANNER, 2, ms * 20 + 1)), "timed out, but in force");
-        }
-        a.receive(PLANNER, 10_000 * MS, &command(OperatorCommand::MODE_IDLE, 3));
-        assert_eq!(selected(&mut a, 10_001), Some((PAD, 500, 9980)));
-        assert_eq!(transitions(&mut a), [Transition::StopCleared(PLANNER), Transition::Activated(PAD)]);
-    }
-
-    #[test]
-    fn a_new_selection_is_another_command_than_before() {
-        let mut a = mux();
-        let new = |a: &mut CommandMux, ms: i64| {
-            a.new_selection(ms * MS).map(|c| (c.source, c.command.seq, c.arrival_ns / MS))
-        };
-        assert_eq!(new(&mut a, 0), None);
-        a.receive(KEYS, MS, &walk(1));
-        assert_eq!(new(&mut a, 2), Some((KEYS, 1, 1)));
-        assert_eq!(new(&mut a, 2000), None, "a time-out is no new command");
-        a.receive(KEYS, 2001 * MS, &walk(1));
-        assert_eq!(new(&mut a, 2001), Some((KEYS, 1, 2001)), "the same command, received again");
-        a.receive(PLANNER, 2002 * MS, &stop(1));
-        assert_eq!(new(&mut a, 2002), Some((PLANNER, 1, 2002)));
-        assert_eq!(new(&mut a, 2021), None);
-        assert_eq!(new(&mut a, 2022), Some((PLANNER, 1, 2022)), "in force");
-        a.receive(PLANNER, 2023 * MS, &stand(2));
-        assert_eq!(new(&mut a, 2023), Some((KEYS, 1, 2001)), "active again, with its old arrival time");
-    }
-
-    #[test]
-    fn each_emergency_stop_is_cleared_by_its_own_source() {
-        let mut a = mux();
-        a.receive(PAD, 0, &stop(1));
-        a.receive(KEYS, 0, &stop(1));
-        assert_eq!(selected(&mut a, 1), Some((PAD, 1, 1)));
-        a.receive(PAD, 2 * MS, &stand(2));
-        assert_eq!(selected(&mut a, 3), Some((KEYS, 1, 3)));
-        assert_eq!(transitions(&mut a), [Transition::StopTriggered(KEYS), Transition::Activated(KEYS)]);
-    }
-
-    #[test]
-    fn an_older_command_does_not_clear_an_emergency_stop() {
-        let mut a = mux();
-        a.receive(KEYS, 0, &stop(9));
-        a.receive(KEYS, MS, &walk(8));
-        assert_eq!(selected(&mut a, 2), Some((KEYS, 9, 2)));
-        a.receive(KEYS, 2 * MS, &walk(10));
-        assert_eq!(selected(&mut a, 3), Some((KEYS, 10, 2)));
-        a.receive(KEYS, 4 * MS, &stop(9));
-        assert_eq!(selected(&mut a, 5), Some((KEYS, 9, 5)), "an older command, but an emergency stop");
-    }
-
-    #[test]
-    fn a_source_may_be_restarted() {
-        let mut a = mux();
-        a.receive(KEYS, 1000 * MS, &walk(50));
-        // Before its time-out with a clock that continues, and after it with a clock that was reset.
-        a.receive(KEYS, 1020 * MS, &OperatorCommand { t_ns: 1020 * MS, ..walk(0) });
-        assert_eq!(selected(&mut a, 1020), Some((KEYS, 0, 1020)));
-        a.receive(KEYS, 1300 * MS, &OperatorCommand { t_ns: 1, ..walk(0) });
-        assert_eq!(selected(&mut a, 1300), Some((KEYS, 0, 1300)));
-    }
-
-    #[test]
-    fn of_equal_priorities_the_first_listed_is_active() {
-        let source = |channel: &str| Source { channel: channel.to_owned(), priority: 1, timeout_s: 0.1 };
-        let mut a = CommandMux::new(vec![source("A"), source("B")]).unwrap();
-        a.receive(1, 0, &walk(1));
-        a.receive(0, 0, &walk(1));
-        assert_eq!(selected(&mut a, 1), Some((0, 1, 0)));
-        assert_eq!((a.source_of("B"), a.source_of("C")), (Some(1), None));
-    }
-
-    #[test]
-    fn transitions_are_reported_with_the_channel() {
-        let a = mux();
-        let transitions =
-            [Transition::Activated, Transition::TimedOut, Transition::StopTriggered, Transition::StopCleared];
-        for transition in transitions {
-            assert!(a.text(transition(PLANNER)).contains("PLANNER"));
-        }
-    }
-
-    #[test]
-    fn invalid_sources_are_refused_by_name() {
-        let read = |text: &str| -> Result<CommandMux, String> {
-            #[derive(Deserialize)]
-            struct File {
-                #[serde(default)]
-                operator: Vec<Source>,
-            }
-            let file: File = toml::from_str(text).map_err(|error| error.message().to_owned())?;
-            CommandMux::new(file.operator).map_err(|error| error.to_string())
-        };
-        let pad = "[[operator]]\nchannel = \"PAD\"\npriority = 3\n";
-        assert_eq!(read(pad).unwrap().sources()[0].timeout_s, 0.25);
-        for (text, names) in [
-            (String::new(), vec!["[[operator]]"]),
-            (format!("{pad}{pad}"), vec!["[[operator]] PAD"]),
-            (format!("{pad}timeout_s = 0.0\n"), vec!["[[operator]] PAD", "timeout_s is 0", "0.02 to 60"]),
-            (format!("{pad}timeout_s = nan\n"), vec!["[[operator]] PAD", "timeout_s is NaN", "0.02 to 60"]),
-            (pad.replace("PAD", ""), vec!["[[operator]] \"\""]),
-            (pad.replace("PAD", "P.*"), vec!["[[operator]] \"P.*\""]),
-            (format!("{pad}timeout = 1\n"), vec!["`timeout`", "`channel`, `priority`, `timeout_s`"]),
-        ] {
-            let error = read(&text).unwrap_err();
-            assert!(names.iter().all(|name| error.contains(name)), "{names:?}: {error}");
-        }
+impl Active {
+    fn is(self, sender: &Sender) -> bool {
+        (self.source, self.id) == (sender.source, sender.id())
     }
 }

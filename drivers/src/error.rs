@@ -194,6 +194,18 @@ pub enum DriverError {
         /// Error of the operating system.
         source: std::io::Error,
     },
+    /// The driver on the network has another robot than the run.
+    #[error("the driver on this network has another robot: {difference}; no command was sent")]
+    OtherRobot {
+        /// The difference.
+        difference: String,
+    },
+    /// A second process with the same role is on the network.
+    #[error("another run on this network started earlier: end it, or use another port (--lcm-url)")]
+    SecondRun,
+    /// A second driver is on the network.
+    #[error("another driver on this network started earlier: end it, or use another port (--lcm-url)")]
+    SecondDriver,
     /// A thread cannot be started.
     #[error("cannot start the {what} thread: {source}")]
     Thread {

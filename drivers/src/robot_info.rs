@@ -26,3 +26,49 @@ pub fn robot_info(robot: &str, urdf: &str, joints: &[String], sender_id: i64) ->
         urdf_sha256,
     }
 }
+
+/// How a robot differs from the expected one, as a sentence; `None` if name, joints and URDF are equal. An empty hash is not compared.
+pub fn difference(found: &RobotInfo, expected: &RobotInfo) -> Option<String> {
+    if found.robot != expected.robot {
+        return Some(format!("robot {:?}, expected {:?}", short(&found.robot), short(&expected.robot)));
+    }
+    let [n, m] = [found, expected].map(|info| info.joint_names.len());
+    if n != m {
+        return Some(format!("{n} joints, expected {m}"));
+    }
+    let mut joints = found.joint_names.iter().zip(&expected.joint_names).enumerate();
+    if let Some((j, (a, b))) = joints.find(|(_, (a, b))| a != b) {
+        return Some(format!("joint {j} is {:?}, expected {:?}", short(a), short(b)));
+    }
+    let [a, b] = [found, expected].map(|info| short(&info.urdf_sha256));
+    (a != b && !a.is_empty() && !b.is_empty()).then(|| format!("URDF with SHA-256 {a}, expected {b}"))
+}
+
+/// At most 64 characters of a foreign text.
+fn short(text: &str) -> String {
+    text.chars().take(64).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn robots_differ_in_name_joints_or_urdf() {
+        let joints = |names: [&str; 2]| names.map(str::to_owned);
+        let expected = robot_info("a", "<robot/>", &joints(["x", "y"]), 1);
+        assert_eq!(expected.urdf_sha256.len(), 64);
+        let same = RobotInfo { t_ns: 5, sender_id: 2, t_start_ns: 3, ..expected.clone() };
+        assert_eq!(difference(&same, &expected), None);
+        let unknown = RobotInfo { urdf_sha256: String::new(), ..expected.clone() };
+        assert_eq!(difference(&unknown, &expected), None);
+        for (found, named) in [
+            (robot_info("b", "<robot/>", &joints(["x", "y"]), 1), "\"b\""),
+            (robot_info("a", "<robot/>", &joints(["y", "x"]), 1), "joint 0"),
+            (robot_info("a", "<robot/>", &joints(["x", "y"])[..1], 1), "1 joints"),
+            (robot_info("a", "<robot />", &joints(["x", "y"]), 1), "SHA-256"),
+        ] {
+            assert!(difference(&found, &expected).is_some_and(|text| text.contains(named)), "{named}");
+        }
+    }
+}

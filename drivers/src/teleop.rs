@@ -175,6 +175,8 @@ pub struct OperatorInput {
     limits: Limits,
     /// Requested `operator_command_t` MODE_*; `None` until the robot's mode is known and not `DAMPING`, or the operator sets one.
     mode: Option<i8>,
+    /// Time of the first command after the mode was requested; `None` before that command.
+    t_mode_ns: Option<i64>,
     gait: i8,
     /// Forward and left, m/s, and turn, rad/s; zero after `moves_until_ns`.
     moves: [f64; 3],
@@ -201,6 +203,7 @@ impl OperatorInput {
         OperatorInput {
             limits,
             mode: None,
+            t_mode_ns: None,
             gait: OperatorCommand::GAIT_TROT,
             moves: [0.0; 3],
             moves_until_ns: i64::MIN,
@@ -326,7 +329,7 @@ impl OperatorInput {
             t_ns,
             seq: self.seq,
             sender_id: 0,
-            t_mode_ns: 0,
+            t_mode_ns: *self.t_mode_ns.get_or_insert(t_ns),
             mode,
             gait: self.gait,
             v_H: [forward, left],
@@ -385,7 +388,7 @@ impl OperatorInput {
     }
 
     fn set_mode(&mut self, mode: i8) {
-        self.mode = Some(mode);
+        (self.mode, self.t_mode_ns) = (Some(mode), None);
         self.moves = [0.0; 3];
         self.moves_until_ns = i64::MIN;
     }

@@ -11,6 +11,19 @@ pub struct ModeWatch {
     limits: Option<FaultLimits>,
     mode: i8,
     fault: i32,
+    index: i32,
+    value: f64,
+}
+
+/// A fault that led to the safe state; fields as in `controller_tick_t`.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct FaultOfRun {
+    /// FAULT_*.
+    pub code: i32,
+    /// Joint, leg or row; -1 = none.
+    pub index: i32,
+    /// Value that caused it.
+    pub value: f64,
 }
 
 /// Level and text of an EVENT.
@@ -27,7 +40,14 @@ pub struct ModeEvent {
 impl ModeWatch {
     /// A watch for a robot with these actuated joints, in URDF order.
     pub fn new(joints: Vec<String>) -> Self {
-        ModeWatch { joints, limits: None, mode: ControllerTick::MODE_IDLE, fault: ControllerTick::FAULT_NONE }
+        ModeWatch {
+            joints,
+            limits: None,
+            mode: ControllerTick::MODE_IDLE,
+            fault: ControllerTick::FAULT_NONE,
+            index: -1,
+            value: 0.0,
+        }
     }
 
     /// The texts of faults contain the limits of this run.
@@ -48,9 +68,16 @@ impl ModeWatch {
         self.mode
     }
 
+    /// The fault with which the controller is in its safe state; `None` in other modes and after an emergency stop.
+    pub fn fault_of_safe_state(&self) -> Option<FaultOfRun> {
+        let is_fault = self.mode == ControllerTick::MODE_DAMPING && self.fault != ControllerTick::FAULT_OPERATOR;
+        is_fault.then_some(FaultOfRun { code: self.fault, index: self.index, value: self.value })
+    }
+
     /// Takes the next tick; returns an event if mode or fault is new.
     pub fn update(&mut self, tick: &ControllerTick) -> Option<ModeEvent> {
         let ControllerTick { mode, fault, .. } = *tick;
+        (self.index, self.value) = (tick.fault_index, tick.fault_value);
         let mode_before = std::mem::replace(&mut self.mode, mode);
         let is_new_fault = std::mem::replace(&mut self.fault, fault) != fault && fault != ControllerTick::FAULT_NONE;
         let warning = |text: String| Some(ModeEvent { level: Event::LEVEL_WARNING, text, is_safe_state: false });

@@ -7,12 +7,11 @@
 #[path = "../../tests/common/network.rs"]
 mod network;
 
-use controller::RestoreError;
 use controller::params::apply_overrides;
 use drivers::live::clock::{TickSchedule, now_ns, sleep_until};
 use drivers::live::{
-    Call, CallResult, CallSender, Ending, Handover, LcmRobot, LcmSender, RealtimeLoop, RequestId, Switch, call_ring,
-    message_ring,
+    Call, CallResult, CallSender, Ending, Handover, HandoverError, LcmRobot, LcmSender, RealtimeLoop, RequestId,
+    Switch, call_ring, message_ring,
 };
 use drivers::parameter_requests::{ParameterRequestHandler, Proposal};
 use lcmtypes::channels::{
@@ -51,7 +50,7 @@ fn send(
     url: &Url,
     (mut calls, mut changes): (CallSender, Vec<Proposal>),
     over: &AtomicBool,
-) -> (Vec<Option<RestoreError>>, usize) {
+) -> (Vec<Option<HandoverError>>, usize) {
     let mut sender = LcmSender::open(url).unwrap();
     let (mut bytes, mut seq, mut handovers, mut switched) = (Vec::new(), -1, Vec::new(), 0);
     for (k, mut input) in inputs.into_iter().enumerate() {

@@ -1,20 +1,24 @@
 //! The executor on a bus in memory: controllers that panic or overrun, requests and their replies, injected faults.
 #![allow(clippy::unwrap_used, missing_docs)]
 
+use controller::handover::Parameters;
 use controller::sequence::Sequence;
 use controller::{Controller, Outbox, Probe, RestoreError};
 use drivers::Scenario;
 use drivers::command_mux::{CommandMux, default_sources};
 use drivers::live::clock::{TickSchedule, now_ns};
-use drivers::live::{Dummy, Executor, Faulty, Hardware, Plan, RealtimeParams, Summary};
+use drivers::live::{
+    Call, CallResult, Dummy, Ending, Executor, Faulty, Handover, HandoverError, Hardware, Plan, RealtimeLoop,
+    RealtimeParams, RequestId, Summary, call_ring, message_ring,
+};
 use lcmtypes::bus::{Bus, MemoryBus, Received};
 use lcmtypes::channels::{
     CONTROLLER_INPUT, CONTROLLER_SNAPSHOT, CONTROLLER_TICK, EVENT, EXECUTOR_COMMAND, OPERATOR_COMMAND,
-    PARAMETER_REQUEST, REQUEST_REPLY, ROBOT_COMMAND, RUN_INFO,
+    PARAMETER_CHANGE, PARAMETER_REQUEST, REQUEST_REPLY, ROBOT_COMMAND, RUN_INFO,
 };
 use lcmtypes::{
-    ControllerInput, ControllerTick, Event, ExecutorCommand, Message, OperatorCommand, ParameterRequest, RequestReply,
-    RobotCommand, RunInfo, SequenceState,
+    ControllerInput, ControllerTick, Event, ExecutorCommand, Message, OperatorCommand, ParameterChange,
+    ParameterRequest, RequestReply, RobotCommand, RunInfo, SequenceState,
 };
 use std::time::Duration;
 
@@ -280,7 +284,8 @@ fn an_operators_mode_request_is_answered() {
     let (executor, mut bus) = start(&[("only", |_| ())], i64::MAX);
     let mut received = Vec::new();
     let (teleop, planner) = (11, 12);
-    let stand = OperatorCommand { t_ns: now_ns(), sender_id: teleop, seq: 3, ..OperatorCommand::default() };
+    let t_ns = now_ns();
+    let stand = OperatorCommand { t_ns, t_mode_ns: t_ns, sender_id: teleop, seq: 3, ..OperatorCommand::default() };
     put(&mut bus, "OPERATOR_TELEOP", &stand);
     let followed = reply_to(&mut bus, &mut received, teleop, 3);
     assert_eq!(followed.code, RequestReply::CODE_DONE);
@@ -347,4 +352,53 @@ fn run_info_is_the_first_message_and_has_the_time_of_the_first_tick() {
         (info.t_ns, &*info.robot, &*info.realtime),
         (first.t_ns, "dummy", "live, every 1000 us, no timer slack")
     );
+}
+
+/// Its state cannot be restored.
+struct Fragile;
+
+impl Controller for Fragile {
+    fn name(&self) -> &'static str {
+        "fragile"
+    }
+
+    fn step_probed(&mut self, _: &ControllerInput, _: &mut Outbox, _: &mut dyn Probe) {}
+
+    fn snapshot(&self, _: &mut Vec<u8>) {}
+
+    fn restore(&mut self, _: &[u8]) -> Result<(), RestoreError> {
+        panic!("test panic")
+    }
+
+    fn poison_workspace(&mut self) {}
+}
+
+#[test]
+fn a_panic_in_a_handover_damps_the_joints() {
+    let controllers: &[(&'static str, Work)] = &[("only", |_| ())];
+    let (messages_in, mut messages_out) = message_ring(1 << 20);
+    let (mut calls, calls_out) = call_ring();
+    let dummy = Box::new(Dummy::new(vec![0.0]));
+    let mut realtime =
+        RealtimeLoop::new(Box::new(sequence(controllers)), (3, 1), dummy, calls_out, messages_in, SCHEDULE);
+    let (change, info) = (ParameterChange::default(), RunInfo::default());
+    let parameters = Parameters::new(&info);
+    let (id, controller) = (RequestId::default(), Box::new(Fragile));
+    let handover = Handover { id, controller, change, parameters, refused: None };
+    assert!(calls.send(Call::Handover(Box::new(handover))));
+    let report = realtime.run(30, &Ending::default());
+    assert_eq!((report.ticks, report.panics), (30, 1));
+    let Some(CallResult::Handover(returned)) = calls.result() else { panic!("no result") };
+    assert!(matches!(returned.refused, Some(HandoverError::Panicked)));
+    drop(realtime);
+    let (mut commands, mut changes) = (Vec::new(), 0);
+    while let Some(message) = messages_out.pop() {
+        match message.channel {
+            ROBOT_COMMAND => commands.push(RobotCommand::decode(message.data).unwrap()),
+            PARAMETER_CHANGE => changes += 1,
+            _ => {}
+        }
+    }
+    assert_eq!((commands.len(), changes), (30, 0));
+    assert!(commands.iter().all(|command| command.mode == RobotCommand::MODE_DAMPING && command.run_id == 3));
 }

@@ -13,8 +13,9 @@ use drivers::command_mux::CommandMux;
 use drivers::live::{self, Dummy, EndCause, Executor, Faulty, LcmRobot, Plan, Summary};
 use drivers::run_info::{Run, describe};
 use lcmtypes::bus::LcmBus;
-use lcmtypes::{RunInfo, channels};
+use lcmtypes::{RunInfo, channels, enum_names};
 use replay::udpm::Url;
+use serde_json::json;
 use std::path::Path;
 use std::time::{Duration, Instant};
 
@@ -26,6 +27,7 @@ const POLL: Duration = Duration::from_millis(20);
 /// A real-time thread wakes by the absolute clock, takes the newest ROBOT_STATE, steps the controller and sends ROBOT_COMMAND. A second thread
 /// publishes all other messages. Real-time settings that the system refuses (scheduler, locked memory, ...) are reported, and the run continues
 /// without them. On Ctrl-C or at the end of --seconds a standing robot sits down; a second Ctrl-C, or the end of --ticks, damps the joints at once.
+/// Exit code 1 if the run ended in DAMPING by a fault, a controller panicked or was stopped, or another run was active; 3 if messages were lost.
 #[derive(clap::Args)]
 #[command(after_help = "Example: hoof controller runs/hyq_sim.toml --seconds 60")]
 pub struct ControllerArgs {
@@ -40,6 +42,7 @@ pub fn run(args: &ControllerArgs) -> anyhow::Result<Outcome> {
     let stop = Stop::new(args.shared.parent)?;
     let (info, hardware) = prepare(&file, &url)?;
     let schedule = file.executor.schedule();
+    let joints = live::joints(&info);
     let executor = Executor::start(Plan {
         controller: controller::load(&info).with_context(|| file.robot.clone())?,
         controllers: file.controllers.iter().map(|controller| (controller.name.clone(), controller.start)).collect(),
@@ -66,7 +69,7 @@ pub fn run(args: &ControllerArgs) -> anyhow::Result<Outcome> {
     while stop.take_signal().is_none() && !executor.is_finished() {
         std::thread::sleep(POLL);
     }
-    report(&executor.finish(), args.shared.json)
+    report(&executor.finish(), &joints, args.shared.json)
 }
 
 /// Description and hardware of a run.
@@ -124,17 +127,30 @@ fn faulty(
     Ok(Box::new(Faulty::new(hardware, &faults, joints)?))
 }
 
-fn report(summary: &Summary, json: bool) -> anyhow::Result<Outcome> {
+fn report(summary: &Summary, joints: &[String], json: bool) -> anyhow::Result<Outcome> {
     let Summary { realtime, publisher } = summary;
+    let fault = publisher.fault.map(|fault| {
+        let joint = usize::try_from(fault.index).ok().and_then(|index| joints.get(index));
+        (enum_names::fault(fault.code), joint, fault.value)
+    });
     if json {
-        say_json(&serde_json::json!({
+        let fault = fault.map(|(name, joint, value)| json!({ "fault": name, "joint": joint, "value": value }));
+        say_json(&json!({
             "ticks": realtime.ticks, "late_ticks": realtime.late, "skipped_ticks": realtime.skipped,
             "not_carried": realtime.not_carried, "commands_unsent": realtime.unsent, "panics": realtime.panics,
             "messages_unpublished": publisher.unpublished, "messages_unreadable": publisher.unreadable,
-            "wishes_not_taken": publisher.not_called,
+            "wishes_not_taken": publisher.not_called, "overrun_stops": realtime.overrun_stops,
+            "second_run": publisher.second_run, "fault": fault,
         }))?;
     } else {
         say(format!("{} ticks, {} late, {} skipped", realtime.ticks, realtime.late, realtime.skipped))?;
+        if let Some((name, joint, value)) = fault {
+            let joint = joint.map_or(String::new(), |joint| format!(" {joint}"));
+            say(format!("ended in DAMPING: {name}:{joint} {value:.3}"))?;
+        }
+        if publisher.second_run {
+            say("another run was active on this network")?;
+        }
         if summary.is_lossy() {
             say(format!(
                 "lost: {} messages (ring full), {} messages (not accepted by LCM), {} commands (not sent)",
@@ -142,8 +158,12 @@ fn report(summary: &Summary, json: bool) -> anyhow::Result<Outcome> {
             ))?;
         }
     }
-    Ok(match realtime.panics {
-        0 if summary.is_lossy() => Outcome::DataLoss,
-        panics => Outcome::failed_if(panics > 0),
+    let is_stopped = realtime.panics + realtime.overrun_stops > 0;
+    Ok(if is_stopped || publisher.second_run || fault.is_some() {
+        Outcome::Failed
+    } else if summary.is_lossy() {
+        Outcome::DataLoss
+    } else {
+        Outcome::Good
     })
 }

@@ -4,6 +4,7 @@ use super::{Shared, Stop, refuse_a_second, wait_for_controller};
 use crate::robot::RobotFiles;
 use crate::{Outcome, note, say, say_json};
 use anyhow::{Context, bail};
+use controller::model::{Base, Model};
 use controller::params::Params;
 use drivers::live::plant::{self, Plant, Summary};
 use drivers::live::{LcmReceiver, LcmSender, RealtimeParams};
@@ -51,6 +52,7 @@ pub fn run(args: &DriverArgs) -> anyhow::Result<Outcome> {
     let stopping = Arc::new(AtomicBool::new(false));
     let stopping_thread = stopping.clone();
     let name = scenario.name.clone();
+    let joints = Model::new(&tree, Base::Floating)?.joints;
     let info = robot_info(&params.robot.name, &files.urdf, sim.joints(), 0);
     let send_operator = simulation.operator;
     let thread = std::thread::Builder::new().name("real-time".to_owned()).spawn(move || {
@@ -60,7 +62,7 @@ pub fn run(args: &DriverArgs) -> anyhow::Result<Outcome> {
         }
         note(format!("driving {} in {name} on {url}: {}", file.robot, granted.held_text()));
         plant::run(
-            Plant { scenario: &scenario, send_operator, sim: &mut sim, sender, receiver, info },
+            Plant { scenario: &scenario, send_operator, sim: &mut sim, sender, receiver, info, joints },
             &stopping_thread,
         )
     })?;

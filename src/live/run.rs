@@ -32,6 +32,8 @@ const AFTERMATH: Duration = Duration::from_secs(1);
 ///
 /// If the recorder dies, the robot continues. If the driver dies, the controller damps and waits for another one (`hoof driver RUN_FILE`).
 ///
+/// Exit code 1 if a process failed: the robot fell, the run ended in DAMPING by a fault (`controller.fault` of --json), or another run was active.
+///
 /// The log of an earlier run is kept under another name: run.mcap becomes run.1.mcap, or the next free number.
 #[derive(clap::Args)]
 #[command(

@@ -29,6 +29,7 @@ pub fn operate(session: &mut Session, signals: &Signals, source: Source, name: &
             return Ok(reason);
         }
         session.heartbeat(now)?;
+        session.warn_of_failed_stop(now);
         if now >= next_ns {
             match lines.next() {
                 Next::Line(line) => {

@@ -14,12 +14,10 @@ use std::time::Duration;
 
 /// Number of events that are kept for the display.
 const EVENTS: usize = 20;
-/// Number of sent commands that are remembered: more than can be in transit.
-const SENT: usize = 64;
 /// Time without a CONTROLLER_TICK after which the controller counts as timed out, ns.
 pub const TIMEOUT_NS: i64 = 500_000_000;
 /// Time after which an emergency stop that the controller has not confirmed has failed, ns.
-const STOP_TIMEOUT_NS: i64 = 300_000_000;
+const STOP_TIMEOUT_NS: i64 = 200_000_000;
 
 /// Monotonic time, ns: the clock of all messages of a machine.
 pub fn now_ns() -> i64 {
@@ -34,8 +32,6 @@ pub struct Link {
     sender_id: i64,
     events: EventNumbers,
     bytes: Vec<u8>,
-    /// seq and t_ns of the last commands, oldest first.
-    sent: VecDeque<(i64, i64)>,
     /// What is known of the controller.
     pub status: Status,
 }
@@ -116,9 +112,9 @@ impl Link {
     }
 
     fn over(bus: Box<dyn Bus>, channel: &str) -> Self {
-        let (bytes, sent, sender_id) = (Vec::new(), VecDeque::new(), new_sender_id());
+        let (bytes, sender_id) = (Vec::new(), new_sender_id());
         let events = EventNumbers::new(sender_id);
-        Link { bus, channel: channel.to_owned(), sender_id, events, bytes, sent, status: Status::default() }
+        Link { bus, channel: channel.to_owned(), sender_id, events, bytes, status: Status::default() }
     }
 
     /// Channel of the commands.
@@ -135,10 +131,6 @@ impl Link {
         OperatorCommand { sender_id: self.sender_id, ..command.clone() }.encode(&mut self.bytes)?;
         self.bus.publish(&self.channel, &self.bytes)?;
         self.status.sent(command);
-        if self.sent.len() == SENT {
-            self.sent.pop_front();
-        }
-        self.sent.push_back((command.seq, command.t_ns));
         Ok(())
     }
 
@@ -167,7 +159,7 @@ impl Link {
             self.status.tick = Some((tick, now_ns));
         }
         if let Some(Ok(input)) = newest(channels::CONTROLLER_INPUT).map(ControllerInput::decode) {
-            self.status.follows = follows(&self.sent, &input.op);
+            self.status.follows = follows(self.sender_id, &input.op);
         }
         if let Some(Ok(info)) = newest(channels::RUN_INFO).map(RunInfo::decode)
             && let Ok(params) = Params::from_toml(&info.params, "RUN_INFO")
@@ -207,7 +199,9 @@ impl Status {
     pub fn stop(&self, now_ns: i64) -> Option<Stop> {
         let request = self.request.as_ref().filter(|request| request.mode == OperatorCommand::MODE_DAMPING)?;
         let is_done = request.reply.as_ref().is_some_and(|reply| reply.code == RequestReply::CODE_DONE);
-        Some(match self.mode(now_ns) {
+        // A state that was seen before the controller timed out confirms nothing.
+        let seen = self.tick.as_ref().filter(|(_, at)| now_ns - at <= STOP_TIMEOUT_NS).map(|(tick, _)| tick.mode);
+        Some(match seen {
             Some(ControllerTick::MODE_DAMPING) => Stop::Confirmed,
             // The reply may arrive before the tick.
             _ if is_done && now_ns - request.since_ns <= STOP_TIMEOUT_NS => Stop::Confirmed,
@@ -293,10 +287,10 @@ impl Status {
 }
 
 /// Operator of the command that the controller has consumed.
-fn follows(sent: &VecDeque<(i64, i64)>, op: &OperatorCommand) -> Follows {
+fn follows(sender_id: i64, op: &OperatorCommand) -> Follows {
     match op.seq {
         -1 => Follows::NoOperator,
-        seq if sent.contains(&(seq, op.t_ns)) => Follows::Us,
+        _ if op.sender_id == sender_id => Follows::Us,
         _ => Follows::Another,
     }
 }
@@ -332,7 +326,8 @@ mod tests {
         for number in 0..30 {
             put(&mut theirs, channels::EVENT, &Event { text: number.to_string(), ..Event::default() });
         }
-        let input = ControllerInput { op: mine.clone(), ..ControllerInput::default() };
+        let op = OperatorCommand { sender_id: link.sender_id, ..mine };
+        let input = ControllerInput { op: op.clone(), ..ControllerInput::default() };
         put(&mut theirs, channels::CONTROLLER_INPUT, &input);
         link.receive(2_000_000_000).unwrap();
         let status = &link.status;
@@ -341,7 +336,7 @@ mod tests {
         assert_eq!(status.rate_hz, 500.5);
         assert_eq!((status.events.len(), &*status.events[0].text), (EVENTS, "10"));
         assert_eq!(status.follows, Follows::Us);
-        let other = OperatorCommand { t_ns: 78, ..mine };
+        let other = OperatorCommand { sender_id: link.sender_id + 1, ..op };
         put(&mut theirs, channels::CONTROLLER_INPUT, &ControllerInput { op: other, ..ControllerInput::default() });
         link.receive(2_000_000_000).unwrap();
         assert_eq!(link.status.follows, Follows::Another);
@@ -434,6 +429,6 @@ mod tests {
         let (robot, limits) = link.status.robot.unwrap();
         assert_eq!((&*robot, limits.speed), ("anymal_b", 0.25));
         let command = OperatorCommand { seq: -1, ..OperatorCommand::default() };
-        assert_eq!(follows(&VecDeque::new(), &command), Follows::NoOperator);
+        assert_eq!(follows(1, &command), Follows::NoOperator);
     }
 }

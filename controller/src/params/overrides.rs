@@ -26,7 +26,7 @@ pub fn apply_overrides(text: &str, overrides: &[(String, String)]) -> Result<Str
 }
 
 /// Sets parameters in a TOML text, as a `parameter_change_t` does, and returns the text with these changes and no others: keys that it omits stay
-/// omitted. Changes may be applied one by one or together.
+/// omitted, except those in the table of a changed key that the text omits. Changes may be applied one by one or together.
 ///
 /// - `changes`: as the overrides of [`apply_overrides`].
 ///
@@ -45,14 +45,14 @@ pub fn apply_changes(text: &str, changes: &[(String, String)]) -> Result<String,
 fn copy(from: &toml::Table, to: &mut toml::Table, key: &str) {
     let (name, rest) = key.split_once('.').map_or((key, None), |(name, rest)| (name, Some(rest)));
     match (from.get(name), rest) {
-        (Some(toml::Value::Table(from)), Some(rest)) => {
-            let inner = to.entry(name).or_insert_with(|| toml::Value::Table(toml::Table::new()));
-            if let toml::Value::Table(to) = inner {
+        (Some(toml::Value::Table(from)), Some(rest)) if to.get(name).is_some_and(toml::Value::is_table) => {
+            if let Some(toml::Value::Table(to)) = to.get_mut(name) {
                 copy(from, to, rest);
             }
         }
-        (Some(value), None) => drop(to.insert(name.to_owned(), value.clone())),
-        _ => {}
+        // A part of a table may lack required keys: a table that the text omits is copied whole.
+        (Some(value), _) => drop(to.insert(name.to_owned(), value.clone())),
+        (None, _) => {}
     }
 }
 
@@ -123,16 +123,19 @@ mod tests {
     fn changes_one_by_one_or_together_add_only_their_keys() {
         let text = include_str!("../../../robots/hyq/hyq.toml");
         let change = |key: &str, value: &str| (key.to_owned(), value.to_owned());
-        let [a, b] = [change("wbc.friction", "0.4"), change("safety.max_tilt", "0.5")];
+        let [a, b] = [change("safety.max_state_age", "0.02"), change("safety.max_tilt", "0.5")];
         let one_by_one = apply_changes(&apply_changes(text, &[a.clone()]).unwrap(), &[b.clone()]).unwrap();
         let together = apply_changes(text, &[a.clone(), b.clone()]).unwrap();
         assert_eq!(one_by_one, together);
         let mut expected: toml::Table = text.parse().unwrap();
-        for (table, key, value) in [("wbc", "friction", 0.4), ("safety", "max_tilt", 0.5)] {
-            let table = expected.entry(table).or_insert_with(|| toml::Value::Table(toml::Table::new()));
-            table.as_table_mut().unwrap().insert(key.to_owned(), value.into());
+        for (key, value) in [("max_state_age", 0.02), ("max_tilt", 0.5)] {
+            expected["safety"].as_table_mut().unwrap().insert(key.to_owned(), value.into());
         }
         assert_eq!(together.parse::<toml::Table>().unwrap(), expected);
         assert_eq!(apply_overrides(&together, &[]).unwrap(), apply_overrides(text, &[a, b]).unwrap());
+        // In a table that the text omits.
+        let [c, d] = [change("gait.crawl.swing_frequency", "2.5"), change("gait.crawl.duty", "0.6")];
+        let one_by_one = apply_changes(&apply_changes(text, &[c.clone()]).unwrap(), &[d.clone()]).unwrap();
+        assert_eq!(one_by_one, apply_changes(text, &[c, d]).unwrap());
     }
 }

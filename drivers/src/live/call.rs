@@ -28,6 +28,8 @@ pub enum Call {
         /// The command.
         command: OperatorCommand,
     },
+    /// Use the measurements of this driver.
+    Driver(i64),
     /// Start or stop a controller.
     Switch(Switch),
     /// Replace the controller by one with other parameters.
@@ -56,7 +58,19 @@ pub struct Handover {
     /// All parameters after the change.
     pub parameters: Parameters,
     /// Set on return if the new controller did not accept the state.
-    pub refused: Option<RestoreError>,
+    pub refused: Option<HandoverError>,
+}
+
+/// Why a controller did not take over.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum HandoverError {
+    /// It does not accept the state.
+    #[error(transparent)]
+    State(#[from] RestoreError),
+    /// It panicked, and all controllers were stopped.
+    #[error("a controller panicked in the handover")]
+    Panicked,
 }
 
 /// Result of a call.

@@ -1,20 +1,27 @@
 //! Starts and ends the two threads of a controller process.
 
-use super::clock::TickSchedule;
-use super::publisher::{Publisher, PublisherReport};
+use super::clock::{TickSchedule, now_ns};
+use super::peers::{Finding, Peers};
+use super::publisher::{Publisher, PublisherReport, joints};
 use super::realtime_loop::{End, EndCause, Ending, RealtimeLoop, RealtimeReport};
 use super::{Granted, Hardware, Lateness, RealtimeParams, call_ring, message_ring};
 use crate::DriverError;
 use crate::command_mux::CommandMux;
+use crate::robot_info::robot_info;
 use controller::Controller;
 use lcmtypes::bus::Bus;
-use lcmtypes::{RunInfo, channels, new_sender_id};
+use lcmtypes::{Message, RobotInfo, RunInfo, channels, new_sender_id};
 use std::sync::Arc;
 use std::sync::mpsc;
 use std::thread::JoinHandle;
+use std::time::Duration;
 
 /// Capacity of the ring to the publisher, bytes: more than a second of a quadruped's messages.
 const RING_BYTES: usize = 1 << 24;
+/// Longest wait for the answer of the driver, ns.
+const ANSWER_NS: i64 = 300_000_000;
+/// Longest wait for one message.
+const POLL: Duration = Duration::from_millis(20);
 /// Real-time priority of the publisher: above ordinary processes, below all threads in control.
 const PUBLISHER_PRIORITY: u8 = 1;
 
@@ -41,7 +48,7 @@ pub struct Plan {
 }
 
 /// Result of a run.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Summary {
     /// The real-time thread.
     pub realtime: RealtimeReport,
@@ -69,9 +76,11 @@ impl Executor {
     /// Starts both threads. Returns once the real-time settings are known.
     ///
     /// # Errors
-    /// If the bus refuses a subscription or a thread cannot be started.
+    /// If the bus refuses a subscription, a thread cannot be started, the driver has another robot, or another run is active.
     pub fn start(plan: Plan) -> Result<Self, DriverError> {
-        let Plan { controller, controllers, hardware, mut bus, operators, mut info, schedule, ticks, realtime } = plan;
+        let Plan { controller, controllers, mut hardware, mut bus, mut operators, mut info, schedule, ticks, realtime } =
+            plan;
+        operators.start(now_ns());
         bus.subscribe(channels::EXECUTOR_COMMAND)?;
         bus.subscribe(channels::PARAMETER_REQUEST)?;
         operators.sources().iter().try_for_each(|source| bus.subscribe(&source.channel))?;
@@ -79,6 +88,14 @@ impl Executor {
         let (messages_in, messages_out) = message_ring(RING_BYTES);
         let (calls_in, calls_out) = call_ring();
         info.run_id = new_sender_id();
+        let peers = if hardware.is_on_bus() {
+            let robot = robot_info(&info.robot, &info.urdf, &joints(&info), info.run_id);
+            let mut peers = Peers::new(RobotInfo { t_start_ns: now_ns(), ..robot });
+            hardware.listen_to(find_driver(&mut peers, &mut *bus)?);
+            Some(peers)
+        } else {
+            None
+        };
         let (granted_in, granted_out) = mpsc::channel();
         let running = controllers.iter().enumerate().fold(0, |bits, (k, (_, starts))| bits | i64::from(*starts) << k);
         let mut realtime_loop =
@@ -96,7 +113,8 @@ impl Executor {
         info.realtime = format!("live, every {} us, {}", schedule.period_ns / 1000, granted.text());
         let names = controllers.into_iter().map(|(name, _)| name).collect();
         let lateness = Lateness::new(schedule.period_ns);
-        let publisher = Publisher::new((messages_out, calls_in), bus, operators, info, names, lateness, ending.clone());
+        let publisher =
+            Publisher::new((messages_out, calls_in), (bus, peers), operators, info, names, lateness, ending.clone());
         // On a busy machine it must not fall behind by more than the window within which a log's reader sorts messages.
         let settings = RealtimeParams { priority: realtime.priority.min(PUBLISHER_PRIORITY), ..RealtimeParams::none() };
         let publisher_thread = spawn("publisher", move || {
@@ -140,6 +158,35 @@ impl Drop for Executor {
     fn drop(&mut self) {
         self.close();
     }
+}
+
+/// Exchanges EXPECTED_ROBOT and ROBOT_INFO with the driver. Returns the driver of the run's robot; `None` if no driver answers in time.
+fn find_driver(peers: &mut Peers, bus: &mut dyn Bus) -> Result<Option<i64>, DriverError> {
+    bus.subscribe(channels::ROBOT_INFO)?;
+    bus.subscribe(channels::EXPECTED_ROBOT)?;
+    let mut bytes = Vec::new();
+    let end_ns = now_ns() + ANSWER_NS;
+    while now_ns() < end_ns {
+        // In each round: a message may be lost.
+        bytes.clear();
+        peers.expected(now_ns()).encode(&mut bytes)?;
+        bus.publish(channels::EXPECTED_ROBOT, &bytes)?;
+        for message in bus.handle(POLL)? {
+            let Ok(info) = RobotInfo::decode(&message.data) else { continue };
+            let found = match &*message.channel {
+                channels::ROBOT_INFO => peers.robot_info(&info, now_ns()),
+                channels::EXPECTED_ROBOT => peers.expected_robot(&info, now_ns()),
+                _ => None,
+            };
+            match found {
+                Some(Finding::Driver(id)) => return Ok(Some(id)),
+                Some(Finding::OtherRobot(difference)) => return Err(DriverError::OtherRobot { difference }),
+                Some(Finding::SecondRun { is_earlier: true }) => return Err(DriverError::SecondRun),
+                _ => {}
+            }
+        }
+    }
+    Ok(None)
 }
 
 fn spawn<T: Send + 'static>(

@@ -70,6 +70,14 @@ impl Hardware for Faulty {
         }
     }
 
+    fn listen_to(&mut self, driver: Option<i64>) {
+        self.inner.listen_to(driver);
+    }
+
+    fn refused(&self) -> u64 {
+        self.inner.refused()
+    }
+
     fn is_on_bus(&self) -> bool {
         self.inner.is_on_bus()
     }

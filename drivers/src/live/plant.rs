@@ -4,10 +4,13 @@
 //! the scenario starts. If no command arrives for [`WATCHDOG_NS`], the watchdog damps the joints.
 
 use super::clock::{TickSchedule, now_ns, sleep_until};
+use super::command_gate::CommandGate;
+use super::peers::is_fresh;
 use super::socket::{LcmReceiver, LcmSender};
 use crate::operator_script::OperatorScript;
 use crate::robot_info::ROBOT_INFO_EVERY_NS;
 use crate::{DriverError, FaultInjection, Scenario, Simulator};
+use controller::model::JointInfo;
 use lcmtypes::{
     ControllerTick, Event, EventNumbers, GroundTruth, Message, ParameterRequest, RobotCommand, RobotInfo, RobotState,
     channels, new_sender_id,
@@ -17,6 +20,8 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 /// Largest age of the newest command before the joints are damped, ns. With one step and a late wake-up the delay stays below 20 ms.
 pub const WATCHDOG_NS: i64 = 15_000_000;
+/// Shortest time between two ROBOT_INFO, ns.
+const ANSWER_EVERY_NS: i64 = 100_000_000;
 /// Damping of each joint by the watchdog, N m s/rad.
 const WATCHDOG_KD: f64 = 8.0;
 
@@ -31,7 +36,7 @@ pub struct Summary {
     pub watchdog: u64,
     /// Time of the fall, s; `None` if the robot did not fall.
     pub fell_at_s: Option<f64>,
-    /// Rejected commands: wrong size or non-finite values.
+    /// Refused commands: of other runs or senders, old, undecodable, or with values out of range.
     pub refused: u64,
     /// Messages that could not be sent.
     pub unsent: u64,
@@ -49,8 +54,10 @@ pub struct Plant<'a> {
     pub sender: LcmSender,
     /// Receives commands.
     pub receiver: LcmReceiver,
-    /// Describes the robot; the driver sets sender and time.
+    /// Describes the robot; the driver sets sender and times.
     pub info: RobotInfo,
+    /// The actuated joints, in URDF order.
+    pub joints: Vec<JointInfo>,
 }
 
 /// Runs until `stop` is set. After the end of the scenario its last operator command continues to be sent.
@@ -87,6 +94,7 @@ struct Run<'a> {
     requests: VecDeque<ParameterRequest>,
     info: RobotInfo,
     info_due_ns: i64,
+    gate: CommandGate,
     state: RobotState,
     truth: GroundTruth,
     newest: RobotCommand,
@@ -106,8 +114,8 @@ struct Run<'a> {
 
 impl<'a> Run<'a> {
     fn new(plant: Plant<'a>) -> Result<Self, DriverError> {
-        let Plant { scenario, send_operator, sim, sender, receiver, mut info } = plant;
-        info.sender_id = new_sender_id();
+        let Plant { scenario, send_operator, sim, sender, receiver, mut info, joints } = plant;
+        (info.sender_id, info.t_start_ns) = (new_sender_id(), now_ns());
         let sender_id = info.sender_id;
         Ok(Run {
             faults: FaultInjection::new(&scenario.faults, sim.joints())?,
@@ -115,6 +123,7 @@ impl<'a> Run<'a> {
             timeline: scenario.timeline().into(),
             requests: if send_operator { scenario.parameters.clone().into() } else { VecDeque::new() },
             state: RobotState { sender_id, ..RobotState::default() },
+            gate: CommandGate::new(joints, info.clone()),
             info,
             info_due_ns: i64::MIN,
             truth: GroundTruth::default(),
@@ -158,7 +167,8 @@ impl<'a> Run<'a> {
         }
         applied.clone_from(if self.timed_out { &self.damping } else { &self.newest });
         faults.on_command(*t_ns, applied);
-        self.summary.refused += u64::from(sim.apply(applied).is_err());
+        // The gate has checked size, mode and values; a fault of the scenario only scales them.
+        sim.apply(applied)?;
         sim.clear_pushes();
         for push in scenario.pushes_at(*t_ns) {
             sim.add_push(push.link.as_deref(), push.f_W, push.tau_W)?;
@@ -195,18 +205,45 @@ impl<'a> Run<'a> {
 
     /// Receives the newest command; damps the joints if commands time out.
     fn receive(&mut self, now: i64) -> Result<(), DriverError> {
-        let Run { newest, out, .. } = self;
-        let mut is_new = false;
+        let Run { newest, out, gate, info, info_due_ns, .. } = self;
+        let (mut is_new, mut other_robot, mut is_second) = (false, None, false);
         let arrives = self.faults.command_arrives(self.t_ns);
         let upright = &mut self.upright;
-        self.receiver.receive(|channel, data| match channel {
-            channels::ROBOT_COMMAND => is_new |= arrives && newest.decode_into(data).is_ok(),
+        self.receiver.receive(|from, channel, data| match channel {
+            channels::ROBOT_COMMAND if arrives => is_new |= gate.take(from, data, now, newest).is_ok(),
+            channels::EXPECTED_ROBOT => {
+                let Ok(expected) = RobotInfo::decode(data) else { return };
+                if is_fresh(&expected, now) {
+                    other_robot = gate.expect(&expected).or(other_robot.take());
+                    // The answer, at most ten times a second.
+                    *info_due_ns = (*info_due_ns).min(info.t_ns + ANSWER_EVERY_NS);
+                }
+            }
+            channels::ROBOT_INFO => {
+                let Ok(other) = RobotInfo::decode(data) else { return };
+                if other.sender_id != info.sender_id && is_fresh(&other, now) {
+                    is_second |= (other.t_start_ns, other.sender_id) < (info.t_start_ns, info.sender_id);
+                    *info_due_ns = (*info_due_ns).min(info.t_ns + ANSWER_EVERY_NS);
+                }
+            }
             channels::CONTROLLER_TICK => {
                 let mode = ControllerTick::decode(data).map_or(ControllerTick::MODE_IDLE, |tick| tick.mode);
                 *upright = matches!(mode, ControllerTick::MODE_STANCE | ControllerTick::MODE_WALK);
             }
             _ => {}
         });
+        if is_second {
+            out.event(now, -1, Event::LEVEL_ERROR, "driver", DriverError::SecondDriver.to_string())?;
+            return Err(DriverError::SecondDriver);
+        }
+        if let Some(difference) = other_robot {
+            let text = format!("a run controls another robot and is not obeyed: {difference}");
+            out.event(now, -1, Event::LEVEL_ERROR, "driver", text)?;
+        }
+        if let Some(text) = gate.report(now) {
+            out.event(now, newest.tick, Event::LEVEL_WARNING, "driver", text)?;
+        }
+        self.summary.refused = gate.refused();
         if is_new {
             if !self.started {
                 let text = format!("scenario {} starts", self.scenario.name);

@@ -3,17 +3,20 @@
 use super::clock::now_ns;
 use super::message_ring::{MessageReceiver, RingMessage};
 use super::outgoing::Outgoing;
-use super::realtime_loop::{EndCause, Ending};
+use super::peers::{Finding, Peers};
+use super::realtime_loop::{End, EndCause, Ending};
 use super::requests::Requests;
 use super::{CallSender, Lateness};
 use crate::command_mux::CommandMux;
-use crate::watch::{ModeEvent, ModeWatch};
+use crate::robot_info::ROBOT_INFO_EVERY_NS;
+use crate::watch::{FaultOfRun, ModeEvent, ModeWatch};
 use controller::model::{JointKind, UrdfTree};
-use lcmtypes::bus::Bus;
+use lcmtypes::bus::{Bus, Received};
 use lcmtypes::{
-    ControllerInput, ControllerTick, Event, Message, ParameterChange, RunInfo, Timing, channels, enum_names,
+    ControllerInput, ControllerTick, Event, Message, ParameterChange, RobotInfo, RunInfo, Timing, channels, enum_names,
 };
 use std::sync::Arc;
+use std::sync::atomic::Ordering;
 use std::time::Duration;
 
 /// Period at which RUN_INFO and the parameter changes are published again, so that a log that begins later can be read, ns.
@@ -22,7 +25,7 @@ pub const RUN_INFO_EVERY_NS: i64 = 5_000_000_000;
 const POLL: Duration = Duration::from_millis(1);
 
 /// Result of a publisher thread.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct PublisherReport {
     /// Messages that the bus did not accept.
     pub unpublished: u64,
@@ -30,6 +33,10 @@ pub struct PublisherReport {
     pub unreadable: u64,
     /// Calls for which the ring to the real-time thread had no room.
     pub not_called: u64,
+    /// Another run was active on the network; this one ended if it started later.
+    pub second_run: bool,
+    /// The fault with which the run ended in its safe state, if it did.
+    pub fault: Option<FaultOfRun>,
 }
 
 /// The publisher thread's data.
@@ -40,16 +47,22 @@ pub struct Publisher {
     events: TickEvents,
     info: RunInfo,
     info_due_ns: Option<i64>,
+    peers: Option<Peers>,
+    peers_due_ns: i64,
+    /// Refused measurements that were reported, and time of that report, ns.
+    reported_states: (u64, i64),
+    /// Another run was active.
+    second_run: bool,
 }
 
 impl Publisher {
     /// A publisher between the rings of the real-time thread and `bus`.
     ///
     /// `bus` has subscribed to [`channels::EXECUTOR_COMMAND`], [`channels::PARAMETER_REQUEST`] and the channels of the operators.
-    /// `controllers`: names, in the order of their bits.
+    /// `controllers`: names, in the order of their bits. `peers`: if the robot is on the bus.
     pub fn new(
         (ring, calls): (MessageReceiver, CallSender),
-        bus: Box<dyn Bus>,
+        (bus, peers): (Box<dyn Bus>, Option<Peers>),
         mux: CommandMux,
         info: RunInfo,
         controllers: Vec<String>,
@@ -63,6 +76,10 @@ impl Publisher {
             events: TickEvents::new(&info, controllers, lateness, ending),
             info,
             info_due_ns: None,
+            peers,
+            peers_due_ns: i64::MIN,
+            reported_states: (0, i64::MIN),
+            second_run: false,
         }
     }
 
@@ -78,6 +95,7 @@ impl Publisher {
             self.receive();
             self.requests.work(&mut self.out);
             self.out.report_suppressed();
+            self.announce();
         }
         self.requests.close(&mut self.out);
         // For a log that began within the last seconds.
@@ -90,6 +108,8 @@ impl Publisher {
             unpublished: self.out.unpublished(),
             unreadable: counts.unreadable,
             not_called: counts.not_called,
+            second_run: self.second_run,
+            fault: self.events.modes.fault_of_safe_state(),
         }
     }
 
@@ -120,9 +140,73 @@ impl Publisher {
         self.requests.publish_changes(&mut self.out);
     }
 
+    /// Sends EXPECTED_ROBOT if it is due, and reports measurements that were not used.
+    fn announce(&mut self) {
+        let now = now_ns();
+        if let Some(peers) = &mut self.peers
+            && now >= self.peers_due_ns
+        {
+            self.peers_due_ns = now + peers.period_ns();
+            self.out.put(channels::EXPECTED_ROBOT, peers.expected(now));
+        }
+        let refused = self.events.ending.refused_states.load(Ordering::Relaxed);
+        let (reported, at_ns) = self.reported_states;
+        if refused > reported && now.saturating_sub(at_ns) >= ROBOT_INFO_EVERY_NS {
+            self.reported_states = (refused, now);
+            let text = format!("{} ROBOT_STATE refused: of another sender, or undecodable", refused - reported);
+            self.out.event(now, -1, Event::LEVEL_WARNING, "executor", text);
+        }
+    }
+
+    /// Takes a ROBOT_INFO or EXPECTED_ROBOT. With a second driver or run the joints are damped; of two runs, the later one ends.
+    fn receive_peer(&mut self, message: &Received) {
+        let (Some(peers), Ok(info)) = (&mut self.peers, RobotInfo::decode(&message.data)) else { return };
+        let now = now_ns();
+        let found = match &*message.channel {
+            channels::ROBOT_INFO => peers.robot_info(&info, now),
+            _ => peers.expected_robot(&info, now),
+        };
+        // At once, if it is open whether a driver has ended.
+        self.peers_due_ns = self.peers_due_ns.min(now + peers.period_ns());
+        let text = match found {
+            None => return,
+            Some(Finding::Driver(id)) => {
+                self.requests.use_driver(id);
+                return;
+            }
+            Some(Finding::OtherRobot(difference)) => {
+                format!("a driver has another robot and is not used: {difference}")
+            }
+            Some(Finding::SecondDriver) => {
+                self.requests.damp(now, self.info.run_id);
+                "two drivers of this robot are running: joints damped".to_owned()
+            }
+            Some(Finding::SecondRun { is_earlier }) => {
+                self.requests.damp(now, self.info.run_id);
+                self.second_run = true;
+                // The other run must learn of this one too.
+                self.peers_due_ns = i64::MIN;
+                if is_earlier {
+                    self.events.ending.request(End::Damp, EndCause::SecondRun);
+                    "another run on this network started earlier: this run ends".to_owned()
+                } else {
+                    "another run on this network started later: joints damped".to_owned()
+                }
+            }
+        };
+        self.out.event(now, -1, Event::LEVEL_ERROR, "executor", text);
+    }
+
     fn receive(&mut self) {
         match self.out.bus().handle(POLL) {
-            Ok(messages) => messages.iter().for_each(|message| self.requests.receive(message, &mut self.out)),
+            Ok(messages) => {
+                for message in &messages {
+                    match &*message.channel {
+                        channels::ROBOT_INFO | channels::EXPECTED_ROBOT => self.receive_peer(message),
+                        _ => self.requests.receive(message, &mut self.out),
+                    }
+                }
+            }
             // Without a pause, a bus whose calls fail at once would keep a core busy.
             Err(_) => std::thread::sleep(POLL),
         }
@@ -217,7 +301,7 @@ impl TickEvents {
 }
 
 /// Names of the robot's actuated joints, in URDF order; empty if the URDF cannot be read.
-fn joints(info: &RunInfo) -> Vec<String> {
+pub fn joints(info: &RunInfo) -> Vec<String> {
     let tree = UrdfTree::parse(&info.urdf, &info.robot).ok();
     let joints = tree.into_iter().flat_map(|tree| tree.joints);
     joints.filter(|joint| joint.kind != JointKind::Fixed).map(|joint| joint.name).collect()

@@ -1,7 +1,7 @@
 //! The real-time thread: it wakes by the absolute clock, takes the newest measurement, steps the controller and sends the command.
 
 use super::Hardware;
-use super::call::{Call, CallReceiver, CallResult, Handover, Switch};
+use super::call::{Call, CallReceiver, CallResult, Handover, HandoverError, Switch};
 use super::clock::{TickSchedule, now_ns, sleep_until};
 use super::hardware::empty_state;
 use super::message_ring::MessageSender;
@@ -10,7 +10,7 @@ use controller::handover::take_over;
 use controller::{Controller, Outbox};
 use lcmtypes::{ControllerInput, ControllerTick, Event, Message, OperatorCommand, Timing, channels};
 use std::panic::{AssertUnwindSafe, catch_unwind};
-use std::sync::atomic::{AtomicU8, Ordering};
+use std::sync::atomic::{AtomicU8, AtomicU64, Ordering};
 
 /// Last ticks of a run, in which the executor requests damping: the last commands that a driver receives damp the joints.
 pub const LAST_TICKS: i64 = 20;
@@ -26,6 +26,8 @@ const OVERRUNS: u32 = 3;
 pub struct Ending {
     end: AtomicU8,
     cause: AtomicU8,
+    /// Measurements that the hardware did not use, for the publisher's reports.
+    pub(super) refused_states: AtomicU64,
 }
 
 /// Why a run ends.
@@ -44,16 +46,19 @@ pub enum EndCause {
     ParentDied,
     /// The publisher thread has died: the run has neither an operator nor a log.
     PublisherDied,
+    /// Another run, which started earlier, is active.
+    SecondRun,
 }
 
 impl EndCause {
-    const ALL: [EndCause; 6] = [
+    const ALL: [EndCause; 7] = [
         EndCause::Length,
         EndCause::Interrupt,
         EndCause::Terminate,
         EndCause::HangUp,
         EndCause::ParentDied,
         EndCause::PublisherDied,
+        EndCause::SecondRun,
     ];
 
     /// Text for an EVENT.
@@ -65,6 +70,7 @@ impl EndCause {
             EndCause::HangUp => "SIGHUP received (terminal closed)",
             EndCause::ParentDied => "the process that started the run has died",
             EndCause::PublisherDied => "the publisher thread has died",
+            EndCause::SecondRun => "another run on this network started earlier",
         }
     }
 }
@@ -117,8 +123,10 @@ pub struct RealtimeReport {
     pub not_carried: u64,
     /// Commands that the hardware could not send.
     pub unsent: u64,
-    /// Ticks in which a controller panicked.
+    /// Ticks and handovers in which a controller panicked.
     pub panics: u64,
+    /// Times that all controllers were stopped because of consecutive overruns.
+    pub overrun_stops: u64,
 }
 
 /// Data of the real-time thread.
@@ -178,6 +186,7 @@ impl RealtimeLoop {
             sleep_until(due_ns);
             let wake_ns = now_ns();
             let deadline_ns = due_ns + self.schedule.period_ns;
+            ending.refused_states.store(self.hardware.refused(), Ordering::Relaxed);
             let mut instead = None;
             match ending.requested() {
                 End::No => {}
@@ -231,6 +240,7 @@ impl RealtimeLoop {
                         break;
                     }
                 }
+                Call::Driver(id) => self.hardware.listen_to(Some(id)),
                 Call::Switch(switch) => self.switch(switch),
                 Call::Handover(handover) => self.hand_over(handover),
             }
@@ -271,14 +281,24 @@ impl RealtimeLoop {
     /// Replaces the controller by one with other parameters before this tick's step, and logs it before this tick's input.
     fn hand_over(&mut self, mut handover: Box<Handover>) {
         let Handover { controller: next, change, refused, .. } = &mut *handover;
-        match take_over(&*self.controller, &mut **next, &mut self.state) {
-            Ok(()) => {
+        let (now, state) = (&*self.controller, &mut self.state);
+        match catch_unwind(AssertUnwindSafe(|| take_over(now, &mut **next, state))) {
+            Ok(Ok(())) => {
                 std::mem::swap(&mut self.controller, next);
                 (change.t_ns, change.tick) = (self.input.t_ns, self.input.tick);
                 encode(&mut self.bytes, change);
                 self.pass_bytes(channels::PARAMETER_CHANGE);
             }
-            Err(error) => *refused = Some(error),
+            Ok(Err(error)) => *refused = Some(error.into()),
+            Err(panic) => {
+                *refused = Some(HandoverError::Panicked);
+                let running = std::mem::take(&mut self.input.running);
+                self.report.panics += 1;
+                self.report_error(format!(
+                    "controller panicked in a handover, all controllers stopped: {}; running was {running}",
+                    text_of(&*panic)
+                ));
+            }
         }
         self.put_result(CallResult::Handover(handover));
     }
@@ -319,6 +339,7 @@ impl RealtimeLoop {
         self.overruns = if is_long { self.overruns + 1 } else { 0 };
         if self.overruns > OVERRUNS {
             self.overruns = 0;
+            self.report.overrun_stops += 1;
             self.input.running = 0;
             self.report_error(format!(
                 "all controllers stopped: {} consecutive ticks took longer than a period",

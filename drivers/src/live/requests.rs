@@ -59,7 +59,7 @@ impl Requests {
     pub fn new(calls: CallSender, mux: CommandMux, info: &RunInfo, controllers: Vec<String>) -> Self {
         Requests {
             calls,
-            operator_replies: OperatorReplies::new(mux.sources()),
+            operator_replies: OperatorReplies::new(),
             mux,
             controllers,
             replies: Replies::default(),
@@ -101,6 +101,17 @@ impl Requests {
         }
     }
 
+    /// Has the measurements of a driver used, and of no other.
+    pub fn use_driver(&mut self, id: i64) {
+        self.call(Call::Driver(id));
+    }
+
+    /// Damps the joints as an emergency stop of the run itself does; only a request for IDLE ends it.
+    pub fn damp(&mut self, t_ns: i64, run_id: i64) {
+        let (sender_id, mode) = (run_id, OperatorCommand::MODE_DAMPING);
+        self.call(Call::Operator { t_ns, command: OperatorCommand { sender_id, mode, ..OperatorCommand::default() } });
+    }
+
     /// Work that is due: results of the real-time thread, the next parameter request, operators that time out.
     pub fn work(&mut self, out: &mut Outgoing) {
         self.forward_operator(out);
@@ -133,8 +144,8 @@ impl Requests {
         self.mux.receive(source, t_ns, command);
         // After each command: the real-time thread consumes an emergency stop in a tick even if the next command clears it.
         self.forward_operator(out);
-        if let Some(active) = self.mux.active()
-            && let Some(reply) = self.operator_replies.received(source, active, t_ns, command)
+        if let Some(why) = self.mux.ignored(source, command.sender_id)
+            && let Some(reply) = self.operator_replies.ignored(t_ns, command, self.mux.reason(source, why))
         {
             out.put(channels::REQUEST_REPLY, &reply);
         }
@@ -144,7 +155,7 @@ impl Requests {
     fn forward_operator(&mut self, out: &mut Outgoing) {
         let now_ns = now_ns();
         if let Some(selection) = self.mux.new_selection(now_ns) {
-            self.operator_replies.forwarded(selection.source, selection.command);
+            self.operator_replies.forwarded(selection.arrival_ns, selection.command);
             let call = Call::Operator { t_ns: selection.arrival_ns, command: selection.command.clone() };
             self.call(call);
         }

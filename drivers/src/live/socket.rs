@@ -28,13 +28,13 @@ impl LcmReceiver {
         Ok(LcmReceiver { listener: Listener::open(&Url { recv_buf_size: Some(BUFFER), ..url.clone() })? })
     }
 
-    /// Calls `take` with channel and bytes of each message that has arrived since the last call, oldest first. Does not wait.
-    pub fn receive(&mut self, mut take: impl FnMut(&str, &[u8])) {
+    /// Calls `take` with sender address, channel and bytes of each message that has arrived since the last call, oldest first. Does not wait.
+    pub fn receive(&mut self, mut take: impl FnMut(SocketAddrV4, &str, &[u8])) {
         for _ in 0..DATAGRAMS {
             // A failing socket gives no messages; the age of the last message shows it.
             let Ok(Some(datagram)) = self.listener.receive_now() else { return };
             if let Ok(Packet::Short(message)) = Packet::parse(datagram.bytes) {
-                take(message.channel, message.data);
+                take(datagram.sender, message.channel, message.data);
             }
         }
     }
@@ -49,7 +49,7 @@ pub fn has_traffic(url: &Url, channel: &str, within: Duration) -> Result<bool, D
     let (end, mut found) = (Instant::now() + within, false);
     while !found && Instant::now() < end {
         std::thread::sleep(POLL);
-        receiver.receive(|from, _| found |= from == channel);
+        receiver.receive(|_, from, _| found |= from == channel);
     }
     Ok(found)
 }

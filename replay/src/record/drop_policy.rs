@@ -123,6 +123,8 @@ mod tests {
             kept(&policy),
             [
                 "RUN_INFO",
+                "ROBOT_INFO",
+                "EXPECTED_ROBOT",
                 "PARAMETER_CHANGE",
                 "CONTROLLER_INPUT",
                 "CONTROLLER_TICK",
@@ -131,10 +133,11 @@ mod tests {
                 "EVENT"
             ]
         );
+        let vital = ["RUN_INFO", "ROBOT_INFO", "EXPECTED_ROBOT", "PARAMETER_CHANGE", "CONTROLLER_INPUT", "EVENT"];
         policy.update(76, 100);
-        assert_eq!(kept(&policy), ["RUN_INFO", "PARAMETER_CHANGE", "CONTROLLER_INPUT", "EVENT"]);
+        assert_eq!(kept(&policy), vital);
         policy.update(100, 100);
-        assert_eq!(kept(&policy), ["RUN_INFO", "PARAMETER_CHANGE", "CONTROLLER_INPUT", "EVENT"]);
+        assert_eq!(kept(&policy), vital);
     }
 
     #[test]
@@ -158,7 +161,9 @@ mod tests {
     fn low_disk_space_drops_channels_except_vital_ones() {
         let mut policy = DropPolicy::new(Pattern::new("OTHER|LEG.*").ok());
         policy.disk = RecordLevel::Inputs;
-        assert_eq!(kept(&policy), ["RUN_INFO", "PARAMETER_CHANGE", "CONTROLLER_INPUT", "LEG_STATE", "EVENT", "OTHER"]);
+        let (vital, named) = (["RUN_INFO", "ROBOT_INFO", "EXPECTED_ROBOT"], ["LEG_STATE", "EVENT", "OTHER"]);
+        let kept_inputs = ["PARAMETER_CHANGE", "CONTROLLER_INPUT"];
+        assert_eq!(kept(&policy), [&vital[..], &kept_inputs, &named].concat());
     }
 
     #[test]
