@@ -7,7 +7,9 @@ use analysis::table::{Column, Table};
 use anyhow::Context;
 use clap::Subcommand;
 use controller::model::eval::{EvalRequest, RobotInfo, eval};
+use controller::model::untouchable;
 use controller::params::{Params, ParamsError, apply_overrides, bounds};
+use controller::quadruped::{Implausible, implausible};
 pub use drivers::robot_files::{RobotFiles, find_shipped, overrides, read, with_overrides};
 use std::path::PathBuf;
 
@@ -73,6 +75,14 @@ fn info(robot: &str, params: bool, json: bool) -> anyhow::Result<()> {
         let params = Params::from_toml(text, robot)?;
         controller::quadruped::Quadruped::new(&files.urdf, text).with_context(|| robot.to_owned())?;
         info.feet = params.robot.feet.to_vec();
+        let implausible = implausible(&files.urdf, text).with_context(|| robot.to_owned())?;
+        info.warnings.extend(implausible.iter().map(ToString::to_string));
+    }
+    if files.params.is_none() {
+        let links = untouchable(&files.tree()?, &info.feet);
+        if !links.is_empty() {
+            info.warnings.push(Implausible::TouchNothing { links }.to_string());
+        }
     }
     if json {
         return say_json(&info);

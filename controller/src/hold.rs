@@ -8,7 +8,7 @@ pub mod params;
 use crate::digest::{command_digest, input_digest};
 use crate::error::{LoadError, RestoreError};
 use crate::interface::{Controller, Probe};
-use crate::model::{Base, JointInfo, Model, UrdfTree};
+use crate::model::{Base, JointInfo, Model, UrdfTree, check_runnable};
 use crate::outbox::Outbox;
 use crate::params::{Params, RobotConfig, parameters_digest};
 use crate::safety::{Fault, check_joint_limits, check_joint_values, fault, limit_command};
@@ -46,6 +46,7 @@ impl Hold {
             posture.get(&joint.name).copied().ok_or_else(|| LoadError::Robot { robot: name.clone(), what: what() })
         };
         let q_posture: Vec<f64> = model.joints.iter().map(of_posture).collect::<Result<_, _>>()?;
+        check_runnable(&model, &q_posture)?;
         let nj = q_posture.len();
         let command = RobotCommand::zeros(nj);
         let state = HoldState {

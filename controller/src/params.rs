@@ -11,6 +11,7 @@
 
 mod digest;
 pub(crate) mod error;
+pub mod exact;
 mod overrides;
 pub mod range;
 mod robot;
@@ -18,7 +19,7 @@ mod tables;
 
 pub use digest::parameters_digest;
 pub use error::ParamsError;
-pub use overrides::{apply_changes, apply_overrides};
+pub use overrides::{apply_changes, apply_overrides, check_key};
 pub use range::Bound;
 pub use robot::{RobotConfig, SensorParams};
 pub use tables::{Params, bounds};

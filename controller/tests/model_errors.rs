@@ -84,10 +84,104 @@ fn links_that_do_not_form_one_tree_are_errors() {
 
 #[test]
 fn unsupported_joint_types_are_errors() {
-    for kind in ["floating", "planar", "spherical"] {
+    for kind in ["planar", "spherical"] {
         let expected = format!("joint \"hinge\" has type \"{kind}\", expected fixed, revolute");
         assert_rejected("revolute", kind, &expected);
     }
+}
+
+/// A floating joint at the root is the floating base; anywhere else it has no meaning.
+#[test]
+fn a_floating_joint_at_the_root_makes_its_child_the_root() {
+    let model = two_links("revolute", "floating").unwrap();
+    assert_eq!((model.nj(), model.total_mass()), (0, 1.0));
+    assert_eq!(model.frames().map(|(_, name)| name).collect::<Vec<_>>(), ["bar"]);
+    let ignored = ModelWarning::WorldIgnored { link: "stand".into(), joint: "hinge".into(), mass: 2.0 };
+    assert_eq!(model.warnings, [ignored]);
+    let third =
+        r#"<link name="c"/><joint name="free" type="floating"><parent link="bar"/><child link="c"/></joint></robot>"#;
+    assert_rejected("</robot>", third, "joint \"free\" has type \"floating\", expected fixed, revolute");
+}
+
+/// What does not concern the model is no reason to refuse a robot.
+#[test]
+fn elements_that_other_readers_accept_are_accepted() {
+    let visual = |inside: &str| format!("<link name=\"bar\"><visual>{inside}</visual>");
+    let with_material = |material: &str| visual(&format!("<geometry><box size=\"1 1 1\"/></geometry>{material}"));
+    for to in [
+        with_material("<material name=\"m\"><texture/></material>"),
+        with_material("<material><color rgba=\"1 1 1\"/></material><material name=\"second\"/>"),
+        "<drake:filter name=\"g\"/><link name=\"bar\" drake:x=\"1\">".to_owned(),
+        "<gazebo><joint name=\"hinge\"/></gazebo><link name=\"bar\">".to_owned(),
+    ] {
+        let model = two_links("<link name=\"bar\">", &to).unwrap();
+        assert_eq!((model.total_mass(), model.warnings.len()), (3.0, 0), "{to}");
+    }
+    let twice = two_links(
+        "</inertial></link>\n        <joint",
+        "</inertial><inertial><mass value=\"7\"/></inertial></link><joint",
+    );
+    assert_eq!(twice.unwrap().total_mass(), 3.0, "the first of two elements counts");
+    let ignored = |what| vec![ModelWarning::ShapeIgnored { link: "bar".into(), what, line: 3 }];
+    for inside in ["", "<geometry/>", "<geometry><cone/></geometry>", "<geometry><box size=\"1 x 1\"/></geometry>"] {
+        assert_eq!(two_links("<link name=\"bar\">", &visual(inside)).unwrap().warnings, ignored("visual"), "{inside}");
+    }
+    for inside in ["", "<geometry/>", "<geometry><cone/></geometry>"] {
+        let text = format!("<link name=\"bar\"><collision>{inside}</collision>");
+        assert_eq!(two_links("<link name=\"bar\">", &text).unwrap().warnings, ignored("collision"), "{inside}");
+    }
+    let two =
+        "<link name=\"bar\"><collision><geometry><sphere radius=\"2\"/><box size=\"0 0 0\"/></geometry></collision>";
+    assert!(two_links("<link name=\"bar\">", two).unwrap().warnings.is_empty());
+}
+
+#[test]
+fn an_error_names_the_line_the_element_and_the_number() {
+    for (from, to, line, parts) in [
+        ("<mass value=\"1\"/>", "<mass value=\"1.5kg\"/>", 3, ["value of <mass>", "1.5kg"]),
+        (
+            "ixx=\"1\" iyy=\"1\" izz=\"1\" ixy=\"0\" ixz=\"0\" iyz=\"0\"/></inertial></link>\n        <joint",
+            "iyy=\"1\"/></inertial></link>\n        <joint",
+            3,
+            ["<inertia>", "ixx"],
+        ),
+        ("xyz=\"0 0 2\"", "xyz=\"0 0\"", 5, ["xyz of <axis>", "2 numbers"]),
+        ("xyz=\"0 0 2\"", "xyz=\"0 0 2 1\"", 5, ["xyz of <axis>", "4 numbers"]),
+        (" effort=\"5\"", "", 6, ["<limit>", "effort"]),
+    ] {
+        let error = two_links(from, to).unwrap_err();
+        let ModelError::BadElement { file, line: found, reason, .. } = &error else { panic!("{error}") };
+        assert_eq!((file.as_str(), *found), ("two.urdf", line), "{error}");
+        assert!(parts.iter().all(|part| reason.contains(part)), "{error}");
+    }
+}
+
+/// Text that exceeds a limit is refused with its line; what is within the limits is read in a time that grows with its length.
+#[test]
+fn hostile_text_costs_bounded_time() {
+    let refused = |text: &str| match UrdfTree::parse(text, "huge.urdf").unwrap_err() {
+        ModelError::NotUrdf { line, .. } => line,
+        error => panic!("{error}"),
+    };
+    let deep = format!("<robot name=\"deep\">\n{}{}</robot>", "<x>\n".repeat(50_000), "</x>".repeat(50_000));
+    assert_eq!(refused(&deep), 65);
+    let chain = |links: usize, kind: &str| {
+        let link = |i: usize| format!("<link name=\"link{i}\"/>\n");
+        let limit = "<limit lower=\"-1\" upper=\"1\" effort=\"1\" velocity=\"1\"/>";
+        let joint = |i: usize| {
+            let ends = format!("<parent link=\"link{i}\"/><child link=\"link{}\"/>", i + 1);
+            format!("<joint name=\"joint{i}\" type=\"{kind}\">{ends}{limit}</joint>\n")
+        };
+        let parts: String = (0..links).map(link).chain((0..links - 1).map(joint)).collect();
+        format!("<robot name=\"chain\">\n{parts}</robot>")
+    };
+    let tree = UrdfTree::parse(&chain(10_000, "fixed"), "chain.urdf").unwrap();
+    assert_eq!((tree.links.len(), Model::new(&tree, Base::Fixed).unwrap().nj()), (10_000, 0));
+    assert_eq!(refused(&chain(10_001, "fixed")), 10_002);
+    assert_eq!(UrdfTree::parse(&chain(501, "revolute"), "chain.urdf").unwrap().joints.len(), 500);
+    assert_eq!(refused(&chain(502, "revolute")), 1 + 502 + 501);
+    let name = format!("<robot name=\"r\"><link name=\"{}\"/></robot>", "n".repeat(201));
+    assert!(matches!(UrdfTree::parse(&name, "name.urdf"), Err(ModelError::BadElement { line: 1, .. })));
 }
 
 #[test]
@@ -100,6 +194,7 @@ fn numbers_out_of_range_are_errors() {
             "value=\"2\"/><inertia ixx=\"NaN\"",
             "link \"stand\": inertia is NaN, expected a finite number",
         ),
+        ("mass value=\"1\"", "mass value=\"1e300\"", "link \"bar\": mass is 1"),
         ("0 0 2", "0 0 0", "joint \"hinge\": axis is [0.0, 0.0, 0.0], expected a vector"),
         ("lower=\"-1\"", "lower=\"1.5\"", "joint \"hinge\": position range is [1.5, 1], expected lower <= upper"),
         ("lower=\"-1\"", "lower=\"NaN\"", "joint \"hinge\": position range is [NaN, 1]"),

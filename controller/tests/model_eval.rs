@@ -113,6 +113,24 @@ fn a_state_with_an_unknown_or_missing_joint_is_rejected() {
     assert!(error.contains("speed"), "{error}");
 }
 
+/// Values whose products would overflow are refused by name; the largest that are accepted give finite results.
+#[test]
+fn a_state_that_would_overflow_is_rejected() {
+    let error = arm_request(|r| r["qd"]["shoulder"] = json!(1e300)).unwrap_err();
+    assert!(error.contains("qd.shoulder") && error.contains("1e9"), "{error}");
+    let error = arm_request(|r| r["q"]["shoulder"] = json!(-2e9)).unwrap_err();
+    assert!(error.contains("q.shoulder"), "{error}");
+    let base = |v: f64| json!({ "position_m": [v, 0.0, 1.0], "quaternion_wxyz": [1.0, 0.0, 0.0, 0.0], "angular_velocity": [v, 0.0, v] });
+    assert!(arm_request(|r| r["base"] = base(1e10)).unwrap_err().contains("base.position_m"));
+
+    let tree = UrdfTree::parse(ARM, "arm.urdf").unwrap();
+    let names: Vec<String> = RobotInfo::new(&tree).unwrap().joints.into_iter().map(|joint| joint.name).collect();
+    let all = |value: f64| names.iter().map(|name| (name.clone(), json!(value))).collect::<serde_json::Map<_, _>>();
+    let request = json!({ "base": base(1e9), "q": all(1e9), "qd": all(1e9) });
+    let result = eval(&tree, &serde_json::from_value(request).unwrap()).unwrap();
+    assert!(result.bias_force.iter().chain(result.mass_matrix.iter().flatten()).all(|x| x.is_finite()));
+}
+
 #[test]
 fn a_quaternion_that_is_not_normalized_is_rejected() {
     let base = json!({ "position_m": [0.0, 0.0, 1.0], "quaternion_wxyz": [1.0, 1.0, 0.0, 0.0] });

@@ -215,10 +215,12 @@ impl Run {
             ControllerTick::MODE_IDLE => false,
             _ => sim.tipped(),
         };
-        if self.fell_at.is_none() && fell {
+        let below = sim.below_ground();
+        if self.fell_at.is_none() && (fell || below) {
             self.fell_at = Some(tick);
             let p = self.truth.p_WB;
-            let text = format!("the robot fell at x = {:.2} m, y = {:.2} m", p[0], p[1]);
+            let what = if below { "the base is below the ground" } else { "the robot fell" };
+            let text = format!("{what} at x = {:.2} m, y = {:.2} m", p[0], p[1]);
             self.event(log, t_ns, tick, Event::LEVEL_ERROR, "driver", text)?;
         }
         Ok(())

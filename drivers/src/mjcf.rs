@@ -3,7 +3,8 @@
 //! MuJoCo's own URDF import is not used: it welds the root to the world and loses its mass, rejects helper links without mass, and
 //! creates no actuators. In the text written here, links connected by fixed joints are one body with the sum of their inertias
 //! ([`LinkGroups`]), a free joint carries the root, feet are spheres, and each joint has a motor limited to its effort. Trunk and
-//! legs collide with the ground, so that a fallen robot lies on it, but not with each other. Meshes are ignored.
+//! legs collide with the ground, so that a fallen robot lies on it, but not with each other. Meshes are not read: a body that has only meshes
+//! receives a shape from joint to joint ([`controller::model::with_shapes`]).
 
 use crate::DriverError;
 use crate::terrain::{HEIGHT_QUANTUM, HeightField, Terrain};
@@ -53,12 +54,13 @@ pub(crate) fn write(
         link_index(tree, key, link)?;
     }
     let bodies = Bodies::new(tree);
-    let mut writer = Writer { tree, robot, bodies: &bodies, friction, own_floor, text: String::new() };
+    let carriers = carriers(tree, &robot.feet);
+    let mut writer = Writer { tree, robot, bodies: &bodies, friction, own_floor, carriers, text: String::new() };
     writer.head(terrain);
-    writer.body(0, 4);
+    writer.bodies();
     writer.tail();
     let LinkGroups { first_links, body_of_link, .. } = &bodies.groups;
-    let body_of_link = body_of_link.iter().map(|&body| tree.links[first_links[body]].name.clone()).collect();
+    let body_of_link = body_of_link.iter().map(|&body| body_name(&tree.links[first_links[body]].name)).collect();
     Ok(Mjcf { text: writer.text, body_of_link, total_mass: tree.links.iter().map(|link| link.inertial.mass).sum() })
 }
 
@@ -80,10 +82,24 @@ pub(crate) fn with_elevation(text: &str, terrain: &Terrain) -> String {
     text.replacen(END_OF_FIELD, &format!(" elevation=\"\n{}\"{END_OF_FIELD}", rows.join("\n")), 1)
 }
 
-/// Whether a link is `foot` or one of its ancestors.
-pub(crate) fn carries(tree: &UrdfTree, link: usize, foot: &str) -> bool {
-    tree.links[link].name == foot
-        || tree.joints.iter().filter(|joint| joint.parent == link).any(|joint| carries(tree, joint.child, foot))
+/// For each link, whether it is a foot or one of its ancestors; feet LF RF LH RH.
+pub(crate) fn carriers(tree: &UrdfTree, feet: &[String; 4]) -> Vec<[bool; 4]> {
+    let mut carries: Vec<[bool; 4]> =
+        tree.links.iter().map(|link| std::array::from_fn(|foot| link.name == feet[foot])).collect();
+    // Parents come before their children.
+    for link in (0..tree.links.len()).rev() {
+        if let Some(joint) = tree.links[link].parent_joint {
+            let of_child = carries[link];
+            let parent = &mut carries[tree.joints[joint].parent];
+            (0..4).for_each(|foot| parent[foot] |= of_child[foot]);
+        }
+    }
+    carries
+}
+
+/// Name of a link's body, and of the geom of a foot: a link may have a name that MuJoCo reserves, such as `world`.
+pub(crate) fn body_name(link: &str) -> String {
+    format!("link {link}")
 }
 
 /// Name of the body of a foot's own floor; feet LF RF LH RH.
@@ -115,6 +131,8 @@ struct Bodies {
 
 /// The inertia of a body, and the bodies that hang on it.
 struct Body {
+    /// Links of the body, in the order of the tree.
+    links: Vec<usize>,
     children: Vec<usize>,
     mass: f64,
     /// First moment of mass about the origin of the body, kg m.
@@ -126,14 +144,23 @@ struct Body {
 impl Bodies {
     fn new(tree: &UrdfTree) -> Self {
         let groups = LinkGroups::new(tree, |_| Matrix3::identity());
-        let empty = || Body { children: Vec::new(), mass: 0.0, moment: Vector3::zeros(), inertia: Matrix3::zeros() };
+        let empty = || Body {
+            links: Vec::new(),
+            children: Vec::new(),
+            mass: 0.0,
+            moment: Vector3::zeros(),
+            inertia: Matrix3::zeros(),
+        };
         let mut list: Vec<Body> = groups.first_links.iter().map(|_| empty()).collect();
         for (body, &first_link) in groups.first_links.iter().enumerate() {
             if let Some(joint) = tree.links[first_link].parent_joint {
                 list[groups.body_of_link[tree.joints[joint].parent]].children.push(body);
             }
         }
-        for (link, (&body, X_BL)) in tree.links.iter().zip(groups.body_of_link.iter().zip(&groups.X_BL)) {
+        for (i, (link, (&body, X_BL))) in
+            tree.links.iter().zip(groups.body_of_link.iter().zip(&groups.X_BL)).enumerate()
+        {
+            list[body].links.push(i);
             list[body].add(&X_BL.then(&link.inertial.X_LC), link.inertial.mass, &link.inertial.I_C);
         }
         Bodies { groups, list }
@@ -155,12 +182,26 @@ fn steiner(mass: f64, p: &Vector3<f64>) -> Matrix3<f64> {
     mass * (Matrix3::identity() * p.dot(p) - p * p.transpose())
 }
 
+/// The inertia itself, or a sphere with the same mean moment if no mass distribution has it, which MuJoCo refuses. The model warns of such
+/// an inertia.
+fn balanced(I: Matrix3<f64>) -> Matrix3<f64> {
+    let mut moments: [f64; 3] = I.symmetric_eigenvalues().into();
+    moments.sort_by(f64::total_cmp);
+    // MuJoCo's own tolerance is absolute: 1e-15 kg m².
+    if moments[0] > 0.0 && moments[0] + moments[1] >= moments[2] - 1e-15 {
+        return I;
+    }
+    Matrix3::identity() * (I.trace() / 3.0).max(PLACEHOLDER_INERTIA)
+}
+
 struct Writer<'a> {
     tree: &'a UrdfTree,
     robot: &'a RobotConfig,
     bodies: &'a Bodies,
     friction: f64,
     own_floor: [bool; 4],
+    /// See [`carriers`].
+    carriers: Vec<[bool; 4]>,
     text: String,
 }
 
@@ -235,31 +276,49 @@ impl Writer<'_> {
         self.line(2, format_args!("<asset><hfield name=\"field\" {size}{END_OF_FIELD}"));
     }
 
+    /// Writes all bodies, depth first, without recursion: a chain of joints may be long.
+    fn bodies(&mut self) {
+        let mut open = Vec::new();
+        let mut waiting = vec![(0, 0)];
+        while let Some((body, depth)) = waiting.pop() {
+            self.close(&mut open, depth);
+            self.body(body, 4 + 2 * depth);
+            open.push(body);
+            waiting.extend(self.bodies.list[body].children.iter().rev().map(|&child| (child, depth + 1)));
+        }
+        self.close(&mut open, 0);
+    }
+
+    /// Closes the elements of open bodies down to a depth.
+    fn close(&mut self, open: &mut Vec<usize>, depth: usize) {
+        while open.len() > depth {
+            open.pop();
+            self.line(4 + 2 * open.len(), format_args!("</body>"));
+        }
+    }
+
+    /// Writes a body, without its children and without the end of its element.
     fn body(&mut self, index: usize, indent: usize) {
         let Bodies { groups, list } = self.bodies;
         let body = &list[index];
         let first_link = &self.tree.links[groups.first_links[index]];
         let joint = first_link.parent_joint.map(|joint| &self.tree.joints[joint]);
         let X_PB = joint.map_or(Pose::identity(), |joint| groups.X_BL[joint.parent].then(&joint.X_PC));
-        self.line(indent, format_args!("<body name=\"{}\" {}>", escape(&first_link.name), place(&X_PB)));
+        self.line(indent, format_args!("<body name=\"{}\" {}>", escape(&body_name(&first_link.name)), place(&X_PB)));
         match joint {
             None => self.line(indent + 2, format_args!("<freejoint/>")),
             Some(joint) => self.line(indent + 2, format_args!("{}", joint_element(joint))),
         }
         self.inertial(body, indent + 2);
-        for (link, _) in groups.body_of_link.iter().enumerate().filter(|(_, body)| **body == index) {
+        for &link in &body.links {
             self.link(link, indent + 2);
         }
-        for &child in &body.children {
-            self.body(child, indent + 2);
-        }
-        self.line(indent, format_args!("</body>"));
     }
 
     fn inertial(&mut self, body: &Body, indent: usize) {
         let (mass, c, I) = if body.mass > PLACEHOLDER_MASS {
             let c = body.moment / body.mass;
-            (body.mass, c, body.inertia - steiner(body.mass, &c))
+            (body.mass, c, balanced(body.inertia - steiner(body.mass, &c)))
         } else {
             (PLACEHOLDER_MASS, Vector3::zeros(), Matrix3::identity() * PLACEHOLDER_INERTIA)
         };
@@ -291,7 +350,7 @@ impl Writer<'_> {
         }
         if self.robot.feet.contains(&link.name) {
             let radius = self.robot.foot_radius;
-            let name = escape(&link.name);
+            let name = escape(&body_name(&link.name));
             self.line(
                 indent,
                 format_args!(
@@ -319,7 +378,7 @@ impl Writer<'_> {
 
     /// The foot of a link's leg, if it has a floor of its own; the link collides with this floor instead of the ground.
     fn floor_of(&self, link: usize) -> Option<usize> {
-        let of_leg = |&foot: &usize| self.own_floor[foot] && carries(self.tree, link, &self.robot.feet[foot]);
+        let of_leg = |&foot: &usize| self.own_floor[foot] && self.carriers[link][foot];
         (0..4).filter(|_| self.bodies.groups.body_of_link[link] != 0).find(of_leg)
     }
 

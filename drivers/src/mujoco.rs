@@ -19,7 +19,7 @@ use crate::simulator::Simulator;
 use crate::terrain::Terrain;
 use contact::force_on;
 use controller::math::quaternion;
-use controller::model::{JointKind, Pose, UrdfTree};
+use controller::model::{Base, JointInfo, JointKind, Model, Pose, UrdfTree, check_runnable, with_shapes};
 use controller::params::RobotConfig;
 use lcmtypes::{GroundTruth, RobotCommand, RobotState};
 use mujoco_rs::prelude::{MjData, MjModel, MjtObjBase};
@@ -77,6 +77,11 @@ impl MujocoSim {
     /// Unknown links or joints, a model that MuJoCo rejects, or a mass that differs from the URDF by more than 1e-6 of it.
     pub fn new(tree: &UrdfTree, robot: &RobotConfig, terrain: Terrain, params: SimParams) -> Result<Self, DriverError> {
         disable_log_file();
+        let model = Model::new(tree, Base::Floating)?;
+        let posture = |joint: &JointInfo| robot.posture.get(&joint.name).copied().unwrap_or(0.0);
+        check_runnable(&model, &model.joints.iter().map(posture).collect::<Vec<_>>())?;
+        let (tree, _) = with_shapes(tree, &robot.feet, robot.foot_radius, &|_| None);
+        let tree = &tree;
         let floors = Floors::new(&params.floors);
         let own_floor = std::array::from_fn(|foot| floors.has(foot));
         let mjcf = mjcf::write(tree, robot, &terrain, params.friction, own_floor)?;
@@ -93,6 +98,7 @@ impl MujocoSim {
         let id = |kind: MjtObjBase, name: &str| {
             model.name_to_id(kind, name).ok_or_else(|| refused(format!("{name:?} is missing")))
         };
+        let carriers = mjcf::carriers(tree, &robot.feet);
         let mut joint_names = Vec::new();
         let mut joints = Vec::new();
         for joint in tree.joints.iter().filter(|joint| joint.kind != JointKind::Fixed) {
@@ -102,13 +108,17 @@ impl MujocoSim {
             joints.push(JointIndex {
                 qpos: address(model.jnt_qposadr())?,
                 qvel: address(model.jnt_dofadr())?,
-                foot: robot.feet.iter().position(|foot| mjcf::carries(tree, joint.child, foot)),
+                foot: carriers[joint.child].iter().position(|carries| *carries),
                 lower: joint.limits.lower,
                 upper: joint.limits.upper,
             });
             joint_names.push(joint.name.clone());
         }
-        let feet = robot.feet.iter().map(|foot| id(MjtObjBase::mjOBJ_GEOM, foot)).collect::<Result<Vec<_>, _>>()?;
+        let feet = robot
+            .feet
+            .iter()
+            .map(|foot| id(MjtObjBase::mjOBJ_GEOM, &mjcf::body_name(foot)))
+            .collect::<Result<Vec<_>, _>>()?;
         let mut body_of_link = Vec::with_capacity(tree.links.len());
         for (link, body) in tree.links.iter().zip(&mjcf.body_of_link) {
             body_of_link.push((link.name.clone(), id(MjtObjBase::mjOBJ_BODY, body)?));
@@ -381,6 +391,11 @@ impl Simulator for MujocoSim {
         let p = self.X_WB().p;
         let height = p.z - self.terrain.height_at(p.x, p.y);
         height < self.params.min_height * self.standing_height || self.tipped()
+    }
+
+    fn below_ground(&self) -> bool {
+        let [x, y, z] = self.data.xipos()[self.base];
+        z < self.terrain.height_at(x, y)
     }
 
     fn tipped(&self) -> bool {

@@ -3,7 +3,7 @@
 use crate::checks::{BadKey, check_range, to_ns};
 use controller::Controller;
 use controller::handover::{ChangeError, Parameters};
-use controller::params::ParamsError;
+use controller::params::{ParamsError, check_key};
 use lcmtypes::{Event, ParameterChange, ParameterRequest, RequestReply, RunInfo};
 use serde::Deserialize;
 use std::fmt::Display;
@@ -28,6 +28,9 @@ pub(crate) struct ParameterEntry {
 impl ParameterEntry {
     pub(crate) fn resolve(self, seq: usize) -> Result<ParameterRequest, BadKey> {
         check_range("t_s", &[self.t_s], 0.0..=36_000.0)?;
+        if let Err(ParamsError::UnknownKey { key, hint }) = check_key(&self.key) {
+            return Err(BadKey { key: "key", found: key, expected: format!("the key of a parameter{hint}") });
+        }
         let seq = i64::try_from(seq).unwrap_or(i64::MAX);
         Ok(ParameterRequest { t_ns: to_ns(self.t_s), sender_id: 0, seq, key: self.key, value: self.value.to_string() })
     }

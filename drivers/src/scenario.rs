@@ -48,7 +48,7 @@
 //! joint = "rh_kfe_joint"
 //! factor = 0.2
 //!
-//! [[parameter]]         # a parameter change while the controller runs; a rejected one is an EVENT
+//! [[parameter]]         # a parameter change while the controller runs; an unknown key is an error, a rejected value an EVENT
 //! t_s = 4.5
 //! key = "trunk.kp"
 //! value = [800.0, 800.0, 800.0]
@@ -238,6 +238,19 @@ mod tests {
     }
 
     #[test]
+    fn an_unknown_parameter_is_an_error_with_its_line() {
+        let text = |key: &str| format!("{SMALL}[[parameter]]\nt_s = 0.5\nkey = \"{key}\"\nvalue = 1.0\n");
+        for key in ["nope.x", "trunk.kpp", "trunk", "x", "gait.trot"] {
+            let expected = bad_value(&text(key), 10, "parameter[1].key", key);
+            assert!(expected.contains("keys of"), "{expected}");
+        }
+        // Whether the robot's file has these, and whether the value fits, is found when the run starts.
+        for key in ["trunk.kp", "wbc.friction", "stack.tasks.hand.kp", "robot.posture.knee"] {
+            assert_eq!(Scenario::parse(&text(key), "small.toml").unwrap().parameters[0].key, key);
+        }
+    }
+
+    #[test]
     fn drives_floors_and_faults_are_checked() {
         bad_value(&format!("{SMALL}[drives]\nlag_s = -0.005\n"), 9, "drives.lag_s", "-0.005");
         bad_value(&format!("{SMALL}[drives]\ngain = {{ knee = 20.0 }}\n"), 9, "drives.gain", "20");
@@ -255,6 +268,31 @@ mod tests {
         bad_value(&touch, 8, "fault[1].force_N", "missing");
         let needless = format!("{SMALL}[[fault]]\nt_s = 1.0\nduration_s = 0.1\nkind = \"drop_state\"\nleg = \"LF\"\n");
         bad_value(&needless, 12, "fault[1].leg", "given");
+    }
+
+    #[test]
+    fn an_array_of_another_length_is_an_error_with_its_line() {
+        let rough = SMALL.replace("flat", "rough");
+        let push = format!("{SMALL}[[push]]\nt_s = 0.5\nduration_s = 0.1\n");
+        let bias = format!("{SMALL}[[fault]]\nt_s = 1.0\nduration_s = 0.1\nkind = \"imu_bias\"\n");
+        for (text, key, length) in [
+            (&rough, "extent_m", 2),
+            (&rough, "height_m", 2),
+            (&rough, "plate_height_m", 2),
+            (&push, "force_W", 3),
+            (&push, "torque_W", 3),
+            (&bias, "gyro_rad_s", 3),
+            (&bias, "orientation_rad", 3),
+        ] {
+            for wrong in [length - 1, length + 1] {
+                let array = format!("{key} = {:?}\n", vec![1.0; wrong]);
+                let (text, line) = match text.split_once("kind = \"rough\"\n") {
+                    Some((before, after)) => (format!("{before}kind = \"rough\"\n{array}{after}"), 5),
+                    None => (format!("{text}{array}"), text.lines().count() + 1),
+                };
+                assert_eq!(parse_error(&text).0, line, "{array}");
+            }
+        }
     }
 
     #[test]

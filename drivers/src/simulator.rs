@@ -61,6 +61,9 @@ pub trait Simulator: Send {
     /// Whether the base is lower above the ground than allowed for a standing robot, or tilted more than allowed.
     fn fallen(&self) -> bool;
 
+    /// Whether the centre of mass of the base is below the ground: its shapes do not touch the ground, and no run of it is a success.
+    fn below_ground(&self) -> bool;
+
     /// Whether the base is tilted more than allowed. Use it for a robot that sits or lies, which is low without having fallen.
     fn tipped(&self) -> bool;
 }

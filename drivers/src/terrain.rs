@@ -7,6 +7,7 @@
 mod rough;
 
 use crate::checks::{BadKey, check_range};
+use controller::params::exact::optional_array;
 use rough::rough;
 use serde::Deserialize;
 
@@ -37,16 +38,19 @@ pub struct TerrainParams {
     /// Shape of the ground.
     pub kind: TerrainKind,
     /// Size of the field along x and y, m, centred on the origin and surrounded by a plane. Default 12 by 12.
+    #[serde(default, deserialize_with = "optional_array")]
     pub extent_m: Option<[f64; 2]>,
     /// Distance between grid points, m. Default 0.04.
     pub cell_m: Option<f64>,
     /// Radius of the flat start, m; `rough` reaches its full height at 1.5 times this radius. Default 0.8.
     pub flat_radius_m: Option<f64>,
     /// `rough`: smallest and largest height of a stone, m. Default 0.02 to 0.04.
+    #[serde(default, deserialize_with = "optional_array")]
     pub height_m: Option<[f64; 2]>,
     /// `rough`: largest slope of a stone's sides, rise over run. Default 0.6: a foot slides off and does not get stuck.
     pub stone_slope: Option<f64>,
     /// `rough`: smallest and largest height of the plates between the stones, m. Default: no plates.
+    #[serde(default, deserialize_with = "optional_array")]
     pub plate_height_m: Option<[f64; 2]>,
     /// `slope`: angle of the ramp, rad. Default 0.17.
     pub angle_rad: Option<f64>,

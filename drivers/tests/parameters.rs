@@ -23,7 +23,7 @@ key = "robot.posture.lf_haa_joint"
 value = 0.0
 [[parameter]]
 t_s = 1.6
-key = "trunk.kpp"
+key = "stack.tasks.hand.kpp"
 value = 3
 [[parameter]]
 t_s = 1.7
@@ -106,7 +106,7 @@ fn every_request_has_a_reply_and_an_event_and_changes_have_their_tick() {
         assert!(is_done || reply.reason == event.text, "{}", reply.reason);
     }
     // The reason names the keys of the section.
-    assert!(replies[2].reason.contains("height_gain"), "{}", replies[2].reason);
+    assert!(replies[2].reason.contains("[stack.tasks]"), "{}", replies[2].reason);
 }
 
 #[test]

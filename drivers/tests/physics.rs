@@ -3,7 +3,7 @@
 #![allow(clippy::unwrap_used, reason = "a test may panic")]
 
 use controller::math::quaternion;
-use controller::model::{GRAVITY, UrdfTree};
+use controller::model::{GRAVITY, ModelError, UrdfTree};
 use controller::params::{Params, RobotConfig};
 use drivers::terrain::{TerrainKind, TerrainParams};
 use drivers::{DriverError, MujocoSim, NoiseParams, SimParams, Simulator, Terrain};
@@ -364,4 +364,72 @@ fn the_mjcf_text_contains_the_heights_and_the_mass() {
     }
     assert_eq!(heights.len(), field.counts.len());
     assert!((model.totalmass() - MASS).abs() < 1e-4);
+}
+
+/// HyQ with edited URDF and parameters.
+fn edited(urdf: &[(&str, &str)], link: Option<(&str, &str)>) -> Result<MujocoSim, DriverError> {
+    let (tree, mut robot) = hyq();
+    let text = std::fs::read_to_string(format!("{}/../robots/hyq/hyq.urdf", env!("CARGO_MANIFEST_DIR"))).unwrap();
+    let mut text = urdf.iter().fold(text, |text, (from, to)| test_support::replace_once(&text, from, to));
+    if let Some((from, to)) = link {
+        text = text.replace(&format!("\"{from}\""), &format!("\"{to}\""));
+        robot.feet.iter_mut().filter(|foot| *foot == from).for_each(|foot| *foot = to.to_owned());
+    }
+    let edited = UrdfTree::parse(&text, "edited.urdf").unwrap();
+    assert_ne!(edited, tree);
+    let flat = Terrain::new(&TerrainParams::of_kind(TerrainKind::Flat), 0);
+    MujocoSim::new(&edited, &robot, flat, SimParams::default())
+}
+
+/// Names that the simulator uses itself, or that are special in XML.
+#[test]
+fn a_link_may_have_any_name() {
+    for (from, to) in
+        [("base_link", "world"), ("lf_foot", "plane"), ("trunk", "a &amp; &lt;b&gt; &quot;c&quot;"), ("lh_foot", "imu")]
+    {
+        let sim = edited(&[], Some((from, to))).unwrap();
+        assert_eq!(sim.joints().len(), 12, "{to}");
+    }
+}
+
+/// Inertias that MuJoCo refuses are balanced: here 0.1, 0.1 and 1 kg m² become 0.4 kg m² about each axis, and a negative moment is removed.
+#[test]
+fn impossible_inertias_are_balanced() {
+    let old = "ixx=\"1.5725937\" iyy=\"8.5015928\" izz=\"9.1954911\"";
+    for (ixx, mean) in [("1.0", 6.5657), ("-1.0", 5.8990)] {
+        let sim = edited(&[(old, &old.replace("1.5725937", ixx).replace("9.1954911", "10.195511"))], None).unwrap();
+        let model = MjModel::from_xml_string(&sim.mjcf()).unwrap();
+        for moment in model.body_inertia()[1] {
+            assert!((moment - mean).abs() < 1e-3, "{moment}, expected {mean}");
+        }
+    }
+}
+
+/// What cannot run is refused before it runs, with joint and link.
+#[test]
+fn a_robot_that_cannot_move_is_refused_by_joint() {
+    let refused = |from: &str, to: &str, quantity: &str| {
+        let error = edited(&[(from, to)], None).err().expect("refused");
+        match error {
+            DriverError::Urdf(ModelError::CannotRun { joint, link, quantity: found, .. }) => {
+                assert_eq!((joint.as_str(), link.as_str(), found), ("lf_kfe_joint", "lf_lowerleg", quantity));
+            }
+            error => panic!("{error}"),
+        }
+    };
+    let text = std::fs::read_to_string(format!("{}/../robots/hyq/hyq.urdf", env!("CARGO_MANIFEST_DIR"))).unwrap();
+    let limit = |text: &str| {
+        let joint = text.split("<joint name=\"lf_kfe_joint\"").nth(1).unwrap().split("</joint>").next().unwrap();
+        joint.to_owned()
+    };
+    let joint = limit(&text);
+    let number = |key: &str| joint.split(&format!("{key}=\"")).nth(1).unwrap().split('"').next().unwrap().to_owned();
+    for key in ["effort", "velocity"] {
+        let from = format!("{key}=\"{}\"", number(key));
+        refused(&joint, &joint.replace(&from, &format!("{key}=\"0\"")), &format!("{key} limit"));
+    }
+    let link = text.split("<link name=\"lf_lowerleg\">").nth(1).unwrap().split("</link>").next().unwrap();
+    let mass = link.split("<mass value=\"").nth(1).unwrap().split('"').next().unwrap();
+    let named = format!("<link name=\"lf_lowerleg\">{link}");
+    refused(&named, &named.replace(&format!("<mass value=\"{mass}\""), "<mass value=\"0\""), "moved mass");
 }

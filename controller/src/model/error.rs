@@ -6,22 +6,26 @@ use thiserror::Error;
 #[derive(Debug, Clone, PartialEq, Error)]
 #[non_exhaustive]
 pub enum ModelError {
-    /// The text is not well-formed XML, or not a URDF.
-    #[error("{file}: not a URDF: {reason}")]
+    /// The text is not well-formed XML, not a URDF, or exceeds a limit on size, nesting, links or joints.
+    #[error("{file}: not a URDF: line {line}: {reason}")]
     NotUrdf {
         /// Name of the source.
         file: String,
-        /// Message of the parser.
+        /// Line, from 1.
+        line: usize,
+        /// What was found and what was expected.
         reason: String,
     },
     /// An element is not valid URDF.
-    #[error("{file}: in {element}: {reason}")]
+    #[error("{file}: in {element}: line {line}: {reason}")]
     BadElement {
         /// Name of the source.
         file: String,
         /// For example `joint "knee"`.
         element: String,
-        /// Message of the parser.
+        /// Line, from 1.
+        line: usize,
+        /// What was found and what was expected.
         reason: String,
     },
     /// The file defines no link.
@@ -114,6 +118,22 @@ pub enum ModelError {
         /// The range.
         expected: &'static str,
     },
+    /// A joint that cannot move the robot: its accelerations would be infinite, or it has no torque or speed.
+    #[error("robot \"{robot}\": joint \"{joint}\" moves link \"{link}\": {quantity} is {found}, expected {expected}")]
+    CannotRun {
+        /// Name of the robot.
+        robot: String,
+        /// The joint.
+        joint: String,
+        /// The link that it moves.
+        link: String,
+        /// For example `effort limit`.
+        quantity: &'static str,
+        /// The value found.
+        found: f64,
+        /// The range.
+        expected: &'static str,
+    },
     /// A name that the model does not have.
     #[error("robot \"{robot}\" has no {what} \"{name}\"{}", near_list(.near))]
     Unknown {
@@ -169,6 +189,28 @@ pub enum ModelWarning {
         joint: String,
         /// `effort` or `velocity`.
         quantity: &'static str,
+    },
+    /// A shape that cannot be read.
+    #[error("link \"{link}\": line {line}: <{what}> has no geometry that can be read; it is ignored")]
+    ShapeIgnored {
+        /// The link.
+        link: String,
+        /// `visual` or `collision`.
+        what: &'static str,
+        /// Line, from 1.
+        line: usize,
+    },
+    /// The link above a floating joint: it stands for the world.
+    #[error(
+        "link \"{link}\", {mass} kg, above the floating joint \"{joint}\", is the world; it is ignored, and the base below it floats"
+    )]
+    WorldIgnored {
+        /// The link.
+        link: String,
+        /// The floating joint.
+        joint: String,
+        /// Mass of the link, kg.
+        mass: f64,
     },
     /// A `<mimic>` element, which the model ignores.
     #[error("joint \"{joint}\" mimics joint \"{leader}\": `mimic` is ignored, the joint is free and actuated")]

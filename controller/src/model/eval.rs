@@ -88,9 +88,10 @@ impl RobotInfo {
             parent: link.parent_joint.map(|j| tree.links[tree.joints[j].parent].name.clone()),
             mass_kg: link.inertial.mass,
         });
+        let mut ends = vec![true; tree.links.len()];
+        tree.joints.iter().for_each(|joint| ends[joint.parent] = false);
         let is_foot = |&i: &usize| {
-            let ends = tree.joints.iter().all(|joint| joint.parent != i);
-            ends && tree.links[i].collisions.iter().any(|shape| matches!(shape.kind, ShapeKind::Sphere { .. }))
+            ends[i] && tree.links[i].collisions.iter().any(|shape| matches!(shape.kind, ShapeKind::Sphere { .. }))
         };
         Ok(Self {
             name: model.name.clone(),
@@ -165,8 +166,8 @@ pub struct EvalFrame {
 /// Evaluates a robot at a state.
 ///
 /// # Errors
-/// [`ModelError::Unknown`] for a joint that the robot does not have. [`ModelError::BadState`] for a missing joint, a non-finite value or
-/// a quaternion whose norm is not 1. See also [`Model::new`].
+/// [`ModelError::Unknown`] for a joint that the robot does not have. [`ModelError::BadState`] for a missing joint, a value that is not finite or
+/// above 1e9, or a quaternion whose norm is not 1. See also [`Model::new`].
 pub fn eval(tree: &UrdfTree, request: &EvalRequest) -> Result<EvalResult, ModelError> {
     let floating = if request.base.is_some() { Base::Floating } else { Base::Fixed };
     let model = Model::new(tree, floating)?;
@@ -250,9 +251,12 @@ fn joint_values(model: &Model, key: &str, values: &BTreeMap<String, f64>) -> Res
     model.joints.iter().map(|joint| value(&joint.name)).collect()
 }
 
+/// The largest magnitude of a position or velocity. With it, and with the limits of the URDF, no quantity overflows.
+const MAX_STATE: f64 = 1e9;
+
 fn finite(key: &str, values: &[f64]) -> Result<(), ModelError> {
-    match values.iter().find(|value| !value.is_finite()) {
-        Some(value) => Err(bad_state(key, value.to_string(), "a finite number")),
+    match values.iter().find(|value| !value.is_finite() || value.abs() > MAX_STATE) {
+        Some(value) => Err(bad_state(key, value.to_string(), "a finite number with a magnitude of at most 1e9")),
         None => Ok(()),
     }
 }

@@ -29,10 +29,14 @@ mod inertia;
 mod jacobian;
 mod kinematics;
 mod link_groups;
-mod locate;
 mod pose;
+mod read;
+mod runnable;
+mod shapes;
 mod topology;
 mod tree;
+mod write;
+mod xml;
 
 pub use bodies::{Base, FrameId, GRAVITY, JointId, JointInfo, Model};
 pub use centroidal::{
@@ -46,4 +50,6 @@ pub use jacobian::{
 pub use kinematics::{BaseState, Kinematics};
 pub use link_groups::LinkGroups;
 pub use pose::Pose;
+pub use runnable::check_runnable;
+pub use shapes::{AddedShape, Bounds, untouchable, with_shapes};
 pub use tree::{Inertial, Joint, JointKind, Limits, Link, Shape, ShapeKind, UrdfTree};

@@ -3,6 +3,10 @@
 use std::collections::BTreeMap;
 
 use super::error::{ModelError, near_names};
+use super::read::{RawJoint, RawRobot};
+
+/// Largest number of links that an error names.
+const MAX_NAMED: usize = 8;
 
 /// The tree. Links and joints are indices in file order.
 pub(super) struct Topology {
@@ -15,12 +19,12 @@ pub(super) struct Topology {
 }
 
 impl Topology {
-    pub(super) fn of(robot: &urdf_rs::Robot, file: &str) -> Result<Self, ModelError> {
+    pub(super) fn of(robot: &RawRobot, file: &str) -> Result<Self, ModelError> {
         let file = || file.to_owned();
         let links = index("link", robot.links.iter().map(|l| l.name.as_str()), file)?;
         index("joint", robot.joints.iter().map(|j| j.name.as_str()), file)?;
 
-        let find = |joint: &urdf_rs::Joint, role, link: &str| {
+        let find = |joint: &RawJoint, role, link: &str| {
             links.get(link).copied().ok_or_else(|| ModelError::MissingLink {
                 file: file(),
                 joint: joint.name.clone(),
@@ -33,12 +37,11 @@ impl Topology {
         let mut joint_above: Vec<Option<usize>> = vec![None; robot.links.len()];
         let mut joints_below = vec![Vec::new(); robot.links.len()];
         for (j, joint) in robot.joints.iter().enumerate() {
-            let (parent, child) =
-                (find(joint, "parent", &joint.parent.link)?, find(joint, "child", &joint.child.link)?);
+            let (parent, child) = (find(joint, "parent", &joint.parent)?, find(joint, "child", &joint.child)?);
             if let Some(first) = joint_above[child] {
                 return Err(ModelError::TwoParents {
                     file: file(),
-                    link: joint.child.link.clone(),
+                    link: joint.child.clone(),
                     first: robot.joints[first].name.clone(),
                     second: joint.name.clone(),
                 });
@@ -49,7 +52,13 @@ impl Topology {
         }
 
         let names = |keep: &dyn Fn(usize) -> bool| -> Vec<String> {
-            robot.links.iter().enumerate().filter(|(i, _)| keep(*i)).map(|(_, link)| link.name.clone()).collect()
+            let mut names = robot.links.iter().enumerate().filter(|(i, _)| keep(*i)).map(|(_, link)| link.name.clone());
+            let mut named: Vec<String> = names.by_ref().take(MAX_NAMED).collect();
+            let more = names.count();
+            if more > 0 {
+                named.push(format!("and {more} more"));
+            }
+            named
         };
         let mut roots = (0..robot.links.len()).filter(|&i| joint_above[i].is_none());
         let root = match (roots.next(), roots.next()) {
@@ -71,7 +80,9 @@ impl Topology {
             waiting.extend(joints_below[link].iter().rev().map(|&j| ends[j].1));
         }
         if order.len() < robot.links.len() {
-            return Err(ModelError::Loop { file: file(), links: names(&|i| !order.contains(&i)) });
+            let mut reached = vec![false; robot.links.len()];
+            order.iter().for_each(|&link| reached[link] = true);
+            return Err(ModelError::Loop { file: file(), links: names(&|i| !reached[i]) });
         }
         Ok(Self { ends, joint_above, order })
     }

@@ -56,6 +56,24 @@ fn copy(from: &toml::Table, to: &mut toml::Table, key: &str) {
     }
 }
 
+/// Checks that a key names a parameter, for any robot: keys of `[robot]` and of `[stack.tasks]` depend on the robot's file and pass.
+///
+/// # Errors
+/// [`ParamsError::UnknownKey`]
+pub fn check_key(key: &str) -> Result<(), ParamsError> {
+    const ANY_ROBOT: &str = "[robot]\nname = \"\"\nurdf = \"\"\nfeet = [\"\", \"\", \"\", \"\"]\nfoot_radius = 1.0\nimu_link = \"\"\nposture = {}\n";
+    if key.starts_with("robot.") || key.starts_with("stack.tasks.") {
+        return Ok(());
+    }
+    let mut table: toml::Table =
+        Params::from_toml(ANY_ROBOT, "defaults")?.to_toml().parse().expect("to_toml writes TOML");
+    match set(&mut table, key, "0") {
+        Err(error @ ParamsError::UnknownKey { .. }) => Err(error),
+        // The value does not matter here.
+        _ => Ok(()),
+    }
+}
+
 fn set(table: &mut toml::Table, key: &str, value: &str) -> Result<(), ParamsError> {
     let unknown = |hint: String| ParamsError::UnknownKey { key: key.to_owned(), hint };
     let mut path: Vec<&str> = key.split('.').collect();

@@ -1,5 +1,6 @@
 //! The robot, and the resolution of its sensors in simulation.
 
+use super::exact::array;
 use super::range::{Bound, range};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
@@ -13,6 +14,7 @@ pub struct RobotConfig {
     /// File name of the URDF, in the folder of the TOML file.
     pub urdf: String,
     /// Foot links in the order LF RF LH RH. The origin of each link is the centre of the foot sphere.
+    #[serde(deserialize_with = "array")]
     pub feet: [String; 4],
     /// Radius of the foot sphere, m.
     pub foot_radius: f64,

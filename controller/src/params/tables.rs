@@ -169,6 +169,40 @@ mod tests {
         assert_eq!(Params::from_toml(&params.to_toml(), "test").unwrap(), params);
     }
 
+    /// Every array of the parameters, with one element more and one less.
+    #[test]
+    fn an_array_of_another_length_is_an_error() {
+        fn arrays(table: &toml::Table, path: &[String], found: &mut Vec<Vec<String>>) {
+            for (key, value) in table {
+                let path = [path, &[key.clone()]].concat();
+                match value {
+                    toml::Value::Table(inner) => arrays(inner, &path, found),
+                    toml::Value::Array(_) => found.push(path),
+                    _ => {}
+                }
+            }
+        }
+        let task = "[stack]\nformula = \"trunk + hand\"\n[stack.tasks.hand]\ntype = \"cartesian\"\nlink = \"a\"\nkp = [1.0, 1.0, 1.0, 1.0, 1.0, 1.0]\n\
+                    kd = [1.0, 1.0, 1.0, 1.0, 1.0, 1.0]\n";
+        let full: toml::Table =
+            Params::from_toml(&format!("{ROBOT}\n{task}"), "test").unwrap().to_toml().parse().unwrap();
+        let mut found = Vec::new();
+        arrays(&full, &[], &mut found);
+        assert!(found.len() >= 11, "{found:?}");
+        for path in found {
+            for longer in [true, false] {
+                let mut table = full.clone();
+                let inside =
+                    path[..path.len() - 1].iter().fold(&mut table, |table, key| table[key].as_table_mut().unwrap());
+                let array = inside[&path[path.len() - 1]].as_array_mut().unwrap();
+                let last = array.pop().unwrap();
+                array.extend(vec![last; if longer { 2 } else { 0 }]);
+                let error = Params::from_toml(&table.to_string(), "test").unwrap_err();
+                assert!(matches!(error, ParamsError::Parse { .. }), "{path:?}: {error}");
+            }
+        }
+    }
+
     #[test]
     fn every_number_has_a_bound_and_every_bound_a_number() {
         let mut text = ROBOT.to_owned();

@@ -33,6 +33,7 @@ pub mod leg;
 pub mod modes;
 mod operator;
 pub mod params;
+mod plausible;
 pub mod recovery;
 pub mod reference;
 pub mod robot;
@@ -48,3 +49,4 @@ pub mod wbc;
 pub mod wire;
 
 pub use controller::{NAME, Quadruped};
+pub use plausible::{Implausible, implausible};

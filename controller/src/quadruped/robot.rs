@@ -3,7 +3,8 @@
 use super::leg::{Leg, PerLeg};
 use crate::error::LoadError;
 use crate::model::{
-    Base, BaseState, FrameId, GRAVITY, JointKind, Kinematics, Model, UrdfTree, com, point_jacobian_linear,
+    Base, BaseState, FrameId, GRAVITY, JointKind, Kinematics, Model, UrdfTree, check_runnable, com,
+    point_jacobian_linear,
 };
 use crate::params::RobotConfig;
 use nalgebra::{DMatrix, Matrix3, Vector3};
@@ -69,6 +70,7 @@ impl Robot {
             }
         }
 
+        check_runnable(&model, &q_nominal)?;
         let base = model.base_frame();
         let mut kin = Kinematics::new(&model);
         let level = BaseState {

@@ -3,6 +3,7 @@
 use super::{Rows, StackError};
 use crate::math::{Rz, log};
 use crate::model::{FrameId, Kinematics, Model, frame_bias_acceleration, frame_jacobian};
+use crate::params::exact::array;
 use nalgebra::{DMatrix, Matrix3, Vector3, Vector6};
 use serde::{Deserialize, Serialize};
 
@@ -23,8 +24,10 @@ pub struct CartesianConfig {
     #[serde(default)]
     pub relative_to: Option<String>,
     /// Stiffness of each row: 1/s², or N/m and N m/rad with `inertia`.
+    #[serde(deserialize_with = "array")]
     pub kp: [f64; 6],
     /// Damping of each row: 1/s, or N s/m and N m s/rad.
+    #[serde(deserialize_with = "array")]
     pub kd: [f64; 6],
     /// Gains give forces: they are premultiplied by the inverse of the inertia at the link. Set the gains of rows that the formula does not
     /// use to 0 in this case.

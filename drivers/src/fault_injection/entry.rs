@@ -3,6 +3,7 @@
 use super::{FaultKind, FaultWindow, Quantity};
 use crate::checks::{BadKey, Window, check_range, to_ns};
 use crate::floor::LegName;
+use controller::params::exact::optional_array;
 use controller::quadruped::leg::Leg;
 use serde::Deserialize;
 
@@ -41,9 +42,9 @@ pub(crate) struct FaultEntry {
     length_s: Option<f64>,
     delay_s: Option<f64>,
     jump_s: Option<f64>,
-    #[serde(rename = "gyro_rad_s")]
+    #[serde(rename = "gyro_rad_s", default, deserialize_with = "optional_array")]
     gyro: Option<[f64; 3]>,
-    #[serde(rename = "orientation_rad")]
+    #[serde(rename = "orientation_rad", default, deserialize_with = "optional_array")]
     orientation: Option<[f64; 3]>,
 }
 

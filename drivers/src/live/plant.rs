@@ -175,7 +175,7 @@ impl<'a> Run<'a> {
         }
         sim.step()?;
         *t_ns += sim.period_ns();
-        if self.summary.fell_at_s.is_none() && sim.tipped() {
+        if self.summary.fell_at_s.is_none() && (sim.tipped() || sim.below_ground()) {
             self.summary.fell_at_s = Some(seconds(*t_ns));
             let p = self.truth.p_WB;
             let text = format!("the robot fell at x {:.2} m, y {:.2} m", p[0], p[1]);

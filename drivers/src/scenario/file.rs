@@ -11,6 +11,7 @@ use crate::parameter_requests::ParameterEntry;
 use crate::sensors::NoiseParams;
 use crate::start::StartParams;
 use crate::terrain::TerrainParams;
+use controller::params::exact::array;
 use serde::Deserialize;
 
 /// Reads and checks a text; see [`Scenario::parse`].
@@ -108,9 +109,9 @@ struct PushEntry {
     t_s: f64,
     duration_s: f64,
     link: Option<String>,
-    #[serde(rename = "force_W", default)]
+    #[serde(rename = "force_W", default, deserialize_with = "array")]
     f_W: [f64; 3],
-    #[serde(rename = "torque_W", default)]
+    #[serde(rename = "torque_W", default, deserialize_with = "array")]
     tau_W: [f64; 3],
 }
 

@@ -1,5 +1,6 @@
 //! Parameters of the gaits.
 
+use crate::params::exact::array;
 use crate::params::range::{Bound, Range, range};
 use serde::{Deserialize, Serialize};
 
@@ -31,6 +32,7 @@ pub struct GaitTiming {
     /// Swing frequency `f_sw = 1/T_sw`, Hz.
     pub swing_frequency: f64,
     /// Phase of the stride at which each leg lifts off, LF RF LH RH.
+    #[serde(deserialize_with = "array")]
     pub lift_off_phase: [f64; 4],
     /// How far the zero-moment point moves from the centre towards the foot opposite to the swinging one, as a fraction of half their distance.
     #[serde(default)]

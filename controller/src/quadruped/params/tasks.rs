@@ -1,5 +1,6 @@
 //! Parameters of the trunk and posture tasks.
 
+use crate::params::exact::array;
 use crate::params::range::{Bound, range};
 use serde::{Deserialize, Serialize};
 
@@ -8,8 +9,10 @@ use serde::{Deserialize, Serialize};
 #[serde(deny_unknown_fields, default)]
 pub struct TrunkParams {
     /// Stiffness about the x, y, z axes of W, 1/s².
+    #[serde(deserialize_with = "array")]
     pub kp: [f64; 3],
     /// Damping about the same axes, 1/s.
+    #[serde(deserialize_with = "array")]
     pub kd: [f64; 3],
     /// Gain of the height integrator, 1/s. Raiola has 10; with it the base oscillates vertically where feet land at different heights.
     pub height_gain: f64,
@@ -65,15 +68,19 @@ impl TrunkParams {
 #[serde(deny_unknown_fields, default)]
 pub struct PostureParams {
     /// Swing stiffness: 1/s², or N m/rad with [`PostureParams::swing_inertia`].
+    #[serde(deserialize_with = "array")]
     pub swing_kp: [f64; 3],
     /// Swing damping: 1/s, or N m s/rad with [`PostureParams::swing_inertia`].
+    #[serde(deserialize_with = "array")]
     pub swing_kd: [f64; 3],
     /// The swing gains are torques: they are premultiplied by the inverse of the leg's inertia (Raiola, appendix).
     pub swing_inertia: bool,
     /// Stance stiffness: 1/s², or N m/rad with [`PostureParams::stance_inertia`].
+    #[serde(deserialize_with = "array")]
     pub stance_kp: [f64; 3],
     /// Stance damping: 1/s, or N m s/rad with [`PostureParams::stance_inertia`]. The default is critical for Raiola's stiffness; with Raiola's
     /// damping of 20 the base oscillates vertically at half the stride of a trot.
+    #[serde(deserialize_with = "array")]
     pub stance_kd: [f64; 3],
     /// The stance gains are torques, as with [`PostureParams::swing_inertia`].
     pub stance_inertia: bool,

@@ -1,0 +1,174 @@
+//! Parameters and URDF of a robot that do not fit each other, though a controller can be built: usually a mistake in a file.
+
+use super::leg::Leg;
+use super::robot::Robot;
+use crate::error::LoadError;
+use crate::model::{ShapeKind, UrdfTree, untouchable};
+use crate::params::{Params, RobotConfig};
+use std::fmt;
+
+/// Largest plausible radius of a foot, as a fraction of the height of the base above the ground.
+const LARGEST_FOOT: f64 = 0.25;
+/// Largest difference of the radius in the parameters from that in the URDF, as a fraction.
+const RADIUS_TOLERANCE: f64 = 0.2;
+/// Largest plausible distance of a foot's sphere from the origin of its link, m.
+const LARGEST_OFFSET: f64 = 1e-3;
+
+/// A property that is probably a mistake.
+#[derive(Clone, Debug, PartialEq)]
+#[non_exhaustive]
+pub enum Implausible {
+    /// `robot.foot_radius` is large for the robot, or differs from the URDF.
+    FootRadius {
+        /// The value, m.
+        found: f64,
+        /// The radius of the sphere in the URDF, or the largest plausible one, m.
+        expected: f64,
+    },
+    /// The centre of a foot's sphere in the URDF is not at the origin of its link, where controller and simulator put it.
+    FootOffset {
+        /// The foot link.
+        link: String,
+        /// Distance, m.
+        distance: f64,
+    },
+    /// A foot is on the wrong side of another one.
+    FeetOrder {
+        /// A foot, by its leg in `robot.feet`, and its link.
+        first: (Leg, String),
+        /// Where it should be: `in front of` or `left of`.
+        expected: &'static str,
+        /// The other foot.
+        second: (Leg, String),
+    },
+    /// The robot has another name in the URDF.
+    Name {
+        /// `robot.name`.
+        found: String,
+        /// Name in the URDF.
+        urdf: String,
+    },
+    /// Links that touch nothing, because they have only meshes or no shape.
+    TouchNothing {
+        /// The links.
+        links: Vec<String>,
+    },
+}
+
+impl fmt::Display for Implausible {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::FootRadius { found, expected } => {
+                write!(f, "robot.foot_radius is {found} m, expected about {expected} m or less")
+            }
+            Self::FootOffset { link, distance } => write!(
+                f,
+                "foot {link}: its sphere in the URDF is {distance:.4} m from the origin of the link; controller and simulator put it at the origin"
+            ),
+            Self::FeetOrder { first: (leg, link), expected, second: (other, other_link) } => write!(
+                f,
+                "robot.feet: foot {} ({link}) is not {expected} foot {} ({other_link}), expected the order LF RF LH RH",
+                leg.name(),
+                other.name()
+            ),
+            Self::Name { found, urdf } => write!(f, "robot.name is \"{found}\", the URDF is of \"{urdf}\""),
+            Self::TouchNothing { links } => write!(
+                f,
+                "links without a primitive shape: {}; the simulator gives them shapes from joint to joint where only meshes are missing",
+                links.join(", ")
+            ),
+        }
+    }
+}
+
+/// Checks the files of a robot.
+///
+/// # Errors
+/// No controller can be built: see [`Robot::new`].
+pub fn implausible(urdf: &str, params: &str) -> Result<Vec<Implausible>, LoadError> {
+    let config = Params::from_toml(params, "parameters")?.robot;
+    let robot = Robot::new(urdf, &config)?;
+    let tree = UrdfTree::parse(urdf, &config.urdf)?;
+    let RobotConfig { name, feet, foot_radius, .. } = &config;
+    let mut found = Vec::new();
+    // In the file names of robots, letters in lower case stand for a name.
+    let plain = |name: &str| name.to_lowercase().replace(|c: char| !c.is_ascii_alphanumeric(), "_");
+    if plain(name) != plain(&tree.name) {
+        found.push(Implausible::Name { found: name.clone(), urdf: tree.name.clone() });
+    }
+    let mut spheres = Vec::new();
+    for link in tree.links.iter().filter(|link| feet.contains(&link.name)) {
+        let sphere = link.collisions.iter().chain(&link.visuals).find_map(|shape| match shape.kind {
+            ShapeKind::Sphere { radius } => Some((radius, shape.X_LS.p.norm())),
+            _ => None,
+        });
+        let Some((radius, distance)) = sphere else { continue };
+        spheres.push(radius);
+        if distance > LARGEST_OFFSET {
+            found.push(Implausible::FootOffset { link: link.name.clone(), distance });
+        }
+    }
+    let largest = LARGEST_FOOT * (robot.nominal_height - foot_radius).abs();
+    match spheres.first() {
+        Some(&radius) if (foot_radius - radius).abs() > RADIUS_TOLERANCE * radius => {
+            found.push(Implausible::FootRadius { found: *foot_radius, expected: radius });
+        }
+        _ if *foot_radius > largest => {
+            found.push(Implausible::FootRadius { found: *foot_radius, expected: largest });
+        }
+        _ => {}
+    }
+    let place = |leg: Leg| robot.legs[leg].p_nominal_H;
+    for (first, second, axis, expected) in [
+        (Leg::LF, Leg::LH, 0, "in front of"),
+        (Leg::RF, Leg::RH, 0, "in front of"),
+        (Leg::LF, Leg::RF, 1, "left of"),
+        (Leg::LH, Leg::RH, 1, "left of"),
+    ] {
+        if place(first)[axis] <= place(second)[axis] {
+            let named = |leg: Leg| (leg, feet[leg as usize].clone());
+            found.push(Implausible::FeetOrder { first: named(first), expected, second: named(second) });
+        }
+    }
+    let links = untouchable(&tree, feet);
+    if !links.is_empty() {
+        found.push(Implausible::TouchNothing { links });
+    }
+    Ok(found)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const HYQ: [&str; 2] = [include_str!("../../../robots/hyq/hyq.urdf"), include_str!("../../../robots/hyq/hyq.toml")];
+
+    fn changed(urdf: (&str, &str), params: (&str, &str)) -> Vec<Implausible> {
+        assert!(HYQ[0].contains(urdf.0) && HYQ[1].contains(params.0));
+        implausible(&HYQ[0].replace(urdf.0, urdf.1), &HYQ[1].replace(params.0, params.1)).unwrap()
+    }
+
+    #[test]
+    fn mistakes_in_the_files_are_found() {
+        let same = ("robot", "robot");
+        assert_eq!(changed(same, same), []);
+        let radius = changed(same, ("foot_radius = 0.02175", "foot_radius = 5.0"));
+        assert_eq!(radius, [Implausible::FootRadius { found: 5.0, expected: 0.02175 }]);
+        let name = changed(same, ("name = \"hyq\"", "name = \"anymal_b\""));
+        assert_eq!(name, [Implausible::Name { found: "anymal_b".into(), urdf: "hyq".into() }]);
+        let order = changed(same, ("\"lf_foot\", \"rf_foot\"", "\"rf_foot\", \"lf_foot\""));
+        let feet = ((Leg::LF, "rf_foot".to_owned()), (Leg::RF, "lf_foot".to_owned()));
+        assert_eq!(order, [Implausible::FeetOrder { first: feet.0, expected: "left of", second: feet.1 }]);
+        let hind = changed(
+            same,
+            (
+                "\"lf_foot\", \"rf_foot\", \"lh_foot\", \"rh_foot\"",
+                "\"lh_foot\", \"rh_foot\", \"lf_foot\", \"rf_foot\"",
+            ),
+        );
+        assert_eq!(hind.len(), 2, "{hind:?}");
+        let mesh = "<geometry><mesh filename=\"trunk.stl\"/></geometry>";
+        let links = changed(("<geometry><box size=\"0.9 0.35 0.2\"/></geometry>", mesh), same);
+        assert_eq!(links, [Implausible::TouchNothing { links: vec!["base_link".into()] }]);
+    }
+}
