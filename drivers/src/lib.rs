@@ -24,6 +24,7 @@ mod fault_limits;
 mod floor;
 pub mod live;
 pub mod lockstep;
+pub mod mesh;
 mod mjcf;
 mod mujoco;
 pub mod operator_script;

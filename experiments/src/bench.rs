@@ -40,18 +40,25 @@ pub struct RunSpec {
     changes: Vec<Change>,
     set: Vec<String>,
     seed: Option<i64>,
+    /// Another robot than the bench's.
+    robot: Option<String>,
 }
 
 impl RunSpec {
     /// A scenario by its name in `scenarios/`, or by its TOML file.
     pub fn of(scenario: &str) -> Self {
         let name = file_stem(scenario);
-        RunSpec { name, scenario: scenario.to_owned(), changes: Vec::new(), set: Vec::new(), seed: None }
+        RunSpec { name, scenario: scenario.to_owned(), changes: Vec::new(), set: Vec::new(), seed: None, robot: None }
     }
 
     /// Renames the run.
     pub fn named(self, name: impl Into<String>) -> Self {
         RunSpec { name: name.into(), ..self }
+    }
+
+    /// Runs another robot than the bench's, by its TOML file.
+    pub fn robot(self, toml: &Path) -> Self {
+        RunSpec { robot: Some(toml.display().to_string()), ..self }
     }
 
     /// Changes a key of the scenario; the value is TOML.
@@ -227,7 +234,13 @@ impl Bench {
     ) -> anyhow::Result<Sample<T>> {
         let log = self.dir.join(format!("{}.mcap", spec.name));
         let scenario = self.scenario(spec)?;
-        let job = Job { robot: &self.robot, scenario: &scenario, seconds: None, seed: spec.seed, set: &spec.set };
+        let job = Job {
+            robot: spec.robot.as_deref().unwrap_or(&self.robot),
+            scenario: &scenario,
+            seconds: None,
+            seed: spec.seed,
+            set: &spec.set,
+        };
         let summary = Setup::read(&job)?.simulate(&log, &self.build, &mut |fraction| progress(0.5 * fraction))?;
         let replayed = Replay::open(&log)?.run(&Options::default(), &mut |fraction| progress(0.5 + 0.4 * fraction))?;
         {

@@ -4,14 +4,17 @@ use super::read;
 use crate::{Outcome, say, say_json};
 use analysis::table::{Column, Table};
 use anyhow::Context;
-use controller::robot_init::{Guess, Proposal, propose};
+use controller::robot_init::{Guess, Options, Proposal, propose};
+use drivers::{mesh, shipped};
 use std::path::{Path, PathBuf};
 
 #[derive(clap::Args)]
 #[command(after_help = "Example: hoof robot init my_dog.urdf --out robots/my_dog\n         \
     hoof sim --robot robots/my_dog/my_dog.toml --scenario scenarios/flat_trot.toml --log run.mcap\n\n\
     Finds legs, feet and IMU in the tree of links, orders the legs by position, and solves for a standing posture within the joint\n\
-    limits. Forces, step and swing frequency are HyQ's, scaled by mass and height. Prints each guess with its reason, and what to check.")]
+    limits and for a lying one. Forces, steps, swing frequency and gains are HyQ's, scaled by mass, height of the hips and inertia.\n\
+    Where controller or simulator cannot use the URDF as it is (meshes, joints outside of the legs, a root that is not the trunk, efforts\n\
+    that are no limits), it writes a changed copy. Prints each guess with its reason, and what to check.")]
 pub struct Args {
     /// URDF of a robot with four legs of three joints each
     urdf: PathBuf,
@@ -21,6 +24,9 @@ pub struct Args {
     /// Folder to write to, with a copy of the URDF; created if missing. Default: the folder of the URDF
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
+    /// Fix JOINT, which is not part of a leg, at a position in rad or m instead of 0; repeatable
+    #[arg(long, value_name = "JOINT=POSITION", value_parser = position)]
+    fix: Vec<(String, f64)>,
     /// Replace an existing file
     #[arg(long)]
     force: bool,
@@ -33,28 +39,69 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
     let text = read(&args.urdf)?;
     let file = args.urdf.display().to_string();
     let urdf_name = args.urdf.file_name().context("the URDF has no file name")?.to_string_lossy().into_owned();
-    let proposal = propose(&text, &file, &urdf_name, args.name.as_deref()).with_context(|| file.clone())?;
-    let path = write(args, &text, &urdf_name, &proposal)?;
+    let options = Options {
+        urdf_file: &urdf_name,
+        beside: args.out.is_none(),
+        name: args.name.as_deref(),
+        fixed: &args.fix,
+        bounds: &|name| mesh::bounds(name, &args.urdf),
+    };
+    let mut proposal = propose(&text, &file, &options).with_context(|| file.clone())?;
+    let path = write(args, &text, &proposal)?;
+    let Proposal { name, look_at, .. } = &mut proposal;
+    if args.name.is_none()
+        && shipped::find(&Path::new("robots").join(&*name)).is_some_and(|other| !same(&other, path.parent()))
+    {
+        look_at.push(format!(
+            "robot.name: {name}, as in the URDF, is the name of another robot in robots/; --name gives it another one"
+        ));
+    }
     if args.json {
         let Proposal { guesses, look_at, .. } = &proposal;
-        say_json(&serde_json::json!({ "toml": path, "guesses": guesses, "look_at": look_at }))?;
+        let urdf = path.with_file_name(&proposal.urdf_file);
+        say_json(&serde_json::json!({ "toml": path, "urdf": urdf, "guesses": guesses, "look_at": look_at }))?;
     } else {
         print(&proposal, &path)?;
     }
     Ok(Outcome::Good)
 }
 
-/// Writes the parameter file, and a copy of the URDF into another folder.
-fn write(args: &Args, urdf: &str, urdf_name: &str, proposal: &Proposal) -> anyhow::Result<PathBuf> {
+/// A `JOINT=POSITION`.
+fn position(text: &str) -> Result<(String, f64), String> {
+    let (joint, q) = text.split_once('=').ok_or("expected JOINT=POSITION")?;
+    match q.trim().parse::<f64>() {
+        Ok(q) if q.abs() <= 1e3 => Ok((joint.trim().to_owned(), q)),
+        _ => Err(format!("found {q}, expected a position of at most 1000 rad or m")),
+    }
+}
+
+/// Whether two folders are the same.
+fn same(a: &Path, b: Option<&Path>) -> bool {
+    b.is_some_and(|b| a.canonicalize().ok() == b.canonicalize().ok())
+}
+
+/// Writes the parameter file, and the URDF if it is changed or goes into another folder.
+fn write(args: &Args, urdf: &str, proposal: &Proposal) -> anyhow::Result<PathBuf> {
     let folder = args.out.clone().unwrap_or_else(|| args.urdf.parent().map(Path::to_owned).unwrap_or_default());
     if !folder.as_os_str().is_empty() {
         std::fs::create_dir_all(&folder).with_context(|| folder.display().to_string())?;
     }
     let path = folder.join(format!("{}.toml", proposal.name));
     anyhow::ensure!(args.force || !path.exists(), "{} exists; --force replaces it", path.display());
-    let copy = folder.join(urdf_name);
-    if args.out.is_some() && copy.canonicalize().ok() != args.urdf.canonicalize().ok() {
-        std::fs::write(&copy, urdf).with_context(|| copy.display().to_string())?;
+    let copy = folder.join(&proposal.urdf_file);
+    let is_source = copy.canonicalize().is_ok_and(|copy| args.urdf.canonicalize().is_ok_and(|urdf| urdf == copy));
+    match &proposal.urdf {
+        Some(prepared) => {
+            anyhow::ensure!(
+                !is_source,
+                "{} would be replaced by a changed copy; give another --out or --name",
+                copy.display()
+            );
+            anyhow::ensure!(args.force || !copy.exists(), "{} exists; --force replaces it", copy.display());
+            std::fs::write(&copy, prepared).with_context(|| copy.display().to_string())?;
+        }
+        None if is_source => {}
+        None => std::fs::write(&copy, urdf).with_context(|| copy.display().to_string())?,
     }
     std::fs::write(&path, &proposal.toml).with_context(|| path.display().to_string())?;
     Ok(path)
@@ -76,7 +123,7 @@ fn print(proposal: &Proposal, path: &Path) -> anyhow::Result<()> {
     for remark in look_at {
         say(format!("- {remark}"))?;
     }
-    say("- the gains, [posture] and [trunk]: they are HyQ's")?;
+    say("- the gains, [posture] and [trunk]: they are HyQ's, scaled by the inertia of the legs")?;
     say(format!("\nwrote {}", path.display()))?;
     say(format!("try: hoof sim --robot {} --scenario scenarios/flat_trot.toml --log run.mcap", path.display()))
 }

@@ -20,14 +20,13 @@ pub enum RobotInitError {
         /// Joints of each chain, base first.
         chains: Vec<Vec<String>>,
     },
-    /// Movable joints besides the legs. The controller commands no other joints.
-    #[error(
-        "joints that are not part of the four lowest chains, which are the legs: {}; make them fixed in the URDF",
-        joints.join(", ")
-    )]
-    OtherJoints {
-        /// The joints.
-        joints: Vec<String>,
+    /// A position for a joint that is a leg's or that the robot does not have.
+    #[error("--fix {joint}: expected a movable joint outside of the legs: {}", if others.is_empty() { "there is none".to_owned() } else { others.join(", ") })]
+    Fix {
+        /// The joint.
+        joint: String,
+        /// The joints that can be fixed.
+        others: Vec<String>,
     },
     /// A leg without exactly three movable joints.
     #[error("leg with joints {}: found {} joints, expected 3", joints.join(", "), joints.len())]

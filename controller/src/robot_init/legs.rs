@@ -35,56 +35,119 @@ pub struct FoundLegs {
     pub look_at: Vec<String>,
 }
 
-/// Finds the legs.
+/// The movable joints that are not part of a leg, as indices in [`UrdfTree::joints`]. A leg is the first three joints of one of the four
+/// lowest chains; what moves behind them, such as a wheel, and all other chains, such as an arm, are outside.
 ///
 /// # Errors
-/// Anything but four chains of three revolute joints from the base to a foot, one in each corner of the body; other movable joints.
+/// Fewer than four chains.
+pub(super) fn outside(tree: &UrdfTree, model: &Model) -> Result<Vec<usize>, RobotInitError> {
+    let kin = at_zero(model);
+    let links = Links::new(tree);
+    let position = |link: usize| model.frame(&tree.links[link].name).map(|frame| kin.p_WF(model, frame));
+    let mut chains = Vec::new();
+    for joints in links.chains(tree) {
+        let third = joints[joints.len().min(3) - 1];
+        let mut lowest = f64::INFINITY;
+        links.behind(tree.joints[third].child, &mut |link| {
+            lowest = lowest.min(position(link)?.z);
+            Ok(())
+        })?;
+        // A chain too short for a leg counts as one only if there are no others.
+        chains.push((joints.len() < 3, lowest, joints));
+    }
+    if chains.len() < 4 {
+        let names =
+            |(.., joints): (bool, f64, Vec<usize>)| joints.iter().map(|&j| tree.joints[j].name.clone()).collect();
+        return Err(RobotInitError::TooFewLegs { chains: chains.into_iter().map(names).collect() });
+    }
+    chains.sort_by(|a, b| a.0.cmp(&b.0).then(a.1.total_cmp(&b.1)));
+    let mut is_leg = vec![false; tree.joints.len()];
+    for (.., joints) in chains.iter().take(4) {
+        joints.iter().take(3).for_each(|&joint| is_leg[joint] = true);
+    }
+    Ok((0..tree.joints.len()).filter(|&joint| movable(tree, joint) && !is_leg[joint]).collect())
+}
+
+/// Finds the legs of a tree whose movable joints are those of the legs.
+///
+/// # Errors
+/// Anything but four chains of three revolute joints from the base to a foot, one in each corner of the body.
 pub(super) fn find(tree: &UrdfTree, model: &Model) -> Result<FoundLegs, RobotInitError> {
     let mut look_at = Vec::new();
-    let mut chains = Vec::new();
-    for end in (0..tree.joints.len()).filter(|&j| movable(tree, j) && !movable_behind(tree, tree.joints[j].child)) {
-        chains.push((chain(tree, tree.joints[end].child), end));
-    }
+    let links = Links::new(tree);
+    let chains = links.chains(tree);
     let name = |joint: usize| tree.joints[joint].name.clone();
     let names = |joints: &[usize]| joints.iter().map(|&j| name(j)).collect::<Vec<_>>();
-    if chains.len() < 4 {
-        return Err(RobotInitError::TooFewLegs { chains: chains.iter().map(|(joints, _)| names(joints)).collect() });
-    }
     let kin = at_zero(model);
     let position = |link: usize| model.frame(&tree.links[link].name).map(|frame| kin.p_WF(model, frame));
-    if chains.len() > 4 {
-        // The four lowest chains are the legs; the controller commands no other joints, such as those of an arm.
-        let mut by_height = Vec::new();
-        for (joints, end) in chains {
-            by_height.push((position(foot_of(tree, tree.joints[end].child, &position)?)?.z, joints));
-        }
-        by_height.sort_by(|a, b| a.0.total_cmp(&b.0));
-        let rest: Vec<usize> = by_height.iter().skip(4).flat_map(|(_, joints)| joints.clone()).collect();
-        return Err(RobotInitError::OtherJoints { joints: names(&rest) });
-    }
     let mut found = Vec::with_capacity(4);
-    for (joints, end) in &chains {
+    for joints in &chains {
         let Ok(three) = <[usize; 3]>::try_from(joints.as_slice()) else {
             return Err(RobotInitError::JointsOfLeg { joints: names(joints) });
         };
         if let Some(&joint) = three.iter().find(|&&j| tree.joints[j].kind == JointKind::Prismatic) {
             return Err(RobotInitError::Prismatic { joint: name(joint) });
         }
-        let foot = foot_of(tree, tree.joints[*end].child, &position)?;
-        let links = three.map(|j| tree.joints[j].child);
-        if (position(foot)? - position(links[2])?).norm() < 1e-3 {
-            return Err(RobotInitError::NoFoot { joint: name(*end), link: tree.links[foot].name.clone() });
+        let feet = three.map(|j| tree.joints[j].child);
+        let foot = foot_of(tree, &links, feet[2], &position)?;
+        let offset = sphere(tree, foot).map_or(0.0, |(_, offset)| offset.norm());
+        if (position(foot)? - position(feet[2])?).norm() < 1e-3 && offset < 1e-3 {
+            return Err(RobotInitError::NoFoot { joint: name(three[2]), link: tree.links[foot].name.clone() });
         }
         let mut indices = [0; 3];
         for (index, j) in indices.iter_mut().zip(three) {
             *index = model.joint(&tree.joints[j].name)?.index();
         }
-        found.push(FoundLeg { joints: indices, links, foot });
+        found.push(FoundLeg { joints: indices, links: feet, foot });
+    }
+    if found.len() != 4 {
+        return Err(RobotInitError::TooFewLegs { chains: chains.iter().map(|joints| names(joints)).collect() });
     }
     let legs = ordered(tree, found, &position)?;
     let (foot_radius, radius_because) = radius(tree, &legs, &mut look_at);
     let (imu, imu_because) = imu(tree, &mut look_at);
     Ok(FoundLegs { legs, foot_radius, imu, imu_because, radius_because, look_at })
+}
+
+/// The joints below each link, and whether a movable joint is among all joints below it.
+struct Links {
+    joints: Vec<Vec<usize>>,
+    children: Vec<Vec<usize>>,
+    movable_below: Vec<bool>,
+}
+
+impl Links {
+    fn new(tree: &UrdfTree) -> Self {
+        let n = tree.links.len();
+        let mut links =
+            Links { joints: vec![Vec::new(); n], children: vec![Vec::new(); n], movable_below: vec![false; n] };
+        for (j, joint) in tree.joints.iter().enumerate() {
+            links.joints[joint.parent].push(j);
+            links.children[joint.parent].push(joint.child);
+        }
+        // Parents come before their children.
+        for link in (0..n).rev() {
+            links.movable_below[link] =
+                links.joints[link].iter().any(|&j| movable(tree, j) || links.movable_below[tree.joints[j].child]);
+        }
+        links
+    }
+
+    /// The chains of movable joints, each from the root to a joint without movable joints behind it, in the order of the file.
+    fn chains(&self, tree: &UrdfTree) -> Vec<Vec<usize>> {
+        let is_end = |&j: &usize| movable(tree, j) && !self.movable_below[tree.joints[j].child];
+        (0..tree.joints.len()).filter(is_end).map(|end| chain(tree, tree.joints[end].child)).collect()
+    }
+
+    /// Calls a function with a link and all links behind it.
+    fn behind(&self, link: usize, each: &mut dyn FnMut(usize) -> Result<(), ModelError>) -> Result<(), ModelError> {
+        let mut open = vec![link];
+        while let Some(link) = open.pop() {
+            each(link)?;
+            open.extend(&self.children[link]);
+        }
+        Ok(())
+    }
 }
 
 /// Position of a link's origin with all joints at zero, m, by index of the link.
@@ -101,14 +164,6 @@ fn movable(tree: &UrdfTree, joint: usize) -> bool {
     tree.joints[joint].kind != JointKind::Fixed
 }
 
-fn children(tree: &UrdfTree, link: usize) -> impl Iterator<Item = usize> {
-    (0..tree.joints.len()).filter(move |&j| tree.joints[j].parent == link)
-}
-
-fn movable_behind(tree: &UrdfTree, link: usize) -> bool {
-    children(tree, link).any(|j| movable(tree, j) || movable_behind(tree, tree.joints[j].child))
-}
-
 /// Movable joints from the root to a link, root first.
 fn chain(tree: &UrdfTree, link: usize) -> Vec<usize> {
     let (mut joints, mut at) = (Vec::new(), link);
@@ -123,27 +178,26 @@ fn chain(tree: &UrdfTree, link: usize) -> Vec<usize> {
 }
 
 /// The foot among the end links fixed behind a leg's last joint: a link with a sphere is preferred, then the farthest from the joint.
-fn foot_of(tree: &UrdfTree, last: usize, position: &Position<'_>) -> Result<usize, ModelError> {
+fn foot_of(tree: &UrdfTree, links: &Links, last: usize, position: &Position<'_>) -> Result<usize, ModelError> {
     let mut best = (false, -1.0, last);
-    let mut open = vec![last];
-    while let Some(link) = open.pop() {
-        let behind: Vec<usize> = children(tree, link).map(|j| tree.joints[j].child).collect();
-        if behind.is_empty() {
+    links.behind(last, &mut |link| {
+        if links.children[link].is_empty() {
             let candidate = (sphere(tree, link).is_some(), (position(link)? - position(last)?).norm(), link);
             if (candidate.0, candidate.1) > (best.0, best.1) {
                 best = candidate;
             }
         }
-        open.extend(behind);
-    }
+        Ok(())
+    })?;
     Ok(best.2)
 }
 
-/// Radius and offset of a link's first sphere; collision shapes are searched before visual ones.
-fn sphere(tree: &UrdfTree, link: usize) -> Option<(f64, Vector3<f64>)> {
+/// Radius and offset of a link's first sphere, or of its first flat cylinder, a wheel; collision shapes are searched before visual ones.
+pub(super) fn sphere(tree: &UrdfTree, link: usize) -> Option<(f64, Vector3<f64>)> {
     let link = &tree.links[link];
     link.collisions.iter().chain(&link.visuals).find_map(|shape| match shape.kind {
         ShapeKind::Sphere { radius } => Some((radius, shape.X_LS.p)),
+        ShapeKind::Cylinder { radius, length } if length < 2.0 * radius => Some((radius, shape.X_LS.p)),
         _ => None,
     })
 }
@@ -170,18 +224,12 @@ fn ordered(tree: &UrdfTree, legs: Vec<FoundLeg>, position: &Position<'_>) -> Res
 
 fn radius(tree: &UrdfTree, legs: &[FoundLeg; 4], look_at: &mut Vec<String>) -> (f64, &'static str) {
     let spheres: Vec<_> = legs.iter().map(|leg| sphere(tree, leg.foot)).collect();
-    let Some((radius, offset)) = spheres[0] else {
+    let Some((radius, _)) = spheres[0] else {
         look_at.push(format!("robot.foot_radius: {} has no sphere", tree.links[legs[0].foot].name));
         return (FOOT_RADIUS, "a guess: the foot links have no sphere");
     };
     if spheres.iter().any(|sphere| sphere.is_none_or(|(r, _)| (r - radius).abs() > 1e-9)) {
         look_at.push("robot.foot_radius: the radii of the feet differ; this is the left front one".to_owned());
-    }
-    if offset.norm() > 1e-6 {
-        let (name, distance) = (&tree.links[legs[0].foot].name, offset.norm());
-        look_at.push(format!(
-            "robot.feet: the centre of the sphere of {name} is {distance:.4} m from the link's origin; the controller assumes it at the origin"
-        ));
     }
     (radius, "sphere of the foot link")
 }

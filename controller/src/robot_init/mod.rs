@@ -1,29 +1,36 @@
 //! A first parameter file for a quadruped, derived from its URDF alone: `hoof robot init`.
 //!
 //! - `legs` finds legs, feet and IMU in the tree of links.
-//! - `posture` solves for a standing posture within the joint limits.
-//! - this file scales HyQ's forces and steps by mass and size, and writes the TOML text.
+//! - `prepare` changes what controller and simulator cannot use; the result is a URDF of its own.
+//! - `posture` solves for a standing posture within the joint limits, `lying` for one on the ground.
+//! - `gains` scales gains by the inertia of the legs; this file scales HyQ's forces and steps by mass and size.
+//! - `toml_text` writes the parameter file.
 //!
 //! It runs before a controller exists; no controller uses it.
 
 mod error;
+mod gains;
 mod legs;
+mod lying;
 mod posture;
+mod prepare;
+mod toml_text;
 
 pub use error::RobotInitError;
 pub use legs::{FoundLeg, FoundLegs};
 pub use posture::Posture;
 
-use crate::model::{Base, Model, UrdfTree};
+use crate::model::{AddedShape, Base, Bounds, GRAVITY, Model, UrdfTree, with_shapes};
 use crate::params::Params;
 use crate::quadruped::Quadruped;
 use crate::quadruped::leg::Leg;
-use crate::quadruped::params::{FootholdParams, SwingParams, WbcParams};
+use crate::quadruped::params::{FootholdParams, RecoveryParams, SwingParams, WbcParams};
+use gains::Gains;
 use serde::Serialize;
 
 /// Mass of HyQ, kg. The default parameters are made for HyQ.
 const HYQ_MASS: f64 = 86.8;
-/// Height of HyQ's base above the ground, m.
+/// Height of HyQ's hips above the ground, m.
 const HYQ_HEIGHT: f64 = 0.6;
 /// Swing frequency of HyQ's trot, Hz.
 const HYQ_TROT: f64 = 4.0;
@@ -33,10 +40,16 @@ const HYQ_TROT: f64 = 4.0;
 pub struct Proposal {
     /// Name of the robot, usable as a file name.
     pub name: String,
+    /// The URDF to write beside the parameters; `None` if the given one can be used as it is.
+    pub urdf: Option<String>,
+    /// Its file name, as in the parameters.
+    pub urdf_file: String,
     /// The parameters as TOML. Keys that equal their defaults are included if they are the first to be tuned.
     pub toml: String,
     /// Mass of all links, kg.
     pub total_mass: f64,
+    /// Height of the hips above the ground in the standing posture, m.
+    pub hip_height: f64,
     /// Number of movable joints.
     pub joints: usize,
     /// Standing posture: for each leg (LF RF LH RH), its joints and their positions, rad.
@@ -58,37 +71,103 @@ pub struct Guess {
     pub because: String,
 }
 
+/// What `propose` needs besides the URDF.
+pub struct Options<'a> {
+    /// File name of the URDF.
+    pub urdf_file: &'a str,
+    /// Whether the parameter file is written into the folder of the URDF. A changed URDF then has another name.
+    pub beside: bool,
+    /// Name of the robot; by default the URDF's, in lower case.
+    pub name: Option<&'a str>,
+    /// Positions at which joints outside of the legs are fixed, rad or m; by default 0, or the limit closest to it.
+    pub fixed: &'a [(String, f64)],
+    /// Bounding box of a mesh file; `None` if it cannot be read.
+    pub bounds: &'a dyn Fn(&str) -> Option<Bounds>,
+}
+
 /// Derives a first parameter file from a URDF, and builds a controller with it as a check.
 ///
 /// - `urdf`: text of the URDF.
 /// - `source`: path of the URDF, for errors.
-/// - `urdf_file`: file name of the URDF beside the parameter file.
-/// - `name`: name of the robot; by default the URDF's, in lower case.
 ///
 /// # Errors
 /// An invalid URDF; a robot without four legs of three revolute joints each; a leg that cannot reach the ground; a name with
 /// characters that a file name should not have.
-pub fn propose(urdf: &str, source: &str, urdf_file: &str, name: Option<&str>) -> Result<Proposal, RobotInitError> {
-    let tree = UrdfTree::parse(urdf, source)?;
-    let model = Model::new(&tree, Base::Floating)?;
-    let mut found = legs::find(&tree, &model)?;
-    let stance = posture::stand(&tree, &model, &found.legs)?;
-    let name = name.map_or_else(|| file_name(&tree.name), str::to_owned);
+pub fn propose(urdf: &str, source: &str, options: &Options) -> Result<Proposal, RobotInitError> {
+    let mut tree = UrdfTree::parse(urdf, source)?;
+    let mut changes = Vec::new();
+    let name = options.name.map_or_else(|| file_name(&tree.name), str::to_owned);
     if name.is_empty() || !name.chars().all(|c| c.is_ascii_alphanumeric() || "_-".contains(c)) {
         return Err(RobotInitError::Name { found: name });
     }
-    let scaled = Scaled::new(model.total_mass(), stance.height + found.foot_radius);
-    let toml = write(&name, urdf_file, &tree, &model, &found, &stance, &scaled);
+    for link in prepare::trunk_as_root(&mut tree) {
+        changes.push(format!("root link {link} is removed: it has no mass and no shape, and the trunk is elsewhere"));
+    }
+    fix_others(&mut tree, options.fixed, &mut changes)?;
+    let model = Model::new(&tree, Base::Floating)?;
+    let found = legs::find(&tree, &model)?;
+    for leg in &found.legs {
+        if let Some((_, offset)) = legs::sphere(&tree, leg.foot).filter(|(_, offset)| offset.norm() > 1e-6) {
+            prepare::center_foot(&mut tree, leg.foot, offset);
+            let (link, distance) = (&tree.links[leg.foot].name, offset.norm());
+            changes.push(format!(
+                "the foot of {link} is at the centre of its sphere, {distance:.4} m from the origin of the link"
+            ));
+        }
+    }
+    for link in prepare::balance(&mut tree) {
+        changes.push(format!("link {link}: no mass distribution has its inertia; it is replaced by that of a sphere"));
+    }
+    let model = Model::new(&tree, Base::Floating)?;
+    let mut found = legs::find(&tree, &model)?;
+    let plans = posture::plans(&tree, &model, &found.legs)?;
+    let stance = posture::stand(&tree, &model, &plans)?;
+
+    let size = model.total_mass() * GRAVITY * stance.leg_length;
+    for joint in prepare::limit_efforts(&mut tree, &found.legs, size) {
+        changes.push(format!("joint {joint}: its effort or velocity is no limit of a motor; a usual value is assumed"));
+    }
+    let feet = found.legs.each_ref().map(|leg| tree.links[leg.foot].name.clone());
+    let (mut tree, added) = with_shapes(&tree, &feet, found.foot_radius, options.bounds);
+    for AddedShape { link, from_mesh } in added {
+        let from = if from_mesh { "the bounding box of its mesh" } else { "a shape from joint to joint" };
+        changes.push(format!("link {link} has no shape that can touch the ground; it receives {from}"));
+    }
+    let model = Model::new(&tree, Base::Floating)?;
+    let lying = lying::lie(&tree, &model, &plans, &stance.q, found.foot_radius);
+    let gains = Gains::new(&model, &found.legs, &stance.q, size);
+    let scaled = Scaled::new(model.total_mass(), stance.hip_height + found.foot_radius);
+
+    let (urdf_file, prepared) = if changes.is_empty() {
+        (options.urdf_file.to_owned(), None)
+    } else {
+        tree.name.clone_from(&name);
+        let file = format!("{name}.urdf");
+        let file = if options.beside && file == options.urdf_file { format!("{name}_prepared.urdf") } else { file };
+        let mut head = vec![format!("{name}, written by `hoof robot init` from {}. Changes:", options.urdf_file)];
+        head.extend(changes.iter().map(|change| format!("- {change}")));
+        (file, Some(tree.to_urdf(&head)))
+    };
+    let toml = toml_text::write(&toml_text::Parts {
+        name: &name,
+        urdf: &urdf_file,
+        tree: &tree,
+        model: &model,
+        found: &found,
+        stance: &stance,
+        lying: &lying,
+        scaled: &scaled,
+        gains: &gains,
+    });
     // The controller checks posture, legs and stack.
-    Quadruped::new(urdf, &toml).map_err(|source| RobotInitError::Unusable { source: Box::new(source) })?;
+    Quadruped::new(prepared.as_deref().unwrap_or(urdf), &toml)
+        .map_err(|source| RobotInitError::Unusable { source: Box::new(source) })?;
     let params = Params::from_toml(&toml, &name)?;
 
     if stance.either_way {
         found.look_at.push("robot.posture: the knees can bend either way; here they point to the middle".to_owned());
     }
-    if found.legs.iter().flat_map(|leg| leg.joints).any(|j| !model.joints[j].effort.is_finite()) {
-        found.look_at.push("the URDF limits no effort: torques are not clamped".to_owned());
-    }
+    found.look_at.extend(changes);
     found.look_at.extend(tree.warnings.iter().chain(&model.warnings).map(ToString::to_string));
     let joint = |&j: &usize| (model.joints[j].name.clone(), stance.q[j]);
     let posture = Leg::ALL.into_iter().zip(&found.legs).map(|(leg, of)| (leg, of.joints.iter().map(joint).collect()));
@@ -97,10 +176,30 @@ pub fn propose(urdf: &str, source: &str, urdf_file: &str, name: Option<&str>) ->
         guesses: guesses(&params, &found, &stance, &scaled),
         look_at: found.look_at,
         total_mass: model.total_mass(),
+        hip_height: stance.hip_height + found.foot_radius,
         joints: model.nj(),
+        urdf: prepared,
+        urdf_file,
         name,
         toml,
     })
+}
+
+/// Fixes the joints outside of the legs.
+fn fix_others(tree: &mut UrdfTree, at: &[(String, f64)], changes: &mut Vec<String>) -> Result<(), RobotInitError> {
+    let others = legs::outside(tree, &Model::new(tree, Base::Floating)?)?;
+    if let Some((joint, _)) = at.iter().find(|(name, _)| others.iter().all(|&j| tree.joints[j].name != *name)) {
+        let others = others.iter().map(|&j| tree.joints[j].name.clone()).collect();
+        return Err(RobotInitError::Fix { joint: joint.clone(), others });
+    }
+    for j in others {
+        let joint = &mut tree.joints[j];
+        let given = at.iter().find(|(name, _)| *name == joint.name).map(|(_, q)| *q);
+        let q = given.unwrap_or_else(|| 0.0_f64.max(joint.limits.lower).min(joint.limits.upper));
+        prepare::fix(joint, q);
+        changes.push(format!("joint {} is not part of a leg; it is fixed at {q}", joint.name));
+    }
+    Ok(())
 }
 
 /// A name in lower case, with `_` for characters that a file name should not have.
@@ -120,11 +219,13 @@ struct Scaled {
     step_length: f64,
     /// Swing frequency, Hz.
     trot: f64,
+    /// Largest shift of a foothold by the capture point, m.
+    capture: f64,
 }
 
 impl Scaled {
     /// - `mass`: kg.
-    /// - `height`: of the base above the ground, m.
+    /// - `height`: of the hips above the ground, m.
     fn new(mass: f64, height: f64) -> Self {
         let wbc = WbcParams::default();
         let (force, size) = (mass / HYQ_MASS, height / HYQ_HEIGHT);
@@ -136,6 +237,7 @@ impl Scaled {
             step_length: two_digits(FootholdParams::default().max_step_length * size),
             // The time constant of an inverted pendulum grows with the square root of its height.
             trot: two_digits(HYQ_TROT / size.sqrt()),
+            capture: two_digits(RecoveryParams::default().max_capture * size.min(1.0)),
         }
     }
 }
@@ -144,50 +246,6 @@ impl Scaled {
 fn two_digits(x: f64) -> f64 {
     let text = format!("{x:.1e}");
     text.parse().expect("a formatted number parses")
-}
-
-/// The text of the parameter file.
-fn write(
-    name: &str,
-    urdf: &str,
-    tree: &UrdfTree,
-    model: &Model,
-    found: &FoundLegs,
-    stance: &Posture,
-    scaled: &Scaled,
-) -> String {
-    let quoted = |text: &str| toml::Value::String(text.to_owned()).to_string();
-    let link = |link: usize| quoted(&tree.links[link].name);
-    let feet = found.legs.iter().map(|leg| link(leg.foot)).collect::<Vec<_>>().join(", ");
-    let (mass, height) = (model.total_mass(), stance.height);
-    let mut text = format!(
-        "# Parameters of {name} that its URDF does not contain. A first guess by `hoof robot init`. Keys that are left out have their defaults;\n\
-         # `hoof robot info {name}.toml --params` lists them.\n\n\
-         [robot]\nname = {}\nurdf = {}\nfeet = [{feet}]\nfoot_radius = {}\nimu_link = {}\n\n\
-         # Hips {:.3} m above the centres of the feet, 85 % of the length of the shortest leg.\n[robot.posture]\n",
-        quoted(name),
-        quoted(urdf),
-        found.foot_radius,
-        link(found.imu),
-        0.85 * stance.leg_length,
-    );
-    for leg in &found.legs {
-        for &j in &leg.joints {
-            text += &format!("{} = {:?}\n", toml_key(&model.joints[j].name), stance.q[j]);
-        }
-    }
-    let Scaled { f_z_min, f_max, step_height, step_length, trot } = scaled;
-    text + &format!(
-        "\n# HyQ's forces, scaled by mass: {mass:.1} kg.\n[wbc]\nf_z_min = {f_z_min:?}\nf_z_max = {f_max:?}\nf_xy_max = {f_max:?}\n\n\
-         # HyQ's steps, scaled by height: {height:.3} m.\n[swing]\nheight = {step_height:?}\n\n[foothold]\nmax_step_length = {step_length:?}\n\n\
-         [gait.trot]\nduty = 0.55\nswing_frequency = {trot:?}\nlift_off_phase = [0.0, 0.5, 0.5, 0.0]\n"
-    )
-}
-
-/// A TOML key, quoted if it must be.
-fn toml_key(name: &str) -> String {
-    let bare = !name.is_empty() && name.chars().all(|c| c.is_ascii_alphanumeric() || "_-".contains(c));
-    if bare { name.to_owned() } else { toml::Value::String(name.to_owned()).to_string() }
 }
 
 fn guesses(params: &Params, found: &FoundLegs, stance: &Posture, scaled: &Scaled) -> Vec<Guess> {

@@ -21,6 +21,9 @@ pub struct Posture {
     pub q: Vec<f64>,
     /// Height of the base above the centres of the feet, m.
     pub height: f64,
+    /// Height of the hips, the second joints of the legs, above the centres of the feet, m. Steps and speeds scale with it: the origin of the
+    /// base may be anywhere.
+    pub hip_height: f64,
     /// Length of the shortest stretched leg from its second joint, m.
     pub leg_length: f64,
     /// Each knee can bend both ways within its limits.
@@ -31,25 +34,14 @@ pub struct Posture {
 ///
 /// # Errors
 /// [`RobotInitError::OutOfReach`]: a leg cannot reach the ground below its hip within its joint limits.
-pub(super) fn stand(tree: &UrdfTree, model: &Model, legs: &[FoundLeg; 4]) -> Result<Posture, RobotInitError> {
+pub(super) fn stand(tree: &UrdfTree, model: &Model, plans: &[Plan]) -> Result<Posture, RobotInitError> {
     let mut body = Body::new(model);
-    let zero = vec![0.0; model.nj()];
-    let frame = |link: usize| model.frame(&tree.links[link].name);
-    let mut plans = Vec::with_capacity(4);
-    for leg in legs {
-        let [hip, knee] = [frame(leg.links[1])?, frame(leg.links[2])?];
-        let foot = frame(leg.foot)?;
-        body.at(&zero);
-        let (p_hip, p_foot) = (body.kin.p_WF(model, hip), body.kin.p_WF(model, foot));
-        let length = stretched(&mut body, leg, hip, foot);
-        plans.push(Plan { leg, hip, knee, foot, p_hip, p_foot, length });
-    }
     let leg_length = plans.iter().map(|plan| plan.length).fold(f64::INFINITY, f64::min);
     let drop = STRETCH * leg_length;
     let ground = plans.iter().map(|plan| plan.p_hip.z).sum::<f64>() / 4.0 - drop;
 
-    let (mut q, mut either_way) = (zero, true);
-    for plan in &plans {
+    let (mut q, mut either_way) = (vec![0.0; model.nj()], true);
+    for plan in plans {
         let mut solutions = Vec::new();
         // A wide stance if the limits allow it; otherwise as wide as at zero.
         for half_width in [HALF_WIDTH * drop, 0.0] {
@@ -68,25 +60,49 @@ pub(super) fn stand(tree: &UrdfTree, model: &Model, legs: &[FoundLeg; 4]) -> Res
             q[joint] = round(value);
         }
     }
-    Ok(Posture { q, height: -ground, leg_length, either_way })
+    Ok(Posture { q, height: -ground, hip_height: drop, leg_length, either_way })
+}
+
+/// The legs with their dimensions.
+///
+/// # Errors
+/// [`RobotInitError::Model`] if the tree and the model differ.
+pub(super) fn plans<'l>(
+    tree: &UrdfTree,
+    model: &Model,
+    legs: &'l [FoundLeg; 4],
+) -> Result<Vec<Plan<'l>>, RobotInitError> {
+    let mut body = Body::new(model);
+    let zero = vec![0.0; model.nj()];
+    let frame = |link: usize| model.frame(&tree.links[link].name);
+    let mut plans = Vec::with_capacity(4);
+    for leg in legs {
+        let [hip, knee] = [frame(leg.links[1])?, frame(leg.links[2])?];
+        let foot = frame(leg.foot)?;
+        body.at(&zero);
+        let (p_hip, p_foot) = (body.kin.p_WF(model, hip), body.kin.p_WF(model, foot));
+        let length = stretched(&mut body, leg, hip, foot);
+        plans.push(Plan { leg, hip, knee, foot, p_hip, p_foot, length });
+    }
+    Ok(plans)
 }
 
 /// Rounds to 0.1 mrad, for a readable file.
-fn round(x: f64) -> f64 {
+pub(super) fn round(x: f64) -> f64 {
     (x * 1e4).round() / 1e4 + 0.0
 }
 
 /// The robot in a posture, base at the origin.
-struct Body<'m> {
-    model: &'m Model,
-    kin: Kinematics,
+pub(super) struct Body<'m> {
+    pub(super) model: &'m Model,
+    pub(super) kin: Kinematics,
     J: DMatrix<f64>,
     q: Vec<f64>,
     rest: Vec<f64>,
 }
 
 impl<'m> Body<'m> {
-    fn new(model: &'m Model) -> Self {
+    pub(super) fn new(model: &'m Model) -> Self {
         let (nv, nj) = (model.nv(), model.nj());
         Body { model, kin: Kinematics::new(model), J: DMatrix::zeros(3, nv), q: vec![0.0; nj], rest: vec![0.0; nj] }
     }
@@ -96,7 +112,7 @@ impl<'m> Body<'m> {
     }
 
     /// Sets the joints of one leg, and all others to zero.
-    fn at_leg(&mut self, leg: &FoundLeg, q: &[f64; 3]) {
+    pub(super) fn at_leg(&mut self, leg: &FoundLeg, q: &[f64; 3]) {
         self.q.fill(0.0);
         for (joint, value) in leg.joints.into_iter().zip(q) {
             self.q[joint] = *value;
@@ -105,7 +121,7 @@ impl<'m> Body<'m> {
     }
 
     /// Range of a joint without the margin at its limits, rad.
-    fn range(&self, joint: usize) -> (f64, f64) {
+    pub(super) fn range(&self, joint: usize) -> (f64, f64) {
         let joint = &self.model.joints[joint];
         (joint.lower.max(-PI) + MARGIN, joint.upper.min(PI) - MARGIN)
     }
@@ -124,11 +140,11 @@ fn stretched(body: &mut Body, leg: &FoundLeg, hip: FrameId, foot: FrameId) -> f6
 }
 
 /// A leg, and the positions of its hip and foot with all joints at zero.
-struct Plan<'l> {
-    leg: &'l FoundLeg,
+pub(super) struct Plan<'l> {
+    pub(super) leg: &'l FoundLeg,
     hip: FrameId,
-    knee: FrameId,
-    foot: FrameId,
+    pub(super) knee: FrameId,
+    pub(super) foot: FrameId,
     p_hip: Vector3<f64>,
     p_foot: Vector3<f64>,
     length: f64,
@@ -165,7 +181,7 @@ impl Plan<'_> {
     }
 
     /// Damped Gauss-Newton steps, clamped to the joint ranges; `None` if they do not converge.
-    fn descend(
+    pub(super) fn descend(
         &self,
         body: &mut Body,
         goal: &Vector3<f64>,

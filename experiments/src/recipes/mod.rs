@@ -10,6 +10,7 @@ mod limits;
 mod other_robot;
 mod posture_alone;
 mod residual_load;
+mod robots;
 mod rough_terrain;
 mod sensor_noise;
 mod shared;
@@ -38,6 +39,7 @@ pub const ALL: &[Experiment] = &[
     posture_alone::EXPERIMENT,
     limits::HYQ,
     limits::ANYMAL_B,
+    robots::EXPERIMENT,
 ];
 
 /// The experiments with these identifiers; `all` selects every one, in the order of [`ALL`]. Case does not matter.

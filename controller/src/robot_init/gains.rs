@@ -1,0 +1,68 @@
+//! Gains for the inertia of a robot's legs: HyQ's, at the same frequencies, and not stiffer than a tick of 1 ms allows.
+
+use super::legs::FoundLeg;
+use super::two_digits;
+use crate::model::{BaseState, Kinematics, Model, mass_matrix};
+use crate::quadruped::params::{PostureParams, StandParams};
+use nalgebra::{DMatrix, Matrix3};
+
+/// Inertias of HyQ's leg joints about their axes in its standing posture, kg m²: those for which the default swing gains are made.
+const HYQ_INERTIA: [f64; 3] = [1.31, 0.77, 0.115];
+/// Period of a control tick, s.
+const TICK: f64 = 0.001;
+/// Largest product of damping and tick, as a fraction of the smallest inertia of a leg: at 2 the damping itself is unstable.
+const LARGEST_STEP: f64 = 0.5;
+/// Damping of a limp robot as a fraction of its weight times leg length, s: HyQ's is 0.034.
+const LIMP: f64 = 0.04;
+
+/// Gains of a robot.
+#[derive(Clone, Debug)]
+pub(super) struct Gains {
+    /// `posture.swing_kp`, N m/rad.
+    pub(super) swing_kp: [f64; 3],
+    /// `posture.swing_kd`, N m s/rad.
+    pub(super) swing_kd: [f64; 3],
+    /// `stand.stiffness`, 1/rad.
+    pub(super) stand_stiffness: f64,
+    /// `stand.damping`, s/rad.
+    pub(super) stand_damping: f64,
+    /// `safety.damping`, N m s/rad.
+    pub(super) limp_damping: f64,
+}
+
+impl Gains {
+    /// - `q`: standing posture, nj.
+    /// - `size`: weight times leg length, N m.
+    pub(super) fn new(model: &Model, legs: &[FoundLeg; 4], q: &[f64], size: f64) -> Self {
+        let mut kin = Kinematics::new(model);
+        kin.update(model, &BaseState::identity(), q, &vec![0.0; model.nj()]);
+        let mut M = DMatrix::zeros(model.nv(), model.nv());
+        mass_matrix(model, &kin, &mut M);
+        let (mut mean, mut least, mut effort) = ([0.0; 3], f64::INFINITY, 0.0_f64);
+        for leg in legs {
+            let row = |k: usize| model.nv_base() + leg.joints[k];
+            let of_leg = Matrix3::from_fn(|i, k| M[(row(i), row(k))]);
+            least = least.min(of_leg.symmetric_eigenvalues().min());
+            (0..3).for_each(|k| mean[k] += of_leg[(k, k)] / 4.0);
+            effort = leg
+                .joints
+                .iter()
+                .map(|&j| model.joints[j].effort)
+                .filter(|effort| effort.is_finite())
+                .fold(effort, f64::max);
+        }
+        let PostureParams { swing_kp, swing_kd, .. } = PostureParams::default();
+        let StandParams { stiffness, damping, .. } = StandParams::default();
+        // A leg that is heavier than HyQ's is moved with HyQ's torques.
+        let scale = |k: usize| (mean[k] / HYQ_INERTIA[k]).min(1.0);
+        let largest = LARGEST_STEP * least.max(0.0) / TICK;
+        let by_step = (largest / (damping * effort)).min(1.0);
+        Gains {
+            swing_kp: std::array::from_fn(|k| two_digits(swing_kp[k] * scale(k))),
+            swing_kd: std::array::from_fn(|k| two_digits(swing_kd[k] * scale(k))),
+            stand_stiffness: two_digits(stiffness * by_step),
+            stand_damping: two_digits(damping * by_step),
+            limp_damping: two_digits((LIMP * size).min(largest)),
+        }
+    }
+}

@@ -1,0 +1,107 @@
+//! A posture in which the robot lies on the ground without torque.
+
+use super::posture::{Body, Plan, round};
+use crate::model::{FrameId, Model, Pose, Shape, ShapeKind, UrdfTree};
+use nalgebra::Vector3;
+
+/// Distance between two heights of the feet, m.
+const STEP: f64 = 0.01;
+/// Number of positions of each joint in the search for a folded leg.
+const GRID: [u32; 3] = [10, 16, 16];
+/// How far a knee may be above the ground in the folded leg and still carry it, m.
+const KNEE: f64 = 0.02;
+
+/// The posture, in the order of the model, rad: the feet straight above their standing positions if the trunk then touches the ground,
+/// otherwise the legs folded as far as their limits allow. In it, the trunk is as low as it can be, so the robot stays there without torque.
+///
+/// - `stand`: the standing posture.
+pub(super) fn lie(tree: &UrdfTree, model: &Model, plans: &[Plan], stand: &[f64], foot_radius: f64) -> Vec<f64> {
+    let mut body = Body::new(model);
+    let bottom = bottom(tree);
+    let mut q = stand.to_vec();
+    for plan in plans {
+        let leg = plan.leg;
+        let from = leg.joints.map(|joint| stand[joint]);
+        let folded = lifted(&mut body, plan, from, bottom, foot_radius)
+            .unwrap_or_else(|| spread(&mut body, plan, bottom, foot_radius));
+        for (joint, value) in leg.joints.into_iter().zip(folded) {
+            q[joint] = round(value);
+        }
+    }
+    q
+}
+
+/// Depth of the lowest point of the trunk's shapes below the base, m; 0 if there is none.
+fn bottom(tree: &UrdfTree) -> f64 {
+    let mut lowest: f64 = 0.0;
+    // Links that are fixed to the root, with their poses.
+    let mut poses: Vec<Option<Pose>> = vec![None; tree.links.len()];
+    for (i, link) in tree.links.iter().enumerate() {
+        poses[i] = match link.parent_joint.map(|joint| &tree.joints[joint]) {
+            None => Some(Pose::identity()),
+            Some(joint) if joint.kind == crate::model::JointKind::Fixed => {
+                poses[joint.parent].map(|pose| pose.then(&joint.X_PC))
+            }
+            Some(_) => None,
+        };
+        let Some(pose) = poses[i] else { continue };
+        for Shape { X_LS, kind } in &link.collisions {
+            let X = pose.then(X_LS);
+            let half = match *kind {
+                ShapeKind::Box { size: [x, y, z] } => Vector3::new(x, y, z) / 2.0,
+                ShapeKind::Cylinder { radius, length } => Vector3::new(radius, radius, length / 2.0),
+                ShapeKind::Capsule { radius, length } => Vector3::new(radius, radius, length / 2.0 + radius),
+                ShapeKind::Sphere { radius } => Vector3::new(radius, radius, radius),
+                ShapeKind::Mesh { .. } => continue,
+            };
+            let extent = (0..3).map(|k| X.R[(2, k)].abs() * half[k]).sum::<f64>();
+            lowest = lowest.min(X.p.z - extent);
+        }
+    }
+    -lowest
+}
+
+/// The leg with its foot lifted until it is level with the bottom of the trunk; `None` if a limit is reached before.
+fn lifted(body: &mut Body, plan: &Plan, from: [f64; 3], bottom: f64, foot_radius: f64) -> Option<[f64; 3]> {
+    let ranges = plan.leg.joints.map(|joint| body.range(joint));
+    body.at_leg(plan.leg, &from);
+    let mut goal = body.kin.p_WF(body.model, plan.foot);
+    let mut q = from;
+    while goal.z - foot_radius < -bottom {
+        goal.z = (goal.z + STEP).min(foot_radius - bottom);
+        q = plan.descend(body, &goal, q, &ranges)?;
+        if goal.z >= foot_radius - bottom {
+            break;
+        }
+    }
+    Some(q)
+}
+
+/// The leg in the posture in which its lowest point is as high as possible, but not above the bottom of the trunk; then the one closest to the
+/// middle of its ranges.
+fn spread(body: &mut Body, plan: &Plan, bottom: f64, foot_radius: f64) -> [f64; 3] {
+    let ranges = plan.leg.joints.map(|joint| body.range(joint));
+    let mut best = (f64::INFINITY, [0.0; 3]);
+    let value = |k: usize, i: u32| ranges[k].0 + (ranges[k].1 - ranges[k].0) * f64::from(i) / f64::from(GRID[k]);
+    for i in 0..=GRID[0] {
+        for j in 0..=GRID[1] {
+            for k in 0..=GRID[2] {
+                let q = [value(0, i), value(1, j), value(2, k)];
+                body.at_leg(plan.leg, &q);
+                let depth = |frame: FrameId, radius: f64| radius - body.kin.p_WF(body.model, frame).z;
+                let foot = depth(plan.foot, foot_radius);
+                let knee = depth(plan.knee, KNEE);
+                // The foot is the lowest point, so that the robot can push itself up.
+                if knee > foot {
+                    continue;
+                }
+                let away = (foot - bottom).abs();
+                let cost = away + 1e-3 * q[0].abs();
+                if cost < best.0 {
+                    best = (cost, q);
+                }
+            }
+        }
+    }
+    best.1
+}

@@ -1,0 +1,63 @@
+//! The text of the parameter file.
+
+use super::Scaled;
+use super::gains::Gains;
+use super::legs::FoundLegs;
+use super::posture::Posture;
+use crate::model::{Model, UrdfTree};
+
+/// What the file contains.
+pub(super) struct Parts<'a> {
+    pub(super) name: &'a str,
+    /// File name of the URDF.
+    pub(super) urdf: &'a str,
+    pub(super) tree: &'a UrdfTree,
+    pub(super) model: &'a Model,
+    pub(super) found: &'a FoundLegs,
+    pub(super) stance: &'a Posture,
+    pub(super) lying: &'a [f64],
+    pub(super) scaled: &'a Scaled,
+    pub(super) gains: &'a Gains,
+}
+
+/// Writes the file.
+pub(super) fn write(parts: &Parts) -> String {
+    let Parts { name, urdf, tree, model, found, stance, lying, scaled, gains } = parts;
+    let quoted = |text: &str| toml::Value::String(text.to_owned()).to_string();
+    let link = |link: usize| quoted(&tree.links[link].name);
+    let feet = found.legs.iter().map(|leg| link(leg.foot)).collect::<Vec<_>>().join(", ");
+    let (mass, height) = (model.total_mass(), stance.hip_height + found.foot_radius);
+    let joints = |q: &[f64]| -> String {
+        let legs = found.legs.iter().flat_map(|leg| leg.joints);
+        legs.map(|j| format!("{} = {:?}\n", toml_key(&model.joints[j].name), q[j])).collect()
+    };
+    let Scaled { f_z_min, f_max, step_height, step_length, trot, capture } = scaled;
+    let Gains { swing_kp, swing_kd, stand_stiffness, stand_damping, limp_damping } = gains;
+    format!(
+        "# Parameters of {name} that its URDF does not contain. A first guess by `hoof robot init`. Keys that are left out have their defaults;\n\
+         # `hoof robot info {name}.toml --params` lists them.\n\n\
+         [robot]\nname = {}\nurdf = {}\nfeet = [{feet}]\nfoot_radius = {}\nimu_link = {}\n\n\
+         # Hips {:.3} m above the centres of the feet, 85 % of the length of the shortest leg.\n[robot.posture]\n{}\n\
+         # On the ground, with the legs folded: the robot stays there without torque.\n[robot.lying]\n{}\n\
+         # HyQ's forces, scaled by mass: {mass:.1} kg.\n[wbc]\nf_z_min = {f_z_min:?}\nf_z_max = {f_max:?}\nf_xy_max = {f_max:?}\n\n\
+         # HyQ's steps, scaled by the height of the hips: {height:.3} m.\n[swing]\nheight = {step_height:?}\n\n\
+         [foothold]\nmax_step_length = {step_length:?}\n\n[recovery]\nmax_capture = {capture:?}\n\n\
+         [gait.trot]\nduty = 0.55\nswing_frequency = {trot:?}\nlift_off_phase = [0.0, 0.5, 0.5, 0.0]\n\n\
+         # HyQ's gains, scaled by the inertia of the legs.\n[posture]\nswing_kp = {swing_kp:?}\nswing_kd = {swing_kd:?}\n\n\
+         [stand]\nstiffness = {stand_stiffness:?}\ndamping = {stand_damping:?}\n\n\
+         [safety]\ndamping = {limp_damping:?}\n",
+        quoted(name),
+        quoted(urdf),
+        found.foot_radius,
+        link(found.imu),
+        stance.hip_height,
+        joints(&stance.q),
+        joints(lying),
+    )
+}
+
+/// A TOML key, quoted if it must be.
+fn toml_key(name: &str) -> String {
+    let bare = !name.is_empty() && name.chars().all(|c| c.is_ascii_alphanumeric() || "_-".contains(c));
+    if bare { name.to_owned() } else { toml::Value::String(name.to_owned()).to_string() }
+}
