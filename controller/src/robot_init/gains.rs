@@ -1,4 +1,4 @@
-//! Gains for the inertia of a robot's legs: HyQ's, at the same frequencies, and not stiffer than a tick of 1 ms allows.
+//! Gains for the inertia of a robot's legs: HyQ's, and not more than a tick of 1 ms allows.
 
 use super::legs::FoundLeg;
 use super::two_digits;
@@ -6,12 +6,13 @@ use crate::model::{BaseState, Kinematics, Model, mass_matrix};
 use crate::quadruped::params::{PostureParams, StandParams};
 use nalgebra::{DMatrix, Matrix3};
 
-/// Inertias of HyQ's leg joints about their axes in its standing posture, kg m²: those for which the default swing gains are made.
-const HYQ_INERTIA: [f64; 3] = [1.31, 0.77, 0.115];
 /// Period of a control tick, s.
 const TICK: f64 = 0.001;
-/// Largest product of damping and tick, as a fraction of the smallest inertia of a leg: at 2 the damping itself is unstable.
-const LARGEST_STEP: f64 = 0.5;
+/// Largest product of a drive's damping and the tick, as a fraction of the smallest inertia of a leg: at 2 the damping itself is unstable. HyQ has
+/// 0.9 in the safe state, ANYmal B 0.8 while it stands up.
+const LARGEST_STEP: f64 = 0.8;
+/// The same for the damping of a swinging leg, by joint. ANYmal B has 0.4.
+const LARGEST_SWING_STEP: f64 = 0.5;
 /// Damping of a limp robot as a fraction of its weight times leg length, s: HyQ's is 0.034.
 const LIMP: f64 = 0.04;
 
@@ -53,8 +54,7 @@ impl Gains {
         }
         let PostureParams { swing_kp, swing_kd, .. } = PostureParams::default();
         let StandParams { stiffness, damping, .. } = StandParams::default();
-        // A leg that is heavier than HyQ's is moved with HyQ's torques.
-        let scale = |k: usize| (mean[k] / HYQ_INERTIA[k]).min(1.0);
+        let scale = |k: usize| (LARGEST_SWING_STEP * mean[k] / (TICK * swing_kd[k])).min(1.0);
         let largest = LARGEST_STEP * least.max(0.0) / TICK;
         let by_step = (largest / (damping * effort)).min(1.0);
         Gains {
