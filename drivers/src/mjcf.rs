@@ -54,8 +54,8 @@ pub(crate) fn write(
         link_index(tree, key, link)?;
     }
     let bodies = Bodies::new(tree);
-    let carriers = carriers(tree, &robot.feet);
-    let mut writer = Writer { tree, robot, bodies: &bodies, friction, own_floor, carriers, text: String::new() };
+    let feet_behind = feet_behind(tree, &robot.feet);
+    let mut writer = Writer { tree, robot, bodies: &bodies, friction, own_floor, feet_behind, text: String::new() };
     writer.head(terrain);
     writer.bodies();
     writer.tail();
@@ -83,7 +83,7 @@ pub(crate) fn with_elevation(text: &str, terrain: &Terrain) -> String {
 }
 
 /// For each link, whether it is a foot or one of its ancestors; feet LF RF LH RH.
-pub(crate) fn carriers(tree: &UrdfTree, feet: &[String; 4]) -> Vec<[bool; 4]> {
+pub(crate) fn feet_behind(tree: &UrdfTree, feet: &[String; 4]) -> Vec<[bool; 4]> {
     let mut carries: Vec<[bool; 4]> =
         tree.links.iter().map(|link| std::array::from_fn(|foot| link.name == feet[foot])).collect();
     // Parents come before their children.
@@ -200,8 +200,8 @@ struct Writer<'a> {
     bodies: &'a Bodies,
     friction: f64,
     own_floor: [bool; 4],
-    /// See [`carriers`].
-    carriers: Vec<[bool; 4]>,
+    /// See [`feet_behind`].
+    feet_behind: Vec<[bool; 4]>,
     text: String,
 }
 
@@ -378,7 +378,7 @@ impl Writer<'_> {
 
     /// The foot of a link's leg, if it has a floor of its own; the link collides with this floor instead of the ground.
     fn floor_of(&self, link: usize) -> Option<usize> {
-        let of_leg = |&foot: &usize| self.own_floor[foot] && self.carriers[link][foot];
+        let of_leg = |&foot: &usize| self.own_floor[foot] && self.feet_behind[link][foot];
         (0..4).filter(|_| self.bodies.groups.body_of_link[link] != 0).find(of_leg)
     }
 

@@ -98,7 +98,7 @@ impl MujocoSim {
         let id = |kind: MjtObjBase, name: &str| {
             model.name_to_id(kind, name).ok_or_else(|| refused(format!("{name:?} is missing")))
         };
-        let carriers = mjcf::carriers(tree, &robot.feet);
+        let feet_behind = mjcf::feet_behind(tree, &robot.feet);
         let mut joint_names = Vec::new();
         let mut joints = Vec::new();
         for joint in tree.joints.iter().filter(|joint| joint.kind != JointKind::Fixed) {
@@ -108,7 +108,7 @@ impl MujocoSim {
             joints.push(JointIndex {
                 qpos: address(model.jnt_qposadr())?,
                 qvel: address(model.jnt_dofadr())?,
-                foot: carriers[joint.child].iter().position(|carries| *carries),
+                foot: feet_behind[joint.child].iter().position(|carries| *carries),
                 lower: joint.limits.lower,
                 upper: joint.limits.upper,
             });

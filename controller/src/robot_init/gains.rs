@@ -1,7 +1,7 @@
 //! Gains for the inertia of a robot's legs: HyQ's, and not more than a tick of 1 ms allows.
 
 use super::legs::FoundLeg;
-use super::two_digits;
+use super::scaled::two_digits;
 use crate::model::{BaseState, Kinematics, Model, mass_matrix};
 use crate::quadruped::params::{PostureParams, StandParams};
 use nalgebra::{DMatrix, Matrix3};

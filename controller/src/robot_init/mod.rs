@@ -3,7 +3,7 @@
 //! - `legs` finds legs, feet and IMU in the tree of links.
 //! - `prepare` changes what controller and simulator cannot use; the result is a URDF of its own.
 //! - `posture` solves for a standing posture within the joint limits, `lying` for one on the ground.
-//! - `gains` scales gains by the inertia of the legs; this file scales HyQ's forces and steps by mass and size.
+//! - `gains` scales gains by the inertia of the legs, `scaled` HyQ's forces and steps by mass and size.
 //! - `toml_text` writes the parameter file.
 //!
 //! It runs before a controller exists; no controller uses it.
@@ -14,6 +14,7 @@ mod legs;
 mod lying;
 mod posture;
 mod prepare;
+mod scaled;
 mod toml_text;
 
 pub use error::RobotInitError;
@@ -24,16 +25,9 @@ use crate::model::{AddedShape, Base, Bounds, GRAVITY, Model, UrdfTree, with_shap
 use crate::params::Params;
 use crate::quadruped::Quadruped;
 use crate::quadruped::leg::Leg;
-use crate::quadruped::params::{FootholdParams, RecoveryParams, SwingParams, WbcParams};
 use gains::Gains;
+use scaled::Scaled;
 use serde::Serialize;
-
-/// Mass of HyQ, kg. The default parameters are made for HyQ.
-const HYQ_MASS: f64 = 86.8;
-/// Height of HyQ's hips above the ground, m.
-const HYQ_HEIGHT: f64 = 0.6;
-/// Swing frequency of HyQ's trot, Hz.
-const HYQ_TROT: f64 = 4.0;
 
 /// A first parameter file, and what a person should check in it.
 #[derive(Clone, Debug)]
@@ -207,47 +201,6 @@ fn file_name(name: &str) -> String {
     name.to_lowercase().chars().map(|c| if c.is_ascii_alphanumeric() { c } else { '_' }).collect()
 }
 
-/// Parameters of HyQ, scaled by mass and size.
-struct Scaled {
-    /// N.
-    f_z_min: f64,
-    /// N.
-    f_max: f64,
-    /// m.
-    step_height: f64,
-    /// m.
-    step_length: f64,
-    /// Swing frequency, Hz.
-    trot: f64,
-    /// Largest shift of a foothold by the capture point, m.
-    capture: f64,
-}
-
-impl Scaled {
-    /// - `mass`: kg.
-    /// - `height`: of the hips above the ground, m.
-    fn new(mass: f64, height: f64) -> Self {
-        let wbc = WbcParams::default();
-        let (force, size) = (mass / HYQ_MASS, height / HYQ_HEIGHT);
-        Scaled {
-            f_z_min: two_digits(wbc.f_z_min * force),
-            // Not below HyQ's: a light robot needs the same margin above its weight.
-            f_max: two_digits(wbc.f_z_max * force.max(1.0)),
-            step_height: two_digits(SwingParams::default().height * size),
-            step_length: two_digits(FootholdParams::default().max_step_length * size),
-            // The time constant of an inverted pendulum grows with the square root of its height.
-            trot: two_digits(HYQ_TROT / size.sqrt()),
-            capture: two_digits(RecoveryParams::default().max_capture * size.min(1.0)),
-        }
-    }
-}
-
-/// Rounds to two significant digits.
-fn two_digits(x: f64) -> f64 {
-    let text = format!("{x:.1e}");
-    text.parse().expect("a formatted number parses")
-}
-
 fn guesses(params: &Params, found: &FoundLegs, stance: &Posture, scaled: &Scaled) -> Vec<Guess> {
     let guess = |what, value: String, because: &str| Guess { what, value, because: because.to_owned() };
     let robot = &params.robot;
@@ -271,21 +224,4 @@ fn guesses(params: &Params, found: &FoundLegs, stance: &Posture, scaled: &Scaled
             "HyQ's, scaled by the square root of the height",
         ),
     ]
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn values_have_two_significant_digits() {
-        assert_eq!([7.1744, 0.0537, 1000.0, 123.4, 4.0].map(two_digits), [7.2, 0.054, 1000.0, 120.0, 4.0]);
-    }
-
-    #[test]
-    fn scaling_by_one_gives_the_values_of_hyq() {
-        let scaled = Scaled::new(HYQ_MASS, HYQ_HEIGHT);
-        let found = [scaled.f_z_min, scaled.f_max, scaled.step_height, scaled.trot];
-        assert_eq!(found, [20.0, 1000.0, 0.1, 4.0]);
-    }
 }

@@ -2,6 +2,7 @@
 //! the legs, foot frames at the centres of the feet, and possible inertias and efforts.
 
 use super::legs::FoundLeg;
+use super::scaled::two_digits;
 use crate::math::quaternion;
 use crate::model::{Inertial, Joint, JointKind, Limits, Link, Pose, ShapeKind, UrdfTree};
 use nalgebra::{Matrix3, Vector3};
@@ -101,7 +102,7 @@ pub(super) fn limit_efforts(tree: &mut UrdfTree, legs: &[FoundLeg; 4], size: f64
             let no_effort = limits.effort > PLACEHOLDER * size;
             let no_speed = limits.velocity > PLACEHOLDER_SPEED;
             if no_effort {
-                limits.effort = super::two_digits(USUAL_EFFORT * size);
+                limits.effort = two_digits(USUAL_EFFORT * size);
             }
             if no_speed {
                 limits.velocity = USUAL_SPEED;

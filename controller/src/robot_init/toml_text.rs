@@ -1,9 +1,9 @@
 //! The text of the parameter file.
 
-use super::Scaled;
 use super::gains::Gains;
 use super::legs::FoundLegs;
 use super::posture::Posture;
+use super::scaled::Scaled;
 use crate::model::{Model, UrdfTree};
 
 /// What the file contains.

@@ -1,4 +1,4 @@
-//! Robots that nobody tuned: public URDFs, each with the parameter file that `hoof robot init` writes for it.
+//! Robots without hand-tuned parameters: public URDFs, each with the parameter file that `hoof robot init` writes for it.
 
 use crate::bench::{Bench, RunSpec, count};
 use crate::experiment::Experiment;
@@ -56,7 +56,7 @@ struct Candidate {
     height: f64,
     /// Time of a stride of its trot, s.
     stride: f64,
-    /// Highest trot speed that is asked for, m/s, and the same for the crawl.
+    /// Highest trot speed that is commanded, m/s, and the same for the crawl.
     speeds: [f64; 2],
 }
 
