@@ -45,11 +45,34 @@ fn touches(tree: &UrdfTree, groups: &LinkGroups, feet: &[String]) -> Vec<bool> {
 }
 
 fn has_primitive(link: &Link) -> bool {
-    link.collisions.iter().chain(&link.visuals).any(|shape| !matches!(shape.kind, ShapeKind::Mesh { .. }))
+    largest(link).is_some()
 }
 
-/// The tree with a shape for each body that has only meshes, and for each body of a robot whose trunk has no shape at all; and the links that
-/// received one. Other links are unchanged.
+/// Largest dimension of the primitive shapes of a link, m; `None` if it has none.
+fn largest(link: &Link) -> Option<f64> {
+    let size = |shape: &Shape| match shape.kind {
+        ShapeKind::Box { size: [x, y, z] } => Some(x.max(y).max(z)),
+        ShapeKind::Cylinder { radius, length } | ShapeKind::Capsule { radius, length } => {
+            Some(length.max(2.0 * radius))
+        }
+        ShapeKind::Sphere { radius } => Some(2.0 * radius),
+        ShapeKind::Mesh { .. } => None,
+    };
+    link.collisions.iter().chain(&link.visuals).filter_map(size).max_by(f64::total_cmp)
+}
+
+/// Largest distance along an axis between the movable joints on the trunk, m.
+fn hips(tree: &UrdfTree, groups: &LinkGroups) -> f64 {
+    let on_trunk = tree.joints.iter().filter(|j| j.kind != JointKind::Fixed && groups.body_of_link[j.parent] == 0);
+    let places: Vec<Vector3<f64>> = on_trunk.map(|joint| groups.X_BL[joint.parent].then(&joint.X_PC).p).collect();
+    let Some(first) = places.first() else { return 0.0 };
+    let low = places.iter().fold(*first, |low, p| low.inf(p));
+    let high = places.iter().fold(*first, |high, p| high.sup(p));
+    (high - low).max()
+}
+
+/// The tree with a shape for each body that has only meshes, and for each body of a robot whose trunk has no shape at all or only small ones,
+/// such as that of a sensor; and the links that received one. Other links are unchanged.
 ///
 /// - `feet`: links that the simulator gives a sphere.
 /// - `bounds`: bounding box of a mesh file, in its own frame and units; `None` if it cannot be read.
@@ -61,6 +84,7 @@ pub fn with_shapes(
 ) -> (UrdfTree, Vec<AddedShape>) {
     let groups = LinkGroups::new(tree, |_| Matrix3::identity());
     let bodies = groups.first_links.len();
+    let between_hips = hips(tree, &groups);
     let mut has_shape = vec![false; bodies];
     let mut has_mesh = vec![false; bodies];
     // Points of each body at which something is attached: origins of movable joints and of feet, in the body.
@@ -68,7 +92,8 @@ pub fn with_shapes(
     let mut carries_foot = vec![false; bodies];
     for (i, link) in tree.links.iter().enumerate() {
         let body = groups.body_of_link[i];
-        has_shape[body] |= has_primitive(link) && !feet.contains(&link.name);
+        let is_large = |size: f64| body > 0 || size >= TRUNK * between_hips;
+        has_shape[body] |= largest(link).is_some_and(is_large) && !feet.contains(&link.name);
         has_mesh[body] |= link.collisions.iter().chain(&link.visuals).any(|shape| is_mesh(&shape.kind));
         if feet.contains(&link.name) {
             ends[body].push(groups.X_BL[i].p);
@@ -91,7 +116,7 @@ pub fn with_shapes(
             .or_else(|| if body == 0 { trunk(&ends[0]) } else { limb(&ends[body], carries_foot[body], foot_radius) });
         if let Some(shape) = shape {
             let link = &mut shaped.links[first];
-            link.collisions = vec![shape];
+            link.collisions.push(shape);
             added.push(AddedShape { link: link.name.clone(), from_mesh });
         }
     }

@@ -182,7 +182,7 @@ mod tests {
                 }
             }
         }
-        let task = "[stack]\nformula = \"trunk + hand\"\n[stack.tasks.hand]\ntype = \"cartesian\"\nlink = \"a\"\nkp = [1.0, 1.0, 1.0, 1.0, 1.0, 1.0]\n\
+        let task = "[stack]\nformula = \"trunk + hand << base_dynamics << friction << force_bounds\"\n[stack.tasks.hand]\ntype = \"cartesian\"\nlink = \"a\"\nkp = [1.0, 1.0, 1.0, 1.0, 1.0, 1.0]\n\
                     kd = [1.0, 1.0, 1.0, 1.0, 1.0, 1.0]\n";
         let full: toml::Table =
             Params::from_toml(&format!("{ROBOT}\n{task}"), "test").unwrap().to_toml().parse().unwrap();

@@ -6,13 +6,18 @@ use nalgebra::Vector3;
 
 /// Distance between two heights of the feet, m.
 const STEP: f64 = 0.01;
+/// Distance of a knee from its limit at which it is folded, rad.
+const AT_LIMIT: f64 = 0.3;
+/// Distance of the trunk from the ground, as a fraction of the height of the base, at which the robot sinks down without tipping.
+const NEARLY: f64 = 0.33;
 /// Number of positions of each joint in the search for a folded leg.
 const GRID: [u32; 3] = [10, 16, 16];
 /// How far a knee may be above the ground in the folded leg and still carry it, m.
 const KNEE: f64 = 0.02;
 
-/// The posture, in the order of the model, rad: the feet straight above their standing positions if the trunk then touches the ground,
-/// otherwise the legs folded as far as their limits allow. In it, the trunk is as low as it can be, so the robot stays there without torque.
+/// The posture, in the order of the model, rad: the feet straight above their standing positions if the trunk then touches the ground, or if the
+/// knees are at their limits and the trunk nearly does. Otherwise the legs are folded and spread as far as their limits allow: the trunk is as low
+/// as it can be, so the robot stays there without torque.
 ///
 /// - `stand`: the standing posture.
 pub(super) fn lie(tree: &UrdfTree, model: &Model, plans: &[Plan], stand: &[f64], foot_radius: f64) -> Vec<f64> {
@@ -61,18 +66,21 @@ fn bottom(tree: &UrdfTree) -> f64 {
     -lowest
 }
 
-/// The leg with its foot lifted until it is level with the bottom of the trunk; `None` if a limit is reached before.
+/// The leg with its foot lifted until it is level with the bottom of the trunk, or nearly; `None` if a limit is reached before.
 fn lifted(body: &mut Body, plan: &Plan, from: [f64; 3], bottom: f64, foot_radius: f64) -> Option<[f64; 3]> {
     let ranges = plan.leg.joints.map(|joint| body.range(joint));
     body.at_leg(plan.leg, &from);
     let mut goal = body.kin.p_WF(body.model, plan.foot);
+    let (level, standing) = (foot_radius - bottom, goal.z - foot_radius);
     let mut q = from;
-    while goal.z - foot_radius < -bottom {
-        goal.z = (goal.z + STEP).min(foot_radius - bottom);
-        q = plan.descend(body, &goal, q, &ranges)?;
-        if goal.z >= foot_radius - bottom {
-            break;
-        }
+    while goal.z < level {
+        goal.z = (goal.z + STEP).min(level);
+        let Some(next) = plan.descend(body, &goal, q, &ranges) else {
+            let knee = &body.model.joints[plan.leg.joints[2]];
+            let at_limit = (q[2] - knee.lower).abs().min((q[2] - knee.upper).abs()) < AT_LIMIT;
+            return (at_limit && level - goal.z <= -NEARLY * standing).then_some(q);
+        };
+        q = next;
     }
     Some(q)
 }
