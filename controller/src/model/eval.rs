@@ -256,7 +256,7 @@ const MAX_STATE: f64 = 1e9;
 
 fn finite(key: &str, values: &[f64]) -> Result<(), ModelError> {
     match values.iter().find(|value| !value.is_finite() || value.abs() > MAX_STATE) {
-        Some(value) => Err(bad_state(key, value.to_string(), "a finite number with a magnitude of at most 1e9")),
+        Some(value) => Err(bad_state(key, format!("{value:?}"), "a finite number with a magnitude of at most 1e9")),
         None => Ok(()),
     }
 }
