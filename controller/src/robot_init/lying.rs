@@ -7,7 +7,7 @@ use nalgebra::Vector3;
 /// Distance between two heights of the feet, m.
 const STEP: f64 = 0.01;
 /// Distance of a knee from its limit at which it is folded, rad.
-const AT_LIMIT: f64 = 0.3;
+const AT_LIMIT: f64 = 0.25;
 /// Distance of the trunk from the ground, as a fraction of the height of the base, at which the robot sinks down without tipping.
 const NEARLY: f64 = 0.33;
 /// Number of positions of each joint in the search for a folded leg.
@@ -72,15 +72,16 @@ fn lifted(body: &mut Body, plan: &Plan, from: [f64; 3], bottom: f64, foot_radius
     body.at_leg(plan.leg, &from);
     let mut goal = body.kin.p_WF(body.model, plan.foot);
     let (level, standing) = (foot_radius - bottom, goal.z - foot_radius);
+    let knee = &body.model.joints[plan.leg.joints[2]];
     let mut q = from;
     while goal.z < level {
+        let folded = (q[2] - knee.lower).abs().min((q[2] - knee.upper).abs()) < AT_LIMIT;
+        if folded {
+            // What remains is the distance of the trunk from the ground.
+            return (level - goal.z <= -NEARLY * standing).then_some(q);
+        }
         goal.z = (goal.z + STEP).min(level);
-        let Some(next) = plan.descend(body, &goal, q, &ranges) else {
-            let knee = &body.model.joints[plan.leg.joints[2]];
-            let at_limit = (q[2] - knee.lower).abs().min((q[2] - knee.upper).abs()) < AT_LIMIT;
-            return (at_limit && level - goal.z <= -NEARLY * standing).then_some(q);
-        };
-        q = next;
+        q = plan.descend(body, &goal, q, &ranges)?;
     }
     Some(q)
 }
