@@ -152,8 +152,8 @@ mod tests {
     fn mistakes_in_the_files_are_found() {
         let same = ("robot", "robot");
         assert_eq!(changed(same, same), []);
-        let radius = changed(same, ("foot_radius = 0.02175", "foot_radius = 5.0"));
-        assert_eq!(radius, [Implausible::FootRadius { found: 5.0, expected: 0.02175 }]);
+        let radius = changed(same, ("foot_radius = 0.02175", "foot_radius = 0.5"));
+        assert_eq!(radius, [Implausible::FootRadius { found: 0.5, expected: 0.02175 }]);
         let name = changed(same, ("name = \"hyq\"", "name = \"anymal_b\""));
         assert_eq!(name, [Implausible::Name { found: "anymal_b".into(), urdf: "hyq".into() }]);
         let order = changed(same, ("\"lf_foot\", \"rf_foot\"", "\"rf_foot\", \"lf_foot\""));
