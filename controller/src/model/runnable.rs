@@ -41,7 +41,7 @@ pub fn check_runnable(model: &Model, q: &[f64]) -> Result<(), ModelError> {
                 "more than that of 1e-6 of the robot's mass at 0.01 m",
             ),
         ] {
-            if !(found > at_least) {
+            if found.is_nan() || found <= at_least {
                 let link = model.frames.iter().find(|frame| frame.body == i).map(|frame| frame.name.clone());
                 return Err(ModelError::CannotRun {
                     robot: model.name.clone(),

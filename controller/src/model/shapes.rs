@@ -105,7 +105,7 @@ pub fn with_shapes(
     }
     let (mut shaped, mut added) = (tree.clone(), Vec::new());
     for body in 0..bodies {
-        if has_shape[body] || !(has_mesh[body] || !has_shape[0]) {
+        if has_shape[body] || (!has_mesh[body] && has_shape[0]) {
             continue;
         }
         let first = groups.first_links[body];

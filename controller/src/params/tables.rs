@@ -174,7 +174,7 @@ mod tests {
     fn an_array_of_another_length_is_an_error() {
         fn arrays(table: &toml::Table, path: &[String], found: &mut Vec<Vec<String>>) {
             for (key, value) in table {
-                let path = [path, &[key.clone()]].concat();
+                let path = [path, std::slice::from_ref(key)].concat();
                 match value {
                     toml::Value::Table(inner) => arrays(inner, &path, found),
                     toml::Value::Array(_) => found.push(path),
@@ -182,7 +182,7 @@ mod tests {
                 }
             }
         }
-        let task = "[stack]\nformula = \"trunk + hand << base_dynamics << friction << force_bounds\"\n[stack.tasks.hand]\ntype = \"cartesian\"\nlink = \"a\"\nkp = [1.0, 1.0, 1.0, 1.0, 1.0, 1.0]\n\
+        let task = "[stack]\nformula = \"contact + trunk + hand << base_dynamics << friction << force_bounds\"\n[stack.tasks.hand]\ntype = \"cartesian\"\nlink = \"a\"\nkp = [1.0, 1.0, 1.0, 1.0, 1.0, 1.0]\n\
                     kd = [1.0, 1.0, 1.0, 1.0, 1.0, 1.0]\n";
         let full: toml::Table =
             Params::from_toml(&format!("{ROBOT}\n{task}"), "test").unwrap().to_toml().parse().unwrap();
