@@ -59,11 +59,13 @@ impl Document {
         let mut elements: Vec<Node> = Vec::new();
         // Elements that are open.
         let mut open: Vec<usize> = Vec::new();
-        let (mut line, mut counted) = (1, 0);
+        let (mut next_line, mut counted) = (1, 0);
         loop {
+            // The line on which the event begins.
+            let line = next_line;
             let event = reader.read_event();
             let position = usize::try_from(reader.buffer_position()).map_or(text.len(), |at| at.min(text.len()));
-            line +=
+            next_line +=
                 text.as_bytes().get(counted..position).map_or(0, |bytes| bytes.iter().filter(|b| **b == b'\n').count());
             counted = position.max(counted);
             let (start, is_empty) = match event {
@@ -77,13 +79,15 @@ impl Document {
                     return fail(line, "text outside of the outermost element".to_owned());
                 }
                 Ok(Event::Eof) if !open.is_empty() => {
-                    let Node { name, line: from, .. } = &elements[open[open.len() - 1]];
-                    return fail(line, format!("<{name}> of line {from} has no end"));
+                    return fail(line, format!("{} has no end", elements[open[open.len() - 1]].described()));
                 }
                 Ok(Event::Eof) if elements.is_empty() => return fail(line, "no element found".to_owned()),
                 Ok(Event::Eof) => return Ok(Document { elements }),
                 Ok(_) => continue,
-                Err(error) => return fail(line, error.to_string()),
+                Err(error) => {
+                    let inside = open.last().map(|&last| format!(", in {}", elements[last].described()));
+                    return fail(line, format!("{error}{}", inside.unwrap_or_default()));
+                }
             };
             let number = elements.len();
             match open.last() {
@@ -110,6 +114,16 @@ impl Document {
     }
 }
 
+impl Node {
+    /// `<link name="knee"> of line 7`.
+    fn described(&self) -> String {
+        let Node { name, attributes, line, .. } = self;
+        let named = attributes.iter().find(|(key, _)| key == "name");
+        let named = named.map(|(_, value)| format!(" name=\"{}\"", value.chars().take(40).collect::<String>()));
+        format!("<{name}{}> of line {line}", named.unwrap_or_default())
+    }
+}
+
 fn node(start: &BytesStart, line: usize) -> Result<Node, String> {
     let name = String::from_utf8_lossy(start.name().as_ref()).into_owned();
     let mut attributes = Vec::new();
@@ -131,7 +145,7 @@ impl<'d> Element<'d> {
         &self.node.name
     }
 
-    /// Line of its start tag, from 1; of the end of the tag, if it has several.
+    /// Line on which its start tag begins, from 1.
     pub(crate) fn line(self) -> usize {
         self.node.line
     }
@@ -177,11 +191,19 @@ mod tests {
             ("<a>\n<b>\n</a>", 3),
             ("<a>\n<b/>", 2),
             ("<a/>\n<b/>", 2),
-            ("<a\n x=\"1\" x=\"2\"/>", 2),
+            ("<a\n x=\"1\" x=\"2\"/>", 1),
             ("<a>\n<b c=\"&bad;\"/></a>", 2),
             ("<a>\n<b c=1/></a>", 2),
         ] {
             assert_eq!(Document::parse(text).map(|_| ()).unwrap_err().line, line, "{text}");
+        }
+    }
+
+    #[test]
+    fn a_missing_end_names_the_element() {
+        for text in ["<a><b name=\"knee\">", "<a>\n<b name=\"knee\"></c></a>"] {
+            let reason = Document::parse(text).unwrap_err().reason;
+            assert!(reason.contains("<b name=\"knee\">"), "{reason}");
         }
     }
 
