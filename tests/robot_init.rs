@@ -61,8 +61,8 @@ fn a_robot_with_other_names_axes_and_leg_order_stands_and_trots() {
 /// Lies, stands up, and sits down again.
 fn gets_up_and_sits_down(toml: &Path, out: &Path, name: &str) {
     let scenario = out.join(format!("{name}_lie.toml"));
-    let text = "duration_s = 13.0\n[terrain]\nkind = \"flat\"\n[start]\nposture = \"lying\"\n[[operator]]\nt_s = 0.0\nmode = \"idle\"\n\
-                [[operator]]\nt_s = 0.5\nmode = \"stand\"\n[[operator]]\nt_s = 6.0\nmode = \"sit\"\n";
+    let text = "duration_s = 18.0\n[terrain]\nkind = \"flat\"\n[start]\nposture = \"lying\"\n[[operator]]\nt_s = 0.0\nmode = \"idle\"\n\
+                [[operator]]\nt_s = 0.5\nmode = \"stand\"\n[[operator]]\nt_s = 10.0\nmode = \"sit\"\n";
     std::fs::write(&scenario, format!("name = \"{name}_lie\"\n{text}")).unwrap();
     let log = out.join(format!("{name}_lie.lcmlog"));
     let arguments = format!("--robot {} --scenario {} --log {}", toml.display(), scenario.display(), log.display());
