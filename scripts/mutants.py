@@ -3,7 +3,7 @@
 
     scripts/mutants.py HOOF [--only TEXT] [--markdown docs/mutants.md]
 
-HOOF records the log, 2 s of HyQ on stones; the mutants are in mutants.toml. The expected tick of each is computed from the log by rules that use no
+HOOF records the log, 2 s of HyQ on stones; the mutants are in mutants.toml. Those with `golden = true` are searched with the golden logs. The expected tick of each is computed from the log by rules that use no
 replay. Builds are in $CARGO_TARGET_DIR/mutants (or target/mutants). Exit code 1 if a mutant is not found at the expected place.
 """
 
@@ -19,6 +19,7 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parent.parent
 WORK = Path(os.environ.get("CARGO_TARGET_DIR", ROOT / "target")).resolve() / "mutants"
 TREE, CORPUS, LOG = WORK / "tree", WORK / "corpus", WORK / "run.mcap"
+GOLDEN = ROOT / "logs/golden"
 
 
 def ticks(hoof):
@@ -59,15 +60,15 @@ def mirror():
             shutil.copy(source, copy)
 
 
-def replay():
-    """Builds the tree and replays the log; returns the result of `replay_golden --json` for it."""
+def replay(corpus=CORPUS):
+    """Builds the tree and replays the logs of a corpus; returns the results of `replay_golden --json`."""
     build = ["cargo", "build", "--quiet", "--release", "--package", "replay", "--example", "replay_golden", "--target-dir", WORK / "target"]
     environment = {**os.environ, "CARGO_INCREMENTAL": "1", "RUSTFLAGS": "-Awarnings"}
     subprocess.run(build, check=True, cwd=TREE, env=environment)
-    done = subprocess.run([WORK / "target/release/examples/replay_golden", CORPUS, "--json"], capture_output=True, text=True)
+    done = subprocess.run([WORK / "target/release/examples/replay_golden", corpus, "--json"], capture_output=True, text=True)
     if done.returncode not in (0, 1):
         sys.exit(done.stderr)
-    return json.loads(done.stdout)[0]
+    return json.loads(done.stdout)
 
 
 def main():
@@ -83,23 +84,31 @@ def main():
     run("sim", "--robot", "hyq", "--scenario", "scenarios/short_rough.toml", "--log", LOG)
     run("corpus", "add", LOG, "--name", "run", "--why", "mutants", "--keep", "all", "--dir", CORPUS)
     mirror()
-    result = replay()
-    if not result["identical"]:
-        sys.exit(f"error: without a mutant the log does not replay: {result}")
+    for result in replay() + replay(GOLDEN):
+        if not result["identical"]:
+            sys.exit(f"error: without a mutant a log does not replay: {result}")
 
     expected = ticks(hoof)
     mutants = tomllib.loads((ROOT / "scripts/mutants.toml").read_text())["mutant"]
-    rows, failed = [], False
+    rows, golden_rows, failed = [], [], False
     for mutant in (m for m in mutants if args.only in m["what"]):
         file = TREE / mutant["file"]
         text = file.read_text()
         if text.count(mutant["from"]) != 1:
             sys.exit(f"error: {mutant['file']}: \"{mutant['from']}\" occurs {text.count(mutant['from'])} times, expected once")
         file.write_text(text.replace(mutant["from"], mutant["to"]))
+        golden = mutant.get("golden", False)
         try:
-            result = replay()
+            results = replay(GOLDEN if golden else CORPUS)
         finally:
             file.write_text(text)
+        if golden:
+            found_by = [result["name"] for result in results if not result["identical"]]
+            failed |= not found_by
+            print(f"{'found ' if found_by else 'MISSED'} {mutant['what']}: {', '.join(found_by)}", flush=True)
+            golden_rows.append((mutant, found_by))
+            continue
+        result = results[0]
         found = result["first_divergence"]
         place = (found["tick"], found["stage"], f"{found['channel']} {found['field']}") if found else None
         wanted = (expected[mutant["tick"]], mutant["stage"], mutant["shows"])
@@ -109,11 +118,11 @@ def main():
         print(f"{'found ' if good else f'MISSED, expected {wanted}:'} {mutant['what']}: {place}", flush=True)
         rows.append((mutant, place, seen, good))
     if args.markdown:
-        args.markdown.write_text(table(rows))
+        args.markdown.write_text(table(rows, golden_rows))
     sys.exit(failed)
 
 
-def table(rows):
+def table(rows, golden_rows):
     """The results as a page."""
     lines = [
         "# Mutants of the controller",
@@ -131,6 +140,11 @@ def table(rows):
         lines.append(
             f"| {mutant['stage']} | {mutant['what']} | {where} | {mutant['tick']} | {found}{'' if good else ' **(missed)**'} | {seen} |".replace("| |", "| - |")
         )
+    if golden_rows:
+        lines += ["", "Found by a replay of the golden logs:", "", "| mutant | line | golden logs that differ |", "|---|---|---|"]
+    for mutant, found_by in golden_rows:
+        line = f"`{Path(mutant['file']).name}`: `{mutant['to'].strip().splitlines()[-1].strip()}`"
+        lines.append(f"| {mutant['what']} | {line} | {', '.join(found_by) or '**none (missed)**'} |")
     return "\n".join(lines) + "\n"
 
 

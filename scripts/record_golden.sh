@@ -22,3 +22,7 @@ record fault_to_damping hyq short_fault "a weak knee, a lost message, at last an
 record anymal_trot anymal_b short_rough "ANYmal B trots for two seconds on rough ground"
 record lie_stand_walk_sit hyq short_lie "HyQ gets up, trots, sits down, is stopped and let go, fast" \
     --set stand.rise_speed=1.0 --set stand.joint_speed=5.0
+record pushes_switches hyq short_pushes "HyQ is pushed in a trot, changes its gait twice while it walks, and two parameters change"
+record fault_and_recovery hyq short_recovery "an encoder that reads no number damps the joints; the operator lets HyQ stand up and walk again" \
+    --set stand.rise_speed=1.0 --set stand.joint_speed=5.0
+record steps_s3 hyq short_steps "HyQ trots over steps with the prioritized stack: feet lose contact and search for the ground" --stack s3

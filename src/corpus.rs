@@ -50,6 +50,8 @@ pub enum Command {
     Add {
         /// Log of the run
         log: PathBuf,
+        #[command(flatten)]
+        one_run: crate::log::OneRun,
         /// Name in the corpus
         #[arg(long)]
         name: String,
@@ -102,7 +104,8 @@ pub fn run(command: &Command) -> anyhow::Result<Outcome> {
             }
             Ok(Outcome::Good)
         }
-        Command::Add { log, name, why, around, span, keep, dir } => {
+        Command::Add { log, one_run, name, why, around, span, keep, dir } => {
+            let log = &one_run.of(log);
             let keep = kept(keep)?;
             let bytes = match around {
                 None => corpus::add(dir, log, name, why, &keep)?,

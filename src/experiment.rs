@@ -23,7 +23,7 @@ pub enum Command {
     },
     /// Run experiments and print a table of published, wanted and measured values
     #[command(
-        after_help = "Example: hoof experiment run A3 --seeds 20\n         hoof experiment run A2 A4 --markdown tables.md\n         \
+        after_help = "Example: hoof experiment run A3 --seeds 20 --seed 100\n         hoof experiment run A2 A4 --markdown tables.md\n         \
         hoof experiment run all --markdown docs/experiments.md\n\n\
         Each run is kept as a log beside its scenario and is replayed bit for bit before the table is printed. A row without a target\n\
         is marked \"not judged\". Exit code 1 if a row misses its target."
@@ -38,6 +38,9 @@ pub enum Command {
         /// Number of seeds, instead of the experiment's own; ignored by experiments without seeds
         #[arg(long, value_parser = clap::value_parser!(i64).range(1..=10_000))]
         seeds: Option<i64>,
+        /// First seed; experiments without seeds run all their scenarios with it. Default: 0, and the seeds of the scenarios
+        #[arg(long, value_name = "N", value_parser = clap::value_parser!(i64).range(0..=1_000_000_000))]
+        seed: Option<i64>,
         /// Folder for logs, scenarios and figures; created if missing
         #[arg(long, value_name = "DIR", default_value = "logs/runs/experiments")]
         out: PathBuf,
@@ -55,13 +58,13 @@ pub enum Command {
 pub fn run(command: &Command) -> anyhow::Result<Outcome> {
     match command {
         Command::List { json } => list(*json).map(|()| Outcome::Good),
-        Command::Run { ids, robot, seeds, out, markdown: file, json } => {
+        Command::Run { ids, robot, seeds, seed, out, markdown: file, json } => {
             let experiments = find(ids)?;
             let mut all = Vec::with_capacity(experiments.len());
             for experiment in experiments {
                 let robot = robot.as_deref().unwrap_or(experiment.robot);
                 let dir = out.join(experiment.id).join(file_stem(robot));
-                let tables = experiment.measure(&bench(robot, seeds.unwrap_or(experiment.seeds), &dir)?)?;
+                let tables = experiment.measure(&bench(robot, seeds.unwrap_or(experiment.seeds), *seed, &dir)?)?;
                 if !json {
                     say(tables.text())?;
                 }
@@ -84,12 +87,12 @@ pub fn run(command: &Command) -> anyhow::Result<Outcome> {
 }
 
 /// A bench of this build, with progress bars on standard error.
-fn bench(robot: &str, seeds: i64, dir: &Path) -> anyhow::Result<Bench> {
+fn bench(robot: &str, seeds: i64, first_seed: Option<i64>, dir: &Path) -> anyhow::Result<Bench> {
     let new_bar = |title: String| -> Bar {
         let bar = Progress::new(title);
         Box::new(move |fraction| bar.set(fraction))
     };
-    Bench::new(robot, seeds, dir, run_info::build(), Box::new(new_bar))
+    Ok(Bench::new(robot, seeds, dir, run_info::build(), Box::new(new_bar))?.starting_at(first_seed))
 }
 
 fn list(json: bool) -> anyhow::Result<()> {

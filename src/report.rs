@@ -24,6 +24,8 @@ pub struct Args {
     /// Logs to report; several logs are overlaid in the figures
     #[arg(value_name = "LOG", required_unless_present = "print_plots")]
     logs: Vec<PathBuf>,
+    #[command(flatten)]
+    one_run: crate::log::OneRun,
     /// Folder to write to; created if missing
     #[arg(long, value_name = "DIR", required_unless_present_any = ["check", "print_plots", "json"])]
     out: Option<PathBuf>,
@@ -111,7 +113,7 @@ fn written(args: &Args, out: &Path) -> anyhow::Result<Vec<(String, Metrics)>> {
         Some(Choice::Band) => plots.with_several(Several::Band),
         None => plots,
     };
-    let report = write_with(&args.logs, out, &ReportOptions { plots, names: args.names.clone() })?;
+    let report = write_with(&args.logs(), out, &ReportOptions { plots, names: args.names.clone() })?;
     if !args.json {
         match &report.runs[..] {
             [(_, metrics)] => say(tables::text(metrics).trim_end())?,
@@ -132,7 +134,7 @@ fn written(args: &Args, out: &Path) -> anyhow::Result<Vec<(String, Metrics)>> {
 fn measured(args: &Args) -> anyhow::Result<Vec<(String, Metrics)>> {
     let name = |log: &Path| log.file_stem().map_or_else(String::new, |stem| stem.to_string_lossy().into_owned());
     let mut runs = Vec::new();
-    for log in &args.logs {
+    for log in &args.logs() {
         let bar = Progress::new("metrics");
         let run = Run::read(log, &mut |p| bar.set(part(&p)))?;
         runs.push((name(log), Metrics::of(&run)));
@@ -153,6 +155,13 @@ fn say_verdicts(name: &str, verdicts: &[Verdict]) -> anyhow::Result<()> {
 /// Writes the report of a log with a progress bar.
 pub fn write(log: &Path, out: &Path) -> anyhow::Result<Report> {
     write_with(&[log.to_owned()], out, &ReportOptions::default())
+}
+
+impl Args {
+    /// The logs, or the selected run of each.
+    fn logs(&self) -> Vec<PathBuf> {
+        self.logs.iter().map(|log| self.one_run.of(log)).collect()
+    }
 }
 
 fn write_with(logs: &[PathBuf], out: &Path, options: &ReportOptions) -> anyhow::Result<Report> {

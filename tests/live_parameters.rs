@@ -118,5 +118,5 @@ fn without_a_run_there_is_an_error() {
     let no_reply = hoof(&format!("set trunk.kp=[1,1,1] --lcm-url {url}")).exits(2);
     assert!(no_reply.stderr.contains(url.split('?').next().unwrap()), "{}", no_reply.stderr);
     let wrong = hoof(&format!("set trunk.kp --lcm-url {url}")).exits(2);
-    assert!(wrong.stderr.contains("trunk.kp: "), "{}", wrong.stderr);
+    assert!(wrong.stderr.contains("trunk.kp"), "{}", wrong.stderr);
 }

@@ -64,8 +64,8 @@ fn weighted_stack_converges_to_the_hierarchical_one_with_the_ratio_of_weights() 
     let probe = Probe::new(Path::new("logs/golden/rough_trot.mcap"));
     let under = S3.split_once("<<").unwrap().1;
     let hard = probe.torques(S3);
-    // At a ratio of 1e6 the weights differ by 1e12, and the posture's part is below rounding.
-    let ratios = [1.0, 10.0, 100.0, 1e3, 1e4, 1e5_f64];
+    // The largest weight is the square of the ratio; weights are at most 1e9.
+    let ratios = [1.0, 10.0, 100.0, 1e3, 1e4_f64];
     let distances: Vec<Vec<f64>> = ratios
         .iter()
         .map(|ratio| {

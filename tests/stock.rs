@@ -70,6 +70,9 @@ fn line(number: usize, event: &LogEvent) -> String {
     }
     match &*event.channel {
         RUN_INFO => show!(RunInfo, |m| m.urdf.len(), m.seed, m.num_lcm_types, m.lcm_types.last().unwrap().name),
+        ROBOT_INFO | EXPECTED_ROBOT => {
+            show!(RobotInfo, |m| m.sender_id, m.robot, m.joint_names.last().unwrap().clone(), m.urdf_sha256)
+        }
         ROBOT_STATE => show!(RobotState, |m| m.seq, m.q, m.tau[11], m.a_I[2]),
         OPERATOR_COMMAND => show!(OperatorCommand, |m| m.seq, m.mode, m.v_H[0], m.height_offset),
         PARAMETER_REQUEST => show!(ParameterRequest, |m| m.seq, m.key, m.value),
@@ -144,7 +147,7 @@ fn stock_lcm_gen_and_liblcm_decode_every_message_equally() {
     assert_eq!(found.next(), None);
     let seen: BTreeSet<&str> = events.iter().map(|event| &*event.channel).collect();
     // Channels of live runs only.
-    let live = [EXECUTOR_COMMAND];
+    let live = [EXECUTOR_COMMAND, EXPECTED_ROBOT];
     let in_lockstep = CHANNELS.iter().map(|channel| channel.name).filter(|name| !live.contains(name));
     assert_eq!(seen, in_lockstep.collect(), "channels without an event");
 }

@@ -87,7 +87,7 @@ impl<'a> FieldReader<'a> {
 
     /// The time series found, by name of the field.
     pub fn finish(self, t0_ns: i64) -> BTreeMap<String, Samples> {
-        let seconds = |times: Vec<i64>| times.into_iter().map(|t_ns| (t_ns - t0_ns) as f64 / 1e9).collect();
+        let seconds = |times: Vec<i64>| times.into_iter().map(|t_ns| t_ns.saturating_sub(t0_ns) as f64 / 1e9).collect();
         let samples = |(times, values)| Samples { t_s: seconds(times), values };
         self.found.into_iter().map(|(field, found)| (field.to_string(), samples(found))).collect()
     }

@@ -146,7 +146,7 @@ fn changes(run: &Run) -> Vec<TimelineEntry> {
 fn intervals(run: &Run) -> Vec<TimelineEntry> {
     let late_us = |tick: &Tick| {
         let t = tick.timing.as_ref().filter(|t| t.deadline_ns > 0)?;
-        (t.end_ns > t.deadline_ns).then(|| (t.end_ns - t.deadline_ns) as f64 * 1e-3)
+        (t.end_ns > t.deadline_ns).then(|| t.end_ns.saturating_sub(t.deadline_ns) as f64 * 1e-3)
     };
     let mut all = Vec::new();
     for burst in bursts(run, |tick| late_us(tick).is_some()) {
@@ -197,7 +197,7 @@ fn losses(run: &Run) -> Vec<TimelineEntry> {
     let mut add =
         |tick: &Tick, what, count: i64, describe: &dyn Fn(i64) -> String, burst: &mut Option<(usize, f64, i64)>| {
             let near = burst.filter(|(_, last_s, _)| tick.t_s - last_s < TOGETHER_S);
-            let (at, total) = near.map_or((all.len(), count), |(at, _, sum)| (at, sum + count));
+            let (at, total) = near.map_or((all.len(), count), |(at, _, sum)| (at, sum.saturating_add(count)));
             let begin = TimelineEntry { t_s: tick.t_s, tick: tick.number(), what, text: describe(total) };
             match all.get_mut(at) {
                 Some(known) => known.text = describe(total),
@@ -209,7 +209,7 @@ fn losses(run: &Run) -> Vec<TimelineEntry> {
     for pair in run.ticks.windows(2) {
         let [before, after] = pair else { continue };
         if after.t_s - before.t_s > longest {
-            let missing = ((after.t_s - before.t_s) / run.period_s()).round() as i64 - 1;
+            let missing = (((after.t_s - before.t_s) / run.period_s()).round() as i64).saturating_sub(1);
             if after.follows(before) {
                 let timings = before.timing.as_ref().zip(after.timing.as_ref());
                 let n_skipped = timings.map_or(missing, |(t0, t1)| skipped(t0, t1, run.period_s() * 1e6) as i64);
@@ -225,7 +225,7 @@ fn losses(run: &Run) -> Vec<TimelineEntry> {
             continue;
         }
         let Some((old, new)) = before.consumed.zip(after.consumed) else { continue };
-        match new.seq - old.seq {
+        match new.seq.saturating_sub(old.seq) {
             0 => add(
                 after,
                 EntryKind::Stale,

@@ -18,7 +18,7 @@ fn a_channel_is_a_frame_with_one_column_per_field() {
     assert!((column("rpy_des[1]") - column("rpy_est[1]") - 0.5 * RPY_ERROR[1]).abs() < 1e-15);
     let truth = frames.get("GROUND_TRUTH").unwrap();
     assert_eq!(truth.column("p_WF[3][2]").unwrap().f64().unwrap().get(0), Some(0.0));
-    assert_eq!(truth.column("contact[0]").unwrap().bool().unwrap().get(0), Some(true));
+    assert_eq!(truth.column("contact[0]").unwrap().i64().unwrap().get(0), Some(1));
     assert_eq!(frames.get("RUN_INFO").unwrap().column("robot").unwrap().str().unwrap().get(0), Some("hyq"));
     let units = frames.units("BASE_TRACKING");
     assert_eq!((units["height_des"].as_str(), units["w_WB_W_des"].as_str()), ("m", "rad/s"));

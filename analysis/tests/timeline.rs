@@ -95,3 +95,31 @@ fn limits_are_judged_and_unknown_keys_are_errors() {
     assert_eq!(error.to_string().split(';').next().unwrap(), "ci.toml: unknown key `tracking.pich.std`");
     assert!(error.to_string().contains("`tracking.pitch.std`"), "{error}");
 }
+
+/// A damaged or foreign message can hold any number.
+#[test]
+fn extreme_times_and_ticks_overflow_nothing() {
+    let dir = scratch("extreme");
+    let (whole, out) = (dir.join("ordinary.mcap"), dir.join("extreme.mcap"));
+    write(&whole, &Plan { ticks: 1100, live: true, ..Plan::default() });
+    let extremes = [i64::MIN, i64::MIN + 1, -1, 0, i64::MAX - 1, i64::MAX];
+    for from in 0..extremes.len() {
+        let mut log = replay::log::LogWriter::create(&out).unwrap();
+        for (i, event) in replay::log::LogReader::open(&whole).unwrap().events().enumerate() {
+            let mut event = event.unwrap();
+            // Eight bytes each: time, tick or sequence number; of TIMING also the clock readings.
+            let numbers = if *event.channel == *lcmtypes::channels::TIMING { 1..8 } else { 1..3 };
+            if i % 5 == 0 && *event.channel != *lcmtypes::channels::RUN_INFO {
+                for word in numbers {
+                    let extreme = extremes[(from + i / 5 + word) % extremes.len()];
+                    event.data[8 * word..8 * word + 8].copy_from_slice(&extreme.to_be_bytes());
+                }
+            }
+            log.write(&event.channel, event.t_ns, &event.data).unwrap();
+        }
+        log.finish().unwrap();
+        let run = Run::read(&out, &mut |_| {}).unwrap();
+        assert!(run.ticks.len() > 1000);
+        let _ = (entries(&run), Metrics::of(&run));
+    }
+}

@@ -107,6 +107,7 @@ fn exact_solutions() -> Vec<(i64, usize, DVector<f64>)> {
 }
 
 #[test]
+#[expect(clippy::disallowed_methods, reason = "a test that writes the programs on request")]
 fn every_back_end_finds_the_exact_solution() {
     if let Ok(path) = std::env::var("QP_DUMP") {
         let programs: Vec<_> = programs("clarabel", "1e-8").iter().map(as_json).collect();

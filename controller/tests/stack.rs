@@ -76,7 +76,7 @@ fn an_invalid_stack_is_rejected_with_the_name_of_the_entry() {
         ("tasks.lean", "tasks.trunk", "stack.tasks.trunk:"),
         ("tasks.lean", "tasks.le-an", "stack.tasks.le-an:"),
         ("[300.0, 300.0", "[300.0, -1.0", "stack.tasks.span.kp: found -1"),
-        ("kd = [20.0, 20.0,", "kd = [", "invalid length 4"),
+        ("kd = [20.0, 20.0,", "kd = [", "found 4 elements, expected 6"),
         ("\"cartesian\"\nlink = \"rf", "\"carthesian\"\nlink = \"rf", "unknown variant `carthesian`"),
         ("relative_to = \"lf", "relativ_to = \"lf", "unknown field `relativ_to`"),
     ] {

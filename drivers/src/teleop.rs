@@ -16,7 +16,10 @@ pub mod pad;
 pub mod script;
 
 use controller::params::Params;
+use controller::quadruped::envelope;
 use controller::quadruped::params::{FootholdParams, TrunkParams};
+use controller::quadruped::robot::Robot;
+use controller::quadruped::state::Gait;
 use lcmtypes::{ControllerTick, OperatorCommand, channels};
 use pad::PadState;
 
@@ -72,13 +75,15 @@ const POSE_STEP: f64 = 0.1;
 /// Step of the pace per key press.
 const PACE_STEP: f64 = 0.1;
 
-/// Largest commands, in each direction. The controller applies the same limits.
+/// Largest commands, in each direction. The controller applies the same limits, and further ones to combinations of them.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Limits {
-    /// Speed in the plane, m/s.
+    /// Speed in the plane in a trot, m/s.
     pub speed: f64,
-    /// Turning, rad/s.
+    /// Turning in a trot, rad/s.
     pub yaw_rate: f64,
+    /// The same two in a crawl, whose steps are as long but less frequent.
+    pub crawl: (f64, f64),
     /// Roll and pitch, rad.
     pub orientation: f64,
     /// Height above or below the nominal one, m.
@@ -88,23 +93,21 @@ pub struct Limits {
 /// Default limits, for an unknown robot.
 impl Default for Limits {
     fn default() -> Self {
-        Limits::from_parts(&FootholdParams::default(), &TrunkParams::default())
+        let FootholdParams { max_speed: speed, max_yaw_rate: yaw_rate, .. } = FootholdParams::default();
+        let TrunkParams { max_orientation: orientation, max_height_offset: height, .. } = TrunkParams::default();
+        Limits { speed, yaw_rate, crawl: (speed, yaw_rate), orientation, height }
     }
 }
 
 impl Limits {
-    /// Limits from the parameters of a robot.
-    pub fn of(params: &Params) -> Self {
-        Limits::from_parts(&params.foothold, &params.trunk)
-    }
-
-    fn from_parts(foothold: &FootholdParams, trunk: &TrunkParams) -> Self {
-        Limits {
-            speed: foothold.max_speed,
-            yaw_rate: foothold.max_yaw_rate,
-            orientation: trunk.max_orientation,
-            height: trunk.max_height_offset,
-        }
+    /// Limits of a robot: its parameters, and the length of its steps in each gait. An invalid URDF leaves those of the parameters.
+    pub fn of(params: &Params, urdf: &str) -> Self {
+        let of_parameters = (params.foothold.max_speed, params.foothold.max_yaw_rate);
+        let robot = Robot::new(urdf, &params.robot).ok();
+        let pace = |gait| robot.as_ref().map_or(of_parameters, |robot| envelope::pace(robot, params, gait));
+        let (speed, yaw_rate) = pace(Gait::Trot);
+        let (orientation, height) = (params.trunk.max_orientation, params.trunk.max_height_offset);
+        Limits { speed, yaw_rate, crawl: pace(Gait::Crawl), orientation, height }
     }
 }
 
@@ -221,9 +224,13 @@ impl OperatorInput {
         }
     }
 
-    /// Largest commands.
+    /// Largest commands; `speed` and `yaw_rate` are those of the present gait.
     pub fn limits(&self) -> Limits {
-        self.limits
+        if self.gait != OperatorCommand::GAIT_CRAWL {
+            return self.limits;
+        }
+        let (speed, yaw_rate) = self.limits.crawl;
+        Limits { speed, yaw_rate, ..self.limits }
     }
 
     /// Sets the limits, once the robot is known.
@@ -347,7 +354,7 @@ impl OperatorInput {
 
     /// Forward and left, m/s, turn, rad/s.
     fn velocities(&self, t_ns: i64) -> [f64; 3] {
-        let Limits { speed, yaw_rate, .. } = self.limits;
+        let Limits { speed, yaw_rate, .. } = self.limits();
         if self.mode != Some(OperatorCommand::MODE_WALK) {
             return [0.0; 3];
         }
@@ -368,7 +375,7 @@ impl OperatorInput {
         if !held {
             self.moves = [0.0; 3];
         }
-        let limit = if axis == Axis::Turn { self.limits.yaw_rate } else { self.limits.speed };
+        let limit = if axis == Axis::Turn { self.limits().yaw_rate } else { self.limits().speed };
         let moves = &mut self.moves[axis as usize];
         // The first press against the present direction stops the axis; the next one reverses it.
         *moves = if *moves * sign.factor() < 0.0 { 0.0 } else { sign.factor() * self.pace * limit };

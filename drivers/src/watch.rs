@@ -3,6 +3,19 @@
 use crate::fault_limits::FaultLimits;
 use lcmtypes::{ControllerTick, Event, RunInfo, enum_names};
 
+/// Keys and units of the operator command, by the index in a fault.
+const OPERATOR_KEYS: [&str; 9] = [
+    "swing_frequency (Hz)",
+    "duty",
+    "step_height (m)",
+    "roll (rad)",
+    "pitch (rad)",
+    "height_offset (m)",
+    "v_H[0] (m/s)",
+    "v_H[1] (m/s)",
+    "yaw_rate (rad/s)",
+];
+
 /// Watches the ticks of a run.
 #[derive(Debug)]
 pub struct ModeWatch {
@@ -112,6 +125,9 @@ impl ModeWatch {
             let requested = i8::try_from(tick.fault_index).map_or("?", enum_names::operator_mode);
             return format!("{requested} rejected: not possible in {state}");
         }
+        if tick.fault == ControllerTick::FAULT_OPERATOR_LIMITED {
+            return self.description(tick);
+        }
         format!("operator command rejected: {}", self.description(tick))
     }
 
@@ -134,8 +150,8 @@ impl ModeWatch {
             (ControllerTick::FAULT_OPERATOR_REFUSED, _) => {
                 format!("{name}: {}", i8::try_from(fault_index).map_or("?", enum_names::operator_mode))
             }
-            (ControllerTick::FAULT_OPERATOR_RANGE, index) => {
-                let key = index.and_then(|i| ["swing_frequency", "duty", "step_height"].get(i));
+            (ControllerTick::FAULT_OPERATOR_RANGE | ControllerTick::FAULT_OPERATOR_LIMITED, index) => {
+                let key = index.and_then(|i| OPERATOR_KEYS.get(i));
                 format!("{name}: {} {value}", key.unwrap_or(&"?"))
             }
             (_, Some(index)) => match self.joints.get(index) {

@@ -5,8 +5,8 @@ mod common;
 
 use common::{Seen, run, scenario};
 use lcmtypes::{Event, Message, ParameterChange, ParameterRequest, RequestReply, channels};
-use replay::engine::{Cursor, Options, Replay};
-use replay::log::{EventFilter, ExcerptWindow, LogReader, LogWriter, Types, copy_excerpt};
+use replay::engine::{Cursor, Options, OtherParameters, Replay};
+use replay::log::{EventFilter, Excerpt, LogReader, LogWriter, Types, copy_excerpt};
 use std::path::{Path, PathBuf};
 use std::sync::LazyLock;
 use test_support::replace_once;
@@ -139,16 +139,18 @@ fn a_cursor_has_the_parameters_of_its_tick() {
 }
 
 #[test]
-fn mutant_without_a_change_the_replay_diverges_at_its_tick() {
-    for (name, tick) in [("trunk.kp", 1201), ("stack.formula", 2300)] {
+fn mutant_without_a_change_the_ticks_from_it_on_are_skipped() {
+    for (name, first_tick) in [("trunk.kp", 1201_i64), ("stack.formula", 2300)] {
         let path = log(&format!("without_{name}.mcap"), |channel, data| {
             channel != channels::PARAMETER_CHANGE || ParameterChange::decode(data).unwrap().key != name
         });
         for jobs in [1, 2] {
             let options = Options { jobs, ..Options::default() };
             let report = Replay::open(&path).unwrap().run(&options, &mut |_| {}).unwrap();
-            let first = report.first_divergence.unwrap();
-            assert_eq!((first.tick, first.stage), (tick, "tasks"), "{name}, {jobs} jobs");
+            let ticks = 3300 - first_tick.unsigned_abs();
+            assert_eq!(report.other_parameters, Some(OtherParameters { first_tick, ticks }), "{name}, {jobs} jobs");
+            assert!(report.identical && !report.complete, "{name}, {jobs} jobs: {:?}", report.first_divergence);
+            assert_eq!((report.ticks, report.skipped_ticks), (3300 - ticks, ticks), "{name}, {jobs} jobs");
         }
     }
 }
@@ -169,7 +171,10 @@ fn mutant_a_change_one_tick_late_is_detected() {
     }
     late.finish().unwrap();
     let report = Replay::open(&path).unwrap().run(&Options::default(), &mut |_| {}).unwrap();
-    assert_eq!(report.first_divergence.unwrap().tick, 1201);
+    // Ticks 1201 and 2300 themselves; the state is unknown from each of them to the next snapshot, at 2000 and 3000.
+    assert_eq!(report.other_parameters, Some(OtherParameters { first_tick: 1201, ticks: 2 }));
+    assert!(report.identical && !report.complete, "{:?}", report.first_divergence);
+    assert_eq!((report.ticks, report.skipped_ticks), (3300 - 1501, 1501));
 }
 
 /// A live run publishes changes again for logs that begin later; in other logs the copies have no effect.
@@ -197,7 +202,7 @@ fn repeated_changes_are_followed_once() {
         for jobs in [1, 2] {
             let report = replay.run(&Options { jobs, ..Options::default() }, &mut |_| {}).unwrap();
             assert!(report.identical, "{name}: {:?}", report.first_divergence.map(|first| first.tick));
-            assert_eq!((report.ticks, report.late_messages), (ticks, 0), "{name}");
+            assert_eq!((report.ticks, report.account.late_messages), (ticks, 0), "{name}");
         }
     }
 }
@@ -220,7 +225,11 @@ fn a_change_whose_first_message_is_lost_is_followed_at_its_tick() {
     }
     log.finish().unwrap();
     let report = Replay::open(&path).unwrap().run(&Options::default(), &mut |_| {}).unwrap();
-    assert!(report.identical && report.late_messages == 0, "{:?}", report.first_divergence.map(|first| first.tick));
+    assert!(
+        report.identical && report.account.late_messages == 0,
+        "{:?}",
+        report.first_divergence.map(|first| first.tick)
+    );
 }
 
 #[test]
@@ -257,7 +266,7 @@ fn an_excerpt_includes_the_changes_before_it() {
     // From the state of tick 1000, with a change on either side of the state of tick 2000; and from that one on.
     for (around_s, ticks, keys) in [(1.8, 1100, &["trunk.kp"][..]), (2.5, 800, &["trunk.kp", "stack.formula"])] {
         let out = path("trimmed.mcap");
-        let window = ExcerptWindow { around_s, before_s: 0.3, after_s: 0.3 };
+        let window = Excerpt::Around { around_s, before_s: 0.3, after_s: 0.3 };
         copy_excerpt(&whole, &out, window, EventFilter::default(), Types::default(), &mut |_| {}).unwrap();
         let kept = LogReader::open(&out).unwrap().events().map(Result::unwrap);
         let kept = kept.filter(|event| *event.channel == *channels::PARAMETER_CHANGE);

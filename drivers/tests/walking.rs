@@ -6,8 +6,8 @@ use controller::model::UrdfTree;
 use controller::params::{Params, apply_overrides};
 use drivers::{MujocoSim, Scenario, SimParams, Simulator, Terrain};
 use lcmtypes::{
-    BaseTracking, ContactEstimate, ControllerInput, ControllerTick, GroundTruth, LegState, Message, RobotCommand,
-    RobotState, RunInfo, channels,
+    BaseTracking, ContactEstimate, ControllerInput, ControllerTick, GroundTruth, LegState, Message, OperatorCommand,
+    RobotCommand, RobotState, RunInfo, channels,
 };
 use std::path::Path;
 use test_support::replace_once;
@@ -23,11 +23,17 @@ struct Tick {
 }
 
 /// Runs a scenario of the project and passes every tick to `look`. Panics if the robot falls or is damped.
-fn walk(
+fn walk(robot: &str, scenario: &str, edit: impl Fn(String) -> String, set: &[(&str, &str)], look: impl FnMut(&Tick)) {
+    walk_commanded(robot, scenario, edit, set, |_, _| (), look);
+}
+
+/// The same with commands that `command` changes after the scenario's check: time in s and command.
+fn walk_commanded(
     robot: &str,
     scenario: &str,
     edit: impl Fn(String) -> String,
     set: &[(&str, &str)],
+    command: impl Fn(f64, &mut OperatorCommand),
     mut look: impl FnMut(&Tick),
 ) {
     let root = Path::new(env!("CARGO_MANIFEST_DIR")).parent().unwrap();
@@ -53,7 +59,8 @@ fn walk(
     input.op.seq = -1;
     for tick in 0..scenario.duration_ns() / sim.period_ns() {
         let t_ns = tick * sim.period_ns();
-        if let Some(op) = operator.operator_at(t_ns) {
+        if let Some(mut op) = operator.operator_at(t_ns) {
+            command(t_ns as f64 * 1e-9, &mut op);
             (input.op, input.t_op_ns) = (op, t_ns);
         }
         sim.robot_state(t_ns, tick, &mut state);
@@ -190,4 +197,87 @@ swing_frequency = 50.0
         assert!((found - expected).abs() <= 2.0, "second {second}: {found} lift-offs, expected {expected}");
     }
     assert_eq!(rejected.first(), Some(&6.0));
+}
+
+/// A scenario on flat ground with operator entries by time.
+fn flat(duration_s: f64, operator: &[(f64, &str)]) -> String {
+    let mut text = format!("name = \"flat\"\nduration_s = {duration_s:?}\nseed = 1\n[terrain]\nkind = \"flat\"\n");
+    for (t_s, keys) in operator {
+        text += &format!("[[operator]]\nt_s = {t_s:?}\n{keys}\n");
+    }
+    text
+}
+
+#[test]
+fn speed_and_pose_beyond_the_limits_are_followed_in_part_and_reported() {
+    let limited = ControllerTick::FAULT_OPERATOR_LIMITED;
+    for robot in ["hyq", "anymal_b"] {
+        let text = flat(
+            15.0,
+            &[
+                (0.0, "mode = \"stand\""),
+                (1.0, "mode = \"walk\"\nv_x = 0.3"),
+                (4.0, "gait = \"crawl\""),
+                (9.0, "roll = 0.2\npitch = 0.2\nheight_offset = 0.1"),
+                (12.5, "roll = 0.0\npitch = 0.0\nheight_offset = 0.0"),
+            ],
+        );
+        // A scenario may not ask for so much, other senders may.
+        let excessive = |t_s: f64, op: &mut OperatorCommand| {
+            if (12.0..12.5).contains(&t_s) {
+                op.roll = 3.0;
+            } else if (12.5..13.0).contains(&t_s) {
+                op.height_offset = 1e300;
+            }
+        };
+        let (mut fastest, mut reported, mut rejected, mut raised) = (0.0_f64, Vec::new(), Vec::new(), 0.0_f64);
+        walk_commanded(
+            robot,
+            "flat_trot",
+            |_| text.clone(),
+            &[],
+            excessive,
+            |tick| {
+                let ControllerTick { fault, fault_index, fault_value, .. } = tick.status;
+                if tick.t_s > 7.0 {
+                    assert_eq!(tick.legs.gait, 1, "{robot} at {} s", tick.t_s);
+                    fastest = fastest.max(tick.base.v_H_des[0]);
+                }
+                if fault == limited && !reported.contains(&fault_index) {
+                    reported.push(fault_index);
+                }
+                if fault == ControllerTick::FAULT_OPERATOR_RANGE && rejected.last() != Some(&(fault_index, fault_value))
+                {
+                    rejected.push((fault_index, fault_value));
+                }
+                raised = raised.max(tick.base.height_des - 0.5);
+            },
+        );
+        // 0.3 m in a stride of 2.78 s.
+        assert!((fastest - 0.108).abs() < 1e-3, "{robot}: {fastest} m/s");
+        assert_eq!(reported, [6, 3], "{robot}");
+        assert_eq!(rejected, [(3, 3.0), (5, 1e300)], "{robot}");
+        assert!(raised < 0.2, "{robot}: {raised} m");
+    }
+}
+
+#[test]
+fn gaits_alternate_each_second_and_no_leg_is_left_behind() {
+    let mut operator = vec![(0.0, "mode = \"stand\""), (1.0, "mode = \"walk\"\nv_x = 0.1")];
+    operator.extend((2..25).map(|t| (f64::from(t), if t % 2 == 0 { "gait = \"crawl\"" } else { "gait = \"trot\"" })));
+    let text = flat(26.0, &operator);
+    let (mut lifts, mut before) = ([0; 4], [0; 4]);
+    walk(
+        "anymal_b",
+        "flat_trot",
+        |_| text.clone(),
+        &[],
+        |tick| {
+            for (leg, now) in tick.legs.state.iter().enumerate() {
+                lifts[leg] += i32::from(before[leg] == LegState::STATE_STANCE && *now != LegState::STATE_STANCE);
+            }
+            before = tick.legs.state;
+        },
+    );
+    assert!(lifts.iter().all(|n| *n >= 5), "{lifts:?}");
 }

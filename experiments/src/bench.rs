@@ -22,6 +22,7 @@ pub type NewBar = Box<dyn Fn(String) -> Bar + Send + Sync>;
 pub struct Bench {
     robot: String,
     seeds: i64,
+    first_seed: Option<i64>,
     dir: PathBuf,
     build: Build,
     new_bar: NewBar,
@@ -108,6 +109,7 @@ impl Bench {
         Ok(Bench {
             robot: robot.to_owned(),
             seeds,
+            first_seed: None,
             dir: dir.to_owned(),
             build,
             new_bar,
@@ -115,6 +117,11 @@ impl Bench {
             notes: Mutex::default(),
             figures: Mutex::default(),
         })
+    }
+
+    /// Sets the first seed of every run; a run without a seed of its own gets it too.
+    pub fn starting_at(self, first_seed: Option<i64>) -> Self {
+        Bench { first_seed, ..self }
     }
 
     /// The robot, by name or TOML file.
@@ -129,7 +136,13 @@ impl Bench {
 
     /// Seeds to run.
     pub fn seeds(&self) -> std::ops::Range<i64> {
-        0..self.seeds
+        self.consecutive_seeds(self.seeds)
+    }
+
+    /// `n` seeds from the first one on.
+    pub fn consecutive_seeds(&self, n: i64) -> std::ops::Range<i64> {
+        let first = self.first_seed.unwrap_or(0);
+        first..first + n
     }
 
     /// Opens a progress bar.
@@ -238,7 +251,7 @@ impl Bench {
             robot: spec.robot.as_deref().unwrap_or(&self.robot),
             scenario: &scenario,
             seconds: None,
-            seed: spec.seed,
+            seed: spec.seed.or(self.first_seed),
             set: &spec.set,
         };
         let summary = Setup::read(&job)?.simulate(&log, &self.build, &mut |fraction| progress(0.5 * fraction))?;
@@ -287,4 +300,21 @@ pub fn count(n: usize) -> f64 {
 pub fn mean(values: impl IntoIterator<Item = f64>) -> f64 {
     let (sum, n) = values.into_iter().fold((0.0, 0.0), |(sum, n), x| (sum + x, n + 1.0));
     sum / n
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_first_seed_moves_all_seeds() {
+        let dir = std::env::temp_dir().join(format!("bench_seeds_{}", std::process::id()));
+        let bench = |first| {
+            let bar: NewBar = Box::new(|_| Box::new(|_| ()));
+            Bench::new("hyq", 3, &dir, Build::default(), bar).unwrap().starting_at(first)
+        };
+        assert_eq!((bench(None).seeds(), bench(Some(40)).seeds()), (0..3, 40..43));
+        assert_eq!(bench(Some(40)).consecutive_seeds(12), 40..52);
+        std::fs::remove_dir(&dir).unwrap();
+    }
 }

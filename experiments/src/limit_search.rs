@@ -2,6 +2,7 @@
 
 use crate::bench::{Bench, RunSpec, Sample, count};
 use crate::scenario_edit::Change;
+use std::ops::Range;
 
 /// A search along one key of a scenario.
 pub struct Sweep<'a> {
@@ -17,6 +18,8 @@ pub struct Sweep<'a> {
     pub step: f64,
     /// Displacement from its start that the robot must reach, m.
     pub min_displacement: f64,
+    /// Seeds of the runs with one value.
+    pub seeds: Range<i64>,
     /// A further change per seed, such as the time of a push, so that it acts in different phases of the gait.
     pub vary: Option<&'a (dyn Fn(i64) -> Change + Sync)>,
 }
@@ -52,7 +55,7 @@ pub fn largest(bench: &Bench, sweep: &Sweep) -> anyhow::Result<(f64, Vec<Tried>)
                 None => spec,
             }
         };
-        let samples = bench.all(&format!("{} {value:.3}", sweep.key), bench.seeds().map(one).collect())?;
+        let samples = bench.all(&format!("{} {value:.3}", sweep.key), sweep.seeds.clone().map(one).collect())?;
         let reached = |displacement: Option<f64>| displacement.is_some_and(|d| d >= sweep.min_displacement);
         let survives = |sample: &Sample| !sample.failed() && reached(sample.metrics.locomotion.displacement_m);
         let survivors = samples.iter().filter(|sample| survives(sample)).count();

@@ -4,6 +4,10 @@
 //! output is the *outcome* of the revision; a revision with another outcome than the good one is bad. Parameters and inputs are those of
 //! the log, so only the revision can change a bit.
 
+mod recorded;
+
+pub use recorded::{RevisionReplay, recorded_revision, replay_with_revision};
+
 use crate::Error;
 use crate::corpus::Corpus;
 use std::path::{Path, PathBuf};
@@ -84,23 +88,29 @@ pub struct Found {
 /// # Errors
 /// [`Error::Command`] if git fails, [`Error::Bisect`] if good and bad do not differ or bad is not after good, and errors of reading the log.
 pub fn bisect(options: &Options, progress: &mut dyn FnMut(&Outcome, usize)) -> Result<Found, Error> {
+    let resolved = |name: &str| resolve(&options.log, &options.repository, name);
+    let (good, bad) = (resolved(&options.good)?, resolved(&options.bad)?);
     let tree = WorkTree::new(options)?;
-    let found = search(options, &tree, progress);
+    let found = search(options, &tree, &good, &bad, progress);
     tree.remove();
     found
 }
 
-fn search(options: &Options, tree: &WorkTree, progress: &mut dyn FnMut(&Outcome, usize)) -> Result<Found, Error> {
+fn search(
+    options: &Options,
+    tree: &WorkTree,
+    good: &str,
+    bad: &str,
+    progress: &mut dyn FnMut(&Outcome, usize),
+) -> Result<Found, Error> {
     let failed = |why: String| Error::Bisect { path: options.log.clone(), why };
-    let good = tree.resolve(&options.good)?;
-    let bad = tree.resolve(&options.bad)?;
     let line = git(&options.repository, &["rev-list", "--reverse", "--first-parent", &format!("{good}..{bad}")])?;
     let revisions: Vec<&str> = line.lines().collect();
     if revisions.is_empty() {
         return Err(failed(format!("{} is not after {}: no revision between them", options.bad, options.good)));
     }
     let mut tried = Vec::new();
-    let reference = tree.outcome(&good, None)?;
+    let reference = tree.outcome(good, None)?;
     progress(&reference, revisions.len());
     if reference.verdict == Verdict::Skipped {
         return Err(failed(format!("the good revision {} cannot be tested: {}", options.good, reference.said)));
@@ -123,7 +133,7 @@ fn search(options: &Options, tree: &WorkTree, progress: &mut dyn FnMut(&Outcome,
     let (before, first_bad) = halve(revisions.len(), last, &mut judge)?;
     let causes = match &first_bad[..] {
         [only] => {
-            let before = before.map_or(good.as_str(), |i| revisions[i]);
+            let before = before.map_or(good, |i| revisions[i]);
             tree.causes(before, only, &reference)?
         }
         _ => Vec::new(),
@@ -204,10 +214,6 @@ impl<'o> WorkTree<'o> {
         let _ = git(&self.options.repository, &["worktree", "prune"]);
     }
 
-    fn resolve(&self, revision: &str) -> Result<String, Error> {
-        git(&self.options.repository, &["rev-parse", "--verify", &format!("{revision}^{{commit}}")])
-    }
-
     /// Checks out a revision and compares its outcome with the good one's.
     fn outcome(&self, revision: &str, good: Option<&Outcome>) -> Result<Outcome, Error> {
         git(&self.dir, &["checkout", "--quiet", "--force", "--detach", revision])?;
@@ -230,19 +236,11 @@ impl<'o> WorkTree<'o> {
             };
             return Ok((verdict, said));
         }
-        let mut build = Command::new("cargo");
-        build.args(["build", "--quiet", "--release", "--package", "replay", "--example", "replay_golden"]);
-        build.arg("--target-dir").arg(&self.target).current_dir(&self.dir);
-        // Build with the revision's own settings, not those of the environment.
-        for variable in ["CARGO_TARGET_DIR", "RUSTFLAGS", "CARGO_ENCODED_RUSTFLAGS", "CARGO_BUILD_RUSTFLAGS"] {
-            build.env_remove(variable);
-        }
-        let (code, said) = run(&mut build)?;
-        if code != Some(0) {
-            return Ok((Verdict::Skipped, format!("does not build: {said}")));
-        }
-        let mut replay = Command::new(self.target.join("release/examples/replay_golden"));
-        let (code, said) = run(replay.arg(&self.corpus).current_dir(&self.dir))?;
+        let program = match build(&self.dir, &self.target)? {
+            Ok(program) => program,
+            Err(said) => return Ok((Verdict::Skipped, format!("does not build: {said}"))),
+        };
+        let (code, said) = run(Command::new(program).arg(&self.corpus).current_dir(&self.dir))?;
         let verdict = match (code, good) {
             (Some(0 | 1), None) => Verdict::Good,
             (Some(0 | 1), Some(good)) if first_place(&good.said) == first_place(&said) => Verdict::Good,
@@ -281,6 +279,35 @@ impl<'o> WorkTree<'o> {
         }
         Ok(if causes.is_empty() { kinds } else { causes })
     }
+}
+
+/// Builds the replay of a work tree. The inner error is the output of a build that fails.
+fn build(dir: &Path, target: &Path) -> Result<Result<PathBuf, String>, Error> {
+    let mut build = Command::new("cargo");
+    build.args(["build", "--quiet", "--release", "--package", "replay", "--example", "replay_golden"]);
+    build.arg("--target-dir").arg(target).current_dir(dir);
+    // Build with the revision's own settings, not those of the environment.
+    for variable in ["CARGO_TARGET_DIR", "RUSTFLAGS", "CARGO_ENCODED_RUSTFLAGS", "CARGO_BUILD_RUSTFLAGS"] {
+        build.env_remove(variable);
+    }
+    let (code, said) = run(&mut build)?;
+    Ok(if code == Some(0) { Ok(target.join("release/examples/replay_golden")) } else { Err(said) })
+}
+
+/// The commit of a revision.
+///
+/// # Errors
+/// [`Error::Bisect`] if the repository has no such revision.
+fn resolve(log: &Path, repository: &Path, name: &str) -> Result<String, Error> {
+    git(repository, &["rev-parse", "--verify", "--quiet", "--end-of-options", &format!("{name}^{{commit}}")]).map_err(
+        |error| match error {
+            Error::Command { output, .. } if output.is_empty() => Error::Bisect {
+                path: log.into(),
+                why: format!("revision \"{}\" does not exist in {}", crate::printable(name), repository.display()),
+            },
+            other => other,
+        },
+    )
 }
 
 /// All outputs, so that a difference is reported by field and not only by digest.

@@ -13,27 +13,37 @@
 //!
 //! The engine knows no specific controller: [`controller::load`] builds it from the RUN_INFO of the log.
 
+mod account;
 mod builder;
 mod compare;
+mod continuity;
 mod cursor;
 mod inputs;
+mod judgement;
 mod options;
 mod origin;
 mod out;
+mod outputs;
 mod parallel;
 mod report;
+mod run_messages;
+mod seek;
 mod segment;
 mod stepper;
 pub(crate) mod ticks;
 mod what_if;
 
+pub use account::{Account, OtherType, Unused, UnusedMessage};
 pub(crate) use compare::show;
 pub use compare::{Divergence, FieldDifference, Index};
 pub use cursor::{Cursor, Moment};
 pub use inputs::{brief, lines, of_bytes};
+pub(crate) use judgement::Judgement;
 pub use options::{Load, Options};
 pub use origin::{Build, Deviation};
-pub use report::ReplayReport;
+pub use outputs::MissingOutputs;
+pub use report::{OtherParameters, ReplayReport};
+pub(crate) use run_messages::RunMessages;
 pub use what_if::{DEFAULT_BOUND, Departure, Sample, TimedOverride, WhatIf, When};
 
 use crate::Error;
@@ -42,7 +52,6 @@ use builder::Builder;
 use controller::{Controller, LoadError};
 use lcmtypes::{Message, RunInfo, channels};
 use out::Out;
-use report::Counts;
 use segment::{Segment, Source, Step};
 use std::path::{Path, PathBuf};
 use std::time::Instant;
@@ -55,6 +64,7 @@ pub struct Replay<'a> {
     path: PathBuf,
     info: RunInfo,
     clock: RunClock,
+    messages: RunMessages,
     load: Box<Load<'a>>,
 }
 
@@ -77,7 +87,13 @@ impl<'a> Replay<'a> {
     ) -> Result<Self, Error> {
         let path = path.as_ref();
         let (info, clock) = (run_info(path)?, RunClock::read(path)?);
-        Ok(Replay { path: path.into(), info, clock, load: Box::new(load) })
+        let snapshot = load(&info).ok().map(|controller| {
+            let mut bytes = Vec::new();
+            controller.snapshot(&mut bytes);
+            bytes
+        });
+        let messages = RunMessages::of(&info, snapshot.as_deref());
+        Ok(Replay { path: path.into(), info, clock, messages, load: Box::new(load) })
     }
 
     /// Converts times of the log to times since the run's first tick.
@@ -109,34 +125,38 @@ impl<'a> Replay<'a> {
         let mut out = match &options.out {
             Some(path) => {
                 Error::check_distinct_files(&self.path, path)?;
-                Some(Out::create(path, &builder.info)?)
+                Some(Out::create(path, &builder.info, &builder.overridden)?)
             }
             None => None,
         };
-        let mut segment = Segment::find(&self.path, self.clock, options)?;
-        let mut ticks = Ticks::open(&self.path, if out.is_some() { Beside::InPlace } else { Beside::Nothing })?;
+        let mut segment = Segment::find(&self.path, &self.messages, self.clock, options)?;
+        let beside = if out.is_some() { Beside::InPlace } else { Beside::Nothing };
+        // A written log has everything that is before the part too.
+        let chunk = segment.chunk.filter(|_| out.is_none());
+        let mut ticks = Ticks::open_at(&self.path, &self.messages, beside, chunk)?;
         let bytes = file_length(&self.path)?;
         let source = Source { ticks: &mut ticks, segment: &mut segment, bytes, changes: Vec::new() };
-        let is_serial = keep_state || options.jobs < 2;
-        let (counts, found) = if is_serial {
+        let (counts, found) = if keep_state {
             let collector = what_if.then(|| Collector::new(options.bound.unwrap_or(DEFAULT_BOUND)));
             let overrides = builder.timed_overrides(&options.timed_overrides)?;
-            let mut stepper = Stepper::new(&builder, keep_state)?.with_overrides(overrides).with_collector(collector);
+            let mut stepper = Stepper::new(&builder, true)?.with_overrides(overrides).with_collector(collector);
             run_serial(source, &mut stepper, out.as_mut(), progress)?;
             let not_reached = stepper.pending_overrides() as u64;
             (stepper.counts, stepper.what_if.map(|collector| collector.finish(not_reached)))
         } else {
-            let steppers = (0..options.jobs).map(|_| Stepper::new(&builder, false)).collect::<Result<_, Error>>()?;
+            let steppers =
+                (0..options.jobs.max(1)).map(|_| Stepper::new(&builder, false)).collect::<Result<_, Error>>()?;
             (parallel::run(source, steppers, progress)?, None)
         };
         if let Some(mut out) = out {
             out.rest(ticks.rest())?;
             out.finish()?;
         }
+        let account = ticks.account()?;
         if !segment.has_input {
             return Err(Error::NoInput { path: self.path.clone() });
         }
-        let mut report = counts.report(ticks.late, ticks.health(), begin.elapsed().as_secs_f64());
+        let mut report = counts.report(account, ticks.health(), begin.elapsed().as_secs_f64());
         report.deviations = origin::deviations(&self.info, &builder.info, options.here.as_ref());
         report.what_if = found;
         Ok(report)
@@ -193,26 +213,32 @@ fn run_serial(
     Ok(())
 }
 
-/// Reads the first RUN_INFO of a log.
+/// Reads the first RUN_INFO of a log that decodes; another program may have sent messages on this channel.
 pub(crate) fn run_info(path: &Path) -> Result<RunInfo, Error> {
     let known = channels::find(channels::RUN_INFO).expect("the channel table contains RUN_INFO");
-    let mut count = 0_u64;
+    let (mut count, mut rejected) = (0_u64, None);
     for event in LogReader::open(path)?.events() {
         let event = event?;
         if *event.channel == *known.name {
-            ticks::same_version(path, &event, known)?;
-            return RunInfo::decode(&event.data).map_err(|source| Error::Decode {
-                path: path.into(),
-                channel: known.name.into(),
-                offset: event.offset,
-                source: source.into(),
+            let decoded = ticks::same_version(path, &event, known).and_then(|()| {
+                RunInfo::decode(&event.data).map_err(|source| Error::Decode {
+                    path: path.into(),
+                    channel: known.name.into(),
+                    offset: event.offset,
+                    source: source.into(),
+                })
             });
+            match decoded {
+                Ok(info) => return Ok(info),
+                Err(error) => rejected = rejected.or(Some(error)),
+            }
         }
         count += 1;
     }
-    Err(Error::NoRunInfo { path: path.into(), events: count })
+    Err(rejected.unwrap_or_else(|| Error::NoRunInfo { path: path.into(), events: count }))
 }
 
 fn file_length(path: &Path) -> Result<u64, Error> {
-    std::fs::metadata(path).map(|m| m.len()).map_err(|source| Error::Io { path: path.into(), source })
+    let (path, _) = crate::log::split_run(path);
+    std::fs::metadata(&path).map(|m| m.len()).map_err(|source| Error::Io { path, source })
 }

@@ -176,12 +176,12 @@ pub enum Error {
         "a replay with parameters that change during the run cannot write a log: RUN_INFO holds one set of parameters"
     )]
     ParameterChangesInLog,
-    /// A second RUN_INFO that differs from the first.
-    #[error("{path}: a second run starts at byte {offset}; cut the log to one run with `hoof log trim`", path = printable_path(path))]
+    /// A RUN_INFO of another run.
+    #[error("{path}: another run starts at byte {offset}; select one with --run N, `hoof log info` lists them", path = printable_path(path))]
     SeveralRuns {
         /// File.
         path: PathBuf,
-        /// Offset of the second RUN_INFO.
+        /// Offset of that RUN_INFO.
         offset: u64,
     },
     /// A message type that changed after the log was written.
@@ -323,6 +323,7 @@ pub enum Error {
 impl Error {
     /// [`Error::SameFile`] if `out` exists and is the file `log`.
     pub(crate) fn check_distinct_files(log: &Path, out: &Path) -> Result<(), Self> {
+        let (log, _) = crate::log::run_path::split_run(log);
         match (log.canonicalize(), out.canonicalize()) {
             (Ok(log), Ok(out)) if log == out => Err(Error::SameFile { path: out }),
             _ => Ok(()),

@@ -4,7 +4,7 @@
 mod common;
 
 use replay::Error;
-use replay::bisect::{Cause, Found, Options, Verdict, bisect};
+use replay::bisect::{Cause, Found, Options, Verdict, bisect, recorded_revision, replay_with_revision};
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
@@ -111,5 +111,60 @@ fn an_impossible_search_is_an_error() {
     assert!(why(&revisions[0], &revisions[5], "true").contains(&revisions[5]));
     assert!(why(&revisions[0], &revisions[5], "echo sorry; false").ends_with("sorry"));
     assert!(why(&revisions[5], &revisions[0], "true").contains(&revisions[0]));
-    assert!(matches!(error("nowhere", &revisions[0], "true"), Error::Command { .. }));
+    assert!(why("nowhere", &revisions[0], "true").contains("\"nowhere\""));
+    assert!(why(&revisions[0], "--all", "true").contains("\"--all\""));
+}
+
+/// A repository whose package `replay` has an example that prints `text` and exits with `code`.
+fn buildable(dir: &Path, text: &str, code: i32) -> String {
+    let package = dir.join("replay");
+    std::fs::create_dir_all(package.join("examples")).unwrap();
+    std::fs::create_dir_all(package.join("src")).unwrap();
+    std::fs::write(dir.join("Cargo.toml"), "[workspace]\nmembers = [\"replay\"]\nresolver = \"2\"\n").unwrap();
+    std::fs::write(
+        package.join("Cargo.toml"),
+        "[package]\nname = \"replay\"\nversion = \"0.1.0\"\nedition = \"2021\"\n",
+    )
+    .unwrap();
+    std::fs::write(package.join("src/lib.rs"), "").unwrap();
+    // The corpus holds the log under the name that its manifest gives.
+    let main = format!(
+        "fn main() {{\n    let dir = std::env::args().nth(1).unwrap();\n    std::fs::read(format!(\"{{dir}}/log.mcap\")).unwrap();\n    \
+         assert!(std::fs::read_to_string(format!(\"{{dir}}/corpus.toml\")).unwrap().contains(\"log.mcap\"));\n    \
+         println!(\"{text}\");\n    std::process::exit({code});\n}}\n"
+    );
+    std::fs::write(package.join("examples/replay_golden.rs"), main).unwrap();
+    if !dir.join(".git").exists() {
+        git(dir, &["init", "--quiet"]);
+    }
+    git(dir, &["add", "--all"]);
+    git(dir, &["commit", "--quiet", "--message", text]);
+    git(dir, &["rev-parse", "HEAD"])
+}
+
+#[test]
+fn a_log_is_replayed_by_the_revision_that_wrote_it() {
+    use common::toy;
+    use lcmtypes::{Message, RunInfo};
+    let (dir, work, log) = (common::path("recorded"), common::path("recorded_work"), common::path("recorded.mcap"));
+    [&dir, &work].iter().for_each(|dir| drop(std::fs::remove_dir_all(dir)));
+    let wrote = buildable(&dir, "log: identical: 3 ticks", 0);
+    let later = buildable(&dir, "log: differs from tick 2", 1);
+    let mut events = toy::events(10);
+    let info = RunInfo { revision: wrote.clone(), ..RunInfo::decode(&events[0].2).unwrap() };
+    events[0].2 = toy::encoded(&info);
+    // RUN_INFO of another type version names it too.
+    events[0].2[7] ^= 1;
+    toy::write(&log, &events);
+    assert_eq!(recorded_revision(&log).unwrap(), Some(wrote.clone()));
+    let ask = |revision: Option<&str>| replay_with_revision(&log, &dir, revision, &work);
+    for built in [true, false] {
+        let found = ask(None).unwrap();
+        assert_eq!((&found.revision, found.built, found.identical), (&wrote, built, true), "{found:?}");
+        assert_eq!(found.said, "log: identical: 3 ticks");
+    }
+    let found = ask(Some("HEAD")).unwrap();
+    assert_eq!((&found.revision, found.built, found.identical), (&later, true, false), "{found:?}");
+    assert!(matches!(ask(Some("nowhere")), Err(Error::Bisect { .. })));
+    assert_eq!(git(&dir, &["worktree", "list"]).lines().count(), 1);
 }

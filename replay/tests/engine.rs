@@ -8,7 +8,7 @@ use common::{Message, path};
 use lcmtypes::channels::{self, Stage};
 use lcmtypes::{ControllerInput, ControllerTick, QuadrupedState, RunInfo, WbcSolution};
 use replay::Error;
-use replay::engine::{Divergence, Index, Options, Replay, ReplayReport};
+use replay::engine::{Divergence, Index, Options, OtherParameters, Replay, ReplayReport};
 use std::path::Path;
 
 const TICKS: i64 = 1000;
@@ -135,8 +135,11 @@ fn a_changed_parameter_is_found_at_the_first_tick() {
 fn other_parameters_than_recorded_are_found_even_if_they_change_no_output() {
     let change = |tick: &mut ControllerTick| tick.digest_parameters += 1;
     let path = log("digest_parameters.mcap", |events| toy::change(events, channels::CONTROLLER_TICK, 437, change));
-    let first = replay(&path, &Options::default()).first_divergence.unwrap();
-    assert_eq!(place(&first), (437, "input", "CONTROLLER_TICK", "digest_parameters"));
+    let report = replay(&path, &Options::default());
+    assert_eq!(report.other_parameters, Some(OtherParameters { first_tick: 437, ticks: 1 }));
+    assert!(report.identical && !report.complete, "{report:?}");
+    // From tick 437 to the snapshot of tick 499 the state is unknown.
+    assert_eq!((report.ticks, report.skipped_ticks), (TICKS as u64 - 63, 63));
     // A what-if replay has other parameters; only what they change is a difference.
     let set = vec![("wbc.friction".to_owned(), "0.5".to_owned())];
     assert!(replay(&path, &Options { set, ..Options::default() }).identical);
@@ -237,18 +240,12 @@ fn a_long_log_without_snapshots_is_replayed_by_any_number_of_threads() {
 
 #[test]
 fn of_several_errors_any_number_of_threads_reports_the_first() {
-    let cut_state = |events: &mut Vec<Message>, tick: i64| {
-        let state =
-            events.iter_mut().find(|(c, t_ns, _)| c == channels::CONTROLLER_SNAPSHOT && *t_ns == tick * PERIOD_NS);
-        state.unwrap().2.truncate(40);
-    };
+    // A state that decodes, but that the controller rejects.
+    let reject = |state: &mut QuadrupedState| state.height = f64::NAN;
     let path = log("errors.mcap", |events| {
-        // A snapshot is restored only where the state before it is unknown, or by another worker.
         events.retain(|(c, t_ns, _)| c != channels::CONTROLLER_INPUT || ![350, 650].contains(&(t_ns / PERIOD_NS)));
-        cut_state(events, 399);
-        cut_state(events, 699);
-        let input = |(c, t_ns, _): &&mut Message| c == channels::CONTROLLER_INPUT && *t_ns == 980 * PERIOD_NS;
-        events.iter_mut().find(input).unwrap().2.truncate(60);
+        toy::change(events, channels::CONTROLLER_SNAPSHOT, 399, reject);
+        toy::change(events, channels::CONTROLLER_SNAPSHOT, 699, reject);
     });
     for jobs in 1..5 {
         let run = || Replay::open_with(&path, toy::load)?.run(&Options { jobs, ..Options::default() }, &mut |_| {});
@@ -290,7 +287,7 @@ fn an_output_that_no_longer_comes_is_a_difference() {
     });
     // It comes 499 ticks late, which is more than any bus does.
     let report = replay(&path, &Options::default());
-    assert_eq!((report.identical, report.late_messages), (true, 1));
+    assert_eq!((report.identical, report.complete, report.account.late_messages), (true, false, 1));
     let path = log("surplus_in_time.mcap", |events| {
         let leg_state = lcmtypes::LegState { t_ns: 500 * PERIOD_NS, tick: 500, ..Default::default() };
         events.push((channels::LEG_STATE.into(), 600 * PERIOD_NS, toy::encoded(&leg_state)));
@@ -314,7 +311,7 @@ fn the_order_of_messages_in_the_log_does_not_matter() {
     });
     let report = replay(&path, &Options::default());
     assert!(report.identical, "{report:?}");
-    assert_eq!((report.ticks, report.late_messages, report.missing_input_ticks), (TICKS as u64, 0, 0));
+    assert_eq!((report.ticks, report.account.late_messages, report.missing_input_ticks), (TICKS as u64, 0, 0));
 }
 
 /// A live controller sends its commands by itself; a thread that a busy machine may keep from working sends all else.
@@ -334,12 +331,12 @@ fn inputs_may_come_seconds_after_their_commands() {
     let path = with_all_but_commands_late("late_inputs.mcap", 6000, 5000);
     let report = replay(&path, &Options::default());
     assert!(report.identical, "{report:?}");
-    assert_eq!((report.ticks, report.late_messages, report.missing_input_ticks), (6000, 0, 0));
+    assert_eq!((report.ticks, report.account.late_messages, report.missing_input_ticks), (6000, 0, 0));
 
     // Not without end: what comes still later is missing, and the log is judged from the next state on that is not.
     let path = with_all_but_commands_late("too_late_inputs.mcap", 20_000, 17_000);
     let report = replay(&path, &Options::default());
-    assert!(report.identical && report.late_messages > 0 && report.missing_input_ticks > 0, "{report:?}");
+    assert!(report.identical && report.account.late_messages > 0 && report.missing_input_ticks > 0, "{report:?}");
 }
 
 #[test]
@@ -389,7 +386,7 @@ fn a_log_that_is_not_one_run_is_rejected() {
     assert!(matches!(error, Error::NoInput { .. }), "{error}");
 
     let path = log("two_runs.mcap", |events| {
-        let info = RunInfo { seed: 2, ..Default::default() };
+        let info = RunInfo { run_id: 2, ..Default::default() };
         events.push((channels::RUN_INFO.into(), TICKS * PERIOD_NS, toy::encoded(&info)));
     });
     let error = run(&path).unwrap_err();
@@ -401,12 +398,28 @@ fn a_log_that_is_not_one_run_is_rejected() {
     });
     assert!(run(&path).unwrap().identical);
 
-    let path = log("version.mcap", |events| {
-        events.iter_mut().filter(|(c, ..)| c == channels::WBC_SOLUTION).for_each(|(.., data)| data[7] ^= 1);
-    });
+    // Without any output of the type that this build computes, nothing is judged.
+    let path = log("version.mcap", |events| of_other_type(events, channels::CONTROLLER_TICK));
     let error = run(&path).unwrap_err();
-    let expected = <WbcSolution as lcmtypes::Message>::FINGERPRINT;
+    let expected = <ControllerTick as lcmtypes::Message>::FINGERPRINT;
     let Error::OtherTypeVersion { channel, type_name, found, .. } = &error else { panic!("{error}") };
-    assert_eq!((&**channel, &**type_name), (channels::WBC_SOLUTION, "hoofprint.wbc_solution_t"));
+    assert_eq!((&**channel, &**type_name), (channels::CONTROLLER_TICK, "hoofprint.controller_tick_t"));
     assert_eq!(*found, expected ^ 1);
+}
+
+/// Changes the type of all messages of a channel.
+fn of_other_type(events: &mut [Message], channel: &str) {
+    events.iter_mut().filter(|(c, ..)| c == channel).for_each(|(.., data)| data[7] ^= 1);
+}
+
+#[test]
+fn a_debug_channel_of_another_type_is_left_out_of_the_comparison() {
+    let path = log("debug_version.mcap", |events| of_other_type(events, channels::WBC_SOLUTION));
+    let report = replay(&path, &Options::default());
+    assert!(report.identical && report.complete, "{report:?}");
+    assert_eq!(report.messages_compared, TICKS as u64 * (OUTPUTS - 1) + report.snapshots_compared);
+    let [other] = &report.account.other_types[..] else { panic!("{report:?}") };
+    let expected = <WbcSolution as lcmtypes::Message>::FINGERPRINT;
+    assert_eq!((other.count, other.is_every_message, &*other.channel), (TICKS as u64, true, channels::WBC_SOLUTION));
+    assert_eq!((&*other.found, &*other.expected), (&*format!("{:016x}", expected ^ 1), &*format!("{expected:016x}")));
 }

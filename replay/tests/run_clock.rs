@@ -8,8 +8,7 @@ use common::{Message, path};
 use lcmtypes::channels::{self, Stage};
 use replay::engine::{Cursor, Options, Replay};
 use replay::log::{
-    CopyOptions, Event, EventFilter, ExcerptWindow, LogReader, LogSummary, RunClock, Types, Zero, copy, copy_excerpt,
-    diff,
+    CopyOptions, Event, EventFilter, Excerpt, LogReader, LogSummary, RunClock, Types, Zero, copy, copy_excerpt, diff,
 };
 use std::path::{Path, PathBuf};
 
@@ -67,12 +66,12 @@ fn all_tools_show_the_same_time_for_a_tick_of_a_live_log() {
     assert_eq!((cursor.tick_at(0.25).unwrap(), cursor.go_to(250).unwrap().since_s), (250, 0.25));
     // Filter, trim and cat: the messages of a tick have the time of the tick.
     let selected = path("live_selected.mcap");
-    let filter = EventFilter::new(None, None, Some(0.25), Some(0.5)).unwrap().keep_run_info();
+    let filter = EventFilter::new(None, None, Some(0.25), Some(0.5)).unwrap().keep_replay();
     copy(&log, &selected, CopyOptions { filter, ..CopyOptions::default() }, &mut |_| {}).unwrap();
     assert_eq!(ticks(&selected), (250..=500).collect::<Vec<_>>());
     // Excerpt: from the snapshot before to the end of the part.
     let bundled = path("live_bundled.mcap");
-    let window = ExcerptWindow { around_s: 0.45, before_s: 0.1, after_s: 0.05 };
+    let window = Excerpt::Around { around_s: 0.45, before_s: 0.1, after_s: 0.05 };
     copy_excerpt(&log, &bundled, window, EventFilter::default(), Types::default(), &mut |_| {}).unwrap();
     assert_eq!(ticks(&bundled), (3 * SNAPSHOT..=500).collect::<Vec<_>>());
     // Comparison of logs: the copies start at different ticks and have the same times.
@@ -89,7 +88,7 @@ fn all_tools_show_the_same_time_for_a_tick_of_a_live_log() {
 #[test]
 fn a_trimmed_log_has_the_times_of_its_run() {
     let (log, part) = (live_log("whole.mcap"), path("part.mcap"));
-    let window = ExcerptWindow { around_s: 0.85, before_s: 0.1, after_s: 0.1 };
+    let window = Excerpt::Around { around_s: 0.85, before_s: 0.1, after_s: 0.1 };
     copy_excerpt(&log, &part, window, EventFilter::default(), Types::default(), &mut |_| {}).unwrap();
     let summary = LogSummary::read(&part).unwrap();
     assert_eq!(summary.zero, Zero::FirstTick);

@@ -65,7 +65,7 @@ fn decoded<M: Message>(moment: &Moment, channel: &str) -> Option<M> {
 
 /// The events of a tick. Moves the cursor to the tick before and back.
 pub fn at(cursor: &mut Cursor, moment: &Moment) -> anyhow::Result<Vec<Event>> {
-    let before = match cursor.go_to(moment.tick - 1) {
+    let before = match cursor.go_to(moment.tick.saturating_sub(1)) {
         Ok(before) => Before::of(&before),
         Err(replay::Error::NoSuchTick { .. } | replay::Error::StateUnknown { .. }) => Before::default(),
         Err(error) => return Err(error.into()),
@@ -134,7 +134,7 @@ fn found(before: Before, moment: &Moment) -> Vec<Event> {
                 && timing.deadline_ns > 0
                 && timing.end_ns > timing.deadline_ns
             {
-                let late = (timing.end_ns - timing.deadline_ns) / 1000;
+                let late = timing.end_ns.saturating_sub(timing.deadline_ns) / 1000;
                 add(Kind::MissedDeadline, format!("command {late} µs after its deadline"));
             }
         } else if let Ok(message) = lcmtypes::Event::decode(&event.data) {

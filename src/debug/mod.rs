@@ -33,6 +33,8 @@ const ONCE: (u16, u16) = (112, 36);
 pub struct Args {
     /// Log to step through
     log: PathBuf,
+    #[command(flatten)]
+    one_run: crate::log::OneRun,
     /// Show this tick first
     #[arg(long, value_name = "N", conflicts_with = "at")]
     tick: Option<i64>,
@@ -54,7 +56,7 @@ pub struct Args {
 }
 
 pub fn run(args: &Args) -> anyhow::Result<Outcome> {
-    let replay = Replay::open(&args.log)?;
+    let replay = Replay::open(args.one_run.of(&args.log))?;
     check_overrides("--set", &replay.info().params, &args.set)?;
     let options = Options { set: overrides(&args.set)?, here: Some(run_info::build()), ..Options::default() };
     let bar = Progress::new("read the log");

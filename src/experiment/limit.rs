@@ -3,7 +3,7 @@
 use crate::robot::overrides;
 use crate::{Outcome, say, say_json};
 use analysis::table::{Column, Table};
-use experiments::bench::{Bench, RunSpec};
+use experiments::bench::RunSpec;
 use experiments::limit_search::{Sweep, Tried, largest, toml_float};
 use std::path::PathBuf;
 
@@ -60,7 +60,7 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
         from.is_finite() && to.is_finite() && from != to,
         "--from {from} --to {to}: expected two different finite numbers"
     );
-    let bench = super::bench(robot, *seeds, out)?;
+    let bench = super::bench(robot, *seeds, None, out)?;
     let mut spec = RunSpec::of(&scenario.display().to_string());
     for change in with {
         let Some((key, value)) = change.split_once('=') else { anyhow::bail!("--with {change}: expected KEY=VALUE") };
@@ -69,19 +69,27 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
     for (key, value) in overrides(set)? {
         spec = spec.set(&key, value);
     }
-    let sweep =
-        Sweep { spec, key, from: *from, to: *to, step: step.copysign(to - from), min_displacement: *way, vary: None };
+    let sweep = Sweep {
+        spec,
+        key,
+        from: *from,
+        to: *to,
+        step: step.copysign(to - from),
+        min_displacement: *way,
+        seeds: bench.seeds(),
+        vary: None,
+    };
     let (limit, tried) = largest(&bench, &sweep)?;
     if *json {
         say_json(&serde_json::json!({ "key": key, "limit": (!limit.is_nan()).then_some(limit), "tried": tried }))?;
     } else {
-        print(&bench, &sweep, limit, &tried)?;
+        print(&sweep, limit, &tried)?;
     }
     Ok(Outcome::failed_if(limit.is_nan()))
 }
 
-fn print(bench: &Bench, sweep: &Sweep, limit: f64, tried: &[Tried]) -> anyhow::Result<()> {
-    let (key, seeds) = (sweep.key, bench.seeds().end);
+fn print(sweep: &Sweep, limit: f64, tried: &[Tried]) -> anyhow::Result<()> {
+    let (key, seeds) = (sweep.key, sweep.seeds.end);
     let mut table = Table::new([Column::right(key), Column::right(format!("survived, % of {seeds} seeds"))]);
     for Tried { value, survived } in tried {
         table.row([toml_float(*value), format!("{:.0}", 100.0 * survived)]);

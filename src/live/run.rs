@@ -28,7 +28,7 @@ const AFTERMATH: Duration = Duration::from_secs(1);
 /// Shows the state of the processes and the events of the run. Ctrl-C ends the processes in order: the controller, after a standing robot has sat
 /// down, then driver and recorder. A second Ctrl-C damps the joints at once. SIGTERM and SIGHUP (terminal closed) act as Ctrl-C; after the death of
 /// `hoof run` the controller lets the robot sit down and the other processes end after it. A simulated run without --ticks or --seconds lasts as long
-/// as its scenario; then a standing robot sits down. With `operator = false` in [simulation] it lasts until it is stopped.
+/// as its scenario; then a standing robot sits down. With `operator = false` in `[simulation]` it lasts until it is stopped.
 ///
 /// If the recorder dies, the robot continues. If the driver dies, the controller damps and waits for another one (`hoof driver RUN_FILE`).
 ///

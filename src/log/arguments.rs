@@ -1,7 +1,7 @@
 //! Arguments and output that several log commands share.
 
 use crate::{Outcome, say, say_json};
-use replay::log::{CopyReport, EventFilter, ItemRef, LogReader, Types};
+use replay::log::{CopyReport, EventFilter, ItemRef, LogReader, Types, path_of_run};
 use replay::printable;
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
@@ -19,6 +19,21 @@ impl LogTypes {
     /// Reads the files.
     pub fn read(&self) -> anyhow::Result<Types> {
         Ok(Types::from_files(&self.lcm_types)?)
+    }
+}
+
+/// One run of a log that contains several.
+#[derive(clap::Args)]
+pub struct OneRun {
+    /// Select the N-th run of a log with several, from 1; `hoof log info` lists them. LOG#N does the same
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..))]
+    pub run: Option<u16>,
+}
+
+impl OneRun {
+    /// The log, or the selected run of it.
+    pub fn of(&self, log: &Path) -> PathBuf {
+        self.run.map_or_else(|| log.to_owned(), |number| path_of_run(log, number.into()))
     }
 }
 

@@ -1,6 +1,6 @@
 //! `hoof log cat`: prints messages with every field decoded.
 
-use super::{LogTypes, Part, loss};
+use super::{LogTypes, OneRun, Part, loss};
 use crate::{Outcome, note};
 use anyhow::Context;
 use lcm_idl::{Leaf, Value};
@@ -26,6 +26,8 @@ pub struct Args {
     /// Log to read
     log: PathBuf,
     #[command(flatten)]
+    one_run: OneRun,
+    #[command(flatten)]
     part: Part,
     /// Wait for further messages, until interrupted or until an MCAP is complete
     #[arg(long)]
@@ -39,14 +41,15 @@ pub struct Args {
 
 pub fn run(args: &Args) -> anyhow::Result<Outcome> {
     let mut types = args.types.read()?;
-    let mut reader = if args.follow { follow(&args.log)? } else { LogReader::open(&args.log)? };
+    let log = args.one_run.of(&args.log);
+    let mut reader = if args.follow { follow(&log)? } else { LogReader::open(&log)? };
     let filter = args.part.filter()?;
     if !args.follow {
-        args.part.channels.check(&[&args.log])?;
+        args.part.channels.check(&[&log])?;
     }
-    let mut filter = filter.for_log(&args.log)?;
+    let mut filter = filter.for_log(&log)?;
     // JSON lines contain t_ns alone, so they need no time zero.
-    let clock = (!args.json).then(|| RunClock::read(&args.log)).transpose()?;
+    let clock = (!args.json).then(|| RunClock::read(&log)).transpose()?;
     if let Some(zero) = clock.map(|clock| clock.zero()).filter(|zero| *zero != Zero::FirstTick) {
         note(format!("{}: times are s since {}", args.log.display(), zero.text()));
     }

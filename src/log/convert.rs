@@ -1,6 +1,6 @@
 //! `hoof log convert`: writes a log in another format.
 
-use super::{Channels, LogTypes, loss, print_copy_report};
+use super::{Channels, LogTypes, OneRun, loss, print_copy_report};
 use crate::progress::Progress;
 use crate::{Outcome, say, say_json};
 use analysis::export::{ExportFormat, Exported, export};
@@ -24,6 +24,8 @@ use std::path::{Path, PathBuf};
 pub struct Args {
     /// Log to read
     log: PathBuf,
+    #[command(flatten)]
+    one_run: OneRun,
     /// Output file, for csv and parquet a folder; default: the log's name with another extension
     #[arg(long = "out", value_name = "OUT")]
     out_option: Option<PathBuf>,
@@ -86,7 +88,7 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
     let (to, out) = target(args)?;
     let Channels { channels, exclude } = &args.channels;
     let filter = EventFilter::new(channels.as_deref(), exclude.as_deref(), None, None)?;
-    args.channels.check(&[&args.log])?;
+    args.channels.check(&[&args.one_run.of(&args.log)])?;
     let types = args.types.read()?;
     let bar = Progress::new("convert");
     let mut progress = |part| bar.set(part);
@@ -96,20 +98,20 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
         To::Ticks => ExportFormat::Ticks,
         To::Mat => ExportFormat::Mat,
         To::Mcap if args.encoding == Encoding::Ros2 => {
-            let exported = ros2::to_ros2(&args.log, &out, filter, types, &mut progress)?;
+            let exported = ros2::to_ros2(&args.one_run.of(&args.log), &out, filter, types, &mut progress)?;
             drop(bar);
             return say_ros2(&exported, args.json);
         }
         To::Lcmlog | To::Mcap => {
             let options = CopyOptions { filter, types, ..CopyOptions::default() };
-            let copied = replay::log::copy(&args.log, &out, options, &mut progress)?;
+            let copied = replay::log::copy(&args.one_run.of(&args.log), &out, options, &mut progress)?;
             drop(bar);
             return print_copy_report(&copied, args.json);
         }
     };
     let mut progress = |p: analysis::Progress| bar.set(p.done as f64 / p.total.max(1) as f64);
     let wanted = |channel: &str| filter.matches(channel);
-    let exported = export(&args.log, &out, table, types, wanted, &mut progress)?;
+    let exported = export(&args.one_run.of(&args.log), &out, table, types, wanted, &mut progress)?;
     drop(bar);
     say_tables(&exported, args.json)
 }
@@ -164,7 +166,7 @@ fn target(args: &Args) -> anyhow::Result<(To, PathBuf)> {
     let Some(to) = args.to.or_else(|| out.and_then(|out| To::of_name(out))) else {
         anyhow::bail!(
             "{}: no output format: expected --to FORMAT, or an output name that ends with .lcmlog, .mcap or .mat",
-            out.unwrap_or(&args.log).display()
+            out.unwrap_or(&args.one_run.of(&args.log)).display()
         );
     };
     anyhow::ensure!(to == To::Mcap || args.encoding == Encoding::Lcm, "--encoding ros2 requires --to mcap");

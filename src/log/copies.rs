@@ -1,9 +1,9 @@
 //! `hoof log filter`, `trim`, `merge` and `recover`: copies of logs.
 
-use super::{Channels, LogTypes, Part, print_copy_report, seconds};
+use super::{Channels, LogTypes, OneRun, Part, print_copy_report, seconds};
 use crate::Outcome;
 use crate::progress::Progress;
-use replay::log::{CopyOptions, EventFilter, ExcerptWindow};
+use replay::log::{CopyOptions, EventFilter, Excerpt, RunClock};
 use std::path::PathBuf;
 
 #[derive(clap::Args)]
@@ -14,10 +14,16 @@ use std::path::PathBuf;
 pub struct FilterArgs {
     /// Log to read
     log: PathBuf,
+    #[command(flatten)]
+    one_run: OneRun,
     /// Log to write, .lcmlog or .mcap
     out: PathBuf,
     #[command(flatten)]
     part: Part,
+    /// Copy only the selected channels. Without it, a selection with CONTROLLER_INPUT also keeps RUN_INFO, PARAMETER_CHANGE and CONTROLLER_SNAPSHOT, so
+    /// that the copy replays; --exclude drops them
+    #[arg(long)]
+    only: bool,
     #[command(flatten)]
     types: LogTypes,
     /// Print JSON
@@ -26,10 +32,12 @@ pub struct FilterArgs {
 }
 
 pub fn filter(args: &FilterArgs) -> anyhow::Result<Outcome> {
-    args.part.channels.check(&[&args.log])?;
-    let options = CopyOptions { filter: args.part.filter()?, types: args.types.read()?, ..CopyOptions::default() };
+    args.part.channels.check(&[&args.one_run.of(&args.log)])?;
+    let filter = args.part.filter()?;
+    let filter = if args.only { filter } else { filter.keep_replay() };
+    let options = CopyOptions { filter, types: args.types.read()?, ..CopyOptions::default() };
     let bar = Progress::new("filter");
-    let copied = replay::log::copy(&args.log, &args.out, options, &mut |part| bar.set(part))?;
+    let copied = replay::log::copy(&args.one_run.of(&args.log), &args.out, options, &mut |part| bar.set(part))?;
     drop(bar);
     print_copy_report(&copied, args.json)
 }
@@ -42,6 +50,8 @@ pub fn filter(args: &FilterArgs) -> anyhow::Result<Outcome> {
 pub struct TrimArgs {
     /// Log to read
     log: PathBuf,
+    #[command(flatten)]
+    one_run: OneRun,
     /// Log to write, .lcmlog or .mcap
     out: PathBuf,
     #[command(flatten)]
@@ -64,22 +74,25 @@ pub struct TrimArgs {
 
 pub fn trim(args: &TrimArgs) -> anyhow::Result<Outcome> {
     let (filter, types) = (args.part.filter()?, args.types.read()?);
-    args.part.channels.check(&[&args.log])?;
+    args.part.channels.check(&[&args.one_run.of(&args.log)])?;
     let bar = Progress::new("trim");
     let mut progress = |part| bar.set(part);
-    let copied = match args.around {
-        Some(around_s) => {
-            let window = ExcerptWindow { around_s, before_s: args.before, after_s: args.after };
-            replay::log::copy_excerpt(&args.log, &args.out, window, filter, types, &mut progress)?
-        }
+    let excerpt = match args.around {
+        Some(around_s) => Excerpt::Around { around_s, before_s: args.before, after_s: args.after },
         None => {
             anyhow::ensure!(
-                args.part.from.is_some() || args.part.to.is_some(),
-                "no time range: expected --from, --to or --around"
+                args.part.from.is_some() || args.part.to.is_some() || args.one_run.run.is_some(),
+                "no time range: expected --from, --to, --around or --run"
             );
-            let options = CopyOptions { filter: filter.keep_run_info(), types, ..CopyOptions::default() };
-            replay::log::copy(&args.log, &args.out, options, &mut progress)?
+            Excerpt::Range { from_s: args.part.from, to_s: args.part.to }
         }
+    };
+    let has_run = args.around.is_some() || RunClock::read(&args.one_run.of(&args.log))?.first_tick_ns().is_some();
+    let copied = if has_run {
+        replay::log::copy_excerpt(&args.one_run.of(&args.log), &args.out, excerpt, filter, types, &mut progress)?
+    } else {
+        let options = CopyOptions { filter, types, ..CopyOptions::default() };
+        replay::log::copy(&args.one_run.of(&args.log), &args.out, options, &mut progress)?
     };
     drop(bar);
     print_copy_report(&copied, args.json)
@@ -115,6 +128,8 @@ pub fn merge(args: &MergeArgs) -> anyhow::Result<Outcome> {
 pub struct RecoverArgs {
     /// Log to read
     log: PathBuf,
+    #[command(flatten)]
+    one_run: OneRun,
     /// Log to write, .lcmlog or .mcap
     out: PathBuf,
     /// Also copy the readable events of MCAP chunks with a wrong CRC; some of their bytes may be wrong
@@ -132,10 +147,10 @@ pub struct RecoverArgs {
 pub fn recover(args: &RecoverArgs) -> anyhow::Result<Outcome> {
     let Channels { channels, exclude } = &args.channels;
     let filter = EventFilter::new(channels.as_deref(), exclude.as_deref(), None, None)?;
-    args.channels.check(&[&args.log])?;
+    args.channels.check(&[&args.one_run.of(&args.log)])?;
     let options = CopyOptions { filter, types: args.types.read()?, keep_unchecked: args.unchecked };
     let bar = Progress::new("recover");
-    let copied = replay::log::copy(&args.log, &args.out, options, &mut |part| bar.set(part))?;
+    let copied = replay::log::copy(&args.one_run.of(&args.log), &args.out, options, &mut |part| bar.set(part))?;
     drop(bar);
     print_copy_report(&copied, args.json)
 }

@@ -1,9 +1,10 @@
 //! `hoof log info`: summarizes a log.
 
-use super::{LogTypes, loss};
+use super::{LogTypes, OneRun, loss};
 use crate::{Outcome, say, say_json};
 use analysis::table::{Column, Table};
-use replay::log::LogSummary;
+use replay::log::{LogSummary, RunSummary};
+use replay::printable;
 use std::path::PathBuf;
 
 #[derive(clap::Args)]
@@ -14,6 +15,8 @@ pub struct Args {
     /// LCM event log or MCAP; the format is detected from the content
     log: PathBuf,
     #[command(flatten)]
+    one_run: OneRun,
+    #[command(flatten)]
     types: LogTypes,
     /// Print JSON
     #[arg(long)]
@@ -21,7 +24,7 @@ pub struct Args {
 }
 
 pub fn run(args: &Args) -> anyhow::Result<Outcome> {
-    let summary = LogSummary::read_with(&args.log, args.types.read()?)?;
+    let summary = LogSummary::read_with(args.one_run.of(&args.log), args.types.read()?)?;
     if args.json {
         say_json(&summary)?
     } else {
@@ -43,6 +46,18 @@ fn text(s: &LogSummary) -> String {
     }
     if s.cut {
         text += "\ncut: the file ends inside a record";
+    }
+    for run in s.runs.iter().filter(|_| s.runs.len() > 1) {
+        let RunSummary { number, robot, scenario, ticks, first_tick, last_tick, .. } = run;
+        let text_of = |text: &Option<String>| printable(text.as_deref().unwrap_or("unknown")).into_owned();
+        let tick = |tick: &Option<i64>| tick.map_or("-".to_owned(), |tick| tick.to_string());
+        text += &format!(
+            "\nrun {number}: {}, scenario {}, {ticks} ticks, {} to {}; select it with --run {number}",
+            text_of(robot),
+            text_of(scenario),
+            tick(first_tick),
+            tick(last_tick)
+        );
     }
     // The table escapes control characters in names.
     let mut table = Table::new([

@@ -12,7 +12,7 @@ mod verify;
 
 use crate::Outcome;
 use arguments::{Channels, Part, check_names, loss, print_copy_report};
-pub use arguments::{LogTypes, seconds};
+pub use arguments::{LogTypes, OneRun, seconds};
 use clap::Subcommand;
 pub use record::default_name as record_name;
 

@@ -1,6 +1,6 @@
 //! `hoof log verify`: checks a log for damage, losses and replayability.
 
-use super::LogTypes;
+use super::{LogTypes, OneRun};
 use crate::progress::Progress;
 use crate::{Outcome, say, say_json};
 use replay::log::{ChannelReport, Gap, ReplayCheck, VerifyReport};
@@ -18,6 +18,8 @@ pub struct Args {
     /// Log to read
     log: PathBuf,
     #[command(flatten)]
+    one_run: OneRun,
+    #[command(flatten)]
     types: LogTypes,
     /// Print JSON
     #[arg(long)]
@@ -27,7 +29,7 @@ pub struct Args {
 pub fn run(args: &Args) -> anyhow::Result<Outcome> {
     let types = args.types.read()?;
     let bar = Progress::new("verify");
-    let report = replay::log::verify(&args.log, types, &mut |part| bar.set(part))?;
+    let report = replay::log::verify(&args.one_run.of(&args.log), types, &mut |part| bar.set(part))?;
     drop(bar);
     if args.json {
         say_json(&report)?;

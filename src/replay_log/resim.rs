@@ -98,10 +98,10 @@ impl Requests {
                     }
                 }
                 channels::CONTROLLER_INPUT => {
-                    let ControllerInput { t_ns, t_op_ns, op, .. } =
+                    let ControllerInput { t_ns, tick, t_op_ns, op, .. } =
                         ControllerInput::decode(&event.data).with_context(place)?;
                     times = (times.1, t_ns);
-                    first.get_or_insert(t_ns);
+                    first.get_or_insert((tick, t_ns));
                     // At the end of a run the executor damps the joints with a command of its own, with the time of the tick.
                     let of_executor = op.mode == OperatorCommand::MODE_DAMPING && t_op_ns == t_ns;
                     if live && op.seq >= 0 && !of_executor && commands.last().is_none_or(|last| last.t_ns < t_op_ns) {
@@ -111,7 +111,12 @@ impl Requests {
                 _ => {}
             }
         }
-        let first = first.with_context(|| format!("{}: no CONTROLLER_INPUT", log.display()))?;
+        let (first_tick, first) = first.with_context(|| format!("{}: no CONTROLLER_INPUT", log.display()))?;
+        ensure!(
+            first_tick == 0,
+            "--resim: {} starts at tick {first_tick}, expected tick 0: a simulation starts from the robot's first posture, not from the state in the middle of a run",
+            log.display()
+        );
         commands.iter_mut().for_each(|command| command.t_ns -= first);
         parameters.iter_mut().for_each(|request| request.t_ns -= first);
         #[expect(clippy::cast_precision_loss, reason = "simulation times are far below 2^53 ns")]

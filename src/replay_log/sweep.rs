@@ -8,7 +8,7 @@ use anyhow::{Context, ensure};
 use replay::engine::{Options, Replay, ReplayReport, WhatIf};
 use serde::Serialize;
 use std::path::Path;
-use std::sync::atomic::{AtomicUsize, Ordering};
+use std::sync::atomic::{AtomicU64, AtomicUsize, Ordering};
 
 /// Largest number of values in a sweep.
 const MOST: usize = 200;
@@ -41,7 +41,7 @@ pub fn run(
     for value in &settings {
         check_overrides("--sweep", params, &[format!("{key}={value}")])?;
     }
-    let reports = replay_all(log, options, key, &settings)?;
+    let reports = replay_all(log, options, key, &settings, plot_file.is_some())?;
     let mut rows = Vec::new();
     for (value, report) in values.iter().zip(reports) {
         let what_if = report.what_if.context("a replay with another parameter is a what-if")?;
@@ -104,8 +104,18 @@ fn filled(params: &str, key: &str, value: &str) -> String {
 }
 
 /// Replays once for each value, in parallel on all threads.
-fn replay_all(log: &Path, options: &Options, key: &str, settings: &[String]) -> anyhow::Result<Vec<ReplayReport>> {
-    let (next, done) = (AtomicUsize::new(0), AtomicUsize::new(0));
+///
+/// - `plots`: keep the samples for a figure.
+fn replay_all(
+    log: &Path,
+    options: &Options,
+    key: &str,
+    settings: &[String],
+    plots: bool,
+) -> anyhow::Result<Vec<ReplayReport>> {
+    let next = AtomicUsize::new(0);
+    // Parts of a million of each replay that are done.
+    let done: Vec<AtomicU64> = settings.iter().map(|_| AtomicU64::new(0)).collect();
     let bar = Progress::new(format!("{} replays", settings.len()));
     let threads = options.jobs.clamp(1, settings.len());
     let work = || {
@@ -115,9 +125,23 @@ fn replay_all(log: &Path, options: &Options, key: &str, settings: &[String]) -> 
             let Some(value) = settings.get(i) else { return Ok(found) };
             let mut options = Options { jobs: 1, ..options.clone() };
             options.set.push((key.to_owned(), value.clone()));
-            found.push((i, Replay::open(log)?.run(&options, &mut |_| {})?));
-            #[expect(clippy::cast_precision_loss, reason = "fraction for a progress bar")]
-            bar.set((done.fetch_add(1, Ordering::Relaxed) + 1) as f64 / settings.len() as f64);
+            #[expect(
+                clippy::cast_precision_loss,
+                clippy::cast_possible_truncation,
+                clippy::cast_sign_loss,
+                reason = "fraction for a progress bar"
+            )]
+            let mut progress = |part: f64| {
+                done[i].store((part.clamp(0.0, 1.0) * 1e6) as u64, Ordering::Relaxed);
+                let all: u64 = done.iter().map(|part| part.load(Ordering::Relaxed)).sum();
+                bar.set(all as f64 * 1e-6 / settings.len() as f64);
+            };
+            let mut report = Replay::open(log)?.run(&options, &mut progress)?;
+            progress(1.0);
+            if let Some(what_if) = report.what_if.as_mut().filter(|_| !plots) {
+                what_if.samples = Vec::new();
+            }
+            found.push((i, report));
         }
     };
     let mut reports = std::thread::scope(|scope| {

@@ -1,6 +1,9 @@
 //! The text that `hoof replay` prints.
 
-use replay::engine::{Deviation, Divergence, Index, ReplayReport, WhatIf, lines};
+use replay::engine::{
+    Deviation, Divergence, Index, MissingOutputs, OtherParameters, OtherType, ReplayReport, WhatIf, lines,
+};
+use replay::printable;
 
 /// Ranges of missing ticks that are listed.
 const GAPS_LISTED: usize = 8;
@@ -10,7 +13,8 @@ pub fn text(report: &ReplayReport, joints: &[String]) -> String {
     let ReplayReport { ticks, messages_compared, real_time_factor, wall_seconds, .. } = report;
     let mut text = deviations(&report.deviations);
     text += &match &report.first_divergence {
-        None if report.identical => format!("identical: {ticks} ticks"),
+        None if report.identical && report.complete => format!("identical: {ticks} ticks"),
+        None if report.identical => format!("identical as far as recorded, but incomplete: {ticks} ticks"),
         None => format!("nothing to compare: the log contains no output of the {ticks} ticks"),
         Some(divergence) => divergence_text(divergence),
     };
@@ -26,9 +30,25 @@ pub fn text(report: &ReplayReport, joints: &[String]) -> String {
     note(report.unverifiable_ticks, "ticks have no output in the log");
     note(report.missing_input_ticks, "ticks have no input in the log");
     note(report.skipped_ticks, "ticks were not computed: the state before them is unknown");
-    note(report.late_messages, "messages were late or duplicate");
     note(report.damaged, "damaged parts of the log");
     note(u64::from(report.cut), "cut: the log ends inside a record");
+    note(report.account.foreign_messages, "messages of other runs were left out");
+    for MissingOutputs { channel, count, first_tick } in &report.missing_outputs {
+        text += &format!("\n{count} messages of {} are missing, first at tick {first_tick}", printable(channel));
+    }
+    if let Some(OtherParameters { first_tick, ticks }) = report.other_parameters {
+        text += &format!(
+            "\na PARAMETER_CHANGE up to tick {first_tick} is missing: {ticks} ticks have parameters that RUN_INFO and the changes in the log do not give"
+        );
+    }
+    report.account.text().iter().for_each(|line| text += &format!("\n{line}"));
+    for OtherType { channel, type_name, found, expected, count, is_every_message } in &report.account.other_types {
+        let who = if *is_every_message { "of another version of" } else { "of another program, not of type" };
+        text += &format!(
+            "\nleft out: {count} messages on {} {who} {type_name}: fingerprint {found}, expected {expected}",
+            printable(channel)
+        );
+    }
     if !report.missing_ticks.is_empty() {
         let one =
             |(first, last): &(i64, i64)| if first == last { first.to_string() } else { format!("{first} to {last}") };

@@ -164,7 +164,7 @@ impl Link {
         if let Some(Ok(info)) = newest(channels::RUN_INFO).map(RunInfo::decode)
             && let Ok(params) = Params::from_toml(&info.params, "RUN_INFO")
         {
-            self.status.robot = Some((info.robot, Limits::of(&params)));
+            self.status.robot = Some((info.robot, Limits::of(&params, &info.urdf)));
         }
         let ticks = messages.iter().filter(|m| m.channel == channels::CONTROLLER_TICK).count();
         self.status.count(u32::try_from(ticks).unwrap_or(u32::MAX), now_ns);

@@ -123,8 +123,8 @@ impl Device {
 }
 
 fn limits_of(robot: &str) -> anyhow::Result<Limits> {
-    let (_, text) = RobotFiles::find_with_params(robot)?;
-    Ok(Limits::of(&Params::from_toml(&text, robot)?))
+    let (files, text) = RobotFiles::find_with_params(robot)?;
+    Ok(Limits::of(&Params::from_toml(&text, robot)?, &files.urdf))
 }
 
 /// Signals that end the program.

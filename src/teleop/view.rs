@@ -79,7 +79,7 @@ impl Screen<'_> {
                 "Enter requests STAND without waiting.".into(),
             ];
         };
-        let Limits { speed, yaw_rate, orientation, height } = self.input.limits();
+        let Limits { speed, yaw_rate, orientation, height, .. } = self.input.limits();
         let state = vec![
             Span::styled(enum_names::operator_mode(c.mode), bold(mode_colour(c.mode))),
             Span::raw(format!("   {}   pace {:.0} %", enum_names::gait(c.gait), self.input.pace() * 100.0)),
@@ -238,7 +238,7 @@ mod tests {
 
     #[test]
     fn a_walk_is_shown_with_its_limits() {
-        let mut input = OperatorInput::new(Limits { speed: 0.6, yaw_rate: 0.8, orientation: 0.35, height: 0.12 });
+        let mut input = OperatorInput::new(Limits { speed: 0.6, yaw_rate: 0.8, ..Limits::default() });
         input.set_robot_mode(ControllerTick::MODE_STANCE);
         input.press(Press::Walk, 0).unwrap();
         input.press(Press::Move(Axis::Turn, Sign::Minus), 900_000_000).unwrap();

@@ -79,6 +79,11 @@ static void robot_state(const hoofprint_robot_state_t *m) {
     real(m->tau[m->nj - 1]), real(m->a_I[2]);
 }
 
+static void robot_info(const hoofprint_robot_info_t *m) {
+    integer(m->sender_id), printf(" %s", m->robot);
+    printf(" %s %s", m->joint_names[m->num_joints - 1], m->urdf_sha256);
+}
+
 static void run_info(const hoofprint_run_info_t *m) {
     integer((int64_t)strlen(m->urdf)), integer(m->seed), integer(m->num_lcm_types);
     printf(" %s", m->lcm_types[m->num_lcm_types - 1].name);
@@ -117,6 +122,8 @@ static const char *compare(int size, const lcm_eventlog_event_t *e) {
 
 static int print(const lcm_eventlog_event_t *e) {
     CHANNEL("RUN_INFO", run_info)
+    CHANNEL("ROBOT_INFO", robot_info)
+    CHANNEL("EXPECTED_ROBOT", robot_info)
     CHANNEL("ROBOT_STATE", robot_state)
     CHANNEL("OPERATOR_COMMAND", operator_command)
     CHANNEL("CONTROLLER_INPUT", controller_input)

@@ -69,7 +69,7 @@ pub struct QpStatus {
 
 /// Duration of a tick, µs.
 pub(crate) fn tick_us(timing: &Timing) -> f64 {
-    (timing.end_ns - timing.start_ns) as f64 * 1e-3
+    timing.end_ns.saturating_sub(timing.start_ns) as f64 * 1e-3
 }
 
 /// Duration of its quadratic program, µs.
@@ -79,13 +79,13 @@ pub(crate) fn qp_us(timing: &Timing) -> f64 {
 
 /// Time between the wake-ups of a tick and the next, µs; `None` if ticks between them are missing.
 pub(crate) fn period_us(before: &Timing, after: &Timing) -> Option<f64> {
-    (after.tick == before.tick + 1).then(|| (after.wake_ns - before.wake_ns) as f64 * 1e-3)
+    (before.tick.checked_add(1) == Some(after.tick)).then(|| after.wake_ns.saturating_sub(before.wake_ns) as f64 * 1e-3)
 }
 
 /// Ticks skipped between two consecutive messages; 0 if messages between them are missing in the log.
 pub(crate) fn skipped(before: &Timing, after: &Timing, period_us: f64) -> u64 {
-    let due = before.deadline_ns > 0 && after.tick == before.tick + 1 && period_us > 0.0;
-    let periods = (after.deadline_ns - before.deadline_ns) as f64 * 1e-3 / period_us;
+    let due = before.deadline_ns > 0 && before.tick.checked_add(1) == Some(after.tick) && period_us > 0.0;
+    let periods = after.deadline_ns.saturating_sub(before.deadline_ns) as f64 * 1e-3 / period_us;
     if due { (periods.round() - 1.0).max(0.0) as u64 } else { 0 }
 }
 
@@ -106,7 +106,9 @@ impl TimingMetrics {
         Some(Self {
             tick_us: Distribution::of(timings.iter().map(|t| tick_us(t))),
             stages: (0..STAGES.len()).map(stage).collect(),
-            start_latency_us: Distribution::of(timings.iter().map(|t| (t.start_ns - t.wake_ns) as f64 * 1e-3)),
+            start_latency_us: Distribution::of(
+                timings.iter().map(|t| t.start_ns.saturating_sub(t.wake_ns) as f64 * 1e-3),
+            ),
             period_error_us: live.then(|| Distribution::of(period_errors)).flatten(),
             with_deadline: timings.iter().filter(|t| t.deadline_ns > 0).count() as u64,
             missed_deadlines: timings.iter().filter(|t| t.deadline_ns > 0 && t.end_ns > t.deadline_ns).count() as u64,

@@ -134,9 +134,10 @@ impl Gathered {
             "RUN_INFO" => {
                 let info = decode::<RunInfo>(data)?;
                 match &self.info {
-                    Some(first) if *first != info => return Ok(Taken::AnotherRun),
-                    Some(_) => {}
-                    None => self.info = Some(info),
+                    Some(first) if first.run_id == info.run_id => {}
+                    Some(_) if !self.ticks.is_empty() => return Ok(Taken::AnotherRun),
+                    // A recording may begin with the RUN_INFO of a run that has ended.
+                    _ => self.info = Some(info),
                 }
             }
             "EVENT" => self.events.push(decode(data)?),
@@ -173,7 +174,7 @@ impl Gathered {
             "CONTROLLER_INPUT" => {
                 let m = decode::<ControllerInput>(data)?;
                 let row = self.joints.measured.push_state(&m.state)?;
-                let age_s = (m.t_ns - m.state.t_ns) as f64 / 1e9;
+                let age_s = m.t_ns.saturating_sub(m.state.t_ns) as f64 / 1e9;
                 let tick = self.at(m.t_ns);
                 tick.consumed = Some(Consumed { tick: m.tick, seq: m.state.seq, age_s });
                 tick.joint_rows[0] = Some(row);
@@ -245,7 +246,7 @@ impl Gathered {
         let (mut raw, rows) = self.raw;
         raw.sort_unstable();
         for tick in &mut ticks {
-            tick.t_s = (tick.t_ns - t0_ns) as f64 / 1e9;
+            tick.t_s = tick.t_ns.saturating_sub(t0_ns) as f64 / 1e9;
             tick.truth = nearest(&self.truth, |m| m.t_ns, tick.t_ns, tolerance_ns).cloned();
             if !consumed {
                 tick.joint_rows[0] = nearest(&raw, |m| m.0, tick.t_ns, tolerance_ns).map(|&(_, row)| row);
@@ -272,7 +273,7 @@ fn nearest<T>(messages: &[T], time: impl Fn(&T) -> i64, t_ns: i64, tolerance_ns:
 
 /// Median step between ticks, ns; 0 for fewer than two ticks.
 pub(super) fn period_ns(ticks: &[Tick]) -> i64 {
-    let mut steps: Vec<i64> = ticks.windows(2).map(|pair| pair[1].t_ns - pair[0].t_ns).collect();
+    let mut steps: Vec<i64> = ticks.windows(2).map(|pair| pair[1].t_ns.saturating_sub(pair[0].t_ns)).collect();
     let middle = steps.len() / 2;
     if steps.is_empty() { 0 } else { *steps.select_nth_unstable(middle).1 }
 }
@@ -280,7 +281,7 @@ pub(super) fn period_ns(ticks: &[Tick]) -> i64 {
 /// SHA-256 of a file.
 fn sha256(path: &Path) -> Result<String, Error> {
     let failed = |source| Error::ReadFile { path: path.to_owned(), source };
-    let mut file = std::fs::File::open(path).map_err(failed)?;
+    let mut file = std::fs::File::open(replay::log::split_run(path).0).map_err(failed)?;
     let (mut hash, mut block) = (Sha256::new(), vec![0; 1 << 16]);
     loop {
         let read = file.read(&mut block).map_err(failed)?;

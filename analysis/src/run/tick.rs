@@ -241,7 +241,7 @@ impl Tick {
 
     /// True if the number of this tick is the next after that of `before`, at any time.
     pub fn follows(&self, before: &Self) -> bool {
-        self.number().zip(before.number()).is_some_and(|(number, last)| number == last + 1)
+        self.number().zip(before.number()).is_some_and(|(number, last)| last.checked_add(1) == Some(number))
     }
 
     /// The mode is `STANCE` or `WALK`; true without CONTROLLER_TICK.

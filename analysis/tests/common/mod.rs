@@ -109,6 +109,7 @@ pub fn write(path: &Path, plan: &Plan) {
         robot: "hyq".into(),
         scenario_name: "synthetic <trot> & more".into(),
         seed: plan.seed,
+        run_id: plan.seed - Plan::default().seed,
         revision: "0123abc".into(),
         toolchain: "rustc".into(),
         realtime: "lockstep".into(),

@@ -26,8 +26,8 @@ impl WalkedDistance {
                 self.sum_m += length(self.sample, self.latest);
                 self.sample = self.latest;
                 // After a gap, sampling continues on the same grid.
-                let late = (t_ns - next) / SAMPLE_NS;
-                self.next_ns = Some(next.saturating_add((late + 1).saturating_mul(SAMPLE_NS)));
+                let late = t_ns.saturating_sub(next) / SAMPLE_NS;
+                self.next_ns = Some(next.saturating_add(late.saturating_add(1).saturating_mul(SAMPLE_NS)));
             }
             Some(_) => {}
         }
@@ -61,6 +61,17 @@ mod tests {
         assert_eq!(walked.get(), Some(2.5));
         walked.add(3_000_000_000, [1.0, 0.0, 0.4]);
         assert_eq!(walked.get(), Some(3.0));
+    }
+
+    #[test]
+    fn extreme_times_overflow_nothing() {
+        for (first, second) in [(i64::MIN, i64::MAX), (i64::MIN, 0), (0, i64::MAX), (i64::MAX, i64::MAX)] {
+            let mut walked = WalkedDistance::default();
+            walked.add(first, [0.0; 3]);
+            walked.add(second, [3.0, 4.0, 0.0]);
+            walked.add(second, [3.0, 4.0, 0.0]);
+            assert_eq!(walked.get(), Some(5.0));
+        }
     }
 
     #[test]

@@ -12,10 +12,10 @@ pub fn array<'de, D: Deserializer<'de>, T: Deserialize<'de>, const N: usize>(fro
     elements.try_into().map_err(|_| D::Error::custom(format!("found {found} elements, expected {N}")))
 }
 
-/// Same as [`array`], for a key that may be missing: `#[serde(default, deserialize_with = "optional_array")]`.
+/// Same as [`array()`], for a key that may be missing: `#[serde(default, deserialize_with = "optional_array")]`.
 ///
 /// # Errors
-/// See [`array`].
+/// See [`array()`].
 pub fn optional_array<'de, D: Deserializer<'de>, T: Deserialize<'de>, const N: usize>(
     from: D,
 ) -> Result<Option<[T; N]>, D::Error> {

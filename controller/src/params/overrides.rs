@@ -142,7 +142,8 @@ mod tests {
         let text = include_str!("../../../robots/hyq/hyq.toml");
         let change = |key: &str, value: &str| (key.to_owned(), value.to_owned());
         let [a, b] = [change("safety.max_state_age", "0.02"), change("safety.max_tilt", "0.5")];
-        let one_by_one = apply_changes(&apply_changes(text, &[a.clone()]).unwrap(), &[b.clone()]).unwrap();
+        let one_by_one =
+            apply_changes(&apply_changes(text, std::slice::from_ref(&a)).unwrap(), std::slice::from_ref(&b)).unwrap();
         let together = apply_changes(text, &[a.clone(), b.clone()]).unwrap();
         assert_eq!(one_by_one, together);
         let mut expected: toml::Table = text.parse().unwrap();
@@ -153,7 +154,8 @@ mod tests {
         assert_eq!(apply_overrides(&together, &[]).unwrap(), apply_overrides(text, &[a, b]).unwrap());
         // In a table that the text omits.
         let [c, d] = [change("gait.crawl.swing_frequency", "2.5"), change("gait.crawl.duty", "0.6")];
-        let one_by_one = apply_changes(&apply_changes(text, &[c.clone()]).unwrap(), &[d.clone()]).unwrap();
+        let one_by_one =
+            apply_changes(&apply_changes(text, std::slice::from_ref(&c)).unwrap(), std::slice::from_ref(&d)).unwrap();
         assert_eq!(one_by_one, apply_changes(text, &[c, d]).unwrap());
     }
 }

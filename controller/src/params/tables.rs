@@ -220,6 +220,7 @@ mod tests {
 
     /// `UPDATE_GOLDEN=1` writes the page.
     #[test]
+    #[expect(clippy::disallowed_methods, reason = "a test that rewrites the page on request")]
     fn the_page_of_parameters_lists_every_bound() {
         let path = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../docs/parameters.md");
         let rows = bounds().map(|bound| format!("| `{}` | {} | {} |\n", bound.key, bound.range.expected, bound.unit));

@@ -152,7 +152,7 @@ impl Quadruped {
         let rate =
             |now: [f64; 2], before: [f64; 2]| [0, 1].map(|k| if dt > 0.0 { (now[k] - before[k]) / dt } else { 0.0 });
         let rp_before = state.rp_des;
-        let gait_request = operator::update_references(params, estimate, state, &input.op, request, dt);
+        let gait_request = operator::update_references(robot, params, estimate, state, &input.op, request, dt);
         let rp_rate = rate(state.rp_des, rp_before);
         *trunk = trunk_reference(state, rp_rate, rate(state.gradient_W, gradient_before));
         let events = recovery::contact_events(robot, params, estimate, state, dt);
@@ -338,6 +338,8 @@ impl Controller for Quadruped {
     fn poison_workspace(&mut self) {
         self.scratch = Scratch::new(&self.robot, &self.params).expect("the same was built before");
         self.messages = Messages::new(&self.robot, &self.scratch.wbc);
+        // A field that `write` omits is zero in the next snapshot.
+        self.snapshot_buffer = RefCell::new(self.messages.snapshot.clone());
     }
 
     fn dump(&self) -> Dump {

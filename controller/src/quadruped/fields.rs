@@ -221,7 +221,8 @@ macro_rules! enum_field {
 /// - `digest`, `digest_leg`, `digest_joints`: the fields of a [`Part`] in the order of the list,
 /// - `dump`, `dump_leg`, `dump_joints`: the same for a dump.
 ///
-/// A field of the message that is not in the list does not compile, and neither does a field of the list that is not in the message.
+/// A field of the message that is not in the list does not compile, and neither does a field of the list that is not in the message. `digest` and `dump` name
+/// the parts that contain the field; a field of none says so, `digest [], dump []`.
 macro_rules! state_fields {
     (@accepts) => { $crate::quadruped::fields::finite };
     (@accepts $accepts:ident) => { $crate::quadruped::fields::$accepts };
@@ -244,20 +245,20 @@ macro_rules! state_fields {
             $robot:ident: $Robot:ty
             $(, unit $robot_unit:literal)?
             $(, accepts $robot_accepts:ident)?
-            $(, digest [$($robot_digest:ident),*])?
-            $(, dump [$($robot_dump:ident $(as $robot_label:literal)?),*])?;
+            , digest [$($robot_digest:ident),*]
+            , dump [$($robot_dump:ident $(as $robot_label:literal)?),*];
         )*}
         legs {$(
             $leg:ident: $Leg:ty
             $(, unit $leg_unit:literal)?
             $(, accepts $leg_accepts:ident)?
-            $(, digest [$($leg_digest:ident),*])?
-            $(, dump [$($leg_dump:ident $(as $leg_label:literal)?),*])?;
+            , digest [$($leg_digest:ident),*]
+            , dump [$($leg_dump:ident $(as $leg_label:literal)?),*];
         )*}
         joints {$(
             $joint:ident, unit $joint_unit:literal
-            $(, digest [$($joint_digest:ident),*])?
-            $(, dump [$($joint_dump:ident $(as $joint_label:literal)?),*])?;
+            , digest [$($joint_digest:ident),*]
+            , dump [$($joint_dump:ident $(as $joint_label:literal)?),*];
         )*}
     ) => {
         $(#[$attr])*
@@ -324,7 +325,7 @@ macro_rules! state_fields {
             #[inline(always)]
             pub fn digest(&self, part: Part, digest: &mut Digest) {
                 $(
-                    const { &[$($(Part::$robot_digest),*)?] as &[Part] }
+                    const { &[$(Part::$robot_digest),*] as &[Part] }
                         .contains(&part)
                         .then(|| Field::digest(self.$robot, digest));
                 )*
@@ -334,7 +335,7 @@ macro_rules! state_fields {
             #[inline(always)]
             pub fn digest_leg(&self, part: Part, leg: Leg, digest: &mut Digest) {
                 $(
-                    const { &[$($(Part::$leg_digest),*)?] as &[Part] }
+                    const { &[$(Part::$leg_digest),*] as &[Part] }
                         .contains(&part)
                         .then(|| Field::digest(self.$leg[leg], digest));
                 )*
@@ -344,7 +345,7 @@ macro_rules! state_fields {
             #[inline(always)]
             pub fn digest_joints(&self, part: Part, digest: &mut Digest) {
                 $(
-                    const { &[$($(Part::$joint_digest),*)?] as &[Part] }
+                    const { &[$(Part::$joint_digest),*] as &[Part] }
                         .contains(&part)
                         .then(|| digest.f64s(&self.$joint));
                 )*
@@ -354,7 +355,7 @@ macro_rules! state_fields {
             pub fn dump(&self, part: Part, mut group: Group) -> Group {
                 $(state_fields!(
                     @dump group, part, $robot, Field::value(self.$robot), [$($robot_unit)?],
-                    [$($($robot_dump $(as $robot_label)?),*)?]
+                    [$($robot_dump $(as $robot_label)?),*]
                 );)*
                 group
             }
@@ -363,7 +364,7 @@ macro_rules! state_fields {
             pub fn dump_leg(&self, part: Part, leg: Leg, mut group: Group) -> Group {
                 $(state_fields!(
                     @dump group, part, $leg, Field::value(self.$leg[leg]), [$($leg_unit)?],
-                    [$($($leg_dump $(as $leg_label)?),*)?]
+                    [$($leg_dump $(as $leg_label)?),*]
                 );)*
                 group
             }
@@ -372,7 +373,7 @@ macro_rules! state_fields {
             pub fn dump_joints(&self, part: Part, mut group: Group) -> Group {
                 $(state_fields!(
                     @dump group, part, $joint, &self.$joint, [$joint_unit],
-                    [$($($joint_dump $(as $joint_label)?),*)?]
+                    [$($joint_dump $(as $joint_label)?),*]
                 );)*
                 group
             }

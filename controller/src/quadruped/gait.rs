@@ -96,7 +96,9 @@ pub fn update(
     // A gait with sway restarts when its cadence changes, because the sway depends on the cadence.
     let sways = gait_params(state.gait, params).sway > 0.0;
     let other_gait = request.gait != state.gait || (sways && request.cadence != state.cadence());
-    if all_stand && request.walk && (!state.gait_running || other_gait) {
+    // A gait that has just started makes a step before the next one begins.
+    let has_stepped = state.gait_clock > 0.0;
+    if all_stand && request.walk && (!state.gait_running || (other_gait && has_stepped)) {
         // After another gait the first lift-off waits until the sway of both gaits is at rest.
         transitions.gait_starts = true;
         let after = if state.gait_running { Timing::of(state, params).lead_in } else { 0.0 };
@@ -104,6 +106,7 @@ pub fn update(
         state.gait = request.gait;
         state.set_cadence(request.cadence);
         state.gait_running = true;
+        state.first_phase = phase_of_longest_stance(state, params);
         // The first lift-off is at time 0.
         state.gait_clock = -Timing::of(state, params).lead_in.max(after);
     } else if all_stand && request.walk && request.cadence != state.cadence() {
@@ -115,9 +118,23 @@ pub fn update(
 
     if state.gait_running {
         let as_requested = request.gait == state.gait && request.cadence == state.cadence();
-        advance(state, params, request.walk && as_requested, dt, &mut transitions);
+        advance(state, params, request.walk && (as_requested || state.gait_clock <= 0.0), dt, &mut transitions);
     }
     transitions
+}
+
+/// Lift-off phase of the leg that has stood longest; of several, the one whose phase is first. A gait begins with it, so that no leg is left out when
+/// gaits alternate.
+fn phase_of_longest_stance(state: &State, params: &Params) -> f64 {
+    let phases = PerLeg(gait_params(state.gait, params).lift_off_phase);
+    let (mut longest, mut first) = (0.0, 1.0);
+    for leg in Leg::ALL {
+        let (t, phase) = (state.t_leg[leg], phases[leg]);
+        if t > longest || (t == longest && phase < first) {
+            (longest, first) = (t, phase);
+        }
+    }
+    first
 }
 
 /// Advances the clock by `dt` and lifts the legs whose phase it passes. The clock stops while a leg that should lift off or have landed is not
@@ -223,6 +240,27 @@ mod tests {
         assert_eq!(legs[..4], [Leg::LF, Leg::RH, Leg::RF, Leg::LH]);
         let half = lifts[2].0 - lifts[0].0;
         assert!((half - 600).abs() <= 2, "half a stride is {half} ticks");
+    }
+
+    #[test]
+    fn gaits_that_alternate_each_second_let_every_leg_step() {
+        let params = params();
+        let mut state = State::new(12);
+        state.mode = Mode::Stance;
+        let mut lifts = [0; 4];
+        for tick in 0..20_000 {
+            let gait = if tick / 1000 % 2 == 0 { Gait::Trot } else { Gait::Crawl };
+            for leg in Leg::ALL {
+                state.contact[leg] = state.leg_state[leg].is_stance() || state.t_leg[leg] >= 0.49;
+            }
+            let request = GaitRequest { walk: true, gait, cadence: Cadence::default(), step_height: 0.1 };
+            let transitions = update(&mut state, &params, request, &ContactEvents::default(), 1e-3);
+            for leg in Leg::ALL {
+                lifts[leg as usize] += i32::from(transitions.lift_off[leg]);
+            }
+        }
+        let (least, most) = (lifts.iter().min().unwrap(), lifts.iter().max().unwrap());
+        assert!(*least >= 4 && 2 * least >= *most, "{lifts:?}");
     }
 
     #[test]

@@ -1,10 +1,13 @@
-//! Filters operator commands into references: limits, rate limits and low-pass filters.
+//! Filters operator commands into references: limits, rate limits and low-pass filters. What the legs can follow is in [`super::envelope`].
 
+use super::envelope::{self, Followed, advance, is_reachable, step_factor};
 use super::estimation::Estimate;
 use super::gait::GaitRequest;
 use super::modes::{ModeRequest, OperatorRequest};
 use super::params::{DUTY, STEP_HEIGHT, SWING_FREQUENCY};
+use super::robot::Robot;
 use super::state::{Cadence, Gait, State};
+use super::timing::Timing;
 use crate::math::{low_pass, ramp, wrap_angle};
 use crate::params::Params;
 use crate::safety::{Fault, fault};
@@ -12,12 +15,19 @@ use lcmtypes::{ControllerTick, OperatorCommand};
 
 /// Largest difference between the heading reference and the heading, rad.
 const MAX_HEADING_LEAD: f64 = 0.3;
+/// Relative excess of the present velocity over the limit of a gait up to which the robot may change to that gait.
+const SPEED_TOLERANCE: f64 = 0.05;
+/// Difference of a number from its request or limit that is not reported, in its own unit.
+const LIMITED: f64 = 1e-6;
 
 /// Updates the velocity, heading, trunk and height references in `state` from the operator's numbers, and returns the request to the gait.
 ///
-/// Without a mode request the numbers count as zero. An unknown gait counts as the present gait: it comes from a newer operator program. If a gait
-/// timing or step height is out of range, all three of them keep their present values, and the fault in `state` names the first.
+/// Without a mode request the numbers count as zero. An unknown gait counts as the present gait: it comes from a newer operator program. A number
+/// out of its range is rejected, and the fault in `state` names the first one: swing frequency, duty factor and step height then keep their present
+/// values together, and so do roll, pitch and height. Numbers in their ranges are followed as far as steps and legs allow; if that is less than
+/// requested, the fault is FAULT_OPERATOR_LIMITED.
 pub fn update_references(
+    robot: &Robot,
     params: &Params,
     estimate: &Estimate,
     state: &mut State,
@@ -27,56 +37,168 @@ pub fn update_references(
 ) -> GaitRequest {
     let none = OperatorCommand::default();
     let op = if request.mode == ModeRequest::None { &none } else { op };
-    let out_of_range = out_of_range(op);
-    state.set_fault(request.rejected.or(out_of_range).unwrap_or_default());
-    let walk = request.mode == ModeRequest::Walk;
-    let steps = walk && state.gait_running && state.gait_clock >= 0.0;
+    let (timing_range, pose_range) = (timing_out_of_range(op), pose_out_of_range(params, op));
+    let requested = gait_request(params, state, op, request, timing_range.is_some());
 
-    let limits = &params.foothold;
-    let mut v = if steps { op.v_H } else { [0.0; 2] };
-    let speed = (v[0] * v[0] + v[1] * v[1]).sqrt();
-    if speed > limits.max_speed {
-        // In this order an infinite `speed` (its square overflows) gives velocity 0, not NaN.
-        let factor = limits.max_speed / speed;
-        v = v.map(|x| x * factor);
+    let next = Timing::at(requested.gait, requested.cadence, params);
+    let timing = if state.gait_running { Timing::of(state, params) } else { next };
+    let walks = state.gait_running || requested.walk;
+    let feet = envelope::feet(robot, estimate, walks);
+    let fits = |followed: &Followed| is_reachable(robot, params, walks.then_some(&timing), &feet, followed);
+
+    let steps = requested.walk && state.gait_running && state.gait_clock >= 0.0;
+    let asked = if steps { [op.v_H[0], op.v_H[1], op.yaw_rate] } else { [0.0; 3] };
+    let (mut allowed, reduced) = allowed_velocity(robot, params, &[timing, next], asked);
+    if envelope::overreached(robot, params, estimate, state) {
+        allowed = [0.0; 3];
     }
-    let yaw_rate = if steps { op.yaw_rate.clamp(-limits.max_yaw_rate, limits.max_yaw_rate) } else { 0.0 };
-    for (v_des, v) in state.v_H_des.iter_mut().zip(v) {
-        let filtered = low_pass(*v_des, v, limits.command_time_constant, dt);
-        *v_des = ramp(*v_des, filtered, limits.max_acceleration * dt);
-    }
-    state.yaw_rate_des = low_pass(state.yaw_rate_des, yaw_rate, limits.command_time_constant, dt);
+    let slower = follow_velocity(params, state, allowed, dt, fits);
+    let pose = if pose_range.is_some() { None } else { Some([op.roll, op.pitch, op.height_offset]) };
+    let lower = follow_pose(params, state, pose, dt, fits);
+
     // The limited lead prevents windup of the heading reference while the base cannot turn.
     let yaw = estimate.base.rpy[2];
     let lead = wrap_angle(state.yaw_des + state.yaw_rate_des * dt - yaw);
     state.yaw_des = yaw + lead.clamp(-MAX_HEADING_LEAD, MAX_HEADING_LEAD);
 
-    let trunk = &params.trunk;
-    for (k, requested) in [op.roll, op.pitch].into_iter().enumerate() {
-        let requested = requested.clamp(-trunk.max_orientation, trunk.max_orientation);
-        state.rp_des[k] = ramp(state.rp_des[k], requested, trunk.max_orientation_rate * dt);
-    }
-    let requested = op.height_offset.clamp(-trunk.max_height_offset, trunk.max_height_offset);
-    state.height_offset = ramp(state.height_offset, requested, trunk.max_height_rate * dt);
+    let found = request.rejected.or(timing_range).or(pose_range).or(lower).or(reduced).or(slower);
+    state.set_fault(found.unwrap_or_default());
+    admitted(robot, params, state, &requested, &next)
+}
 
+/// The gait that the operator requests. If a number of its timing is out of range, the timing is the present one.
+fn gait_request(
+    params: &Params,
+    state: &State,
+    op: &OperatorCommand,
+    request: &OperatorRequest,
+    keeps_timing: bool,
+) -> GaitRequest {
     let gait = match op.gait {
         OperatorCommand::GAIT_TROT => Gait::Trot,
         OperatorCommand::GAIT_CRAWL => Gait::Crawl,
         _ => state.gait,
     };
-    let (cadence, step_height) = match op.step_height {
-        _ if out_of_range.is_some() => (state.cadence(), 0.0),
-        requested => {
-            let height = if requested > 0.0 { requested } else { params.swing.height };
-            (Cadence { swing_frequency: op.swing_frequency, duty: op.duty }, height)
-        }
+    let walk = request.mode == ModeRequest::Walk;
+    if keeps_timing {
+        return GaitRequest { walk, gait, cadence: state.cadence(), step_height: 0.0 };
+    }
+    let step_height = if op.step_height > 0.0 { op.step_height } else { params.swing.height };
+    GaitRequest { walk, gait, cadence: Cadence { swing_frequency: op.swing_frequency, duty: op.duty }, step_height }
+}
+
+/// The request as far as the robot can follow it now: it begins to walk, or changes gait or timing, once its references are within the limits of the
+/// requested gait. Until then they approach these limits.
+fn admitted(robot: &Robot, params: &Params, state: &State, requested: &GaitRequest, next: &Timing) -> GaitRequest {
+    let changes = requested.gait != state.gait || requested.cadence != state.cadence();
+    if !requested.walk || (state.gait_running && !changes) {
+        return *requested;
+    }
+    let now = Followed::of(state);
+    let is_slow = step_factor(robot, params, next, now.v_H, now.yaw_rate) * (1.0 + SPEED_TOLERANCE) >= 1.0;
+    // The commanded velocity is zero when a gait begins.
+    let at_start = Followed { v_H: [0.0; 2], yaw_rate: 0.0, ..now };
+    if is_slow && is_reachable(robot, params, Some(next), &envelope::virtual_feet(robot), &at_start) {
+        *requested
+    } else {
+        GaitRequest { walk: state.gait_running, gait: state.gait, cadence: state.cadence(), ..*requested }
+    }
+}
+
+/// Forward, leftward and yaw velocity after the limits of the parameters and of the step length in all of `timings`, and the fault if that is less
+/// than `asked`.
+fn allowed_velocity(robot: &Robot, params: &Params, timings: &[Timing], asked: [f64; 3]) -> ([f64; 3], Option<Fault>) {
+    let limits = &params.foothold;
+    let [mut x, mut y, yaw] = asked;
+    let yaw = yaw.clamp(-limits.max_yaw_rate, limits.max_yaw_rate);
+    let speed = (x * x + y * y).sqrt();
+    if speed > limits.max_speed {
+        // In this order an infinite `speed` (its square overflows) gives velocity 0, not NaN.
+        let factor = limits.max_speed / speed;
+        (x, y) = (x * factor, y * factor);
+    }
+    let factor = |timing| step_factor(robot, params, timing, [x, y], yaw);
+    let factor = timings.iter().map(factor).fold(1.0, f64::min);
+    let allowed = [x, y, yaw].map(|v| v * factor);
+    (allowed, limited(VELOCITY, asked, allowed))
+}
+
+/// Moves the velocity references towards `allowed`, as far as the legs reach. Returns the fault if they do not reach.
+fn follow_velocity(
+    params: &Params,
+    state: &mut State,
+    allowed: [f64; 3],
+    dt: f64,
+    fits: impl Fn(&Followed) -> bool,
+) -> Option<Fault> {
+    let limits = &params.foothold;
+    let now = Followed::of(state);
+    let towards = |[x, y, yaw]: [f64; 3]| {
+        let filtered = |now, to| low_pass(now, to, limits.command_time_constant, dt);
+        let ramped = |now, to| ramp(now, filtered(now, to), limits.max_acceleration * dt);
+        Followed { v_H: [ramped(now.v_H[0], x), ramped(now.v_H[1], y)], yaw_rate: filtered(now.yaw_rate, yaw), ..now }
     };
-    GaitRequest { walk, gait, cadence, step_height }
+    let candidate = towards(allowed);
+    let next = advance(now, candidate, towards([0.0; 3]), state.tick, fits);
+    (state.v_H_des, state.yaw_rate_des) = (next.v_H, next.yaw_rate);
+    if next == candidate { None } else { limited(VELOCITY, allowed, [next.v_H[0], next.v_H[1], next.yaw_rate]) }
+}
+
+/// Moves roll, pitch and height on the straight line to `pose`, as far as the legs reach; without a pose they stay. Returns the fault if the legs do
+/// not reach.
+fn follow_pose(
+    params: &Params,
+    state: &mut State,
+    pose: Option<[f64; 3]>,
+    dt: f64,
+    fits: impl Fn(&Followed) -> bool,
+) -> Option<Fault> {
+    let trunk = &params.trunk;
+    let now = Followed::of(state);
+    let from = [now.rp[0], now.rp[1], now.height_offset];
+    let towards = |to: [f64; 3]| {
+        let rates = [trunk.max_orientation_rate, trunk.max_orientation_rate, trunk.max_height_rate];
+        let is_near = (0..3).all(|k| (to[k] - from[k]).abs() <= rates[k] * dt);
+        let part = (0..3).fold(1.0, |part: f64, k| {
+            let left = (to[k] - from[k]).abs();
+            if left > 0.0 { part.min(rates[k] * dt / left) } else { part }
+        });
+        let [roll, pitch, height_offset] =
+            if is_near { to } else { [0, 1, 2].map(|k| from[k] + (to[k] - from[k]) * part) };
+        Followed { rp: [roll, pitch], height_offset, ..now }
+    };
+    let pose = pose.unwrap_or(from);
+    let candidate = towards(pose);
+    let next = advance(now, candidate, towards([0.0; 3]), state.tick, fits);
+    (state.rp_des, state.height_offset) = (next.rp, next.height_offset);
+    if next == candidate { None } else { limited(POSE, pose, [next.rp[0], next.rp[1], next.height_offset]) }
+}
+
+/// Index of roll, and of the forward velocity, in faults of the operator command.
+const POSE: usize = 3;
+const VELOCITY: usize = 6;
+
+/// FAULT_OPERATOR_LIMITED for the first number that is not followed; its value is what is followed.
+fn limited(first: usize, asked: [f64; 3], followed: [f64; 3]) -> Option<Fault> {
+    let k = (0..3).find(|&k| (asked[k] - followed[k]).abs() > LIMITED)?;
+    fault(ControllerTick::FAULT_OPERATOR_LIMITED, Some(first + k), followed[k])
 }
 
 /// The first of swing frequency, duty factor and step height that is out of its range. 0 means "not commanded" and is in range.
-fn out_of_range(op: &OperatorCommand) -> Option<Fault> {
+fn timing_out_of_range(op: &OperatorCommand) -> Option<Fault> {
     let numbers = [(op.swing_frequency, SWING_FREQUENCY), (op.duty, DUTY), (op.step_height, STEP_HEIGHT)];
     let index = numbers.iter().position(|(x, range)| *x != 0.0 && !(range.contains)(*x))?;
     fault(ControllerTick::FAULT_OPERATOR_RANGE, Some(index), numbers[index].0)
+}
+
+/// The first of roll, pitch and height that exceeds the limit of the parameters.
+fn pose_out_of_range(params: &Params, op: &OperatorCommand) -> Option<Fault> {
+    let trunk = &params.trunk;
+    let numbers = [
+        (op.roll, trunk.max_orientation),
+        (op.pitch, trunk.max_orientation),
+        (op.height_offset, trunk.max_height_offset),
+    ];
+    let index = numbers.iter().position(|(x, limit)| x.abs() > limit + LIMITED)?;
+    fault(ControllerTick::FAULT_OPERATOR_RANGE, Some(POSE + index), numbers[index].0)
 }

@@ -1,6 +1,7 @@
 //! The robot: rigid-body model, legs, nominal posture, and the quantities derived from them once.
 
 use super::leg::{Leg, PerLeg};
+use super::leg_reach::LegReach;
 use crate::error::LoadError;
 use crate::model::{
     Base, BaseState, FrameId, GRAVITY, JointKind, Kinematics, Model, UrdfTree, check_runnable, com,
@@ -22,6 +23,8 @@ pub struct LegModel {
     /// posture, shifted equally for all legs so that the centre of the four feet is below the centre of mass. Gravity then causes no moment about
     /// either support diagonal; without the shift, a robot with an off-centre mass drifts in a trot.
     pub p_nominal_H: Vector3<f64>,
+    /// What the leg reaches.
+    pub reach: LegReach,
 }
 
 /// The rigid-body model and what is derived from it.
@@ -104,7 +107,8 @@ impl Robot {
             }
             let mut p_nominal_H = kin.p_WF(&model, foot);
             p_nominal_H.z -= config.foot_radius;
-            legs.push(LegModel { foot, hip: model.frame(&hip_link)?, joints, p_nominal_H });
+            let reach = LegReach::new(&model, foot, joints, &q_nominal);
+            legs.push(LegModel { foot, hip: model.frame(&hip_link)?, joints, p_nominal_H, reach });
         }
         if let Some(j) = owner.iter().position(Option::is_none) {
             return Err(wrong(format!("joint {} belongs to no leg", model.joints[j].name)));

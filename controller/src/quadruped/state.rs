@@ -119,9 +119,10 @@ state_fields! {
     #[expect(missing_docs, reason = "every field is documented at quadruped_state_t")]
     pub struct State, message QuadrupedState;
     robot {
-        t_ns: i64, unit "ns";
-        tick: i64;
+        t_ns: i64, unit "ns", digest [], dump [];
+        tick: i64, digest [], dump [];
         gait_clock: f64, unit "s", digest [Gait], dump [Gait];
+        first_phase: f64, digest [Gait], dump [Gait];
         yaw_des: f64, unit "rad", digest [Gait], dump [Gait];
         height_offset: f64, unit "m", digest [Gait], dump [Gait];
         zeta: f64, digest [Gait], dump [Gait];
@@ -132,17 +133,17 @@ state_fields! {
         v_H_des: [f64; 2], unit "m/s", digest [Gait], dump [Gait];
         v_trim_H: [f64; 2], unit "m/s", digest [Gait], dump [Gait];
         sway_H: [f64; 2], unit "m", digest [Gait], dump [Gait];
-        sway_rate_H: [f64; 2], unit "m/s";
-        sway_rest_H: [f64; 2], unit "m";
-        sway_rest_rate_H: [f64; 2], unit "m/s";
+        sway_rate_H: [f64; 2], unit "m/s", digest [], dump [];
+        sway_rest_H: [f64; 2], unit "m", digest [], dump [];
+        sway_rest_rate_H: [f64; 2], unit "m/s", digest [], dump [];
         gait: Gait, digest [Gait], dump [Gait];
-        gait_running: bool, dump [Gait];
+        gait_running: bool, digest [], dump [Gait];
         mode: Mode, digest [Gait, StandSit], dump [Output];
-        fault: i32, dump [Output as "fault_code"];
-        fault_index: i32, dump [Output];
-        fault_value: f64, accepts any, dump [Output];
-        started: bool;
-        qp_failures: i32;
+        fault: i32, digest [], dump [Output as "fault_code"];
+        fault_index: i32, digest [], dump [Output];
+        fault_value: f64, accepts any, digest [], dump [Output];
+        started: bool, digest [], dump [];
+        qp_failures: i32, digest [], dump [];
         move_phase: MovePhase, digest [StandSit], dump [StandSit];
         move_progress: f64, digest [StandSit], dump [StandSit];
         move_start: f64, digest [StandSit], dump [StandSit];
@@ -151,8 +152,8 @@ state_fields! {
         height: f64, unit "m", digest [Estimation], dump [Estimation];
         v_H_est: [f64; 2], unit "m/s", digest [Estimation], dump [Estimation];
         gradient_W: [f64; 2], digest [Estimation], dump [Estimation];
-        t_still: f64, unit "s";
-        t_no_contact: f64, unit "s";
+        t_still: f64, unit "s", digest [], dump [];
+        t_no_contact: f64, unit "s", digest [], dump [];
     }
     legs {
         leg_state: LegPhase, digest [Gait], dump [Gait as "phase"];
@@ -165,9 +166,9 @@ state_fields! {
         f_F_W: Vector3<f64>, unit "N", digest [Estimation], dump [Estimation];
         p_ground_W: Vector3<f64>, unit "m", digest [Estimation], dump [Estimation];
         contact: bool, digest [Estimation], dump [Estimation];
-        contact_count: i32;
-        p_lift_H: Vector3<f64>, unit "m";
-        p_stance_H: [f64; 2], unit "m";
+        contact_count: i32, digest [], dump [];
+        p_lift_H: Vector3<f64>, unit "m", digest [], dump [];
+        p_stance_H: [f64; 2], unit "m", digest [], dump [];
     }
     joints {
         move_q, unit "rad", digest [StandSit], dump [StandSit];
@@ -213,7 +214,8 @@ impl State {
         Cadence { swing_frequency: self.swing_frequency, duty: self.duty } = cadence;
     }
 
-    /// Enters `mode`: keeps time, contacts, height and torques, and resets everything else, with all legs in stance. Allocates nothing.
+    /// Enters `mode`: keeps time, contacts, height and torques, and resets everything else, with all legs in stance. Allocates nothing. A test lists
+    /// the fields that are kept, so that a new field is decided for.
     pub fn enter(&mut self, mode: Mode) {
         let take = std::mem::take;
         let mut next = State {
@@ -295,6 +297,31 @@ mod tests {
         restored.read(&mut QuadrupedState::decode(&bytes).unwrap()).unwrap();
         assert_eq!(restored.equal_fields(&written), State::NAMES);
         assert_eq!(restored, written);
+    }
+
+    #[test]
+    fn entering_a_mode_keeps_these_fields_and_resets_all_others() {
+        let (mut entered, before, initial) = (State::example(12), State::example(12), State::new(12));
+        entered.enter(Mode::Stance);
+        let kept = [
+            "t_ns",
+            "tick",
+            "started",
+            "height",
+            "t_still",
+            "f_F_W",
+            "contact",
+            "contact_count",
+            "move_q",
+            "q_des",
+            "tau_last",
+        ];
+        let of_before: Vec<_> = entered.equal_fields(&before).into_iter().filter(|name| *name != "mode").collect();
+        assert_eq!(of_before, kept);
+        let reset: Vec<_> =
+            State::NAMES.iter().filter(|name| !kept.contains(*name) && **name != "mode").copied().collect();
+        let equal: Vec<_> = entered.equal_fields(&initial).into_iter().filter(|name| *name != "mode").collect();
+        assert_eq!(equal, reset);
     }
 
     #[test]

@@ -21,14 +21,20 @@ pub struct Timing {
     pub T_ramp: f64,
     /// Time in the stride at which each leg lifts off.
     pub lift_off: PerLeg<f64>,
+    /// Sway of the gait: `GaitTiming::sway`.
+    pub sway: f64,
     /// Time between the start of the clock and the first lift-off. In it legs unload and the sway of the base begins.
     pub lead_in: f64,
 }
 
 impl Timing {
-    /// Timing in use.
+    /// Timing in use: the stride begins with the phase at which the gait has started.
     pub fn of(state: &State, params: &Params) -> Self {
-        Self::at(state.gait, state.cadence(), params)
+        let mut timing = Self::at(state.gait, state.cadence(), params);
+        for at in &mut timing.lift_off.0 {
+            *at = cyclic(*at - state.first_phase * timing.T, timing.T);
+        }
+        timing
     }
 
     /// Timing of `gait` with the operator's cadence.
@@ -40,7 +46,7 @@ impl Timing {
         let lift_off = PerLeg(row.lift_off_phase.map(|phase| phase * T));
         let T_ramp = (row.ramp * all_stance_time(&lift_off, T, T_sw)).max(0.002);
         let lead_in = if row.sway > 0.0 { SWAY_LEAD_IN } else { T_ramp };
-        Timing { T_sw, T_st: T - T_sw, T, T_ramp, lift_off, lead_in }
+        Timing { T_sw, T_st: T - T_sw, T, T_ramp, lift_off, sway: row.sway, lead_in }
     }
 }
 

@@ -76,7 +76,7 @@ impl Messages {
         (m.t_ns, m.tick) = (state.t_ns, state.tick);
         m.gait = state.gait as i8;
         let T = Timing::of(state, params).T;
-        m.gait_phase = cyclic(state.gait_clock, T) / T;
+        m.gait_phase = cyclic(state.gait_clock / T + state.first_phase, 1.0);
         let R_HW = estimate.base.R_WH.transpose();
         for leg in Leg::ALL {
             let i = leg as usize;

@@ -39,7 +39,7 @@ impl Suppressed {
 }
 
 impl EventLimit {
-    /// Whether an EVENT of `source` at `now_ns` passes: at most [`PER_WINDOW`] per second.
+    /// Whether an EVENT of `source` at `now_ns` passes: at most `PER_WINDOW` per second.
     pub fn passes(&mut self, now_ns: i64, source: &str) -> bool {
         let is_own = self.windows.contains_key(source) || self.windows.len() < SOURCES;
         let window = self.windows.entry(if is_own { source.to_owned() } else { String::new() }).or_default();

@@ -73,7 +73,7 @@ impl OperatorInput {
     }
 
     fn set(&mut self, key: &str, value: &str) -> Result<(), ScriptError> {
-        let Limits { speed, yaw_rate, orientation, height } = self.limits;
+        let Limits { speed, yaw_rate, orientation, height, .. } = self.limits;
         let within = |limit: f64| number(key, value, |x| x.abs() <= limit, || format!("-{limit} to {limit}"));
         // 0 selects the value of the parameters, as in the message.
         let fits = |Range { contains, expected }: Range| {

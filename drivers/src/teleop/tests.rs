@@ -9,7 +9,7 @@ type Op = OperatorCommand;
 type Tick = ControllerTick;
 
 const MS: i64 = 1_000_000;
-const LIMITS: Limits = Limits { speed: 0.6, yaw_rate: 0.8, orientation: 0.35, height: 0.12 };
+const LIMITS: Limits = Limits { speed: 0.6, yaw_rate: 0.8, crawl: (0.1, 0.2), orientation: 0.35, height: 0.12 };
 const FORWARD: Press = Press::Move(Axis::Forward, Sign::Plus);
 const BACK: Press = Press::Move(Axis::Forward, Sign::Minus);
 const TURN: Press = Press::Move(Axis::Turn, Sign::Plus);
@@ -305,12 +305,12 @@ fn sticks_have_a_dead_zone_and_full_range() {
 fn lines_are_commands() {
     let mut input = OperatorInput::new(LIMITS);
     assert_eq!(input.apply_line("vx=0.2 walk gait=crawl  # slowly"), Ok(Duration::ZERO));
-    assert_eq!(sent(&mut input, 1_000_000), ([0.2, 0.0], 0.0, Op::MODE_WALK), "until another value is set");
+    assert_eq!(sent(&mut input, 1_000_000), ([0.1, 0.0], 0.0, Op::MODE_WALK), "until another value is set");
     assert_eq!(input.apply_line("wait 2.5"), Ok(Duration::from_millis(2500)));
     assert_eq!(input.apply_line(""), Ok(Duration::ZERO));
     input.apply_line("yaw=-0.8 height=0.05 swing_frequency=3 duty=0.7 step_height=0.1").unwrap();
     let c = input.command(0).unwrap();
-    assert_eq!((c.v_H, c.yaw_rate, c.height_offset), ([0.2, 0.0], -0.8, 0.05));
+    assert_eq!((c.v_H, c.yaw_rate, c.height_offset), ([0.1, 0.0], -0.2, 0.05), "as a crawl allows");
     assert_eq!((c.swing_frequency, c.duty, c.step_height, c.gait), (3.0, 0.7, 0.1, Op::GAIT_CRAWL));
     input.apply_line("stand").unwrap();
     input.apply_line("walk").unwrap();
@@ -335,4 +335,18 @@ fn an_invalid_line_changes_nothing_and_the_error_names_the_word() {
         assert!(matches!(input.apply_line(line), Err(ScriptError::Value { .. })), "{line}");
     }
     assert_eq!(sent(&mut input, 0), ([0.0; 2], 0.0, Op::MODE_WALK));
+}
+
+#[test]
+fn in_a_crawl_a_key_press_asks_for_a_part_of_what_a_crawl_allows() {
+    let mut input = walking();
+    input.press(FORWARD, 0).unwrap();
+    assert_eq!(sent(&mut input, 0).0, [0.3, 0.0]);
+    input.press(Press::Gait, 0).unwrap();
+    // The velocity of the trot is cut to the limit; the next press asks for the pace of the crawl.
+    assert_eq!(sent(&mut input, 10).0, [0.1, 0.0]);
+    input.press(FORWARD, 20 * MS).unwrap();
+    assert_eq!(sent(&mut input, 20).0, [0.05, 0.0]);
+    input.press(TURN, 20 * MS).unwrap();
+    assert_eq!(sent(&mut input, 20).1, 0.1);
 }

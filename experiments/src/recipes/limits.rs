@@ -12,7 +12,7 @@ pub(super) const HYQ: Experiment = Experiment {
     published: "no number",
     robot: "hyq",
     seeds: 4,
-    minutes: 4.0,
+    minutes: 8.0,
     run,
 };
 
@@ -22,6 +22,11 @@ pub(super) const ANYMAL_B: Experiment = Experiment {
     robot: "anymal_b",
     ..HYQ
 };
+
+/// Number of phases of the stride at which the robot is pushed. A push may be survived in most phases and not in one of them.
+const PHASES: i64 = 12;
+/// Stride of the trot of both robots, s: 0.25 s of swing, duty factor 0.55.
+const STRIDE: f64 = 0.25 / 0.45;
 
 /// Searches the four limits; each must be at least the first value of its search.
 fn run(bench: &Bench) -> anyhow::Result<Vec<Row>> {
@@ -43,8 +48,11 @@ fn run(bench: &Bench) -> anyhow::Result<Vec<Row>> {
         .with("duration_s", "8.0")
         .with("operator", walk)
         .with("floor", "[{ t_s = 4.0, leg = \"LF\", height_m = 0.0 }]");
-    // Each seed pushes a fifth of a stride later.
-    let later = |seed: i64| ("push[0].t_s".to_owned(), format!("{:.3}", 4.0 + 0.111 * f64::from(seed as i32)));
+    // Each seed pushes a twelfth of a stride later.
+    let later = |seed: i64| {
+        let phase = f64::from(seed.rem_euclid(PHASES) as i32) / PHASES as f64;
+        ("push[0].t_s".to_owned(), format!("{:.4}", 4.0 + STRIDE * phase))
+    };
     // Each seed lowers the floor of another foot, diagonal pairs first.
     let foot = |seed: i64| ("floor[0].leg".to_owned(), format!("{:?}", ["LF", "RH", "RF", "LH"][(seed % 4) as usize]));
     let sweeps = [
@@ -58,6 +66,7 @@ fn run(bench: &Bench) -> anyhow::Result<Vec<Row>> {
                 to: 0.3,
                 step: 0.01,
                 min_displacement: 1.6,
+                seeds: bench.seeds(),
                 vary: None,
             },
         ),
@@ -71,6 +80,7 @@ fn run(bench: &Bench) -> anyhow::Result<Vec<Row>> {
                 to: -0.3,
                 step: -0.01,
                 min_displacement: 0.0,
+                seeds: bench.seeds(),
                 vary: Some(&foot),
             },
         ),
@@ -84,6 +94,7 @@ fn run(bench: &Bench) -> anyhow::Result<Vec<Row>> {
                 to: 3250.0,
                 step: 25.0,
                 min_displacement: 0.0,
+                seeds: bench.consecutive_seeds(PHASES),
                 vary: Some(&later),
             },
         ),
@@ -97,6 +108,7 @@ fn run(bench: &Bench) -> anyhow::Result<Vec<Row>> {
                 to: 3250.0,
                 step: 25.0,
                 min_displacement: 0.0,
+                seeds: bench.consecutive_seeds(PHASES),
                 vary: Some(&later),
             },
         ),

@@ -17,6 +17,7 @@ mod shared;
 mod solve_time;
 mod stack_weights;
 mod touchdown;
+mod walking_limits;
 
 use crate::experiment::Experiment;
 use anyhow::Context;
@@ -39,6 +40,8 @@ pub const ALL: &[Experiment] = &[
     posture_alone::EXPERIMENT,
     limits::HYQ,
     limits::ANYMAL_B,
+    walking_limits::HYQ,
+    walking_limits::ANYMAL_B,
     robots::EXPERIMENT,
 ];
 

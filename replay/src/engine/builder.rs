@@ -2,8 +2,8 @@
 
 use super::{Load, Options, TimedOverride, When};
 use crate::Error;
-use controller::Controller;
-use controller::params::apply_changes;
+use controller::params::{apply_changes, parameters_digest};
+use controller::{Controller, LoadError};
 use lcmtypes::{ParameterChange, RunInfo};
 use std::collections::VecDeque;
 use std::path::Path;
@@ -17,7 +17,7 @@ pub(super) struct Builder<'b> {
     /// RUN_INFO with all overrides that hold from the start.
     pub info: Arc<RunInfo>,
     /// Overridden keys; changes of them in the log are ignored.
-    overridden: Arc<[String]>,
+    pub overridden: Arc<[String]>,
     /// Parameters or robot differ from the log.
     pub is_what_if: bool,
 }
@@ -34,13 +34,31 @@ impl<'b> Builder<'b> {
     /// # Errors
     /// [`Error::Load`].
     pub fn build(&self, changes: &[ParameterChange]) -> Result<Box<dyn Controller>, Error> {
-        let wrong = |source| Error::Load { path: self.path.into(), source: Box::new(source) };
         if changes.is_empty() {
-            return (self.load)(&self.info).map_err(wrong);
+            return (self.load)(&self.info).map_err(|source| self.wrong(source));
         }
+        let params = self.parameters(changes)?;
+        (self.load)(&RunInfo { params, ..RunInfo::clone(&self.info) }).map_err(|source| self.wrong(source))
+    }
+
+    /// Digest of the parameters after parameter changes, as in `controller_tick_t`.
+    ///
+    /// # Errors
+    /// [`Error::Load`] for a change that this build rejects.
+    pub fn digest(&self, changes: &[ParameterChange]) -> Result<i64, Error> {
+        Ok(parameters_digest(&self.parameters(changes)?))
+    }
+
+    fn parameters(&self, changes: &[ParameterChange]) -> Result<String, Error> {
         let set: Vec<_> = changes.iter().map(|change| (change.key.clone(), change.value.clone())).collect();
-        let params = apply_changes(&self.info.params, &set).map_err(|source| wrong(source.into()))?;
-        (self.load)(&RunInfo { params, ..RunInfo::clone(&self.info) }).map_err(wrong)
+        if set.is_empty() {
+            return Ok(self.info.params.clone());
+        }
+        apply_changes(&self.info.params, &set).map_err(|source| self.wrong(source.into()))
+    }
+
+    fn wrong(&self, source: LoadError) -> Error {
+        Error::Load { path: self.path.into(), source: Box::new(source) }
     }
 
     /// Whether a change in the log applies: overridden keys keep their override.

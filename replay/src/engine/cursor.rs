@@ -100,7 +100,7 @@ impl<'r> Cursor<'r> {
         let (builder, keep_state) = (replay.builder(&options)?, options.is_what_if());
         let stepper = Stepper::new(&builder, keep_state)?;
         let bytes = super::file_length(&replay.path)?.max(1);
-        let mut ticks = Ticks::open(&replay.path, Beside::Nothing)?;
+        let mut ticks = Ticks::open(&replay.path, &replay.messages, Beside::Nothing)?;
         let (mut first, mut last, mut snapshots) = (None, 0, Vec::new());
         while let Some(tick) = ticks.next()? {
             if tick.input.is_some() {
@@ -118,7 +118,7 @@ impl<'r> Cursor<'r> {
         Ok(Cursor {
             replay,
             stepper,
-            reader: Ticks::open(&replay.path, Beside::ByTick)?,
+            reader: Ticks::open(&replay.path, &replay.messages, Beside::ByTick)?,
             last_snapshot: None,
             changes: Vec::new(),
             pages: BTreeMap::new(),
@@ -153,7 +153,7 @@ impl<'r> Cursor<'r> {
     /// Those of reading the log.
     pub fn tick_at(&mut self, since_s: f64) -> Result<i64, Error> {
         let since_ns = (since_s * 1e9).round() as i64;
-        let mut ticks = Ticks::open(&self.replay.path, Beside::Nothing)?;
+        let mut ticks = Ticks::open(&self.replay.path, &self.replay.messages, Beside::Nothing)?;
         let mut found = self.first_tick;
         while let Some(tick) = ticks.next()? {
             match &tick.input {
@@ -248,7 +248,7 @@ impl<'r> Cursor<'r> {
 
     /// Computes a tick; returns its moment only if requested.
     fn step(&mut self, tick: &Tick, is_requested: bool) -> Result<Option<Moment>, Error> {
-        self.stepper.counts = super::Counts::default();
+        self.stepper.forget_differences();
         let done = self.stepper.tick(tick)?;
         let (Some(outbox), Some(input), true) = (done, &tick.input, is_requested) else { return Ok(None) };
         let replayed = outbox.iter().map(|(channel, bytes)| (channel, bytes.to_vec())).collect();
@@ -277,7 +277,7 @@ impl<'r> Cursor<'r> {
         // If the reader has passed the page and it is not cached, read again from the start.
         for again in [false, true] {
             if again {
-                self.reader = Ticks::open(&self.replay.path, Beside::ByTick)?;
+                self.reader = Ticks::open(&self.replay.path, &self.replay.messages, Beside::ByTick)?;
                 self.last_snapshot = None;
                 self.changes.clear();
             }

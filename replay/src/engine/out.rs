@@ -3,26 +3,30 @@
 use super::ticks::{Tick, integer_at};
 use crate::Error;
 use crate::log::{Event, LogWriter};
-use lcmtypes::{Message, RunInfo, TextFile, channels};
+use lcmtypes::{Message, ParameterChange, RunInfo, TextFile, channels};
 use std::path::Path;
 
 /// The log that is written during a replay.
 pub(super) struct Out {
     log: LogWriter,
     info: Vec<u8>,
+    overridden: Vec<String>,
     bytes: Vec<u8>,
 }
 
 impl Out {
     /// Creates the file.
-    pub fn create(path: &Path, info: &RunInfo) -> Result<Self, Error> {
+    ///
+    /// - `overridden`: keys that are set for the whole replay. Changes of them in the log do not apply, so they are not written.
+    pub fn create(path: &Path, info: &RunInfo, overridden: &[String]) -> Result<Self, Error> {
         // The outputs have the types of this build, so RUN_INFO gets their texts.
         let text_file = |(name, text): &(&str, &str)| TextFile { name: (*name).into(), text: (*text).into() };
         let lcm_types: Vec<_> = lcmtypes::SOURCES.iter().map(text_file).collect();
         let info = RunInfo { num_lcm_types: lcm_types.len() as i32, lcm_types, ..info.clone() };
         let mut bytes = Vec::new();
         encode(path, &info, &mut bytes)?;
-        Ok(Out { log: LogWriter::create(path)?, info: bytes, bytes: Vec::new() })
+        let overridden = overridden.to_vec();
+        Ok(Out { log: LogWriter::create(path)?, info: bytes, overridden, bytes: Vec::new() })
     }
 
     /// Writes the events before a tick's input, the input, and the replayed outputs.
@@ -47,7 +51,15 @@ impl Out {
     /// Writes events that are not outputs.
     pub fn rest(&mut self, events: Vec<Event>) -> Result<(), Error> {
         for event in events {
-            let is_info = *event.channel == *channels::RUN_INFO;
+            let is_of =
+                |channel: &str, fingerprint| *event.channel == *channel && event.fingerprint() == Some(fingerprint);
+            let change = || ParameterChange::decode(&event.data).ok();
+            if is_of(channels::PARAMETER_CHANGE, ParameterChange::FINGERPRINT)
+                && change().is_some_and(|change| self.overridden.contains(&change.key))
+            {
+                continue;
+            }
+            let is_info = is_of(channels::RUN_INFO, RunInfo::FINGERPRINT);
             self.log.write(&event.channel, event.t_ns, if is_info { &self.info } else { &event.data })?;
         }
         Ok(())

@@ -1,14 +1,19 @@
 //! The report of a replay.
 
+use super::account::Account;
 use super::compare::{Divergence, Pair, largest_ulp};
+use super::continuity::Continuity;
 use super::origin::Deviation;
+use super::outputs::{MissingOutputs, OutputCounts};
 use super::what_if::WhatIf;
 
 /// The report of a replay; the JSON of `hoof replay --json`.
 #[derive(Debug, Clone, PartialEq, serde::Serialize)]
 pub struct ReplayReport {
-    /// At least one message was compared, and all are equal in every bit.
+    /// At least one message was compared, and all compared ones are equal in every bit.
     pub identical: bool,
+    /// Every tick of the log from the first that can be computed on was computed, and every output that its channel should have was compared.
+    pub complete: bool,
     /// Computed ticks.
     pub ticks: u64,
     /// Messages compared, including snapshots.
@@ -25,8 +30,14 @@ pub struct ReplayReport {
     pub missing_input_ticks: u64,
     /// Ticks that were not computed because the state is unknown: from missing inputs to the next snapshot.
     pub skipped_ticks: u64,
-    /// Messages ignored because they came after the inputs of 256 later ticks, or twice.
-    pub late_messages: u64,
+    /// Outputs that are missing in the log, by channel. A channel with fewer messages than half of the computed ones holds samples or a part: none
+    /// of its messages is missing.
+    pub missing_outputs: Vec<MissingOutputs>,
+    /// Ticks that were not computed because their parameters are unknown: a PARAMETER_CHANGE is missing in the log.
+    pub other_parameters: Option<OtherParameters>,
+    /// Messages that are not used.
+    #[serde(flatten)]
+    pub account: Account,
     /// Damaged parts of the log.
     pub damaged: u64,
     /// The log ends inside a record.
@@ -51,6 +62,15 @@ pub struct ReplayReport {
     pub first_divergence: Option<Divergence>,
 }
 
+/// Ticks whose recorded parameters differ from RUN_INFO with all changes in the log up to there.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize)]
+pub struct OtherParameters {
+    /// First such tick.
+    pub first_tick: i64,
+    /// Number of ticks.
+    pub ticks: u64,
+}
+
 /// Counts of a replay. Those of different segments can be added in any order.
 #[derive(Default)]
 pub(super) struct Counts {
@@ -58,12 +78,10 @@ pub(super) struct Counts {
     pub compared: u64,
     pub different: u64,
     pub snapshots: u64,
-    pub not_recorded: u64,
     pub unverifiable: u64,
-    pub missing: u64,
-    pub skipped: u64,
+    pub continuity: Continuity,
     pub t_ns: Option<(i64, i64)>,
-    pub gaps: Vec<(i64, i64)>,
+    pub outputs: OutputCounts,
     /// Whether to compute `ulp`: not for what-if replays.
     pub ulps: bool,
     pub ulp: Option<u64>,
@@ -77,12 +95,10 @@ impl Counts {
             compared,
             different,
             snapshots,
-            not_recorded,
             unverifiable,
-            missing,
-            skipped,
+            continuity,
             t_ns,
-            gaps,
+            outputs,
             ulps: _,
             ulp,
             first,
@@ -91,26 +107,15 @@ impl Counts {
         self.compared += compared;
         self.different += different;
         self.snapshots += snapshots;
-        self.not_recorded += not_recorded;
         self.unverifiable += unverifiable;
-        self.missing = self.missing.saturating_add(missing);
-        self.skipped += skipped;
+        self.continuity.add(continuity);
         if let Some((from, to)) = t_ns {
             self.time(from);
             self.time(to);
         }
-        self.gaps.extend(gaps);
+        self.outputs.add(outputs);
         self.ulp = self.ulp.max(ulp);
         self.diverged(first);
-    }
-
-    /// Counts ticks without input, `first..=last`.
-    pub fn missing(&mut self, first: i64, last: i64) {
-        self.missing = self.missing.saturating_add(last.saturating_sub(first).saturating_add(1) as u64);
-        match self.gaps.last_mut() {
-            Some(gap) if gap.1.saturating_add(1) == first => gap.1 = last,
-            _ => self.gaps.push((first, last)),
-        }
     }
 
     /// Updates the largest difference of two floats.
@@ -138,20 +143,25 @@ impl Counts {
         }
     }
 
-    pub fn report(mut self, late_messages: u64, health: &crate::log::Health, wall_seconds: f64) -> ReplayReport {
-        self.gaps.sort_unstable();
+    pub fn report(self, account: Account, health: &crate::log::Health, wall_seconds: f64) -> ReplayReport {
+        let (missing_outputs, missing_ticks) = (self.outputs.missing(), self.continuity.gaps());
+        let Continuity { missing, skipped, other_parameters, .. } = self.continuity;
+        let is_whole = missing == 0 && other_parameters.is_none() && missing_outputs.is_empty();
         let replayed = self.t_ns.map_or(0.0, |(from, to)| to.saturating_sub(from) as f64 * 1e-9);
         ReplayReport {
             identical: self.compared > 0 && self.first.is_none(),
+            complete: is_whole && account.is_complete() && health.is_good(),
             ticks: self.ticks,
             messages_compared: self.compared,
             messages_different: self.different,
             snapshots_compared: self.snapshots,
-            messages_not_recorded: self.not_recorded,
+            messages_not_recorded: self.outputs.not_recorded(),
             unverifiable_ticks: self.unverifiable,
-            missing_input_ticks: self.missing,
-            skipped_ticks: self.skipped,
-            late_messages,
+            missing_input_ticks: missing,
+            skipped_ticks: skipped,
+            missing_outputs,
+            other_parameters: other_parameters.map(|(first_tick, ticks)| OtherParameters { first_tick, ticks }),
+            account,
             damaged: health.damaged.len() as u64,
             cut: health.cut.is_some(),
             first_t_ns: self.t_ns.map(|t| t.0),
@@ -159,7 +169,7 @@ impl Counts {
             wall_seconds,
             real_time_factor: if wall_seconds > 0.0 { replayed / wall_seconds } else { 0.0 },
             deviations: Vec::new(),
-            missing_ticks: self.gaps,
+            missing_ticks,
             largest_ulp: self.ulp,
             what_if: None,
             first_divergence: self.first,

@@ -1,6 +1,7 @@
 //! The segment of a log that is replayed, and the steps of its replay.
 
 use super::Options;
+use super::run_messages::RunMessages;
 use super::ticks::{Beside, Tick, Ticks};
 use crate::Error;
 use crate::log::RunClock;
@@ -12,6 +13,8 @@ use std::path::Path;
 pub(super) struct Segment {
     /// Tick of the snapshot to start from; `None`: the first tick.
     pub start: Option<i64>,
+    /// Chunk at which to start reading; `None`: the start of the log.
+    pub chunk: Option<u64>,
     /// Last time, ns since the run's first tick.
     pub to_ns: Option<i64>,
     /// Times of the run.
@@ -21,35 +24,54 @@ pub(super) struct Segment {
 }
 
 impl Segment {
-    /// With [`Options::from_s`] this reads the log up to that time.
+    /// With [`Options::from_s`] this reads the log from some seconds before that time on, if it has an index, else from its start.
     ///
     /// # Errors
     /// [`Error::BeyondEnd`] if the log ends before that time.
-    pub fn find(path: &Path, clock: RunClock, options: &Options) -> Result<Self, Error> {
+    pub fn find(path: &Path, messages: &RunMessages, clock: RunClock, options: &Options) -> Result<Self, Error> {
         let nanoseconds = |s: f64| (s * 1e9).round() as i64;
         let to_ns = options.to_s.map(nanoseconds);
-        let Some(from_s) = options.from_s else { return Ok(Segment { start: None, to_ns, clock, has_input: false }) };
+        let Some(from_s) = options.from_s else {
+            return Ok(Segment { start: None, chunk: None, to_ns, clock, has_input: false });
+        };
         let from_ns = nanoseconds(from_s);
-        let mut ticks = Ticks::open(path, Beside::Nothing)?;
-        let (mut start, mut last_ns) = (None, None);
-        while let Some(tick) = ticks.next()? {
-            let Some(t_ns) = tick.input.as_ref().map(|input| input.t_ns) else { continue };
-            let since_ns = clock.since_ns(t_ns);
-            last_ns = Some(since_ns);
-            if since_ns > from_ns {
-                break;
-            }
-            if tick.snapshot().is_some() {
-                start = Some(tick.tick);
-            }
+        let mut chunk = super::seek::chunk_before(path, &clock, from_ns)?;
+        let (mut start, mut last_ns) = find(path, messages, &clock, from_ns, chunk)?;
+        if start.is_none() && chunk.is_some() {
+            chunk = None;
+            (start, last_ns) = find(path, messages, &clock, from_ns, chunk)?;
         }
         match last_ns {
             Some(last_ns) if last_ns < from_ns => {
                 Err(Error::BeyondEnd { path: path.into(), from_s, last_s: last_ns as f64 * 1e-9 })
             }
-            _ => Ok(Segment { start, to_ns, clock, has_input: false }),
+            _ => Ok(Segment { start, chunk, to_ns, clock, has_input: false }),
         }
     }
+}
+
+/// Tick of the last snapshot at or before a time, and time of the last tick that was read, ns since the run's first tick.
+fn find(
+    path: &Path,
+    messages: &RunMessages,
+    clock: &RunClock,
+    from_ns: i64,
+    chunk: Option<u64>,
+) -> Result<(Option<i64>, Option<i64>), Error> {
+    let mut ticks = Ticks::open_at(path, messages, Beside::Nothing, chunk)?;
+    let (mut start, mut last_ns) = (None, None);
+    while let Some(tick) = ticks.next()? {
+        let Some(t_ns) = tick.input.as_ref().map(|input| input.t_ns) else { continue };
+        let since_ns = clock.since_ns(t_ns);
+        last_ns = Some(since_ns);
+        if since_ns > from_ns {
+            break;
+        }
+        if tick.snapshot().is_some() {
+            start = Some(tick.tick);
+        }
+    }
+    Ok((start, last_ns))
 }
 
 /// One step of a replay.

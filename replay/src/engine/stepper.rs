@@ -11,27 +11,41 @@ use controller::handover::take_over;
 use controller::{Controller, Outbox};
 use lcmtypes::ParameterChange;
 use lcmtypes::channels::{CONTROLLER_SNAPSHOT, ROBOT_COMMAND};
+use std::sync::Arc;
 
 /// A controller and the results of its replay.
 pub(super) struct Stepper<'b> {
     builder: Builder<'b>,
-    controller: Box<dyn Controller>,
-    /// Parameter changes that the controller is built with, in order.
-    changes: Vec<ParameterChange>,
+    active: Built,
+    /// A second controller. Restarts from a snapshot alternate between the two, so that state that a snapshot lacks is old in both and is found with any
+    /// number of threads.
+    spare: Option<Built>,
     /// Timed overrides that are not applied yet.
     overrides: PendingOverrides,
     outbox: Outbox,
     state: Vec<u8>,
-    /// Expected next tick; `None` before the first.
-    next: Option<i64>,
     /// The last tick that was identical, or whose snapshot was restored.
     agreed: Option<i64>,
-    /// The state of the controller is unknown.
-    state_unknown: bool,
+    /// At least one tick was computed.
+    has_stepped: bool,
     /// Do not restore snapshots that differ, as for a what-if replay.
     keep_state: bool,
     pub what_if: Option<Collector>,
     pub counts: Counts,
+}
+
+/// A controller, and the parameter changes that it is built with, in order.
+struct Built {
+    controller: Box<dyn Controller>,
+    changes: Vec<ParameterChange>,
+    /// Digest of its parameters.
+    digest: i64,
+}
+
+impl Built {
+    fn new(builder: &Builder, changes: Vec<ParameterChange>) -> Result<Self, Error> {
+        Ok(Built { controller: builder.build(&changes)?, digest: builder.digest(&changes)?, changes })
+    }
 }
 
 impl<'b> Stepper<'b> {
@@ -39,14 +53,13 @@ impl<'b> Stepper<'b> {
     pub fn new(builder: &Builder<'b>, keep_state: bool) -> Result<Self, Error> {
         Ok(Stepper {
             builder: builder.clone(),
-            controller: builder.build(&[])?,
-            changes: Vec::new(),
+            active: Built::new(builder, Vec::new())?,
+            spare: None,
             overrides: PendingOverrides::new(),
             outbox: Outbox::new(),
             state: Vec::new(),
-            next: None,
             agreed: None,
-            state_unknown: false,
+            has_stepped: false,
             keep_state,
             what_if: None,
             counts: Counts { ulps: !keep_state, ..Counts::default() },
@@ -70,26 +83,37 @@ impl<'b> Stepper<'b> {
         self.overrides.len()
     }
 
+    /// Forgets the counts up to the last tick, but not whether the state is known.
+    pub fn forget_differences(&mut self) {
+        let continuity = std::mem::take(&mut self.counts.continuity);
+        self.counts = Counts { continuity, ..Counts::default() };
+    }
+
     /// The controller, after the last tick.
     pub fn controller(&self) -> &dyn Controller {
-        &*self.controller
+        &*self.active.controller
     }
 
     /// Continues after `tick` with its snapshot and the parameters after `changes`, the parameter changes of the log up to there.
     pub fn start(&mut self, tick: i64, snapshot: &[u8], changes: &[ParameterChange]) -> Result<(), Error> {
-        let applied = || changes.iter().filter(|change| self.builder.applies(change));
-        if !self.changes.iter().eq(applied()) {
-            self.changes = applied().cloned().collect();
-            self.controller = self.builder.build(&self.changes)?;
+        let applied: Vec<_> = changes.iter().filter(|change| self.builder.applies(change)).cloned().collect();
+        if self.has_stepped {
+            let spare = match self.spare.take() {
+                Some(spare) => spare,
+                None => Built::new(&self.builder, applied.clone())?,
+            };
+            self.spare = Some(std::mem::replace(&mut self.active, spare));
+        }
+        if self.active.changes != applied {
+            self.active = Built::new(&self.builder, applied)?;
         }
         self.restore(tick, snapshot)
     }
 
     fn restore(&mut self, tick: i64, snapshot: &[u8]) -> Result<(), Error> {
-        self.controller.restore(snapshot).map_err(|source| self.builder.restore_error(tick, source))?;
-        self.next = tick.checked_add(1);
+        self.active.controller.restore(snapshot).map_err(|source| self.builder.restore_error(tick, source))?;
+        self.counts.continuity.restored(tick);
         self.agreed = Some(tick);
-        self.state_unknown = false;
         Ok(())
     }
 
@@ -99,24 +123,17 @@ impl<'b> Stepper<'b> {
     /// [`Error::Restore`]; [`Error::Load`] for a parameter change that this build rejects.
     pub fn tick(&mut self, tick: &Tick) -> Result<Option<&Outbox>, Error> {
         self.change(tick)?;
-        // Only at tick 0 the state is known without a snapshot.
-        let begins_late = self.next.is_none() && tick.tick != 0;
-        let gap = self.next.map_or(0, |next| tick.tick.saturating_sub(next) as u64 + u64::from(tick.input.is_none()));
-        if gap > 0 {
-            let last = if tick.input.is_none() { tick.tick } else { tick.tick - 1 };
-            self.counts.missing(self.next.unwrap_or(tick.tick), last);
-        }
-        self.state_unknown |= gap > 0 || begins_late || tick.input.is_none();
-        self.next = tick.tick.checked_add(1);
-        let Some(input) = tick.input.as_ref() else {
-            return self.try_restore(tick).map(|()| None);
+        let has_parameters = self.builder.is_what_if || tick.has_parameters(self.active.digest);
+        let can_compute = self.counts.continuity.can_compute(tick, has_parameters);
+        let Some(input) = tick.input.as_ref().filter(|_| can_compute) else {
+            if let Some(snapshot) = tick.snapshot() {
+                self.restore(tick.tick, snapshot)?;
+            }
+            return Ok(None);
         };
-        if self.state_unknown {
-            self.counts.skipped += 1;
-            return self.try_restore(tick).map(|()| None);
-        }
+        self.has_stepped = true;
         self.outbox.clear();
-        self.controller.step(input, &mut self.outbox);
+        self.active.controller.step(input, &mut self.outbox);
         self.counts.ticks += 1;
         self.counts.time(input.t_ns);
         self.compare(tick, input.t_ns)?;
@@ -125,39 +142,35 @@ impl<'b> Stepper<'b> {
 
     /// Hands over to a controller with new parameters if a change holds from this tick on.
     fn change(&mut self, tick: &Tick) -> Result<(), Error> {
-        let count = self.changes.len();
-        self.changes.extend(tick.changes.iter().filter(|change| self.builder.applies(change)).cloned());
+        let count = self.active.changes.len();
+        self.active.changes.extend(tick.changes.iter().filter(|change| self.builder.applies(change)).cloned());
         let since_s = tick.since_ns.unwrap_or_default() as f64 * 1e-9;
         while let Some((_, change)) = self.overrides.pop_front_if(|(when, _)| when.is_reached(tick.tick, since_s)) {
-            self.changes.push(change);
+            self.active.changes.push(change);
         }
-        if self.changes.len() == count {
+        if self.active.changes.len() == count {
             return Ok(());
         }
-        let mut next = self.builder.build(&self.changes)?;
-        take_over(&*self.controller, &mut *next, &mut self.state)
+        let mut next = self.builder.build(&self.active.changes)?;
+        take_over(&*self.active.controller, &mut *next, &mut self.state)
             .map_err(|source| self.builder.restore_error(tick.tick, source))?;
-        self.controller = next;
+        (self.active.controller, self.active.digest) = (next, self.builder.digest(&self.active.changes)?);
         Ok(())
-    }
-
-    /// Restores the tick's snapshot, if it has one.
-    fn try_restore(&mut self, tick: &Tick) -> Result<(), Error> {
-        tick.snapshot().map_or(Ok(()), |snapshot| self.restore(tick.tick, snapshot))
     }
 
     fn compare(&mut self, tick: &Tick, t_ns: i64) -> Result<(), Error> {
         let snapshot = tick.snapshot();
         if snapshot.is_some() {
             self.state.clear();
-            self.controller.snapshot(&mut self.state);
+            self.active.controller.snapshot(&mut self.state);
         }
         let t_s = tick.since_ns.unwrap_or_default() as f64 * 1e-9;
         let (outbox, state, counts) = (&self.outbox, &self.state, &mut self.counts);
         let is_what_if = self.builder.is_what_if;
         let mut different = Vec::new();
         let mut compared = 0;
-        for (channel, recorded) in &tick.recorded {
+        let of_controller = |(channel, _): &&(Arc<str>, _)| outbox.get(channel).is_some();
+        for (channel, recorded) in tick.recorded.iter().chain(tick.candidates.iter().filter(of_controller)) {
             let is_snapshot = **channel == *CONTROLLER_SNAPSHOT;
             let replayed = if is_snapshot { Some(&state[..]) } else { outbox.get(channel) };
             compared += 1;
@@ -168,8 +181,9 @@ impl<'b> Stepper<'b> {
                 different.push(Pair { channel, recorded: Some(recorded), replayed });
             }
         }
-        let is_recorded = |channel: &str| tick.recorded.iter().any(|(recorded, _)| **recorded == *channel);
-        counts.not_recorded += outbox.iter().filter(|(channel, _)| !is_recorded(channel)).count() as u64;
+        let is_recorded =
+            |channel: &str| tick.recorded.iter().chain(&tick.candidates).any(|(recorded, _)| **recorded == *channel);
+        outbox.iter().for_each(|(channel, _)| counts.outputs.count(channel, tick.tick, is_recorded(channel)));
         counts.compared += compared;
         counts.different += different.len() as u64;
         counts.unverifiable += u64::from(compared == 0);
@@ -181,7 +195,7 @@ impl<'b> Stepper<'b> {
             && let Some(mut first) = attribute(tick.tick, t_ns, t_s, &different, is_what_if)
         {
             first.last_agreed_tick = self.agreed;
-            first.inputs = stage_inputs(first.stage, tick.input.as_ref(), &self.controller.dump());
+            first.inputs = stage_inputs(first.stage, tick.input.as_ref(), &self.active.controller.dump());
             counts.first = Some(first);
         }
         if compared > 0 && different.is_empty() {

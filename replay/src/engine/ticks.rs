@@ -1,11 +1,12 @@
 //! Groups the messages of a log by tick.
 
+use super::account::{Account, Unused};
+use super::run_messages::{Role, RunMessages};
 use crate::Error;
-use crate::log::{Event, Events, Health, LogReader};
-use lcm_idl::ast::{Field, FieldType, Primitive};
+use crate::log::{ChunkIndex, Event, EventRef, Events, Health, LogReader};
 use lcmtypes::channels::{self, Class};
-use lcmtypes::{ControllerInput, Message, ParameterChange};
-use std::collections::BTreeMap;
+use lcmtypes::{ControllerInput, Message, ParameterChange, RunInfo};
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -14,6 +15,10 @@ const WINDOW: usize = 256;
 /// Largest number of ticks that wait, with and without input. A live controller publishes its commands directly and all other messages through a
 /// ring that a busy machine may read seconds later, so inputs can arrive this much later than commands.
 const MAX_WAITING: usize = 1 << 14;
+/// Largest step between the ticks of a run, hours at any rate: a larger number is wrong.
+const MAX_STEP: i64 = 1 << 24;
+/// Channels and types whose role is remembered; a hostile log may have any number.
+const MAX_KINDS: usize = 1000;
 
 /// The messages of one tick.
 #[derive(Default)]
@@ -24,6 +29,8 @@ pub(crate) struct Tick {
     pub input: Option<ControllerInput>,
     /// Recorded outputs, in log order.
     pub recorded: Vec<(Arc<str>, Vec<u8>)>,
+    /// Messages on channels outside the table: outputs only if the controller has outputs on these channels.
+    pub candidates: Vec<(Arc<str>, Vec<u8>)>,
     /// Parameter changes that hold from this tick on, or from an earlier tick that is not in the log, in order.
     pub changes: Vec<ParameterChange>,
     /// Time since the run's first tick, ns.
@@ -37,7 +44,18 @@ pub(crate) struct Tick {
 impl Tick {
     /// The recorded state after the tick, if any.
     pub fn snapshot(&self) -> Option<&[u8]> {
-        self.recorded.iter().find(|(channel, _)| **channel == *channels::CONTROLLER_SNAPSHOT).map(|(_, bytes)| &**bytes)
+        self.recorded(channels::CONTROLLER_SNAPSHOT)
+    }
+
+    /// Whether the recorded parameters of the tick have this digest; true if the log does not say.
+    pub fn has_parameters(&self, digest: i64) -> bool {
+        // The last field of `controller_tick_t`.
+        let recorded = self.recorded(channels::CONTROLLER_TICK).and_then(<[u8]>::last_chunk);
+        recorded.is_none_or(|bytes| [0, digest].contains(&i64::from_be_bytes(*bytes)))
+    }
+
+    fn recorded(&self, wanted: &str) -> Option<&[u8]> {
+        self.recorded.iter().find(|(channel, _)| **channel == *wanted).map(|(_, bytes)| &**bytes)
     }
 }
 
@@ -55,59 +73,54 @@ pub(crate) enum Beside {
 /// The ticks of a log in order. Memory is bounded by the number of waiting ticks.
 pub(crate) struct Ticks {
     path: PathBuf,
+    messages: RunMessages,
     events: Events,
     waiting: BTreeMap<i64, Tick>,
     /// Number of waiting ticks that have their input.
     with_input: usize,
     /// Parameter changes of ticks that are not returned yet, by their first tick.
     changes: BTreeMap<i64, Vec<ParameterChange>>,
-    /// All parameter changes read so far: a live run repeats them.
-    known: Vec<ParameterChange>,
     returned: Option<i64>,
-    kinds: Vec<(Arc<str>, Option<u64>, Kind)>,
-    run_info: Option<Vec<u8>>,
+    /// Largest tick of an input so far.
+    newest: Option<i64>,
+    kinds: Vec<(Arc<str>, Option<u64>, Role)>,
+    /// Channels of the run with a message of this build's type.
+    read: Vec<Arc<str>>,
     /// Events since the last input; `None` if not requested.
     others: Option<Vec<Event>>,
     /// TIMING and EVENT of waiting ticks; `None` if not requested.
     beside: Option<BTreeMap<i64, Vec<Event>>>,
-    /// Messages of ticks that were already returned: late or duplicate.
-    pub late: u64,
+    account: Account,
     /// Offset of the last event read.
     pub offset: u64,
 }
 
-/// Role of a message in a replay.
-#[derive(Clone, Copy)]
-enum Kind {
-    RunInfo,
-    Input,
-    /// A parameter change.
-    Change,
-    /// An output of the controller: it contains its tick.
-    Output,
-    /// Contains a tick but is not an output of the controller.
-    Beside,
-    Other,
-}
-
 impl Ticks {
-    pub fn open(path: &Path, beside: Beside) -> Result<Self, Error> {
-        let known = changes_before(path)?;
+    pub fn open(path: &Path, messages: &RunMessages, beside: Beside) -> Result<Self, Error> {
+        Self::open_at(path, messages, beside, None)
+    }
+
+    /// [`Ticks::open`] at a chunk of the log: [`super::seek`].
+    pub fn open_at(path: &Path, messages: &RunMessages, beside: Beside, chunk: Option<u64>) -> Result<Self, Error> {
+        let mut reader = LogReader::open(path)?;
+        chunk.map_or(Ok(()), |chunk| reader.start_at(chunk))?;
         let mut changes = BTreeMap::<_, Vec<_>>::new();
-        known.iter().for_each(|change| changes.entry(change.tick).or_default().push(change.clone()));
+        let known = parameter_changes(path)?.into_iter().filter(|change| messages.is_of_run(change.run_id));
+        known.for_each(|change| changes.entry(change.tick).or_default().push(change));
         Ok(Ticks {
             path: path.into(),
-            events: LogReader::open(path)?.events(),
+            messages: messages.clone(),
+            events: reader.events(),
             waiting: BTreeMap::new(),
             with_input: 0,
             changes,
-            known,
             returned: None,
+            newest: None,
             kinds: Vec::new(),
-            run_info: None,
+            read: Vec::new(),
             others: (beside == Beside::InPlace).then(Vec::new),
             beside: (beside == Beside::ByTick).then(BTreeMap::new),
-            late: 0,
+            account: Account::default(),
             offset: 0,
         })
     }
@@ -121,88 +134,173 @@ impl Ticks {
         self.others.take().unwrap_or_default()
     }
 
+    /// The account of the part that was read.
+    ///
+    /// # Errors
+    /// [`Error::OtherTypeVersion`] if all messages of a channel that a replay needs have another type. Debug channels are not needed.
+    pub fn account(&self) -> Result<Account, Error> {
+        let mut account = self.account.clone();
+        for other in &mut account.other_types {
+            other.is_every_message = !self.read.iter().any(|channel| **channel == *other.channel);
+            // A parameter change of another type shows in the digest of the parameters.
+            let is_needed = |known: &&channels::Channel| match known.class {
+                Class::ReplayInput => known.name == channels::CONTROLLER_INPUT,
+                class => class == Class::Output,
+            };
+            let needed = channels::find(&other.channel).filter(is_needed);
+            if let Some(known) = needed.filter(|_| other.is_every_message) {
+                let number = |text: &str| u64::from_str_radix(text, 16).unwrap_or(0);
+                return Err(Error::OtherTypeVersion {
+                    path: self.path.clone(),
+                    channel: known.name.into(),
+                    type_name: other.type_name.clone(),
+                    found: number(&other.found),
+                    expected: number(&other.expected),
+                });
+            }
+        }
+        Ok(account)
+    }
+
     /// The next tick, or `None` at the end of the log.
     ///
     /// # Errors
-    /// A second run in the log, another type version, an undecodable input, an I/O error.
+    /// A second run in the log, an I/O error.
     pub fn next(&mut self) -> Result<Option<Tick>, Error> {
-        while self.with_input <= WINDOW && self.waiting.len() <= MAX_WAITING {
-            let Some(event) = self.events.next().transpose()? else { break };
-            self.offset = event.offset;
-            self.take(event)?;
-        }
-        let mut tick = self.waiting.pop_first().map(|(_, tick)| tick);
-        self.returned = tick.as_ref().map(|tick| tick.tick).or(self.returned);
-        if let Some(tick) = &mut tick {
+        loop {
+            let mut is_end = false;
+            while self.with_input <= WINDOW && self.waiting.len() <= MAX_WAITING {
+                let Some(event) = self.events.next().transpose()? else {
+                    is_end = true;
+                    break;
+                };
+                self.offset = event.offset;
+                self.take(event)?;
+            }
+            let Some((number, mut tick)) = self.waiting.pop_first() else { return Ok(None) };
+            // After the last input no tick can be computed: these outputs have no input.
+            if is_end && self.with_input == 0 {
+                tick.recorded.iter().for_each(|(channel, _)| {
+                    self.account.unused(channel, Some(number), self.offset, Unused::NoInput);
+                });
+                continue;
+            }
+            self.returned = Some(number);
             self.with_input -= usize::from(tick.input.is_some());
-            let later = self.changes.split_off(&tick.tick.saturating_add(1));
+            let later = self.changes.split_off(&number.saturating_add(1));
             tick.changes = std::mem::replace(&mut self.changes, later).into_values().flatten().collect();
+            if let Some(waiting) = &mut self.beside {
+                let later = waiting.split_off(&number.saturating_add(1));
+                tick.beside = waiting.remove(&number).unwrap_or_default();
+                *waiting = later;
+            }
+            return Ok(Some(tick));
         }
-        if let (Some(waiting), Some(tick)) = (&mut self.beside, &mut tick) {
-            let later = waiting.split_off(&tick.tick.saturating_add(1));
-            tick.beside = waiting.remove(&tick.tick).unwrap_or_default();
-            *waiting = later;
-        }
-        Ok(tick)
     }
 
     fn take(&mut self, event: Event) -> Result<(), Error> {
-        match self.kind(&event)? {
-            Kind::RunInfo => {
-                // A live run repeats RUN_INFO; different contents are another run.
-                let first = self.run_info.get_or_insert_with(|| event.data.clone());
-                if *first != event.data {
+        let role = self.role(&event);
+        let is_foreign = self.messages.is_foreign(&event);
+        match role {
+            // A live run repeats RUN_INFO.
+            Role::RunInfo => {
+                if RunInfo::decode(&event.data).is_err() {
+                    self.account.unused(&event.channel, None, event.offset, Unused::Undecodable);
+                } else if is_foreign {
                     return Err(Error::SeveralRuns { path: self.path.clone(), offset: event.offset });
                 }
                 self.other(event);
             }
-            Kind::Input => {
-                let input = ControllerInput::decode(&event.data).map_err(|source| Error::Decode {
-                    path: self.path.clone(),
-                    channel: event.channel.to_string(),
-                    offset: event.offset,
-                    source: source.into(),
-                })?;
-                let others = self.others.as_mut().map(std::mem::take).unwrap_or_default();
-                if let Some(tick) = self.slot(input.tick) {
-                    tick.t_log_ns = event.t_ns;
-                    tick.others.extend(others);
-                    let is_new = tick.input.is_none();
-                    tick.input.get_or_insert(input);
-                    self.with_input += usize::from(is_new);
-                }
+            _ if is_foreign => {
+                self.account.foreign_messages += 1;
+                self.other(event);
             }
-            Kind::Change => {
-                let change = change_of(&self.path, &event)?;
-                if !self.known.contains(&change) {
-                    if self.returned.is_some_and(|last| change.tick <= last) {
-                        self.late += 1;
-                    } else {
-                        self.changes.entry(change.tick).or_default().push(change.clone());
-                    }
-                    self.known.push(change);
+            Role::Input => match ControllerInput::decode(&event.data) {
+                Ok(input) => self.input(input, &event),
+                Err(_) => {
+                    let tick = integer_at(&event.data, 16);
+                    self.account.unused(&event.channel, tick, event.offset, Unused::Undecodable);
+                    self.other(event);
+                }
+            },
+            Role::Change => {
+                // The changes were read when the log was opened.
+                if ParameterChange::decode(&event.data).is_err() {
+                    let tick = integer_at(&event.data, 16);
+                    self.account.unused(&event.channel, tick, event.offset, Unused::Undecodable);
                 }
                 self.other(event);
             }
-            Kind::Output => {
+            Role::Output => self.output(event),
+            Role::Candidate => {
                 let number = integer_at(&event.data, 16);
-                if let Some(tick) = number.and_then(|number| self.slot(number)) {
-                    tick.recorded.push((event.channel, event.data));
+                // The outputs of a tick come after its input, apart from the command.
+                match number.and_then(|number| self.waiting.get_mut(&number)) {
+                    Some(tick) => tick.candidates.push((event.channel, event.data)),
+                    None => self.other(event),
                 }
             }
-            Kind::Beside => {
+            Role::Beside => {
                 if let (Some(waiting), Some(number)) = (&mut self.beside, integer_at(&event.data, 16)) {
                     // Do not store a message whose tick is far ahead of the log.
-                    if self.waiting.last_key_value().is_none_or(|(last, _)| number <= last + WINDOW as i64) {
+                    let is_far = |last: i64| number > last.saturating_add(WINDOW as i64);
+                    if self.waiting.last_key_value().is_none_or(|(last, _)| !is_far(*last)) {
                         waiting.entry(number).or_default().push(event);
                     }
                 } else {
                     self.other(event);
                 }
             }
-            Kind::Other => self.other(event),
+            Role::OtherType(known, expected) => {
+                self.account.other_type(&event.channel, known, event.fingerprint(), expected);
+                self.other(event);
+            }
+            Role::Other => self.other(event),
         }
         Ok(())
+    }
+
+    fn input(&mut self, input: ControllerInput, event: &Event) {
+        let number = input.tick;
+        let unused = match self.slot(number) {
+            Ok(Tick { input: Some(first), .. }) if *first == input => Unused::Doubled,
+            Ok(Tick { input: Some(_), .. }) => Unused::DoubledOtherBytes,
+            Ok(tick) => {
+                (tick.t_log_ns, tick.input) = (event.t_ns, Some(input));
+                self.with_input += 1;
+                self.newest = self.newest.max(Some(number));
+                if let (Some(others), Some(tick)) = (&mut self.others, self.waiting.get_mut(&number)) {
+                    tick.others.append(others);
+                }
+                return;
+            }
+            Err(why) => why,
+        };
+        self.account.unused(&event.channel, Some(number), event.offset, unused);
+    }
+
+    fn output(&mut self, event: Event) {
+        let is_snapshot = event.channel.ends_with(channels::CONTROLLER_SNAPSHOT);
+        let Some(number) = integer_at(&event.data, 16).filter(|_| !is_snapshot || decodes(&event.data)) else {
+            let tick = integer_at(&event.data, 16);
+            return self.account.unused(&event.channel, tick, event.offset, Unused::Undecodable);
+        };
+        let unused = match self.slot(number) {
+            Ok(tick) => match tick.recorded.iter().find(|(channel, _)| *channel == event.channel) {
+                None => {
+                    tick.recorded.push((event.channel, event.data));
+                    return;
+                }
+                Some((_, first)) if *first == event.data => Unused::Doubled,
+                Some(_) => {
+                    // Both are compared, so one of them differs.
+                    tick.recorded.push((Arc::clone(&event.channel), event.data));
+                    Unused::DoubledOtherBytes
+                }
+            },
+            Err(why) => why,
+        };
+        self.account.unused(&event.channel, Some(number), event.offset, unused);
     }
 
     fn other(&mut self, event: Event) {
@@ -211,75 +309,57 @@ impl Ticks {
         }
     }
 
-    fn slot(&mut self, number: i64) -> Option<&mut Tick> {
-        if self.returned.is_some_and(|last| number <= last) {
-            self.late += 1;
-            return None;
+    /// The waiting tick of a message.
+    fn slot(&mut self, number: i64) -> Result<&mut Tick, Unused> {
+        if number < 0 || self.newest.is_some_and(|newest| number > newest.saturating_add(MAX_STEP)) {
+            return Err(Unused::NoInput);
         }
-        Some(self.waiting.entry(number).or_insert_with(|| Tick { tick: number, ..Tick::default() }))
+        if self.returned.is_some_and(|last| number <= last) {
+            return Err(Unused::Late);
+        }
+        Ok(self.waiting.entry(number).or_insert_with(|| Tick { tick: number, ..Tick::default() }))
     }
 
-    fn kind(&mut self, event: &Event) -> Result<Kind, Error> {
+    fn role(&mut self, event: &Event) -> Role {
         let fingerprint = event.fingerprint();
         let same = |(c, f, _): &&(Arc<str>, _, _)| Arc::ptr_eq(c, &event.channel) && *f == fingerprint;
-        if let Some((.., kind)) = self.kinds.iter().find(same) {
-            return Ok(*kind);
+        if let Some((.., role)) = self.kinds.iter().find(same) {
+            return *role;
         }
-        let kind = match channels::find(&event.channel) {
-            // The type depends on the controller, which checks it.
-            Some(known) if known.name == channels::CONTROLLER_SNAPSHOT => Kind::Output,
-            Some(known) => {
-                let kind = match (known.name, known.class, known.stage) {
-                    (channels::RUN_INFO, ..) => Kind::RunInfo,
-                    (channels::PARAMETER_CHANGE, ..) => Kind::Change,
-                    (_, Class::ReplayInput, _) => Kind::Input,
-                    (_, Class::Output | Class::Debug, Some(_)) => Kind::Output,
-                    (channels::TIMING | channels::EVENT, ..) if fingerprint == Some(known.fingerprint) => Kind::Beside,
-                    _ => Kind::Other,
-                };
-                if !matches!(kind, Kind::Other | Kind::Beside) {
-                    same_version(&self.path, event, known)?;
-                }
-                kind
-            }
-            None if fingerprint.is_some_and(has_tick) => Kind::Output,
-            None => Kind::Other,
-        };
-        self.kinds.push((Arc::clone(&event.channel), fingerprint, kind));
-        Ok(kind)
+        let role = self.messages.role(&event.channel, fingerprint);
+        if !matches!(role, Role::OtherType(..) | Role::Other) {
+            self.read.push(Arc::clone(&event.channel));
+        }
+        if self.kinds.len() < MAX_KINDS {
+            self.kinds.push((Arc::clone(&event.channel), fingerprint, role));
+        }
+        role
     }
 }
 
-/// Parameter changes before the first tick of a log that starts in the middle of a run. The run repeats them, so the whole log is searched.
-fn changes_before(path: &Path) -> Result<Vec<ParameterChange>, Error> {
-    let (mut first, mut found) = (None, Vec::<ParameterChange>::new());
-    for event in LogReader::open(path)?.events() {
-        let event = event?;
-        match (&*event.channel, first) {
-            (channels::CONTROLLER_INPUT, None) => first = integer_at(&event.data, 16),
-            (channels::PARAMETER_CHANGE, _) => {
-                let change = change_of(path, &event)?;
-                if !found.contains(&change) {
-                    found.push(change);
-                }
-            }
-            _ => {}
+/// All parameter changes of a log, each once, in the order of the log: a live run repeats them, so a change is known even if its first message
+/// is lost.
+fn parameter_changes(path: &Path) -> Result<Vec<ParameterChange>, Error> {
+    let (mut found, mut known) = (Vec::new(), BTreeSet::new());
+    let mut take = |event: &EventRef<'_>| {
+        if **event.channel == *channels::PARAMETER_CHANGE
+            && let Ok(change) = ParameterChange::decode(event.data)
+            && known.insert(event.data.to_vec())
+        {
+            found.push(change);
         }
-        if first == Some(0) {
-            return Ok(Vec::new());
+    };
+    if let Some(mut index) = ChunkIndex::read(path)? {
+        for chunk in index.chunks_with(channels::PARAMETER_CHANGE) {
+            index.events(chunk, &mut take)?;
         }
+        return Ok(found);
     }
-    found.retain(|change| first.is_some_and(|first| change.tick < first));
+    let (mut reader, mut health) = (LogReader::open(path)?, Health::default());
+    while let Some(item) = reader.read()? {
+        health.note(item).iter().for_each(&mut take);
+    }
     Ok(found)
-}
-
-fn change_of(path: &Path, event: &Event) -> Result<ParameterChange, Error> {
-    ParameterChange::decode(&event.data).map_err(|source| Error::Decode {
-        path: path.into(),
-        channel: event.channel.to_string(),
-        offset: event.offset,
-        source: source.into(),
-    })
 }
 
 /// Checks that a message has the type of its channel in this build.
@@ -296,13 +376,9 @@ pub(crate) fn same_version(path: &Path, event: &Event, known: &channels::Channel
     })
 }
 
-/// Whether a type starts with `int64_t t_ns; int64_t tick;`.
-fn has_tick(fingerprint: u64) -> bool {
-    let Some(ty) = lcmtypes::types().by_fingerprint(fingerprint) else { return false };
-    let is = |field: &Field, name: &str| {
-        *field.name == *name && field.dims.is_empty() && matches!(field.ty, FieldType::Primitive(Primitive::Int64))
-    };
-    matches!(&ty.def().fields[..], [time, tick, ..] if is(time, "t_ns") && is(tick, "tick"))
+/// Whether a message decodes as its type.
+fn decodes(message: &[u8]) -> bool {
+    lcmtypes::types().of_message(message).is_some_and(|ty| ty.walk(message, |_, _| ()).is_ok())
 }
 
 /// The big-endian `int64_t` at an offset of a message: `t_ns` is at 8, `tick` or `seq` at 16.

@@ -8,6 +8,9 @@ use lcmtypes::{ControllerTick, Message, RobotCommand, WbcSolution, channels};
 /// Default bound: largest torque difference of a joint for which a what-if replay is valid, N m.
 pub const DEFAULT_BOUND: f64 = 20.0;
 
+/// Largest number of samples of a what-if replay.
+const MAX_SAMPLES: usize = 1 << 13;
+
 /// A parameter override from a tick or time on.
 #[derive(Debug, Clone, PartialEq)]
 pub struct TimedOverride {
@@ -63,7 +66,7 @@ pub struct WhatIf {
     pub damped_ticks: u64,
     /// Changes whose time does not come in what was replayed.
     pub changes_not_reached: u64,
-    /// A sample a tick, of the whole replay.
+    /// Torques of every tick of the whole replay, or evenly spaced ones: at most 8192.
     #[serde(skip)]
     pub samples: Vec<Sample>,
 }
@@ -109,6 +112,10 @@ pub(super) struct Collector {
     residuals: [f64; 3],
     damped: u64,
     samples: Vec<Sample>,
+    /// One sample is kept every so many ticks.
+    stride: u64,
+    /// Ticks up to the next sample.
+    until_sample: u64,
 }
 
 impl Collector {
@@ -127,7 +134,28 @@ impl Collector {
             residuals: [0.0; 3],
             damped: 0,
             samples: Vec::new(),
+            stride: 1,
+            until_sample: 0,
         }
+    }
+
+    /// Adds a sample if one is due. If there are too many, every second is dropped and the stride doubles, so that memory is bounded.
+    fn sample(&mut self, sample: impl FnOnce() -> Sample) {
+        if self.until_sample > 0 {
+            self.until_sample -= 1;
+            return;
+        }
+        if self.samples.len() == MAX_SAMPLES {
+            let mut index = 0;
+            self.samples.retain(|_| {
+                index += 1;
+                index % 2 == 1
+            });
+            self.stride *= 2;
+            // The number of samples was even, so this one is due with the double stride too.
+        }
+        self.samples.push(sample());
+        self.until_sample = self.stride - 1;
     }
 
     /// Adds a tick: the recorded command, if any, and the replayed outputs.
@@ -137,7 +165,7 @@ impl Collector {
         let Some(new) = command(outbox.get(channels::ROBOT_COMMAND)) else { return };
         #[expect(clippy::cast_possible_truncation, reason = "samples are for figures")]
         let samples = |tau: &[f64]| tau.iter().map(|tau| *tau as f32).collect();
-        self.samples.push(Sample { t_s, recorded: samples(&recorded), replayed: samples(&new.tau) });
+        self.sample(|| Sample { t_s, recorded: samples(&recorded), replayed: samples(&new.tau) });
         if self.departure.is_some() {
             return;
         }
@@ -184,6 +212,30 @@ impl Collector {
             damped_ticks: self.damped,
             changes_not_reached,
             samples: self.samples,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn samples_are_evenly_spaced_and_bounded() {
+        for ticks in [0, 1, MAX_SAMPLES, MAX_SAMPLES + 1, 5 * MAX_SAMPLES + 3] {
+            let mut collector = Collector::new(1.0);
+            for tick in 0..ticks {
+                collector.sample(|| Sample { t_s: tick as f64, recorded: Vec::new(), replayed: Vec::new() });
+            }
+            let times: Vec<f64> = collector.samples.iter().map(|sample| sample.t_s).collect();
+            let stride = collector.stride as usize;
+            assert!(
+                times.len() <= MAX_SAMPLES && times.len() >= ticks.min(MAX_SAMPLES / 2),
+                "{ticks}: {}",
+                times.len()
+            );
+            assert!(times.iter().zip((0..ticks).step_by(stride)).all(|(t_s, tick)| *t_s == tick as f64), "{ticks}");
+            assert_eq!(times.len(), ticks.div_ceil(stride));
         }
     }
 }

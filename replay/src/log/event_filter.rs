@@ -1,11 +1,15 @@
 //! Selects the events of a log by channel and time.
 
-use super::{EventRef, RunClock};
+use super::EventRef;
+use super::run_clock::{EventTimes, RunClock};
 use crate::Error;
 use crate::record::{Filter, Pattern};
 use lcmtypes::channels;
 use std::path::Path;
 use std::sync::Arc;
+
+/// Channels that a replay needs besides CONTROLLER_INPUT.
+const REPLAY: [&str; 3] = [channels::RUN_INFO, channels::PARAMETER_CHANGE, channels::CONTROLLER_SNAPSHOT];
 
 /// Decisions that are cached per channel. A damaged file can appear to have an unlimited number of channels.
 const MAX_CACHED: usize = 1000;
@@ -16,9 +20,9 @@ pub struct EventFilter {
     channels: Filter,
     from_ns: Option<i64>,
     to_ns: Option<i64>,
-    keep_run_info: bool,
+    keep_replay: bool,
     /// Times of the log that is read; `None` without a time limit.
-    clock: Option<RunClock>,
+    times: Option<EventTimes>,
     cached: Vec<(Arc<str>, bool)>,
 }
 
@@ -44,10 +48,11 @@ impl EventFilter {
         })
     }
 
-    /// Also accepts RUN_INFO at any time and PARAMETER_CHANGE before the start time: a replay of the copy needs them.
+    /// If CONTROLLER_INPUT is selected, also accepts what its replay needs, unless `exclude` matches it: RUN_INFO at any time, PARAMETER_CHANGE up to
+    /// the end time, CONTROLLER_SNAPSHOT.
     #[must_use]
-    pub fn keep_run_info(self) -> Self {
-        EventFilter { keep_run_info: true, ..self }
+    pub fn keep_replay(self) -> Self {
+        EventFilter { keep_replay: self.matches(channels::CONTROLLER_INPUT), ..self }
     }
 
     /// The same filter for the events of one log: times are those of its [`RunClock`].
@@ -56,16 +61,16 @@ impl EventFilter {
     /// As [`RunClock::read`].
     pub fn for_log(&self, log: &Path) -> Result<Self, Error> {
         let has_limit = self.from_ns.is_some() || self.to_ns.is_some();
-        let clock = has_limit.then(|| RunClock::read(log)).transpose()?;
-        Ok(EventFilter { clock, ..self.clone() })
+        let times = has_limit.then(|| RunClock::read(log).map(EventTimes::new)).transpose()?;
+        Ok(EventFilter { times, ..self.clone() })
     }
 
     /// Whether an event is selected.
     pub fn accepts(&mut self, event: &EventRef<'_>) -> bool {
+        let since = self.times.as_mut().map(|times| times.of(event));
         if !self.accepts_channel(event.channel) {
             return false;
         }
-        let since = self.clock.map(|clock| clock.of_event(event));
         let before_end = since.zip(self.to_ns).is_none_or(|(since, to)| since <= to);
         let in_time = since.zip(self.from_ns).is_none_or(|(since, from)| since >= from) && before_end;
         let needed = match &**event.channel {
@@ -73,7 +78,7 @@ impl EventFilter {
             channels::PARAMETER_CHANGE => before_end,
             _ => false,
         };
-        in_time || self.keep_run_info && needed
+        in_time || self.keep_replay && needed
     }
 
     /// Whether a channel is selected. The result is cached by the address of the name, as [`super::LogReader`] interns names.
@@ -90,6 +95,7 @@ impl EventFilter {
 
     /// Whether a channel of this name is selected.
     pub fn matches(&self, channel: &str) -> bool {
-        self.channels.takes(channel)
+        let needed = || REPLAY.contains(&channel) && !self.channels.excludes(channel);
+        self.channels.takes(channel) || self.keep_replay && needed()
     }
 }

@@ -117,6 +117,15 @@ impl McapReader {
         }
     }
 
+    /// Continues at a chunk of the first MCAP of the file, with the channels of its summary.
+    pub fn start_at(&mut self, offset: u64) -> Result<(), Error> {
+        self.read_summary()?;
+        (self.at, self.last_certain_end, self.section) = (offset, offset, Section::InRecords);
+        (self.messages_outside_chunks, self.crc, self.chunk) = (false, None, Chunk::default());
+        self.pending.clear();
+        Ok(())
+    }
+
     /// Whether the file, apart from its first bytes, is MCAP: it ends with the magic, or its first record is a header.
     pub fn looks_like_one(source: &mut ByteSource) -> Result<bool, Error> {
         if ends_with_magic(source)? {

@@ -68,6 +68,12 @@ pub(super) fn summary_records(source: &mut ByteSource, base: u64) -> Result<Vec<
     Ok(records)
 }
 
+/// Start and end of the summary of the MCAP that starts at `base`; `None` without a valid summary.
+pub(super) fn summary_range(source: &mut ByteSource, base: u64) -> Result<Option<(u64, u64)>, Error> {
+    let Some((end, footer)) = footer(source)? else { return Ok(None) };
+    Ok(start(source, base, end, &footer)?.map(|start| (start, end)))
+}
+
 /// Start of the summary: directly after the data-end record. If bytes before it are missing or added, its offset is wrong; then its CRC
 /// finds it.
 fn start(source: &mut ByteSource, base: u64, footer_at: u64, footer: &Footer) -> Result<Option<u64>, Error> {

@@ -3,9 +3,12 @@
 use super::byte_source::ByteSource;
 use super::event_log::{self, EventLogReader};
 use super::mcap_reader::McapReader;
-use super::{Event, Format, Health, Item, ItemRef};
+use super::run_path::split_run;
+use super::runs::Runs;
+use super::{Event, EventRef, FileSchema, Format, Health, Item, ItemRef};
 use crate::Error;
 use std::path::Path;
+use std::sync::Arc;
 
 /// Bytes in which the first event of a damaged event log is searched.
 const SEARCH_BYTES: u64 = 1 << 20;
@@ -18,6 +21,16 @@ pub struct LogReader {
     format: Format,
     bytes: u64,
     reader: Option<Reader>,
+    /// Reads only one run of the log.
+    selected: Option<SelectedRun>,
+}
+
+/// The selection of one run.
+struct SelectedRun {
+    number: usize,
+    runs: Runs,
+    /// The last selected event, and its schema.
+    event: Option<(Event, Option<Arc<FileSchema>>)>,
 }
 
 enum Reader {
@@ -26,12 +39,15 @@ enum Reader {
 }
 
 impl LogReader {
-    /// Opens a log. The format is detected from the content, not from the name.
+    /// Opens a log, or one run of it: [`super::path_of_run`]. The format is detected from the content, not from the name.
     ///
     /// # Errors
     /// [`Error::Io`], [`Error::NotAFile`], [`Error::EmptyFile`], or [`Error::NotALog`] if the content matches neither format.
     pub fn open(path: impl AsRef<Path>) -> Result<Self, Error> {
-        Self::new(ByteSource::open(path.as_ref())?, false)
+        let (file, number) = split_run(path.as_ref());
+        let mut log = Self::new(ByteSource::open(&file)?, false)?;
+        log.selected = number.map(|number| SelectedRun { number, runs: Runs::default(), event: None });
+        Ok(log)
     }
 
     /// [`LogReader::open`] for a log that is still being written. An incomplete record at the end is not reported as a cut: the reader
@@ -41,6 +57,14 @@ impl LogReader {
     /// As [`LogReader::open`].
     pub fn open_growing(path: impl AsRef<Path>) -> Result<Self, Error> {
         Self::new(ByteSource::open(path.as_ref())?, true)
+    }
+
+    /// Continues at a chunk of an MCAP with a summary; the offset is from [`super::ChunkIndex`].
+    pub(crate) fn start_at(&mut self, offset: u64) -> Result<(), Error> {
+        match &mut self.reader {
+            Some(Reader::Mcap(reader)) => reader.start_at(offset),
+            _ => Ok(()),
+        }
     }
 
     /// A log in memory; `name` is the path in error messages.
@@ -61,7 +85,7 @@ impl LogReader {
             Format::LcmLog => Reader::EventLog(Box::new(EventLogReader::new(source, growing))),
             Format::Mcap => Reader::Mcap(Box::new(McapReader::new(source, growing))),
         };
-        Ok(LogReader { format, bytes, reader: Some(reader) })
+        Ok(LogReader { format, bytes, reader: Some(reader), selected: None })
     }
 
     /// Also returns the readable events of damaged MCAP chunks; some of their bytes may be wrong.
@@ -84,10 +108,9 @@ impl LogReader {
     /// [`Error::Io`] if the operating system fails to read; iteration ends.
     #[inline]
     pub fn read(&mut self) -> Result<Option<ItemRef<'_>>, Error> {
-        match self.reader.as_mut() {
-            Some(Reader::EventLog(reader)) => reader.next(),
-            Some(Reader::Mcap(reader)) => reader.next(),
-            None => Ok(None),
+        match &mut self.selected {
+            None => next(&mut self.reader),
+            Some(selected) => selected.read(&mut self.reader),
         }
     }
 
@@ -104,6 +127,38 @@ impl LogReader {
     /// An iterator of the events only; damage is collected in [`Events::health`].
     pub fn events(self) -> Events {
         Events { reader: self, health: Health::default() }
+    }
+}
+
+impl SelectedRun {
+    /// The next item of the run.
+    fn read(&mut self, reader: &mut Option<Reader>) -> Result<Option<ItemRef<'_>>, Error> {
+        loop {
+            match next(reader)? {
+                None => return Ok(None),
+                Some(ItemRef::Event(event)) if self.runs.see(&event) + 1 == self.number => {
+                    self.event = Some((event.to_event(), event.schema.cloned()));
+                    break;
+                }
+                Some(ItemRef::Event(_)) => {}
+                Some(ItemRef::Damaged(damaged)) => return Ok(Some(ItemRef::Damaged(damaged))),
+                Some(ItemRef::Cut(cut)) => return Ok(Some(ItemRef::Cut(cut))),
+            }
+        }
+        Ok(self.event.as_ref().map(|(event, schema)| {
+            let Event { channel, t_ns, number, data, offset } = event;
+            let (t_ns, number, offset) = (*t_ns, *number, *offset);
+            ItemRef::Event(EventRef { channel, t_ns, number, data, offset, schema: schema.as_ref() })
+        }))
+    }
+}
+
+#[inline]
+fn next(reader: &mut Option<Reader>) -> Result<Option<ItemRef<'_>>, Error> {
+    match reader {
+        Some(Reader::EventLog(reader)) => reader.next(),
+        Some(Reader::Mcap(reader)) => reader.next(),
+        None => Ok(None),
     }
 }
 

@@ -1,10 +1,14 @@
 //! The time that every tool shows: seconds since the first tick of the run.
 
+use super::runs::{first_integer, run_id};
 use super::sequence_gaps::sequence_number;
 use super::{EventRef, Health, LogReader};
 use crate::Error;
 use lcmtypes::channels::{self, CONTROLLER_INPUT, Class, RUN_INFO};
 use std::path::Path;
+
+/// Runs whose RUN_INFO is remembered.
+const MAX_RUN_INFOS: usize = 100;
 
 /// What time zero of a log is.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize)]
@@ -99,16 +103,56 @@ impl RunClock {
     }
 }
 
+/// Times of the events of one log, which are given in the order of the log.
+///
+/// An event that is no message of the controller has the time of the last CONTROLLER_INPUT before it, plus the time in between by the clock of the recorder. So
+/// a clock of the recorder that steps moves only the events up to the next input.
+#[derive(Debug, Clone)]
+pub(crate) struct EventTimes {
+    clock: RunClock,
+    /// The last input: time of its event, and time since the first tick, ns.
+    last_input: Option<(i64, i64)>,
+}
+
+impl EventTimes {
+    pub fn new(clock: RunClock) -> Self {
+        EventTimes { clock, last_input: None }
+    }
+
+    /// Time of the next event, ns since time zero: its own for a message of the controller, else that of its place in the log.
+    pub fn of(&mut self, event: &EventRef<'_>) -> i64 {
+        let place = self.of_place(event);
+        controller_time(event)
+            .filter(|_| self.clock.zero != Zero::FirstEvent)
+            .map_or(place, |t_ns| self.clock.since_ns(t_ns))
+    }
+
+    /// Time of the place of the next event in the log, ns since time zero.
+    pub fn of_place(&mut self, event: &EventRef<'_>) -> i64 {
+        if **event.channel == *CONTROLLER_INPUT
+            && let Some(t_ns) = controller_time(event)
+        {
+            self.last_input = Some((event.t_ns, self.clock.since_ns(t_ns)));
+        }
+        match self.last_input {
+            Some((event_t_ns, since_ns)) => since_ns.saturating_add(event.t_ns.saturating_sub(event_t_ns).max(0)),
+            None => self.clock.of_log_time(event.t_ns),
+        }
+    }
+}
+
 /// Finds the [`RunClock`] of a log whose events are read for another purpose.
 #[derive(Debug, Clone, Default)]
 pub struct RunClockFinder {
     first_event_ns: Option<i64>,
-    run_info_ns: Option<i64>,
+    /// `run_id` and time of the first RUN_INFO of each run: a log may begin with that of an earlier one.
+    run_infos: Vec<(i64, i64)>,
     first_input: Option<FirstInput>,
 }
 
 #[derive(Debug, Clone, Copy)]
 struct FirstInput {
+    run_id: Option<i64>,
     event_t_ns: i64,
     t_ns: i64,
     tick: i64,
@@ -119,24 +163,35 @@ impl RunClockFinder {
     pub fn see(&mut self, event: &EventRef<'_>) -> bool {
         self.first_event_ns.get_or_insert(event.t_ns);
         match &**event.channel {
-            RUN_INFO if self.run_info_ns.is_none() => self.run_info_ns = first_integer(event.data),
+            RUN_INFO if self.run_infos.len() < MAX_RUN_INFOS => {
+                if let Some(found) = run_id(RUN_INFO, event.data).zip(first_integer(event.data))
+                    && self.run_infos.iter().all(|(known, _)| *known != found.0)
+                {
+                    self.run_infos.push(found);
+                }
+            }
             CONTROLLER_INPUT if self.first_input.is_none() => {
-                self.first_input = first_integer(event.data)
-                    .zip(sequence_number(event.data))
-                    .map(|(t_ns, tick)| FirstInput { event_t_ns: event.t_ns, t_ns, tick });
+                self.first_input = first_integer(event.data).zip(sequence_number(event.data)).map(|(t_ns, tick)| {
+                    FirstInput { run_id: run_id(CONTROLLER_INPUT, event.data), event_t_ns: event.t_ns, t_ns, tick }
+                });
             }
             _ => {}
         }
-        self.first_input.is_some_and(|input| input.tick == 0 || self.run_info_ns.is_some())
+        self.first_input.is_some_and(|input| input.tick == 0 || self.run_info_ns(&input).is_some())
+    }
+
+    /// Time of the first tick, from the RUN_INFO of the run of an input.
+    fn run_info_ns(&self, input: &FirstInput) -> Option<i64> {
+        self.run_infos.iter().find(|(run_id, _)| Some(*run_id) == input.run_id).map(|(_, t_ns)| *t_ns)
     }
 
     /// The clock, from the events seen so far.
     pub fn clock(&self) -> RunClock {
         let first_event_ns = self.first_event_ns.unwrap_or(0);
-        let Some(FirstInput { event_t_ns, t_ns, tick }) = self.first_input else {
+        let Some(input @ FirstInput { event_t_ns, t_ns, tick, .. }) = self.first_input else {
             return RunClock { zero: Zero::FirstEvent, first_tick_ns: first_event_ns, origin_ns: first_event_ns };
         };
-        let (zero, first_tick_ns) = match self.run_info_ns {
+        let (zero, first_tick_ns) = match self.run_info_ns(&input) {
             _ if tick == 0 => (Zero::FirstTick, t_ns),
             Some(run_ns) if run_ns <= t_ns => (Zero::FirstTick, run_ns),
             _ => (Zero::FirstTickOfLog, t_ns),
@@ -147,20 +202,16 @@ impl RunClockFinder {
 }
 
 /// `t_ns` of a message that a controller consumed, computed or timed; `None` for any other.
-fn controller_time(event: &EventRef<'_>) -> Option<i64> {
+pub(super) fn controller_time(event: &EventRef<'_>) -> Option<i64> {
     let known = channels::find(event.channel)?;
     let is_of_controller = known.stage.is_some() || known.class == Class::Timing;
     first_integer(event.data).filter(|_| is_of_controller)
 }
 
-/// The first field of a message, which is `int64_t t_ns` in every type of the stack.
-fn first_integer(message: &[u8]) -> Option<i64> {
-    message.get(8..)?.first_chunk().map(|bytes| i64::from_be_bytes(*bytes))
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
+    use lcmtypes::{ControllerInput, Message, RunInfo};
     use std::sync::Arc;
 
     /// A monotonic clock after some days, and a recorder that uses the Unix epoch.
@@ -168,7 +219,15 @@ mod tests {
     const RECORDER_NS: i64 = 1_700_000_000_000_000_000;
 
     fn message(t_ns: i64, tick: i64) -> Vec<u8> {
-        [0, t_ns, tick].iter().flat_map(|word| word.to_be_bytes()).collect()
+        let mut bytes = Vec::new();
+        ControllerInput { t_ns, tick, run_id: 5, ..Default::default() }.encode(&mut bytes).unwrap();
+        bytes
+    }
+
+    fn run_info(run_id: i64, t_ns: i64) -> Vec<u8> {
+        let mut bytes = Vec::new();
+        RunInfo { t_ns, run_id, ..Default::default() }.encode(&mut bytes).unwrap();
+        bytes
     }
 
     fn clock(events: &[(&str, i64, Vec<u8>)]) -> RunClock {
@@ -183,12 +242,13 @@ mod tests {
     #[test]
     fn time_zero_is_tick_0_wherever_the_log_begins() {
         let measured = ("ROBOT_STATE", RECORDER_NS, message(T0_NS - 1_000_000_000, 0));
-        let info = (RUN_INFO, RECORDER_NS + 1_001_000_000, message(T0_NS, 0));
+        let earlier = (RUN_INFO, RECORDER_NS, run_info(4, 7));
+        let info = (RUN_INFO, RECORDER_NS + 1_001_000_000, run_info(5, T0_NS));
         let input = |tick: i64| {
             let since_ns = tick * 1_000_000;
             (CONTROLLER_INPUT, RECORDER_NS + 1_000_500_000 + since_ns, message(T0_NS + since_ns, tick))
         };
-        let (whole, late) = (clock(&[measured.clone(), input(0)]), clock(&[measured, input(4812), info]));
+        let (whole, late) = (clock(&[measured.clone(), input(0)]), clock(&[measured, earlier, input(4812), info]));
         assert_eq!((whole.zero(), whole.first_tick_ns()), (Zero::FirstTick, Some(T0_NS)));
         assert_eq!(whole, late);
         assert_eq!(whole.since_ns(T0_NS + 4_812_000_000), 4_812_000_000);

@@ -113,11 +113,6 @@ impl SequenceTracker {
         true
     }
 
-    /// Missing numbers, also for a channel that does not carry every number.
-    pub fn missing(&self) -> u64 {
-        self.missing
-    }
-
     /// Lost messages. `None` if at least as many numbers are missing as present: such a channel is published at a divided rate (for
     /// example every tenth tick) and has lost nothing.
     pub fn lost(&self) -> Option<u64> {

@@ -1,7 +1,7 @@
 //! Summary of a log: channels, types, counts, rates, damage.
 
 use super::sequence_gaps::{SequenceTracker, sequence_field, sequence_number};
-use super::{EventRef, Format, Health, LogReader, RunClock, RunClockFinder, Types, Zero};
+use super::{EventRef, Format, Health, LogReader, RunClock, RunClockFinder, RunSummary, Runs, Types, Zero};
 use crate::Error;
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -32,6 +32,8 @@ pub struct LogSummary {
     pub bytes_skipped: u64,
     /// Lost messages over all channels, from the gaps in their sequence numbers (`seq`, `tick`).
     pub lost: u64,
+    /// The runs of the log, in the order in which they begin.
+    pub runs: Vec<RunSummary>,
     /// Channels by name.
     pub channels: Vec<ChannelSummary>,
 }
@@ -83,16 +85,17 @@ impl LogSummary {
     pub fn read_with(path: impl AsRef<Path>, mut types: Types) -> Result<Self, Error> {
         let mut reader = LogReader::open(path)?;
         let (format, bytes) = (reader.format(), reader.bytes());
-        let mut stats = BTreeMap::new();
+        let (mut stats, mut runs) = (BTreeMap::new(), Runs::default());
         let (mut health, mut clock) = (Health::default(), RunClockFinder::default());
         while let Some(item) = reader.read()? {
             let Some(event) = health.note(item) else { continue };
             clock.see(&event);
+            runs.see(&event);
             types.learn(&event);
             let key = (Arc::clone(event.channel), event.fingerprint());
             stats.entry(key).or_insert_with(|| ChannelStats::new(&event, &types)).add(&event);
         }
-        Ok(summarize(format, bytes, &stats, &health, &clock.clock()))
+        Ok(LogSummary { runs: runs.summaries().to_vec(), ..summarize(format, bytes, &stats, &health, &clock.clock()) })
     }
 }
 
@@ -119,6 +122,7 @@ fn summarize(
         cut: health.cut.is_some(),
         bytes_skipped: health.bytes_skipped(),
         lost: channels.iter().filter_map(|c| c.lost).sum(),
+        runs: Vec::new(),
         channels,
     }
 }

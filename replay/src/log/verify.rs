@@ -4,7 +4,8 @@ use super::sequence_gaps::{Gap, SequenceTracker, sequence_field, sequence_number
 use super::summary::seconds;
 use super::{Cut, Damaged, EventRef, Format, Health, LogReader, RunClockFinder, Types, Zero};
 use crate::Error;
-use lcmtypes::{Message, RunInfo, channels};
+use crate::engine::{Account, Judgement};
+use lcmtypes::channels;
 use std::collections::BTreeMap;
 use std::path::Path;
 use std::sync::Arc;
@@ -82,10 +83,15 @@ pub struct ReplayCheck {
     pub first_tick: Option<i64>,
     /// Ticks without an input.
     pub missing: u64,
+    /// Ticks that can be computed: from tick 0 or a snapshot on, up to the next missing input.
+    pub computable: u64,
     /// Recorded controller states from which a replay can start.
     pub snapshots: u64,
-    /// Ticks with recorded outputs to compare with.
+    /// Computable ticks with recorded outputs to compare with.
     pub outputs: u64,
+    /// Messages that a replay does not use.
+    #[serde(flatten)]
+    pub account: Account,
 }
 
 /// Reads a log from start to end and decodes every message. `progress` receives the fraction read, 0 to 1.
@@ -106,7 +112,7 @@ pub fn verify(log: &Path, mut types: Types, progress: &mut dyn FnMut(f64)) -> Re
         verifier.add(&event, &types);
     }
     progress(1.0);
-    Ok(verifier.report(format, health))
+    Ok(verifier.report(log, format, health))
 }
 
 #[derive(Default)]
@@ -115,9 +121,7 @@ struct Verifier {
     times: Option<(i64, i64, i64)>,
     times_backwards: u64,
     channels: BTreeMap<Arc<str>, ChannelState>,
-    run_info: Option<Result<RunInfo, String>>,
     clock: RunClockFinder,
-    runs: u64,
 }
 
 #[derive(Default)]
@@ -127,8 +131,6 @@ struct ChannelState {
     sequence: SequenceTracker,
     count: u64,
     undecodable: u64,
-    first_number: Option<i64>,
-    bad_version: Option<u64>,
 }
 
 impl Verifier {
@@ -139,9 +141,6 @@ impl Verifier {
         let (first, last, before) = self.times.unwrap_or((t, t, t));
         self.times_backwards += u64::from(t < before);
         self.times = Some((first.min(t), last.max(t), t));
-        if **event.channel == *channels::RUN_INFO {
-            self.run_info(event.data);
-        }
         let channel = match self.channels.get_mut(event.channel) {
             Some(channel) => channel,
             None => self.channels.entry(Arc::clone(event.channel)).or_default(),
@@ -149,19 +148,11 @@ impl Verifier {
         channel.add(event, types);
     }
 
-    fn run_info(&mut self, data: &[u8]) {
-        let info = RunInfo::decode(data).map_err(|why| why.to_string());
-        // A live run repeats RUN_INFO; a different one belongs to another run.
-        let same = matches!((&self.run_info, &info), (Some(Ok(known)), Ok(info)) if known == info);
-        if !same {
-            self.runs += 1;
-            self.run_info.get_or_insert(info);
-        }
-    }
-
-    fn report(self, format: Format, health: Health) -> VerifyReport {
-        let (replay, clock) = (self.check_replay(), self.clock.clock());
-        let is_run = self.run_info.is_some() || self.channels.contains_key(channels::CONTROLLER_INPUT);
+    fn report(self, log: &Path, format: Format, health: Health) -> VerifyReport {
+        let clock = self.clock.clock();
+        let of_run = [channels::RUN_INFO, channels::CONTROLLER_INPUT];
+        let is_run = of_run.iter().any(|channel| self.channels.contains_key(*channel));
+        let replay = if is_run { ReplayCheck::of(log) } else { ReplayCheck::without_run() };
         let channels: Vec<_> = self.channels.iter().map(|(name, channel)| channel.report(name)).collect();
         let lost = channels.iter().filter_map(|c| c.lost).sum();
         let undecodable = channels.iter().map(|c| c.undecodable).sum();
@@ -183,52 +174,22 @@ impl Verifier {
             replay,
         }
     }
+}
 
-    fn check_replay(&self) -> ReplayCheck {
-        let mut replay = ReplayCheck::default();
-        let mut why = Vec::new();
-        match &self.run_info {
-            None => why.push("no RUN_INFO: controller and parameters are unknown".to_owned()),
-            Some(Err(error)) => why.push(format!("RUN_INFO: {error}")),
-            Some(Ok(info)) => {
-                replay.controller = Some(info.controller.clone());
-                if let Err(error) = controller::load(info) {
-                    why.push(format!("the controller cannot be built: {error}"));
-                }
-            }
-        }
-        if self.runs > 1 {
-            why.push(format!("{} runs in one log: cut it to one run with `hoof log trim`", self.runs));
-        }
-        for known in channels::CHANNELS.iter().filter(|c| matches!(c.class, channels::Class::ReplayInput)) {
-            if let Some(found) = self.channels.get(known.name).and_then(|channel| channel.bad_version) {
-                let (name, today) = (known.name, known.fingerprint);
-                why.push(format!(
-                    "{name}: other type version: fingerprint {found:016x} in the log, expected {today:016x}"
-                ));
-            }
-        }
-        let count = |channel| self.channels.get(channel).map_or(0, |channel: &ChannelState| channel.count);
-        replay.snapshots = count(channels::CONTROLLER_SNAPSHOT);
-        replay.outputs = count(channels::CONTROLLER_TICK);
-        match self.channels.get(channels::CONTROLLER_INPUT) {
-            None => why.push("no CONTROLLER_INPUT".to_owned()),
-            Some(inputs) => {
-                replay.ticks = inputs.count;
-                replay.first_tick = inputs.first_number;
-                replay.missing = inputs.sequence.missing();
-                if replay.missing > 0 {
-                    why.push(format!("inputs of {} ticks are missing", replay.missing));
-                }
-                if inputs.first_number != Some(0) && replay.snapshots == 0 {
-                    why.push("starts in the middle of a run without a CONTROLLER_SNAPSHOT".to_owned());
-                }
-                if replay.outputs == 0 {
-                    why.push("no CONTROLLER_TICK: no outputs to compare with".to_owned());
-                }
-            }
-        }
-        ReplayCheck { complete: why.is_empty(), why, ..replay }
+impl ReplayCheck {
+    /// The judgement of a replay.
+    fn of(log: &Path) -> Self {
+        let found = Judgement::of(log);
+        let why = found.why();
+        let Judgement { controller, ticks, first_tick, missing, snapshots, computable, outputs, account, .. } = found;
+        let complete = why.is_empty();
+        ReplayCheck { complete, why, controller, ticks, first_tick, missing, computable, snapshots, outputs, account }
+    }
+
+    /// The result for a log without a run.
+    fn without_run() -> Self {
+        let why = [channels::RUN_INFO, channels::CONTROLLER_INPUT].map(|channel| format!("no {channel}")).into();
+        ReplayCheck { why, ..ReplayCheck::default() }
     }
 }
 
@@ -239,8 +200,6 @@ impl ChannelState {
         let ty = fingerprint.and_then(|f| types.of(event.channel, f));
         if !self.types.iter().any(|(known, _)| *known == fingerprint) && self.types.len() < 100 {
             self.types.push((fingerprint, ty.map(|ty| ty.name().to_owned())));
-            let known = channels::find(event.channel).filter(|known| Some(known.fingerprint) != fingerprint);
-            self.bad_version = self.bad_version.or(known.map(|_| fingerprint.unwrap_or(0)));
         }
         let Some(ty) = ty else { return };
         if ty.walk(event.data, |_, _| ()).is_err() {
@@ -249,7 +208,6 @@ impl ChannelState {
         }
         self.counter = self.counter.or_else(|| sequence_field(ty));
         if let (Some(_), Some(number)) = (sequence_field(ty), sequence_number(event.data)) {
-            self.first_number.get_or_insert(number);
             self.sequence.add(number, event.t_ns);
         }
     }

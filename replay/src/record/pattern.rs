@@ -36,8 +36,12 @@ pub struct Filter {
 impl Filter {
     /// Whether a channel is selected.
     pub fn takes(&self, channel: &str) -> bool {
-        self.include.as_ref().is_none_or(|include| include.matches(channel))
-            && !self.exclude.as_ref().is_some_and(|exclude| exclude.matches(channel))
+        self.include.as_ref().is_none_or(|include| include.matches(channel)) && !self.excludes(channel)
+    }
+
+    /// Whether a channel is explicitly not selected.
+    pub fn excludes(&self, channel: &str) -> bool {
+        self.exclude.as_ref().is_some_and(|exclude| exclude.matches(channel))
     }
 }
 

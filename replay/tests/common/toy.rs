@@ -34,6 +34,8 @@ pub struct Toy {
     pub mutant: Option<(Stage, i64)>,
     /// `restore` changes the state by one ulp.
     pub restores_badly: bool,
+    /// `restore` does not restore the integral.
+    pub forgets: bool,
     pub last: (i64, i64),
     pub digest_parameters: i64,
 }
@@ -97,11 +99,12 @@ impl Controller for Toy {
         out.put(channels::CONTACT_ESTIMATE, &contact).unwrap();
         let solution = WbcSolution { t_ns, tick, nv: 2, vd: vec![0.5, vd], ..Default::default() };
         out.put(channels::WBC_SOLUTION, &solution).unwrap();
-        let command = RobotCommand { t_ns, tick, tau: vec![tau], ..RobotCommand::zeros(1) };
+        let command = RobotCommand { t_ns, tick, run_id: input.run_id, tau: vec![tau], ..RobotCommand::zeros(1) };
         out.put(channels::ROBOT_COMMAND, &command).unwrap();
         let digests = ControllerTick {
             t_ns,
             tick,
+            run_id: input.run_id,
             digest_input,
             digest_estimation: digest(&[self.height]),
             digest_gait: digest(&[gait]),
@@ -124,9 +127,14 @@ impl Controller for Toy {
 
     fn restore(&mut self, bytes: &[u8]) -> Result<(), RestoreError> {
         let state = QuadrupedState::decode(bytes)?;
+        if !state.height.is_finite() {
+            return Err(RestoreError::NotFinite { field: "height" });
+        }
         self.last = (state.t_ns, state.tick);
         self.height = state.height;
-        self.integral = state.zeta;
+        if !self.forgets {
+            self.integral = state.zeta;
+        }
         if self.restores_badly {
             next_up(&mut self.height);
         }
@@ -156,23 +164,43 @@ pub fn events(ticks: i64) -> Vec<super::Message> {
 
 /// [`events`] of a controller whose clock shows `t0_ns` at tick 0.
 pub fn events_from(ticks: i64, t0_ns: i64) -> Vec<super::Message> {
+    events_of(0, ticks, t0_ns, None)
+}
+
+/// [`events_from`] of a run with this `run_id`.
+pub fn events_of_run(run_id: i64, ticks: i64, t0_ns: i64) -> Vec<super::Message> {
+    events_of(run_id, ticks, t0_ns, None)
+}
+
+/// [`events`] of a run whose parameter changes at a tick; without a PARAMETER_CHANGE.
+pub fn events_with(ticks: i64, change: Option<(i64, &str, &str)>) -> Vec<super::Message> {
+    events_of(0, ticks, 0, change)
+}
+
+fn events_of(run_id: i64, ticks: i64, t0_ns: i64, change: Option<(i64, &str, &str)>) -> Vec<super::Message> {
     let lcm_types: Vec<_> =
         lcmtypes::SOURCES.iter().map(|(n, t)| TextFile { name: n.to_string(), text: t.to_string() }).collect();
     let num_lcm_types = lcm_types.len() as i32;
     let (controller, params) = ("toy".to_owned(), PARAMS.to_owned());
-    let info = RunInfo { t_ns: t0_ns, controller, params, num_lcm_types, lcm_types, ..Default::default() };
+    let info = RunInfo { t_ns: t0_ns, run_id, controller, params, num_lcm_types, lcm_types, ..Default::default() };
     let mut toy = toy(&info).unwrap();
     let mut events = vec![(channels::RUN_INFO.to_owned(), t0_ns, encoded(&info))];
     let (mut random, mut out) = (super::Random(5), Outbox::new());
     for tick in 0..ticks {
         let t_ns = t0_ns + tick * PERIOD_NS;
+        if let Some((_, key, value)) = change.filter(|(at, ..)| *at == tick) {
+            let set = [(key.to_owned(), value.to_owned())];
+            let params = controller::params::apply_changes(&info.params, &set).unwrap();
+            let Toy { height, integral, last, .. } = toy;
+            toy = Toy { height, integral, last, ..self::toy(&RunInfo { params, ..info.clone() }).unwrap() };
+        }
         let mut put = |channel: &str, bytes: Vec<u8>| events.push((channel.to_owned(), t_ns, bytes));
         let q = (random.next() >> 11) as f64 / (1_u64 << 53) as f64;
         let zeros = vec![0.0; 1];
         let state =
             RobotState { t_ns, seq: tick, nj: 1, q: vec![q], qd: zeros.clone(), tau: zeros, ..Default::default() };
         put(channels::ROBOT_STATE, encoded(&state));
-        let input = ControllerInput { t_ns, tick, state, ..Default::default() };
+        let input = ControllerInput { t_ns, tick, run_id, state, ..Default::default() };
         put(channels::CONTROLLER_INPUT, encoded(&input));
         out.clear();
         toy.step(&input, &mut out);

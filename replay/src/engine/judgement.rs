@@ -1,0 +1,110 @@
+//! Whether the run of a log can be replayed, without computing a tick: what `hoof log verify` says of it. Reading, grouping and continuity are those of a
+//! replay, so the two agree.
+
+use super::continuity::Continuity;
+use super::outputs::OutputCounts;
+use super::ticks::{Beside, Ticks};
+use super::{Account, MissingOutputs, Replay};
+use crate::Error;
+use lcmtypes::channels::{CONTROLLER_TICK, ROBOT_COMMAND};
+use std::path::Path;
+
+/// What a replay of the whole log would find, apart from differences.
+#[derive(Debug, Default)]
+pub(crate) struct Judgement {
+    /// Name of the controller.
+    pub controller: Option<String>,
+    /// Ticks with an input.
+    pub ticks: u64,
+    /// First of them.
+    pub first_tick: Option<i64>,
+    /// Ticks without an input.
+    pub missing: u64,
+    /// Ticks whose parameters are unknown: first tick and number.
+    pub other_parameters: Option<(i64, u64)>,
+    /// Recorded states.
+    pub snapshots: u64,
+    /// Ticks that can be computed.
+    pub computable: u64,
+    /// Of these, ticks with a recorded output.
+    pub outputs: u64,
+    /// Commands and digests that are missing.
+    pub missing_outputs: Vec<MissingOutputs>,
+    /// Messages that a replay does not use.
+    pub account: Account,
+    /// Why the log cannot be replayed at all.
+    pub error: Option<Error>,
+}
+
+impl Judgement {
+    /// Reads a log.
+    pub fn of(log: &Path) -> Self {
+        let mut judgement = Judgement::default();
+        if let Err(error) = judgement.read(log) {
+            judgement.error = Some(error);
+        }
+        judgement
+    }
+
+    /// Reasons why the run cannot be replayed completely; empty if it can.
+    pub fn why(&self) -> Vec<String> {
+        let mut why: Vec<String> = self.error.iter().map(ToString::to_string).collect();
+        if self.missing > 0 {
+            why.push(format!("inputs of {} ticks are missing", self.missing));
+        }
+        if let Some((tick, count)) = self.other_parameters {
+            why.push(format!(
+                "a PARAMETER_CHANGE up to tick {tick} is missing: {count} ticks have parameters that RUN_INFO and the changes in the log do not give"
+            ));
+        }
+        for MissingOutputs { channel, count, first_tick } in &self.missing_outputs {
+            why.push(format!("{count} messages of {channel} are missing, first at tick {first_tick}"));
+        }
+        why.extend(self.account.text());
+        if self.error.is_none() && self.computable == 0 {
+            why.push(format!("none of the {} ticks can be computed: no tick 0 and no CONTROLLER_SNAPSHOT", self.ticks));
+        } else if self.error.is_none() && self.outputs == 0 {
+            why.push("no outputs to compare with".to_owned());
+        }
+        why
+    }
+
+    fn read(&mut self, log: &Path) -> Result<(), Error> {
+        let replay = Replay::open(log)?;
+        self.controller = Some(replay.info.controller.clone());
+        let builder = replay.builder(&super::Options::default())?;
+        builder.build(&[])?;
+        let (mut changes, mut digest) = (Vec::new(), builder.digest(&[])?);
+        let mut ticks = Ticks::open(log, &replay.messages, Beside::Nothing)?;
+        let (mut continuity, mut outputs) = (Continuity::default(), OutputCounts::default());
+        while let Some(tick) = ticks.next()? {
+            if !tick.changes.is_empty() {
+                changes.extend(tick.changes.iter().cloned());
+                builder.build(&changes)?;
+                digest = builder.digest(&changes)?;
+            }
+            if tick.input.is_some() {
+                self.ticks += 1;
+                self.first_tick.get_or_insert(tick.tick);
+            }
+            if continuity.can_compute(&tick, tick.has_parameters(digest)) {
+                self.computable += 1;
+                self.outputs += u64::from(!tick.recorded.is_empty());
+                for channel in [ROBOT_COMMAND, CONTROLLER_TICK] {
+                    let is_recorded = tick.recorded.iter().any(|(recorded, _)| **recorded == *channel);
+                    outputs.count(channel, tick.tick, is_recorded);
+                }
+            } else if tick.snapshot().is_some() {
+                continuity.restored(tick.tick);
+            }
+            self.snapshots += u64::from(tick.snapshot().is_some());
+        }
+        (self.missing, self.other_parameters) = (continuity.missing, continuity.other_parameters);
+        self.missing_outputs = outputs.missing();
+        self.account = ticks.account()?;
+        if self.ticks == 0 {
+            return Err(Error::NoInput { path: log.into() });
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,117 @@
+//! Which messages of a log belong to the run that is replayed, and what they are for.
+
+use crate::log::Event;
+use lcm_idl::ast::{Field, FieldType, Primitive};
+use lcmtypes::RunInfo;
+use lcmtypes::channels::{self, Channel, Class};
+
+/// What a replay does with the messages of a channel and type.
+#[derive(Clone, Copy)]
+pub(super) enum Role {
+    /// RUN_INFO.
+    RunInfo,
+    /// CONTROLLER_INPUT: fed to the controller.
+    Input,
+    /// PARAMETER_CHANGE.
+    Change,
+    /// An output of the controller: compared.
+    Output,
+    /// Contains a tick but is not an output: TIMING, EVENT.
+    Beside,
+    /// On a channel outside the table, with a tick: an output if the controller has one on this channel, else a message of another program.
+    Candidate,
+    /// On a channel of the run, but of another type than this build's: expected fingerprint.
+    OtherType(&'static Channel, u64),
+    /// Not used.
+    Other,
+}
+
+/// The channels and types of one run.
+#[derive(Debug, Clone, Default)]
+pub(crate) struct RunMessages {
+    /// `None`: any run.
+    run_id: Option<i64>,
+    /// Controllers of a sequence: their names are prefixes of channels.
+    members: Vec<String>,
+    /// Type of the controller's snapshots; `None`: any type of this build.
+    snapshot: Option<u64>,
+}
+
+impl RunMessages {
+    /// - `snapshot`: a snapshot of the run's controller, from which its type is taken.
+    pub fn of(info: &RunInfo, snapshot: Option<&[u8]>) -> Self {
+        let list = info.controller.split_once('(').and_then(|(_, rest)| rest.split_once(')')).map(|(list, _)| list);
+        let members = list.into_iter().flat_map(|list| list.split(',')).map(|name| name.trim().to_owned()).collect();
+        RunMessages { run_id: Some(info.run_id), members, snapshot: snapshot.and_then(crate::log::fingerprint) }
+    }
+
+    /// Whether this is the run.
+    pub fn is_of_run(&self, run_id: i64) -> bool {
+        self.run_id.is_none_or(|ours| ours == run_id)
+    }
+
+    /// Whether a message says that it belongs to another run.
+    pub(super) fn is_foreign(&self, event: &Event) -> bool {
+        crate::log::run_id(&event.channel, &event.data).is_some_and(|run_id| !self.is_of_run(run_id))
+    }
+
+    /// Row of the table for a channel of the run, with or without the name of a member in front.
+    fn known(&self, channel: &str) -> Option<&'static Channel> {
+        channels::find(channel).or_else(|| {
+            let (member, name) = channel.split_once('/')?;
+            let known = channels::find(name).filter(|known| is_output(known))?;
+            self.members.iter().any(|known| known == member).then_some(known)
+        })
+    }
+
+    /// Tick of a message that belongs to one; `None` for any other.
+    pub fn tick_of(&self, channel: &str, message: &[u8]) -> Option<i64> {
+        let has_tick = match self.role(channel, crate::log::fingerprint(message)) {
+            Role::Input | Role::Change | Role::Output | Role::Beside | Role::Candidate => true,
+            // An output of another type version has its tick at the same place.
+            Role::OtherType(known, _) => known.name != channels::RUN_INFO,
+            Role::RunInfo | Role::Other => false,
+        };
+        // Of an EVENT, -1 is no tick.
+        crate::log::sequence_number(message).filter(|tick| has_tick && *tick >= 0)
+    }
+
+    /// The role of a message.
+    pub(super) fn role(&self, channel: &str, fingerprint: Option<u64>) -> Role {
+        let Some(known) = self.known(channel) else {
+            return if fingerprint.is_some_and(has_tick) { Role::Candidate } else { Role::Other };
+        };
+        let role = match (known.name, known.class) {
+            (channels::RUN_INFO, _) => Role::RunInfo,
+            (channels::PARAMETER_CHANGE, _) => Role::Change,
+            (_, Class::ReplayInput) => Role::Input,
+            (channels::TIMING | channels::EVENT, _) => Role::Beside,
+            _ if is_output(known) => Role::Output,
+            _ => return Role::Other,
+        };
+        let is_snapshot = known.name == channels::CONTROLLER_SNAPSHOT;
+        let same = match self.snapshot.filter(|_| is_snapshot) {
+            None if is_snapshot => fingerprint.is_some_and(has_tick),
+            expected => fingerprint == Some(expected.unwrap_or(known.fingerprint)),
+        };
+        match role {
+            _ if same => role,
+            Role::Beside => Role::Other,
+            _ => Role::OtherType(known, self.snapshot.filter(|_| is_snapshot).unwrap_or(known.fingerprint)),
+        }
+    }
+}
+
+/// Whether a tick computes the messages of a channel.
+fn is_output(known: &Channel) -> bool {
+    known.stage.is_some() && matches!(known.class, Class::Output | Class::Debug)
+}
+
+/// Whether a type starts with `int64_t t_ns; int64_t tick;`.
+fn has_tick(fingerprint: u64) -> bool {
+    let Some(ty) = lcmtypes::types().by_fingerprint(fingerprint) else { return false };
+    let is = |field: &Field, name: &str| {
+        *field.name == *name && field.dims.is_empty() && matches!(field.ty, FieldType::Primitive(Primitive::Int64))
+    };
+    matches!(&ty.def().fields[..], [time, tick, ..] if is(time, "t_ns") && is(tick, "tick"))
+}

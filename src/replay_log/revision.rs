@@ -1,0 +1,36 @@
+//! `hoof replay LOG --revision`: the replay of the revision that wrote the log.
+
+use crate::{Outcome, say, say_json};
+use replay::Error;
+use replay::bisect::{recorded_revision, replay_with_revision};
+use replay::printable_lines;
+use std::path::Path;
+
+/// - `revision`: empty is the revision that wrote the log.
+pub fn run(log: &Path, revision: &str, repository: &Path, work: &Path, json: bool) -> anyhow::Result<Outcome> {
+    let found = replay_with_revision(log, repository, Some(revision).filter(|name| !name.is_empty()), work)?;
+    if json {
+        say_json(&found)?;
+    } else {
+        let build = if found.built { "built" } else { "build from the cache" };
+        say(format!("revision {} ({build}):\n{}", found.revision, printable_lines(&found.said)))?;
+    }
+    Ok(Outcome::failed_if(!found.identical))
+}
+
+/// Adds the revision that wrote the log to an error that another revision may not have.
+pub fn name(log: &Path, error: anyhow::Error) -> anyhow::Error {
+    if !matches!(
+        error.downcast_ref(),
+        Some(Error::Load { .. } | Error::OtherTypeVersion { .. } | Error::Restore { .. })
+    ) {
+        return error;
+    }
+    match recorded_revision(log) {
+        Ok(Some(revision)) => error.context(format!(
+            "revision {revision} wrote this log; `hoof replay {} --revision` replays it with that revision",
+            log.display()
+        )),
+        _ => error,
+    }
+}
