@@ -123,7 +123,7 @@ fn changes() -> Vec<RunSpec> {
     let mut specs = Vec::new();
     for (period_s, v_x) in [(0.5, 0.1), (1.0, 0.1), (1.0, 0.3), (1.7, 0.3), (100.0, 0.6)] {
         let mut operator = format!("[{{ t_s = 0.0, mode = \"stand\" }}, {WALK}, {{ t_s = 1.5, v_x = {v_x:?} }}");
-        let (mut t_s, mut gait) = (f64::min(period_s, 5.0), "crawl");
+        let (mut t_s, mut gait) = (f64::clamp(period_s, 2.0, 5.0), "crawl");
         while t_s < 60.0 {
             operator += &format!(", {{ t_s = {t_s:?}, gait = \"{gait}\" }}");
             t_s += period_s;
