@@ -134,7 +134,7 @@ impl Hold {
     }
 }
 
-/// The controller stands whatever the operator requests: a request for another mode is rejected.
+/// The fault for a request that the controller does not follow: it only stands.
 fn rejection(op: &OperatorCommand) -> Option<Fault> {
     let is_followed = op.seq < 0 || op.mode == OperatorCommand::MODE_STAND;
     let refused = Fault { code: ControllerTick::FAULT_OPERATOR_REFUSED, index: op.mode.into(), value: 0.0 };

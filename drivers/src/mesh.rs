@@ -1,6 +1,6 @@
 //! Bounding boxes of mesh files that a URDF names: STL, OBJ, and COLLADA files with one geometry.
 
-use controller::model::Bounds;
+use controller::model::{Bounds, bounds_of};
 use nalgebra::{Matrix4, Point3, Vector3};
 use std::path::{Path, PathBuf};
 
@@ -29,21 +29,14 @@ pub fn bounds(name: &str, urdf: &Path) -> Option<Bounds> {
 }
 
 fn find(name: &str, urdf: &Path) -> Option<PathBuf> {
+    // The parent of a plain file name is an empty path, which has no ancestors.
+    let urdf = std::path::absolute(urdf).ok()?;
     let folder = urdf.parent()?;
     if let Some(rest) = name.strip_prefix("package://") {
         let inside = rest.split_once('/').map(|(_, inside)| inside)?;
-        let folder = std::path::absolute(folder).ok()?;
         return folder.ancestors().flat_map(|above| [above.join(rest), above.join(inside)]).find(|path| path.is_file());
     }
     Some(folder.join(name.strip_prefix("file://").unwrap_or(name)))
-}
-
-/// The box around points; `None` for none.
-fn around(points: impl Iterator<Item = Vector3<f64>>) -> Option<Bounds> {
-    points.fold(None, |bounds, p| match bounds {
-        None => Some([p, p]),
-        Some([low, high]) => Some([low.inf(&p), high.sup(&p)]),
-    })
 }
 
 fn stl(bytes: &[u8]) -> Option<Bounds> {
@@ -53,7 +46,7 @@ fn stl(bytes: &[u8]) -> Option<Bounds> {
     }
     let number = |at: &[u8]| at.try_into().map_or(f64::NAN, |four| f64::from(f32::from_le_bytes(four)));
     // A triangle: its normal, three corners, two bytes.
-    around(bytes[84..].chunks_exact(50).flat_map(|triangle| {
+    bounds_of(bytes[84..].chunks_exact(50).flat_map(|triangle| {
         triangle[12..48]
             .chunks_exact(12)
             .map(move |p| Vector3::new(number(&p[..4]), number(&p[4..8]), number(&p[8..12])))
@@ -62,7 +55,7 @@ fn stl(bytes: &[u8]) -> Option<Bounds> {
 
 /// The box around the points of lines `KEY x y z`.
 fn text_points(text: &str, key: &str) -> Option<Bounds> {
-    around(text.lines().filter_map(|line| {
+    bounds_of(text.lines().filter_map(|line| {
         let mut words = line.split_whitespace();
         if words.next() != Some(key) {
             return None;
@@ -83,7 +76,7 @@ fn collada(text: &str) -> Option<Bounds> {
     let numbers = |text: &str| text.split_whitespace().map_while(|word| word.parse::<f64>().ok()).collect::<Vec<_>>();
     let inside =
         |text: &str| numbers(text.split_once('>').map_or("", |(_, rest)| rest.split('<').next().unwrap_or("")));
-    // The array of positions: the one whose name says so.
+    // The array of positions has `position` in its id.
     let arrays = text.split("<float_array").skip(1);
     let positions =
         arrays.filter(|array| array.split('>').next().is_some_and(|tag| tag.to_lowercase().contains("position")));
@@ -95,8 +88,9 @@ fn collada(text: &str) -> Option<Bounds> {
     };
     let unit =
         text.split("meter=\"").nth(1).and_then(|rest| rest.split('"').next()?.parse::<f64>().ok()).unwrap_or(1.0);
-    let upright = |p: Vector3<f64>| if text.contains("Y_UP") { Vector3::new(p.x, -p.z, p.y) } else { p };
-    around(values.chunks_exact(3).map(|p| {
+    let is_y_up = text.contains("Y_UP");
+    let upright = |p: Vector3<f64>| if is_y_up { Vector3::new(p.x, -p.z, p.y) } else { p };
+    bounds_of(values.chunks_exact(3).map(|p| {
         let p = matrix.transform_point(&Point3::new(p[0], p[1], p[2])).coords;
         upright(p) * unit
     }))
@@ -136,10 +130,20 @@ mod tests {
         file("d.dae", dae.as_bytes());
         let moved = expected.map(|corners| corners.map(|corner| corner + Vector3::z()));
         assert_eq!(bounds("package://pkg/meshes/d.dae", &urdf), moved);
+        file("y_up.dae", dae.replace("Z_UP", "Y_UP").as_bytes());
+        let turned = Some([Vector3::new(-1.0, -8.0, -4.0), Vector3::new(3.0, -1.0, 2.0)]);
+        assert_eq!(bounds("package://pkg/meshes/y_up.dae", &urdf), turned);
         file("e.dae", dae.replace("<instance_geometry/>", "<instance_geometry/><instance_geometry/>").as_bytes());
         for name in ["e.dae", "missing.stl", "f.ply"] {
             assert_eq!(bounds(&format!("package://pkg/meshes/{name}"), &urdf), None, "{name}");
         }
         std::fs::remove_dir_all(urdf.ancestors().nth(2).unwrap().parent().unwrap()).unwrap();
+    }
+
+    /// A URDF given by its name alone is in the working directory, here that of the crate.
+    #[test]
+    fn a_package_is_found_above_a_urdf_without_folder() {
+        let found = find("package://any/Cargo.toml", Path::new("robot.urdf")).unwrap();
+        assert_eq!(found, Path::new(env!("CARGO_MANIFEST_DIR")).join("Cargo.toml"));
     }
 }

@@ -8,7 +8,7 @@
 
 use crate::DriverError;
 use crate::terrain::{HEIGHT_QUANTUM, HeightField, Terrain};
-use controller::model::{Joint, JointKind, LinkGroups, Pose, Shape, ShapeKind, UrdfTree};
+use controller::model::{Joint, JointKind, LinkGroups, Pose, Shape, ShapeKind, UrdfTree, xml_escaped};
 use controller::params::RobotConfig;
 use controller::quadruped::leg::Leg;
 use nalgebra::{Matrix3, Vector3};
@@ -54,8 +54,8 @@ pub(crate) fn write(
         link_index(tree, key, link)?;
     }
     let bodies = Bodies::new(tree);
-    let feet_behind = feet_behind(tree, &robot.feet);
-    let mut writer = Writer { tree, robot, bodies: &bodies, friction, own_floor, feet_behind, text: String::new() };
+    let feet_of_subtree = feet_of_subtree(tree, &robot.feet);
+    let mut writer = Writer { tree, robot, bodies: &bodies, friction, own_floor, feet_of_subtree, text: String::new() };
     writer.head(terrain);
     writer.bodies();
     writer.tail();
@@ -82,8 +82,8 @@ pub(crate) fn with_elevation(text: &str, terrain: &Terrain) -> String {
     text.replacen(END_OF_FIELD, &format!(" elevation=\"\n{}\"{END_OF_FIELD}", rows.join("\n")), 1)
 }
 
-/// For each link, whether it is a foot or one of its ancestors; feet LF RF LH RH.
-pub(crate) fn feet_behind(tree: &UrdfTree, feet: &[String; 4]) -> Vec<[bool; 4]> {
+/// For each link, whether it or a descendant is a foot; feet LF RF LH RH.
+pub(crate) fn feet_of_subtree(tree: &UrdfTree, feet: &[String; 4]) -> Vec<[bool; 4]> {
     let mut carries: Vec<[bool; 4]> =
         tree.links.iter().map(|link| std::array::from_fn(|foot| link.name == feet[foot])).collect();
     // Parents come before their children.
@@ -182,8 +182,8 @@ fn steiner(mass: f64, p: &Vector3<f64>) -> Matrix3<f64> {
     mass * (Matrix3::identity() * p.dot(p) - p * p.transpose())
 }
 
-/// The inertia itself, or a sphere with the same mean moment if no mass distribution has it, which MuJoCo refuses. The model warns of such
-/// an inertia.
+/// The inertia itself; if no mass distribution has it, that of a sphere with the same mean moment. MuJoCo rejects such an inertia, and
+/// [`controller::model::ModelWarning`] reports it.
 fn balanced(I: Matrix3<f64>) -> Matrix3<f64> {
     let mut moments: [f64; 3] = I.symmetric_eigenvalues().into();
     moments.sort_by(f64::total_cmp);
@@ -200,8 +200,8 @@ struct Writer<'a> {
     bodies: &'a Bodies,
     friction: f64,
     own_floor: [bool; 4],
-    /// See [`feet_behind`].
-    feet_behind: Vec<[bool; 4]>,
+    /// See [`feet_of_subtree`].
+    feet_of_subtree: Vec<[bool; 4]>,
     text: String,
 }
 
@@ -214,7 +214,7 @@ impl Writer<'_> {
     /// larger friction of two geoms, so both have the same.
     fn head(&mut self, terrain: &Terrain) {
         let Self { robot, friction, .. } = *self;
-        self.line(0, format_args!("<mujoco model=\"{}\">", escape(&robot.name)));
+        self.line(0, format_args!("<mujoco model=\"{}\">", xml_escaped(&robot.name)));
         self.line(2, format_args!("<compiler angle=\"radian\" autolimits=\"false\"/>"));
         self.line(
             2,
@@ -304,7 +304,10 @@ impl Writer<'_> {
         let first_link = &self.tree.links[groups.first_links[index]];
         let joint = first_link.parent_joint.map(|joint| &self.tree.joints[joint]);
         let X_PB = joint.map_or(Pose::identity(), |joint| groups.X_BL[joint.parent].then(&joint.X_PC));
-        self.line(indent, format_args!("<body name=\"{}\" {}>", escape(&body_name(&first_link.name)), place(&X_PB)));
+        self.line(
+            indent,
+            format_args!("<body name=\"{}\" {}>", xml_escaped(&body_name(&first_link.name)), place(&X_PB)),
+        );
         match joint {
             None => self.line(indent + 2, format_args!("<freejoint/>")),
             Some(joint) => self.line(indent + 2, format_args!("{}", joint_element(joint))),
@@ -350,7 +353,7 @@ impl Writer<'_> {
         }
         if self.robot.feet.contains(&link.name) {
             let radius = self.robot.foot_radius;
-            let name = escape(&body_name(&link.name));
+            let name = xml_escaped(&body_name(&link.name));
             self.line(
                 indent,
                 format_args!(
@@ -378,7 +381,7 @@ impl Writer<'_> {
 
     /// The foot of a link's leg, if it has a floor of its own; the link collides with this floor instead of the ground.
     fn floor_of(&self, link: usize) -> Option<usize> {
-        let of_leg = |&foot: &usize| self.own_floor[foot] && self.feet_behind[link][foot];
+        let of_leg = |&foot: &usize| self.own_floor[foot] && self.feet_of_subtree[link][foot];
         (0..4).filter(|_| self.bodies.groups.body_of_link[link] != 0).find(of_leg)
     }
 
@@ -392,7 +395,7 @@ impl Writer<'_> {
             } else {
                 String::new()
             };
-            let name = escape(&joint.name);
+            let name = xml_escaped(&joint.name);
             self.line(4, format_args!("<motor name=\"{name}\" joint=\"{name}\"{limit}/>"));
         }
         self.line(2, format_args!("</actuator>"));
@@ -416,7 +419,7 @@ fn joint_element(joint: &Joint) -> String {
     };
     format!(
         "<joint name=\"{}\" type=\"{kind}\" axis=\"{x} {y} {z}\"{range} damping=\"{}\" frictionloss=\"{}\"/>",
-        escape(&joint.name),
+        xml_escaped(&joint.name),
         joint.damping,
         joint.friction
     )
@@ -443,8 +446,4 @@ fn geom(X_BL: &Pose, shape: &Shape) -> Option<String> {
         ShapeKind::Mesh { .. } => return None,
     };
     Some(format!("{form} {}", place(&X_BL.then(&shape.X_LS))))
-}
-
-fn escape(name: &str) -> String {
-    name.replace('&', "&amp;").replace('"', "&quot;").replace('<', "&lt;")
 }

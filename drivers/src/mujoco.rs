@@ -74,7 +74,8 @@ impl MujocoSim {
     /// Places a robot on the ground, as specified by [`SimParams::start`].
     ///
     /// # Errors
-    /// Unknown links or joints, a model that MuJoCo rejects, or a mass that differs from the URDF by more than 1e-6 of it.
+    /// Unknown links or joints, a joint that cannot move the robot ([`check_runnable`]), a model that MuJoCo rejects, or a mass that differs from the
+    /// URDF by more than 1e-6 of it.
     pub fn new(tree: &UrdfTree, robot: &RobotConfig, terrain: Terrain, params: SimParams) -> Result<Self, DriverError> {
         disable_log_file();
         let model = Model::new(tree, Base::Floating)?;
@@ -98,7 +99,7 @@ impl MujocoSim {
         let id = |kind: MjtObjBase, name: &str| {
             model.name_to_id(kind, name).ok_or_else(|| refused(format!("{name:?} is missing")))
         };
-        let feet_behind = mjcf::feet_behind(tree, &robot.feet);
+        let feet_of_subtree = mjcf::feet_of_subtree(tree, &robot.feet);
         let mut joint_names = Vec::new();
         let mut joints = Vec::new();
         for joint in tree.joints.iter().filter(|joint| joint.kind != JointKind::Fixed) {
@@ -108,7 +109,7 @@ impl MujocoSim {
             joints.push(JointIndex {
                 qpos: address(model.jnt_qposadr())?,
                 qvel: address(model.jnt_dofadr())?,
-                foot: feet_behind[joint.child].iter().position(|carries| *carries),
+                foot: feet_of_subtree[joint.child].iter().position(|carries| *carries),
                 lower: joint.limits.lower,
                 upper: joint.limits.upper,
             });

@@ -375,7 +375,8 @@ fn edited(urdf: &[(&str, &str)], link: Option<(&str, &str)>) -> Result<MujocoSim
         text = text.replace(&format!("\"{from}\""), &format!("\"{to}\""));
         robot.feet.iter_mut().filter(|foot| *foot == from).for_each(|foot| *foot = to.to_owned());
     }
-    let edited = UrdfTree::parse(&text, "edited.urdf").unwrap();
+    // With the same source name the trees differ only if an edit took effect.
+    let edited = UrdfTree::parse(&text, &tree.source).unwrap();
     assert_ne!(edited, tree);
     let flat = Terrain::new(&TerrainParams::of_kind(TerrainKind::Flat), 0);
     MujocoSim::new(&edited, &robot, flat, SimParams::default())

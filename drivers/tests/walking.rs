@@ -222,7 +222,7 @@ fn speed_and_pose_beyond_the_limits_are_followed_in_part_and_reported() {
                 (12.5, "roll = 0.0\npitch = 0.0\nheight_offset = 0.0"),
             ],
         );
-        // A scenario may not ask for so much, other senders may.
+        // Values that a scenario file cannot contain, but that another sender can send.
         let excessive = |t_s: f64, op: &mut OperatorCommand| {
             if (12.0..12.5).contains(&t_s) {
                 op.roll = 3.0;

@@ -13,8 +13,8 @@ use std::path::{Path, PathBuf};
     hoof sim --robot robots/my_dog/my_dog.toml --scenario scenarios/flat_trot.toml --log run.mcap\n\n\
     Finds legs, feet and IMU in the tree of links, orders the legs by position, and solves for a standing posture within the joint\n\
     limits and for a lying one. Forces, steps, swing frequency and gains are HyQ's, scaled by mass, height of the hips and inertia.\n\
-    Where controller or simulator cannot use the URDF as it is (meshes, joints outside of the legs, a root that is not the trunk, efforts\n\
-    that are no limits), it writes a changed copy. Prints each guess with its reason, and what to check.")]
+    Where controller or simulator cannot use the URDF as it is (meshes, joints outside of the legs, a root that is not the trunk, effort\n\
+    limits above those of a motor), it writes a changed copy. Prints each guess with its reason, and what to check.")]
 pub struct Args {
     /// URDF of a robot with four legs of three joints each
     urdf: PathBuf,
@@ -53,7 +53,7 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
         && shipped::find(&Path::new("robots").join(&*name)).is_some_and(|other| !same(&other, path.parent()))
     {
         look_at.push(format!(
-            "robot.name: {name}, as in the URDF, is the name of another robot in robots/; --name gives it another one"
+            "robot.name: {name}, as in the URDF, is the name of another robot in robots/; set another one with --name"
         ));
     }
     if args.json {
@@ -71,7 +71,7 @@ fn position(text: &str) -> Result<(String, f64), String> {
     let (joint, q) = text.split_once('=').ok_or("expected JOINT=POSITION")?;
     match q.trim().parse::<f64>() {
         Ok(q) if q.abs() <= 1e3 => Ok((joint.trim().to_owned(), q)),
-        _ => Err(format!("found {q}, expected a position of at most 1000 rad or m")),
+        _ => Err(format!("found {q}, expected a position of -1000 to 1000 rad or m")),
     }
 }
 

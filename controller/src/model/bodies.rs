@@ -191,7 +191,10 @@ impl Model {
                     joint: tree.joints[joint].name.clone(),
                 });
             }
-            warnings.extend(implausible(&link.name, body));
+            let impossible = impossible_moments(&body.I_C);
+            warnings.extend(
+                impossible.map(|moments| ModelWarning::ImplausibleInertia { link: link.name.clone(), moments }),
+            );
         }
         for joint in &joints {
             for (quantity, value) in [("effort", joint.effort), ("velocity", joint.velocity)] {
@@ -283,13 +286,13 @@ fn z_onto(axis: &Vector3<f64>) -> Matrix3<f64> {
     Matrix3::from_columns(&[x, axis.cross(&x), *axis])
 }
 
-/// A warning if no mass distribution has this inertia: each principal moment must be at most the sum of the other two.
-fn implausible(link: &str, body: &Body) -> Option<ModelWarning> {
-    let mut moments: [f64; 3] = body.I_C.symmetric_eigenvalues().into();
+/// The principal moments of an inertia that no mass distribution has, ascending; `None` for a possible inertia, in which each moment is at most the
+/// sum of the other two.
+pub(crate) fn impossible_moments(I: &Matrix3<f64>) -> Option<[f64; 3]> {
+    let mut moments: [f64; 3] = I.symmetric_eigenvalues().into();
     moments.sort_by(f64::total_cmp);
     // A thin rod has one moment of zero: the slack covers rounding.
     let slack = 1e-9 * moments[2].abs();
-    let fits = moments[0] >= -slack && moments[2] <= moments[0] + moments[1] + slack;
-    let empty = body.m == 0.0 && moments == [0.0; 3];
-    (!fits && !empty).then(|| ModelWarning::ImplausibleInertia { link: link.to_owned(), moments })
+    let is_possible = moments[0] >= -slack && moments[2] <= moments[0] + moments[1] + slack;
+    (!is_possible).then_some(moments)
 }

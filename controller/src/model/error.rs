@@ -200,9 +200,9 @@ pub enum ModelWarning {
         /// Line, from 1.
         line: usize,
     },
-    /// The link above a floating joint: it stands for the world.
+    /// The parent link of a floating joint: it represents the world.
     #[error(
-        "link \"{link}\", {mass} kg, above the floating joint \"{joint}\", is the world; it is ignored, and the base below it floats"
+        "link \"{link}\" ({mass} kg), the parent of the floating joint \"{joint}\", represents the world and is ignored; the child link is the base"
     )]
     WorldIgnored {
         /// The link.

@@ -38,6 +38,7 @@ mod tree;
 mod write;
 mod xml;
 
+pub(crate) use bodies::impossible_moments;
 pub use bodies::{Base, FrameId, GRAVITY, JointId, JointInfo, Model};
 pub use centroidal::{
     centroidal_momentum, centroidal_momentum_matrix, com, com_bias_acceleration, com_jacobian, com_velocity,
@@ -51,5 +52,6 @@ pub use kinematics::{BaseState, Kinematics};
 pub use link_groups::LinkGroups;
 pub use pose::Pose;
 pub use runnable::check_runnable;
-pub use shapes::{AddedShape, Bounds, untouchable, with_shapes};
+pub use shapes::{AddedShape, Bounds, bounds_of, untouchable, with_shapes};
 pub use tree::{Inertial, Joint, JointKind, Limits, Link, Shape, ShapeKind, UrdfTree};
+pub use write::xml_escaped;

@@ -1,5 +1,5 @@
-//! Reads the elements of a URDF. What other readers accept is accepted: of elements that occur twice the first counts, materials and unknown
-//! elements are ignored, and visual shapes that cannot be read are left out with a warning.
+//! Reads the elements of a URDF. Like other readers it uses the first of repeated elements, ignores materials and unknown elements, and leaves out
+//! visual shapes that cannot be read, with a warning.
 
 use nalgebra::{Matrix3, Vector3};
 
@@ -25,7 +25,7 @@ pub(super) struct RawLink {
     pub(super) collisions: Vec<Shape>,
 }
 
-/// Type of a joint, with the one that no body of the tree has.
+/// Type of a joint in the file. [`UrdfTree`](super::tree::UrdfTree) has no floating joint.
 #[derive(Clone, Copy, PartialEq, Eq)]
 pub(super) enum RawKind {
     Tree(JointKind),
@@ -89,7 +89,7 @@ pub(super) fn read(text: &str, file: &str) -> Result<RawRobot, ModelError> {
 }
 
 fn read_link(element: Element, file: &str, warnings: &mut Vec<ModelWarning>) -> Result<RawLink, ModelError> {
-    let reader = Reader::new("link", element, file)?;
+    let reader = Reader::new("link", element, file);
     let name = reader.name(element)?;
     let inertial = match element.child("inertial") {
         None => Inertial { X_LC: Pose::identity(), mass: 0.0, I_C: Matrix3::zeros() },
@@ -130,7 +130,7 @@ fn read_link(element: Element, file: &str, warnings: &mut Vec<ModelWarning>) -> 
 }
 
 fn read_joint(element: Element, file: &str) -> Result<RawJoint, ModelError> {
-    let reader = Reader::new("joint", element, file)?;
+    let reader = Reader::new("joint", element, file);
     let name = reader.name(element)?;
     let unsupported = |found: &str| ModelError::UnsupportedJoint {
         file: file.to_owned(),
@@ -185,12 +185,12 @@ struct Reader<'a> {
 }
 
 impl Reader<'_> {
-    fn new<'a>(what: &str, element: Element, file: &'a str) -> Result<Reader<'a>, ModelError> {
+    fn new<'a>(what: &str, element: Element, file: &'a str) -> Reader<'a> {
         let element = match element.attribute("name") {
             Some(name) => format!("{what} \"{}\"", name.chars().take(MAX_NAME).collect::<String>()),
             None => format!("a {what} without a name"),
         };
-        Ok(Reader { file, element })
+        Reader { file, element }
     }
 
     fn bad(&self, at: Element, reason: String) -> ModelError {
@@ -205,7 +205,7 @@ impl Reader<'_> {
         element.attribute(key).ok_or_else(|| self.bad(element, format!("<{}> has no attribute {key}", element.name())))
     }
 
-    /// The name of an element: it goes into messages, files of other formats and TOML keys.
+    /// The name of an element. It is limited because messages, files of other formats and TOML keys contain it.
     fn name(&self, element: Element) -> Result<String, ModelError> {
         let name = self.text(element, "name")?;
         if name.len() > MAX_NAME || name.chars().any(char::is_control) {

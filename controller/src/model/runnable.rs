@@ -11,7 +11,7 @@ const LEAST_SHARE: f64 = 1e-6;
 /// Square of the distance from a joint's axis at which that mass has the smallest inertia, m².
 const LEAST_RADIUS_2: f64 = 1e-4;
 
-/// Checks that a controller can move the robot: each joint has effort and speed, and moves a mass whose inertia resists it.
+/// Checks that a controller can move the robot: each joint has positive effort and velocity limits and moves a sufficient mass and inertia.
 ///
 /// - `q`: a posture, nj. The inertias are those of this posture.
 ///

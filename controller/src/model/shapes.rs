@@ -1,5 +1,5 @@
-//! Collision shapes for links whose own shapes cannot be used: meshes, or none at all. Sizes come from a mesh's bounding box if the caller can
-//! read it, otherwise from the tree of joints.
+//! Collision shapes for links that have only meshes or no shape. Sizes come from the bounding box of a mesh if the caller can read it, otherwise from
+//! the positions of the joints.
 
 use nalgebra::{Matrix3, Vector3};
 
@@ -26,8 +26,7 @@ pub struct AddedShape {
     pub from_mesh: bool,
 }
 
-/// Names of links that move on their own and touch nothing: neither they nor the links fixed to them have a primitive shape, and none of them
-/// is in `feet`.
+/// For each body that cannot touch anything, the name of its first link: no link of the body has a primitive shape, and none is in `feet`.
 pub fn untouchable(tree: &UrdfTree, feet: &[String]) -> Vec<String> {
     let groups = LinkGroups::new(tree, |_| Matrix3::identity());
     let touches = touches(tree, &groups, feet);
@@ -39,13 +38,9 @@ pub fn untouchable(tree: &UrdfTree, feet: &[String]) -> Vec<String> {
 fn touches(tree: &UrdfTree, groups: &LinkGroups, feet: &[String]) -> Vec<bool> {
     let mut touches = vec![false; groups.first_links.len()];
     for (link, &body) in tree.links.iter().zip(&groups.body_of_link) {
-        touches[body] |= feet.contains(&link.name) || has_primitive(link);
+        touches[body] |= feet.contains(&link.name) || largest(link).is_some();
     }
     touches
-}
-
-fn has_primitive(link: &Link) -> bool {
-    largest(link).is_some()
 }
 
 /// Largest dimension of the primitive shapes of a link, m; `None` if it has none.
@@ -64,11 +59,16 @@ fn largest(link: &Link) -> Option<f64> {
 /// Largest distance along an axis between the movable joints on the trunk, m.
 fn hips(tree: &UrdfTree, groups: &LinkGroups) -> f64 {
     let on_trunk = tree.joints.iter().filter(|j| j.kind != JointKind::Fixed && groups.body_of_link[j.parent] == 0);
-    let places: Vec<Vector3<f64>> = on_trunk.map(|joint| groups.X_BL[joint.parent].then(&joint.X_PC).p).collect();
-    let Some(first) = places.first() else { return 0.0 };
-    let low = places.iter().fold(*first, |low, p| low.inf(p));
-    let high = places.iter().fold(*first, |high, p| high.sup(p));
-    (high - low).max()
+    let places = on_trunk.map(|joint| groups.X_BL[joint.parent].then(&joint.X_PC).p);
+    bounds_of(places).map_or(0.0, |[low, high]| (high - low).max())
+}
+
+/// The bounding box of points; `None` for no point.
+pub fn bounds_of(points: impl IntoIterator<Item = Vector3<f64>>) -> Option<Bounds> {
+    points.into_iter().fold(None, |bounds, p| match bounds {
+        None => Some([p, p]),
+        Some([low, high]) => Some([low.inf(&p), high.sup(&p)]),
+    })
 }
 
 /// The tree with a shape for each body that has only meshes, and for each body of a robot whose trunk has no shape at all or only small ones,
@@ -109,8 +109,8 @@ pub fn with_shapes(
             continue;
         }
         let first = groups.first_links[body];
-        // The first link's own mesh; what a leg touches the ground with is its line from joint to joint, not the corners of a box.
-        let mesh = (body == 0).then(|| of_mesh(tree, &groups, body, bounds)).flatten();
+        // Only a trunk receives the box of its mesh: the corners of such a box around a limb would touch the ground before the foot.
+        let mesh = if body == 0 { of_trunk_mesh(tree, &groups, bounds) } else { None };
         let from_mesh = mesh.is_some();
         let shape = mesh
             .or_else(|| if body == 0 { trunk(&ends[0]) } else { limb(&ends[body], carries_foot[body], foot_radius) });
@@ -127,15 +127,10 @@ fn is_mesh(kind: &ShapeKind) -> bool {
     matches!(kind, ShapeKind::Mesh { .. })
 }
 
-/// The box around the largest mesh of a body that can be read, in the frame of the body's first link.
-fn of_mesh(
-    tree: &UrdfTree,
-    groups: &LinkGroups,
-    body: usize,
-    bounds: &dyn Fn(&str) -> Option<Bounds>,
-) -> Option<Shape> {
+/// The box around the largest mesh of the trunk that can be read, in the frame of the root link.
+fn of_trunk_mesh(tree: &UrdfTree, groups: &LinkGroups, bounds: &dyn Fn(&str) -> Option<Bounds>) -> Option<Shape> {
     let mut best: Option<(f64, Shape)> = None;
-    for (i, link) in tree.links.iter().enumerate().filter(|(i, _)| groups.body_of_link[*i] == body) {
+    for (i, link) in tree.links.iter().enumerate().filter(|(i, _)| groups.body_of_link[*i] == 0) {
         let shapes =
             if link.collisions.iter().any(|shape| is_mesh(&shape.kind)) { &link.collisions } else { &link.visuals };
         for Shape { X_LS, kind } in shapes {
@@ -155,9 +150,7 @@ fn of_mesh(
 
 /// A box around the joints on a trunk.
 fn trunk(ends: &[Vector3<f64>]) -> Option<Shape> {
-    let first = ends.first()?;
-    let low = ends.iter().fold(*first, |low, p| low.inf(p));
-    let high = ends.iter().fold(*first, |high, p| high.sup(p));
+    let [low, high] = bounds_of(ends.iter().copied())?;
     let length = (high - low).max();
     if length < LEAST_LENGTH {
         return None;

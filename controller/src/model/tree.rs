@@ -210,7 +210,7 @@ impl UrdfTree {
     }
 }
 
-/// Removes the link above a floating joint at the root, which stands for the world.
+/// Removes the parent link of a floating joint at the root: it represents the world.
 fn drop_world(robot: &mut RawRobot, file: &str) -> Result<(), ModelError> {
     let Some(at) = robot.joints.iter().position(|joint| joint.kind == RawKind::Floating) else { return Ok(()) };
     let (joint, world) = (robot.joints[at].name.clone(), robot.joints[at].parent.clone());

@@ -9,18 +9,18 @@ use super::tree::{Inertial, Joint, JointKind, Link, Shape, ShapeKind, UrdfTree};
 use crate::math::atan2;
 
 impl UrdfTree {
-    /// The tree as URDF text. Meshes and colours are left out: what is written needs no other file.
+    /// The tree as URDF text. Meshes and colours are left out, so that the text refers to no other file.
     ///
     /// - `head`: lines of a comment at the top.
     ///
-    /// [`UrdfTree::parse`] reads the same tree back, up to the rounding of angles, and with the joints in the same order.
+    /// [`UrdfTree::parse`] reads the same tree back, except for meshes, unused visual shapes and the rounding of angles. The joints keep their order.
     pub fn to_urdf(&self, head: &[String]) -> String {
         let mut text = String::from("<?xml version=\"1.0\"?>\n<!--\n");
         for line in head {
             // Two hyphens would end the comment.
             text += &format!("  {}\n", line.replace("--", "- -"));
         }
-        text += &format!("-->\n<robot name=\"{}\">\n", escaped(&self.name));
+        text += &format!("-->\n<robot name=\"{}\">\n", xml_escaped(&self.name));
         for link in &self.links {
             write_link(&mut text, link);
         }
@@ -32,8 +32,8 @@ impl UrdfTree {
 
     fn write_joint(&self, text: &mut String, joint: &Joint) {
         let Joint { name, kind, parent, child, X_PC, axis, limits, damping, friction } = joint;
-        let link = |index: usize| escaped(&self.links[index].name);
-        line(text, 2, format_args!("<joint name=\"{}\" type=\"{}\">", escaped(name), kind.name()));
+        let link = |index: usize| xml_escaped(&self.links[index].name);
+        line(text, 2, format_args!("<joint name=\"{}\" type=\"{}\">", xml_escaped(name), kind.name()));
         line(text, 4, format_args!("{}", origin(X_PC)));
         line(text, 4, format_args!("<parent link=\"{}\"/>", link(*parent)));
         line(text, 4, format_args!("<child link=\"{}\"/>", link(*child)));
@@ -55,7 +55,7 @@ impl UrdfTree {
 
 fn write_link(text: &mut String, link: &Link) {
     let Link { name, parent_joint: _, inertial, visuals, collisions } = link;
-    line(text, 2, format_args!("<link name=\"{}\">", escaped(name)));
+    line(text, 2, format_args!("<link name=\"{}\">", xml_escaped(name)));
     let Inertial { X_LC, mass, I_C: I } = inertial;
     if *mass != 0.0 || *I != Matrix3::zeros() {
         line(text, 4, format_args!("<inertial>"));
@@ -104,6 +104,7 @@ fn origin(X: &Pose) -> String {
     format!("<origin xyz=\"{} {} {}\" rpy=\"{roll} {pitch} {yaw}\"/>", X.p.x, X.p.y, X.p.z)
 }
 
-fn escaped(name: &str) -> String {
+/// Escapes the characters of a text that end or break an attribute value in double quotes.
+pub fn xml_escaped(name: &str) -> String {
     name.replace('&', "&amp;").replace('"', "&quot;").replace('<', "&lt;")
 }

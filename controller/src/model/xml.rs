@@ -12,7 +12,7 @@ pub(crate) const MAX_BYTES: usize = 16 << 20;
 pub(crate) const MAX_DEPTH: usize = 64;
 /// Largest number of elements.
 pub(crate) const MAX_ELEMENTS: usize = 200_000;
-/// Largest number of attributes of an element: the check that each occurs once costs the square of it.
+/// Largest number of attributes of an element: the time of the check that each occurs once grows with its square.
 const MAX_ATTRIBUTES: usize = 100;
 
 /// Why a text is not read.
@@ -46,7 +46,7 @@ pub(crate) struct Element<'d> {
 }
 
 impl Document {
-    /// Reads a text that holds exactly one outermost element. Text between elements, comments and processing instructions are dropped.
+    /// Reads a text with exactly one outermost element. Text between elements, comments and processing instructions are dropped.
     ///
     /// # Errors
     /// Text that is not well-formed, or exceeds a limit: [`MAX_BYTES`], [`MAX_DEPTH`], [`MAX_ELEMENTS`].

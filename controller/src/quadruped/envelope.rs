@@ -5,8 +5,8 @@
 //! - Reach: for roll, pitch and height of the trunk the feet must be within reach of the legs, with a margin to the singular posture and to the
 //!   effort limits. While the robot walks this holds at both ends of the stance.
 //!
-//! A reference moves towards the request as long as the legs reach it. It stops where they no longer do, and returns towards the nominal pose if
-//! the present one has become unreachable, because the robot starts to walk, for example.
+//! A reference moves towards the request and stops at the limit of the legs. If the present pose becomes unreachable, for example because the robot
+//! starts to walk, the reference returns towards the nominal pose.
 
 use super::estimation::Estimate;
 use super::leg::{Leg, PerLeg};
@@ -25,11 +25,11 @@ const VOLUME_STANDING: f64 = 0.02;
 const VOLUME_WALKING: f64 = 0.48;
 /// Volume of a stance leg below which a walking base stops.
 const VOLUME_STOP: f64 = 0.1;
-/// Largest ratio of a joint torque to its effort limit. Where the nominal posture needs more, [`TORQUE_GROWTH`] times that.
+/// Largest ratio of a joint torque to its effort limit, unless [`TORQUE_GROWTH`] allows more.
 const TORQUE: f64 = 0.95;
-/// Largest ratio of a joint torque to that of the nominal posture, where the latter is near the limit.
+/// Largest ratio of a joint torque to the largest one of the nominal posture, if that is near the effort limit.
 const TORQUE_GROWTH: f64 = 1.15;
-/// Shortest half step for which the pose of a walking robot leaves room, as a fraction of `foothold.max_step_length`.
+/// Shortest half step that the pose of a walking robot must allow, as a fraction of `foothold.max_step_length`.
 const RESERVE: f64 = 0.15;
 /// Largest displacement of a foot by the sway of the base, as a fraction of `GaitTiming::sway` times its distance from the base.
 const SWAY: f64 = 0.5;
@@ -114,8 +114,8 @@ pub fn virtual_feet(robot: &Robot) -> PerLeg<[f64; 2]> {
     PerLeg(Leg::ALL.map(|leg| [robot.legs[leg].p_nominal_H.x, robot.legs[leg].p_nominal_H.y]))
 }
 
-/// Positions of the feet relative to the base origin, xy in H, m: while the robot stands, where they are, with the base above their centre; while it
-/// walks, the virtual footholds.
+/// Positions of the feet relative to the base origin, xy in H, m. While the robot walks they are the virtual footholds. While it stands they are
+/// measured, and shifted equally so that their centre is that of the virtual footholds.
 pub fn feet(robot: &Robot, estimate: &Estimate, walks: bool) -> PerLeg<[f64; 2]> {
     let nominal = virtual_feet(robot);
     if walks {
@@ -185,7 +185,7 @@ pub fn is_reachable(
 
 /// The next references: `candidate` if the legs reach it, else `now`, else `back`.
 ///
-/// A change that is too small to matter is checked only every 32 ticks.
+/// A change below 1e-6 is checked only every 32 ticks, to save time.
 pub fn advance(
     now: Followed,
     candidate: Followed,

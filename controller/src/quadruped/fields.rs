@@ -222,7 +222,7 @@ macro_rules! enum_field {
 /// - `dump`, `dump_leg`, `dump_joints`: the same for a dump.
 ///
 /// A field of the message that is not in the list does not compile, and neither does a field of the list that is not in the message. `digest` and `dump` name
-/// the parts that contain the field; a field of none says so, `digest [], dump []`.
+/// the parts that contain the field; the list may be empty: `digest [], dump []`.
 macro_rules! state_fields {
     (@accepts) => { $crate::quadruped::fields::finite };
     (@accepts $accepts:ident) => { $crate::quadruped::fields::$accepts };

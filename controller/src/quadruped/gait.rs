@@ -123,8 +123,8 @@ pub fn update(
     transitions
 }
 
-/// Lift-off phase of the leg that has stood longest; of several, the one whose phase is first. A gait begins with it, so that no leg is left out when
-/// gaits alternate.
+/// Lift-off phase of the leg that has stood longest; of several, the one whose phase is first. A gait begins with it, so that every leg steps even if the
+/// gait changes often.
 fn phase_of_longest_stance(state: &State, params: &Params) -> f64 {
     let phases = PerLeg(gait_params(state.gait, params).lift_off_phase);
     let (mut longest, mut first) = (0.0, 1.0);

@@ -24,8 +24,8 @@ const LIMITED: f64 = 1e-6;
 ///
 /// Without a mode request the numbers count as zero. An unknown gait counts as the present gait: it comes from a newer operator program. A number
 /// out of its range is rejected, and the fault in `state` names the first one: swing frequency, duty factor and step height then keep their present
-/// values together, and so do roll, pitch and height. Numbers in their ranges are followed as far as steps and legs allow; if that is less than
-/// requested, the fault is FAULT_OPERATOR_LIMITED.
+/// values together, and so do roll, pitch and height. Numbers in their ranges are followed within the limits of steps and legs; if a reference is
+/// limited, the fault is FAULT_OPERATOR_LIMITED.
 pub fn update_references(
     robot: &Robot,
     params: &Params,
@@ -87,8 +87,8 @@ fn gait_request(
     GaitRequest { walk, gait, cadence: Cadence { swing_frequency: op.swing_frequency, duty: op.duty }, step_height }
 }
 
-/// The request as far as the robot can follow it now: it begins to walk, or changes gait or timing, once its references are within the limits of the
-/// requested gait. Until then they approach these limits.
+/// The part of the request that the robot can follow now. It starts to walk, or changes gait or timing, when its references are within the limits of
+/// the requested gait; until then the references move towards these limits.
 fn admitted(robot: &Robot, params: &Params, state: &State, requested: &GaitRequest, next: &Timing) -> GaitRequest {
     let changes = requested.gait != state.gait || requested.cadence != state.cadence();
     if !requested.walk || (state.gait_running && !changes) {
@@ -123,7 +123,7 @@ fn allowed_velocity(robot: &Robot, params: &Params, timings: &[Timing], asked: [
     (allowed, limited(VELOCITY, asked, allowed))
 }
 
-/// Moves the velocity references towards `allowed`, as far as the legs reach. Returns the fault if they do not reach.
+/// Moves the velocity references towards `allowed`, within the reach of the legs. Returns the fault if the legs do not reach `allowed`.
 fn follow_velocity(
     params: &Params,
     state: &mut State,
@@ -144,8 +144,8 @@ fn follow_velocity(
     if next == candidate { None } else { limited(VELOCITY, allowed, [next.v_H[0], next.v_H[1], next.yaw_rate]) }
 }
 
-/// Moves roll, pitch and height on the straight line to `pose`, as far as the legs reach; without a pose they stay. Returns the fault if the legs do
-/// not reach.
+/// Moves roll, pitch and height on the straight line to `pose`, within the reach of the legs; without a pose they stay. Returns the fault if the legs
+/// do not reach the pose.
 fn follow_pose(
     params: &Params,
     state: &mut State,
@@ -174,8 +174,9 @@ fn follow_pose(
     if next == candidate { None } else { limited(POSE, pose, [next.rp[0], next.rp[1], next.height_offset]) }
 }
 
-/// Index of roll, and of the forward velocity, in faults of the operator command.
+/// Index of roll in faults of the operator command; pitch and height follow.
 const POSE: usize = 3;
+/// Index of the forward velocity in faults of the operator command; leftward velocity and yaw rate follow.
 const VELOCITY: usize = 6;
 
 /// FAULT_OPERATOR_LIMITED for the first number that is not followed; its value is what is followed.

@@ -7,7 +7,7 @@ use crate::model::{ShapeKind, UrdfTree, untouchable};
 use crate::params::{Params, RobotConfig};
 use std::fmt;
 
-/// Largest plausible radius of a foot, as a fraction of the height of the base above the ground.
+/// Largest plausible radius of a foot, as a fraction of the height of the base above the centres of the feet.
 const LARGEST_FOOT: f64 = 0.25;
 /// Largest difference of the radius in the parameters from that in the URDF, as a fraction.
 const RADIUS_TOLERANCE: f64 = 0.2;
@@ -18,12 +18,21 @@ const LARGEST_OFFSET: f64 = 1e-3;
 #[derive(Clone, Debug, PartialEq)]
 #[non_exhaustive]
 pub enum Implausible {
-    /// `robot.foot_radius` is large for the robot, or differs from the URDF.
+    /// `robot.foot_radius` differs from the URDF.
     FootRadius {
         /// The value, m.
         found: f64,
-        /// The radius of the sphere in the URDF, or the largest plausible one, m.
-        expected: f64,
+        /// A foot whose sphere in the URDF has another radius.
+        link: String,
+        /// That radius, m.
+        urdf: f64,
+    },
+    /// `robot.foot_radius` is large for the robot.
+    LargeFootRadius {
+        /// The value, m.
+        found: f64,
+        /// Largest plausible value, m.
+        limit: f64,
     },
     /// The centre of a foot's sphere in the URDF is not at the origin of its link, where controller and simulator put it.
     FootOffset {
@@ -48,7 +57,7 @@ pub enum Implausible {
         /// Name in the URDF.
         urdf: String,
     },
-    /// Links that touch nothing, because they have only meshes or no shape.
+    /// Links that cannot touch anything: they have only meshes or no shape.
     TouchNothing {
         /// The links.
         links: Vec<String>,
@@ -58,8 +67,11 @@ pub enum Implausible {
 impl fmt::Display for Implausible {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            Self::FootRadius { found, expected } => {
-                write!(f, "robot.foot_radius is {found} m, expected about {expected} m or less")
+            Self::FootRadius { found, link, urdf } => {
+                write!(f, "robot.foot_radius is {found} m, the sphere of foot {link} in the URDF has {urdf} m")
+            }
+            Self::LargeFootRadius { found, limit } => {
+                write!(f, "robot.foot_radius is {found} m, expected at most {limit:.3} m for the height of this robot")
             }
             Self::FootOffset { link, distance } => write!(
                 f,
@@ -74,7 +86,8 @@ impl fmt::Display for Implausible {
             Self::Name { found, urdf } => write!(f, "robot.name is \"{found}\", the URDF is of \"{urdf}\""),
             Self::TouchNothing { links } => write!(
                 f,
-                "links without a primitive shape: {}; the simulator gives them shapes from joint to joint where only meshes are missing",
+                "links without a primitive shape: {}; in a simulation, links with a mesh receive a shape from joint to joint (all links, if the trunk has \
+                 no primitive shape)",
                 links.join(", ")
             ),
         }
@@ -91,33 +104,28 @@ pub fn implausible(urdf: &str, params: &str) -> Result<Vec<Implausible>, LoadErr
     let tree = UrdfTree::parse(urdf, &config.urdf)?;
     let RobotConfig { name, feet, foot_radius, .. } = &config;
     let mut found = Vec::new();
-    // In the file names of robots, letters in lower case stand for a name.
+    // A name of a file may differ from the URDF in case and in characters other than letters and digits.
     let plain = |name: &str| name.to_lowercase().replace(|c: char| !c.is_ascii_alphanumeric(), "_");
     if plain(name) != plain(&tree.name) {
         found.push(Implausible::Name { found: name.clone(), urdf: tree.name.clone() });
     }
-    let mut spheres = Vec::new();
+    let mut other_radius = None;
     for link in tree.links.iter().filter(|link| feet.contains(&link.name)) {
         let sphere = link.collisions.iter().chain(&link.visuals).find_map(|shape| match shape.kind {
             ShapeKind::Sphere { radius } => Some((radius, shape.X_LS.p.norm())),
             _ => None,
         });
         let Some((radius, distance)) = sphere else { continue };
-        spheres.push(radius);
+        if (foot_radius - radius).abs() > RADIUS_TOLERANCE * radius && other_radius.is_none() {
+            other_radius = Some(Implausible::FootRadius { found: *foot_radius, link: link.name.clone(), urdf: radius });
+        }
         if distance > LARGEST_OFFSET {
             found.push(Implausible::FootOffset { link: link.name.clone(), distance });
         }
     }
-    let largest = LARGEST_FOOT * (robot.nominal_height - foot_radius).abs();
-    match spheres.first() {
-        Some(&radius) if (foot_radius - radius).abs() > RADIUS_TOLERANCE * radius => {
-            found.push(Implausible::FootRadius { found: *foot_radius, expected: radius });
-        }
-        _ if *foot_radius > largest => {
-            found.push(Implausible::FootRadius { found: *foot_radius, expected: largest });
-        }
-        _ => {}
-    }
+    let limit = LARGEST_FOOT * (robot.nominal_height - foot_radius).abs();
+    let is_large = *foot_radius > limit;
+    found.extend(other_radius.or(is_large.then_some(Implausible::LargeFootRadius { found: *foot_radius, limit })));
     let place = |leg: Leg| robot.legs[leg].p_nominal_H;
     for (first, second, axis, expected) in [
         (Leg::LF, Leg::LH, 0, "in front of"),
@@ -153,7 +161,12 @@ mod tests {
         let same = ("robot", "robot");
         assert_eq!(changed(same, same), []);
         let radius = changed(same, ("foot_radius = 0.02175", "foot_radius = 0.5"));
-        assert_eq!(radius, [Implausible::FootRadius { found: 0.5, expected: 0.02175 }]);
+        assert_eq!(radius, [Implausible::FootRadius { found: 0.5, link: "lf_foot".into(), urdf: 0.02175 }]);
+        let small = changed(same, ("foot_radius = 0.02175", "foot_radius = 0.005"));
+        assert_eq!(small, [Implausible::FootRadius { found: 0.005, link: "lf_foot".into(), urdf: 0.02175 }]);
+        let large = ("sphere radius=\"0.02175\"", "sphere radius=\"0.5\"");
+        let large = changed(large, ("foot_radius = 0.02175", "foot_radius = 0.5"));
+        assert!(matches!(large[..], [Implausible::LargeFootRadius { found: 0.5, limit }] if limit < 0.2), "{large:?}");
         let name = changed(same, ("name = \"hyq\"", "name = \"anymal_b\""));
         assert_eq!(name, [Implausible::Name { found: "anymal_b".into(), urdf: "hyq".into() }]);
         let order = changed(same, ("\"lf_foot\", \"rf_foot\"", "\"rf_foot\", \"lf_foot\""));

@@ -215,7 +215,7 @@ impl State {
     }
 
     /// Enters `mode`: keeps time, contacts, height and torques, and resets everything else, with all legs in stance. Allocates nothing. A test lists
-    /// the fields that are kept, so that a new field is decided for.
+    /// the fields that are kept.
     pub fn enter(&mut self, mode: Mode) {
         let take = std::mem::take;
         let mut next = State {

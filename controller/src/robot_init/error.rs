@@ -42,7 +42,7 @@ pub enum RobotInitError {
     },
     /// A leg without a foot link.
     #[error(
-        "the leg behind joint {joint} ends in link {link}, whose origin is on the axis of that joint; add a link for the foot at the contact point"
+        "the leg of joint {joint} ends in link {link}, whose origin is on the axis of that joint; add a link for the foot at the contact point"
     )]
     NoFoot {
         /// Last joint of the leg.

@@ -1,7 +1,7 @@
 //! Finds legs, feet and IMU of a quadruped in the tree of its URDF, without relying on names of links and joints.
 
 use super::RobotInitError;
-use crate::model::{BaseState, JointKind, Kinematics, Model, ModelError, ShapeKind, UrdfTree};
+use crate::model::{BaseState, JointKind, Kinematics, Model, ShapeKind, UrdfTree};
 use nalgebra::Vector3;
 
 /// Radius of a foot link without a sphere, m.
@@ -36,22 +36,23 @@ pub struct FoundLegs {
 }
 
 /// The movable joints that are not part of a leg, as indices in [`UrdfTree::joints`]. A leg is the first three joints of one of the four
-/// lowest chains; what moves behind them, such as a wheel, and all other chains, such as an arm, are outside.
+/// lowest chains. The joints below the third one, such as that of a wheel, and all other chains, such as an arm, are outside.
 ///
 /// # Errors
 /// Fewer than four chains.
 pub(super) fn outside(tree: &UrdfTree, model: &Model) -> Result<Vec<usize>, RobotInitError> {
-    let kin = at_zero(model);
+    let p_WL = positions_at_zero(model);
     let links = Links::new(tree);
-    let position = |link: usize| model.frame(&tree.links[link].name).map(|frame| kin.p_WF(model, frame));
-    let mut chains = Vec::new();
+    let mut chains: Vec<(bool, f64, Vec<usize>)> = Vec::new();
+    let mut is_known = vec![false; tree.joints.len()];
     for joints in links.chains(tree) {
         let third = joints[joints.len().min(3) - 1];
-        let mut lowest = f64::INFINITY;
-        links.behind(tree.joints[third].child, &mut |link| {
-            lowest = lowest.min(position(link)?.z);
-            Ok(())
-        })?;
+        // Chains that fork below the third joint are one leg.
+        if std::mem::replace(&mut is_known[third], true) {
+            continue;
+        }
+        let subtree = links.subtree(tree.joints[third].child);
+        let lowest = subtree.into_iter().map(|link| p_WL[link].z).fold(f64::INFINITY, f64::min);
         // A chain too short for a leg counts as one only if there are no others.
         chains.push((joints.len() < 3, lowest, joints));
     }
@@ -78,8 +79,7 @@ pub(super) fn find(tree: &UrdfTree, model: &Model) -> Result<FoundLegs, RobotIni
     let chains = links.chains(tree);
     let name = |joint: usize| tree.joints[joint].name.clone();
     let names = |joints: &[usize]| joints.iter().map(|&j| name(j)).collect::<Vec<_>>();
-    let kin = at_zero(model);
-    let position = |link: usize| model.frame(&tree.links[link].name).map(|frame| kin.p_WF(model, frame));
+    let p_WL = positions_at_zero(model);
     let mut found = Vec::with_capacity(4);
     for joints in &chains {
         let Ok(three) = <[usize; 3]>::try_from(joints.as_slice()) else {
@@ -88,22 +88,22 @@ pub(super) fn find(tree: &UrdfTree, model: &Model) -> Result<FoundLegs, RobotIni
         if let Some(&joint) = three.iter().find(|&&j| tree.joints[j].kind == JointKind::Prismatic) {
             return Err(RobotInitError::Prismatic { joint: name(joint) });
         }
-        let feet = three.map(|j| tree.joints[j].child);
-        let foot = foot_of(tree, &links, feet[2], &position)?;
+        let children = three.map(|j| tree.joints[j].child);
+        let foot = foot_of(tree, &links, children[2], &p_WL);
         let offset = sphere(tree, foot).map_or(0.0, |(_, offset)| offset.norm());
-        if (position(foot)? - position(feet[2])?).norm() < 1e-3 && offset < 1e-3 {
+        if (p_WL[foot] - p_WL[children[2]]).norm() < 1e-3 && offset < 1e-3 {
             return Err(RobotInitError::NoFoot { joint: name(three[2]), link: tree.links[foot].name.clone() });
         }
         let mut indices = [0; 3];
         for (index, j) in indices.iter_mut().zip(three) {
             *index = model.joint(&tree.joints[j].name)?.index();
         }
-        found.push(FoundLeg { joints: indices, links: feet, foot });
+        found.push(FoundLeg { joints: indices, links: children, foot });
     }
     if found.len() != 4 {
         return Err(RobotInitError::TooFewLegs { chains: chains.iter().map(|joints| names(joints)).collect() });
     }
-    let legs = ordered(tree, found, &position)?;
+    let legs = ordered(tree, found, &p_WL)?;
     let (foot_radius, radius_because) = radius(tree, &legs, &mut look_at);
     let (imu, imu_because) = imu(tree, &mut look_at);
     Ok(FoundLegs { legs, foot_radius, imu, imu_because, radius_because, look_at })
@@ -133,31 +133,28 @@ impl Links {
         links
     }
 
-    /// The chains of movable joints, each from the root to a joint without movable joints behind it, in the order of the file.
+    /// The chains of movable joints from the root to each movable joint that has no movable joint below it, in the order of the file.
     fn chains(&self, tree: &UrdfTree) -> Vec<Vec<usize>> {
         let is_end = |&j: &usize| movable(tree, j) && !self.movable_below[tree.joints[j].child];
         (0..tree.joints.len()).filter(is_end).map(|end| chain(tree, tree.joints[end].child)).collect()
     }
 
-    /// Calls a function with a link and all links behind it.
-    fn behind(&self, link: usize, each: &mut dyn FnMut(usize) -> Result<(), ModelError>) -> Result<(), ModelError> {
-        let mut open = vec![link];
+    /// A link and its descendants, parents first.
+    fn subtree(&self, link: usize) -> Vec<usize> {
+        let (mut found, mut open) = (Vec::new(), vec![link]);
         while let Some(link) = open.pop() {
-            each(link)?;
+            found.push(link);
             open.extend(&self.children[link]);
         }
-        Ok(())
+        found
     }
 }
 
-/// Position of a link's origin with all joints at zero, m, by index of the link.
-type Position<'a> = dyn Fn(usize) -> Result<Vector3<f64>, ModelError> + 'a;
-
-/// Kinematics with all joints at zero and the base at the origin.
-fn at_zero(model: &Model) -> Kinematics {
+/// Position of the origin of each link with all joints at zero and the base at the origin, m.
+fn positions_at_zero(model: &Model) -> Vec<Vector3<f64>> {
     let mut kin = Kinematics::new(model);
     kin.update(model, &BaseState::identity(), &vec![0.0; model.nj()], &vec![0.0; model.nj()]);
-    kin
+    model.frames().map(|(frame, _)| kin.p_WF(model, frame)).collect()
 }
 
 fn movable(tree: &UrdfTree, joint: usize) -> bool {
@@ -177,19 +174,16 @@ fn chain(tree: &UrdfTree, link: usize) -> Vec<usize> {
     joints
 }
 
-/// The foot among the end links fixed behind a leg's last joint: a link with a sphere is preferred, then the farthest from the joint.
-fn foot_of(tree: &UrdfTree, links: &Links, last: usize, position: &Position<'_>) -> Result<usize, ModelError> {
+/// The foot of a leg, among the links without children below its last joint: a link with a sphere is preferred, then the farthest from the joint.
+fn foot_of(tree: &UrdfTree, links: &Links, last: usize, p_WL: &[Vector3<f64>]) -> usize {
     let mut best = (false, -1.0, last);
-    links.behind(last, &mut |link| {
-        if links.children[link].is_empty() {
-            let candidate = (sphere(tree, link).is_some(), (position(link)? - position(last)?).norm(), link);
-            if (candidate.0, candidate.1) > (best.0, best.1) {
-                best = candidate;
-            }
+    for link in links.subtree(last).into_iter().filter(|&link| links.children[link].is_empty()) {
+        let candidate = (sphere(tree, link).is_some(), (p_WL[link] - p_WL[last]).norm(), link);
+        if (candidate.0, candidate.1) > (best.0, best.1) {
+            best = candidate;
         }
-        Ok(())
-    })?;
-    Ok(best.2)
+    }
+    best.2
 }
 
 /// Radius and offset of a link's first sphere, or of its first flat cylinder, a wheel; collision shapes are searched before visual ones.
@@ -203,9 +197,9 @@ pub(super) fn sphere(tree: &UrdfTree, link: usize) -> Option<(f64, Vector3<f64>)
 }
 
 /// Orders legs as LF RF LH RH by the positions of their second joints; the first joints may all lie in the middle of the body.
-fn ordered(tree: &UrdfTree, legs: Vec<FoundLeg>, position: &Position<'_>) -> Result<[FoundLeg; 4], RobotInitError> {
+fn ordered(tree: &UrdfTree, legs: Vec<FoundLeg>, p_WL: &[Vector3<f64>]) -> Result<[FoundLeg; 4], RobotInitError> {
     let name = |leg: &FoundLeg| tree.links[leg.foot].name.clone();
-    let hips = legs.iter().map(|leg| position(leg.links[1])).collect::<Result<Vec<_>, _>>()?;
+    let hips: Vec<_> = legs.iter().map(|leg| p_WL[leg.links[1]]).collect();
     let middle = hips.iter().sum::<Vector3<f64>>() / 4.0;
     let mut corners: [Option<FoundLeg>; 4] = [const { None }; 4];
     for (leg, hip) in legs.into_iter().zip(&hips) {
@@ -246,5 +240,29 @@ fn imu(tree: &UrdfTree, look_at: &mut Vec<String>) -> (usize, &'static str) {
             ));
             (0, "a guess: no link has imu in its name")
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::model::Base;
+
+    const ROBOT: &str = "<robot name=\"hyq\">";
+
+    /// A gripper of two joints on a foot, first in the file: each leg keeps its three joints, and only the gripper is outside.
+    #[test]
+    fn a_chain_that_forks_below_its_third_joint_is_one_leg() {
+        let finger = |name: &str| {
+            format!(
+                "<link name=\"{name}\"/><joint name=\"{name}_joint\" type=\"continuous\"><parent link=\"lf_foot\"/><child link=\"{name}\"/></joint>"
+            )
+        };
+        let hyq = include_str!("../../../robots/hyq/hyq.urdf");
+        let text = hyq.replace(ROBOT, &format!("{ROBOT}{}{}", finger("left"), finger("right")));
+        let tree = UrdfTree::parse(&text, "forked.urdf").unwrap();
+        let outside = outside(&tree, &Model::new(&tree, Base::Floating).unwrap()).unwrap();
+        let names: Vec<_> = outside.into_iter().map(|j| tree.joints[j].name.as_str()).collect();
+        assert_eq!(names, ["left_joint", "right_joint"]);
     }
 }

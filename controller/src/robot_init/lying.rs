@@ -1,8 +1,8 @@
 //! A posture in which the robot lies on the ground without torque.
 
 use super::posture::{Body, Plan, round};
-use crate::model::{FrameId, Model, Pose, Shape, ShapeKind, UrdfTree};
-use nalgebra::Vector3;
+use crate::model::{FrameId, LinkGroups, Model, Shape, ShapeKind, UrdfTree};
+use nalgebra::{Matrix3, Vector3};
 
 /// Distance between two heights of the feet, m.
 const STEP: f64 = 0.01;
@@ -12,12 +12,12 @@ const AT_LIMIT: f64 = 0.25;
 const NEARLY: f64 = 0.33;
 /// Number of positions of each joint in the search for a folded leg.
 const GRID: [u32; 3] = [10, 16, 16];
-/// How far a knee may be above the ground in the folded leg and still carry it, m.
+/// Radius that is assumed for a knee, m.
 const KNEE: f64 = 0.02;
 
-/// The posture, in the order of the model, rad: the feet straight above their standing positions if the trunk then touches the ground, or if the
-/// knees are at their limits and the trunk nearly does. Otherwise the legs are folded and spread as far as their limits allow: the trunk is as low
-/// as it can be, so the robot stays there without torque.
+/// The posture, in the order of the model, rad. The feet are vertically above their standing positions if the trunk then touches the ground, or if
+/// the knees are at their limits and the trunk is near the ground. Otherwise the legs are folded and spread within their limits until the trunk is as
+/// low as possible. The robot keeps either posture without torque.
 ///
 /// - `stand`: the standing posture.
 pub(super) fn lie(tree: &UrdfTree, model: &Model, plans: &[Plan], stand: &[f64], foot_radius: f64) -> Vec<f64> {
@@ -28,7 +28,7 @@ pub(super) fn lie(tree: &UrdfTree, model: &Model, plans: &[Plan], stand: &[f64],
         let leg = plan.leg;
         let from = leg.joints.map(|joint| stand[joint]);
         let folded = lifted(&mut body, plan, from, bottom, foot_radius)
-            .unwrap_or_else(|| spread(&mut body, plan, bottom, foot_radius));
+            .unwrap_or_else(|| spread(&mut body, plan, from, bottom, foot_radius));
         for (joint, value) in leg.joints.into_iter().zip(folded) {
             q[joint] = round(value);
         }
@@ -38,20 +38,11 @@ pub(super) fn lie(tree: &UrdfTree, model: &Model, plans: &[Plan], stand: &[f64],
 
 /// Depth of the lowest point of the trunk's shapes below the base, m; 0 if there is none.
 fn bottom(tree: &UrdfTree) -> f64 {
+    let groups = LinkGroups::new(tree, |_| Matrix3::identity());
     let mut lowest: f64 = 0.0;
-    // Links that are fixed to the root, with their poses.
-    let mut poses: Vec<Option<Pose>> = vec![None; tree.links.len()];
-    for (i, link) in tree.links.iter().enumerate() {
-        poses[i] = match link.parent_joint.map(|joint| &tree.joints[joint]) {
-            None => Some(Pose::identity()),
-            Some(joint) if joint.kind == crate::model::JointKind::Fixed => {
-                poses[joint.parent].map(|pose| pose.then(&joint.X_PC))
-            }
-            Some(_) => None,
-        };
-        let Some(pose) = poses[i] else { continue };
+    for (i, link) in tree.links.iter().enumerate().filter(|(i, _)| groups.body_of_link[*i] == 0) {
         for Shape { X_LS, kind } in &link.collisions {
-            let X = pose.then(X_LS);
+            let X = groups.X_BL[i].then(X_LS);
             let half = match *kind {
                 ShapeKind::Box { size: [x, y, z] } => Vector3::new(x, y, z) / 2.0,
                 ShapeKind::Cylinder { radius, length } => Vector3::new(radius, radius, length / 2.0),
@@ -86,11 +77,11 @@ fn lifted(body: &mut Body, plan: &Plan, from: [f64; 3], bottom: f64, foot_radius
     Some(q)
 }
 
-/// The leg in the posture in which its lowest point is as high as possible, but not above the bottom of the trunk; then the one closest to the
-/// middle of its ranges.
-fn spread(body: &mut Body, plan: &Plan, bottom: f64, foot_radius: f64) -> [f64; 3] {
+/// The leg with its foot as level with the bottom of the trunk as the limits allow, and no knee below the foot; of similar postures, the one with
+/// the smallest abduction. `from` if every posture has the knee below the foot.
+fn spread(body: &mut Body, plan: &Plan, from: [f64; 3], bottom: f64, foot_radius: f64) -> [f64; 3] {
     let ranges = plan.leg.joints.map(|joint| body.range(joint));
-    let mut best = (f64::INFINITY, [0.0; 3]);
+    let mut best = (f64::INFINITY, from);
     let value = |k: usize, i: u32| ranges[k].0 + (ranges[k].1 - ranges[k].0) * f64::from(i) / f64::from(GRID[k]);
     for i in 0..=GRID[0] {
         for j in 0..=GRID[1] {
@@ -104,8 +95,7 @@ fn spread(body: &mut Body, plan: &Plan, bottom: f64, foot_radius: f64) -> [f64; 
                 if knee > foot {
                     continue;
                 }
-                let away = (foot - bottom).abs();
-                let cost = away + 1e-3 * q[0].abs();
+                let cost = (foot - bottom).abs() + 1e-3 * q[0].abs();
                 if cost < best.0 {
                     best = (cost, q);
                 }

@@ -1,7 +1,7 @@
 //! A first parameter file for a quadruped, derived from its URDF alone: `hoof robot init`.
 //!
 //! - `legs` finds legs, feet and IMU in the tree of links.
-//! - `prepare` changes what controller and simulator cannot use; the result is a URDF of its own.
+//! - `prepare` changes what controller and simulator cannot use; the result is written as a new URDF.
 //! - `posture` solves for a standing posture within the joint limits, `lying` for one on the ground.
 //! - `gains` scales gains by the inertia of the legs, `scaled` HyQ's forces and steps by mass and size.
 //! - `toml_text` writes the parameter file.
@@ -119,7 +119,9 @@ pub fn propose(urdf: &str, source: &str, options: &Options) -> Result<Proposal, 
 
     let size = model.total_mass() * GRAVITY * stance.leg_length;
     for joint in prepare::limit_efforts(&mut tree, &found.legs, size) {
-        changes.push(format!("joint {joint}: its effort or velocity is no limit of a motor; a usual value is assumed"));
+        changes.push(format!(
+            "joint {joint}: its effort or velocity limit is not that of a motor; a usual value is assumed"
+        ));
     }
     let feet = found.legs.each_ref().map(|leg| tree.links[leg.foot].name.clone());
     let (mut tree, added) = with_shapes(&tree, &feet, found.foot_radius, options.bounds);

@@ -1,15 +1,15 @@
 //! Changes to the description of a robot so that controller and simulator can use it: no helper links above the trunk, no joints outside of
-//! the legs, foot frames at the centres of the feet, and possible inertias and efforts.
+//! the legs, foot frames at the centres of the feet, and inertias and efforts that a real robot can have.
 
 use super::legs::FoundLeg;
 use super::scaled::two_digits;
 use crate::math::quaternion;
-use crate::model::{Inertial, Joint, JointKind, Limits, Link, Pose, ShapeKind, UrdfTree};
+use crate::model::{Inertial, Joint, JointKind, Limits, Link, Pose, ShapeKind, UrdfTree, impossible_moments};
 use nalgebra::{Matrix3, Vector3};
 
 /// Mass below which the root is a helper link, as a fraction of the robot's.
 const HELPER: f64 = 1e-4;
-/// An effort above this multiple of weight times leg length is no limit of a motor.
+/// An effort above this multiple of weight times leg length is not the limit of a motor.
 const PLACEHOLDER: f64 = 3.0;
 /// The effort that is assumed instead, as a multiple of weight times leg length: between HyQ's 0.25 and the 0.7 of small electric robots.
 const USUAL_EFFORT: f64 = 0.5;
@@ -90,7 +90,7 @@ pub(super) fn center_foot(tree: &mut UrdfTree, foot: usize, offset: Vector3<f64>
     tree.joints.iter_mut().filter(|joint| joint.parent == foot).for_each(|joint| joint.X_PC.p -= offset);
 }
 
-/// Replaces efforts and speeds of leg joints that are no limits; returns the names of the joints.
+/// Replaces effort and velocity limits of leg joints that are not those of a motor; returns the names of the joints.
 ///
 /// - `size`: weight of the robot times the length of its legs, N m.
 pub(super) fn limit_efforts(tree: &mut UrdfTree, legs: &[FoundLeg; 4], size: f64) -> Vec<String> {
@@ -119,10 +119,7 @@ pub(super) fn limit_efforts(tree: &mut UrdfTree, legs: &[FoundLeg; 4], size: f64
 pub(super) fn balance(tree: &mut UrdfTree) -> Vec<String> {
     let mut changed = Vec::new();
     for Link { name, inertial, .. } in &mut tree.links {
-        let mut moments: [f64; 3] = inertial.I_C.symmetric_eigenvalues().into();
-        moments.sort_by(f64::total_cmp);
-        let slack = 1e-9 * moments[2].abs();
-        if moments[0] < -slack || moments[2] > moments[0] + moments[1] + slack {
+        if impossible_moments(&inertial.I_C).is_some() {
             inertial.I_C = Matrix3::identity() * (inertial.I_C.trace() / 3.0).max(0.0);
             changed.push(name.clone());
         }
