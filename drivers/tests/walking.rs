@@ -281,3 +281,27 @@ fn gaits_alternate_each_second_and_no_leg_is_left_behind() {
     );
     assert!(lifts.iter().all(|n| *n >= 5), "{lifts:?}");
 }
+
+#[test]
+fn a_pose_that_only_the_present_gait_reaches_comes_down_before_the_next_gait() {
+    for (robot, pose) in [
+        ("hyq", "roll = 0.2\npitch = 0.2\nheight_offset = 0.1"),
+        ("anymal_b", "roll = 0.2\npitch = 0.2\nheight_offset = 0.1"),
+    ] {
+        let text =
+            flat(12.0, &[(0.0, "mode = \"stand\""), (1.0, "mode = \"walk\""), (2.0, pose), (6.0, "gait = \"crawl\"")]);
+        let mut changed_s = None;
+        walk(
+            robot,
+            "flat_trot",
+            |_| text.clone(),
+            &[],
+            |tick| {
+                if tick.legs.gait == 1 && changed_s.is_none() {
+                    changed_s = Some(tick.t_s);
+                }
+            },
+        );
+        assert!(changed_s.is_some_and(|t_s| (6.0..9.0).contains(&t_s)), "{robot}: {changed_s:?}");
+    }
+}

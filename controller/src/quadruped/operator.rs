@@ -44,7 +44,12 @@ pub fn update_references(
     let timing = if state.gait_running { Timing::of(state, params) } else { next };
     let walks = state.gait_running || requested.walk;
     let feet = envelope::feet(robot, estimate, walks);
-    let fits = |followed: &Followed| is_reachable(robot, params, walks.then_some(&timing), &feet, followed);
+    let changes = state.gait_running && requested.walk && changes_gait(state, &requested);
+    // Ahead of a change of the gait, the pose also approaches what the next gait can reach.
+    let fits = |followed: &Followed| {
+        is_reachable(robot, params, walks.then_some(&timing), &feet, followed)
+            && (!changes || can_begin(robot, params, &next, followed))
+    };
 
     let steps = requested.walk && state.gait_running && state.gait_clock >= 0.0;
     let asked = if steps { [op.v_H[0], op.v_H[1], op.yaw_rate] } else { [0.0; 3] };
@@ -90,19 +95,27 @@ fn gait_request(
 /// The part of the request that the robot can follow now. It starts to walk, or changes gait or timing, when its references are within the limits of
 /// the requested gait; until then the references move towards these limits.
 fn admitted(robot: &Robot, params: &Params, state: &State, requested: &GaitRequest, next: &Timing) -> GaitRequest {
-    let changes = requested.gait != state.gait || requested.cadence != state.cadence();
-    if !requested.walk || (state.gait_running && !changes) {
+    if !requested.walk || (state.gait_running && !changes_gait(state, requested)) {
         return *requested;
     }
     let now = Followed::of(state);
     let is_slow = step_factor(robot, params, next, now.v_H, now.yaw_rate) * (1.0 + SPEED_TOLERANCE) >= 1.0;
-    // The commanded velocity is zero when a gait begins.
-    let at_start = Followed { v_H: [0.0; 2], yaw_rate: 0.0, ..now };
-    if is_slow && is_reachable(robot, params, Some(next), &envelope::virtual_feet(robot), &at_start) {
+    if is_slow && can_begin(robot, params, next, &now) {
         *requested
     } else {
         GaitRequest { walk: state.gait_running, gait: state.gait, cadence: state.cadence(), ..*requested }
     }
+}
+
+/// Whether gait or timing of a request differ from those in use.
+fn changes_gait(state: &State, requested: &GaitRequest) -> bool {
+    requested.gait != state.gait || requested.cadence != state.cadence()
+}
+
+/// Whether the legs reach the pose of `followed` when the gait with timing `next` begins; the commanded velocity is zero then.
+fn can_begin(robot: &Robot, params: &Params, next: &Timing, followed: &Followed) -> bool {
+    let at_start = Followed { v_H: [0.0; 2], yaw_rate: 0.0, ..*followed };
+    is_reachable(robot, params, Some(next), &envelope::virtual_feet(robot), &at_start)
 }
 
 /// Forward, leftward and yaw velocity after the limits of the parameters and of the step length in all of `timings`, and the fault if that is less
