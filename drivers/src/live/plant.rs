@@ -12,7 +12,7 @@ use crate::robot_info::ROBOT_INFO_EVERY_NS;
 use crate::{DriverError, FaultInjection, Scenario, Simulator};
 use controller::model::JointInfo;
 use lcmtypes::{
-    ControllerTick, Event, EventNumbers, GroundTruth, Message, ParameterRequest, RobotCommand, RobotInfo, RobotState,
+    Event, EventNumbers, GroundTruth, Message, ParameterRequest, RobotCommand, RobotInfo, RobotState,
     channels, new_sender_id,
 };
 use std::collections::VecDeque;
@@ -104,8 +104,6 @@ struct Run<'a> {
     t_ns: i64,
     number: i64,
     started: bool,
-    /// The controller keeps the robot upright (STANCE or WALK): in other modes a low base is not a fall.
-    upright: bool,
     /// The watchdog damps the joints.
     timed_out: bool,
     arrived_ns: i64,
@@ -137,7 +135,6 @@ impl<'a> Run<'a> {
             t_ns: 0,
             number: 0,
             started: false,
-            upright: false,
             timed_out: false,
             arrived_ns: 0,
             summary: Summary::default(),
@@ -208,7 +205,6 @@ impl<'a> Run<'a> {
         let Run { newest, out, gate, info, info_due_ns, .. } = self;
         let (mut is_new, mut other_robot, mut is_second) = (false, None, false);
         let arrives = self.faults.command_arrives(self.t_ns);
-        let upright = &mut self.upright;
         self.receiver.receive(|from, channel, data| match channel {
             channels::ROBOT_COMMAND if arrives => is_new |= gate.take(from, data, now, newest).is_ok(),
             channels::EXPECTED_ROBOT => {
@@ -225,10 +221,6 @@ impl<'a> Run<'a> {
                     is_second |= (other.t_start_ns, other.sender_id) < (info.t_start_ns, info.sender_id);
                     *info_due_ns = (*info_due_ns).min(info.t_ns + ANSWER_EVERY_NS);
                 }
-            }
-            channels::CONTROLLER_TICK => {
-                let mode = ControllerTick::decode(data).map_or(ControllerTick::MODE_IDLE, |tick| tick.mode);
-                *upright = matches!(mode, ControllerTick::MODE_STANCE | ControllerTick::MODE_WALK);
             }
             _ => {}
         });
