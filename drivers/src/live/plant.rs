@@ -5,6 +5,7 @@
 
 use super::clock::{TickSchedule, now_ns, sleep_until};
 use super::command_gate::CommandGate;
+use super::event_limit::EventLimit;
 use super::peers::is_fresh;
 use super::socket::{LcmReceiver, LcmSender};
 use crate::operator_script::OperatorScript;
@@ -12,8 +13,8 @@ use crate::robot_info::ROBOT_INFO_EVERY_NS;
 use crate::{DriverError, FaultInjection, Scenario, Simulator};
 use controller::model::JointInfo;
 use lcmtypes::{
-    Event, EventNumbers, GroundTruth, Message, ParameterRequest, RobotCommand, RobotInfo, RobotState,
-    channels, new_sender_id,
+    Event, EventNumbers, GroundTruth, Message, ParameterRequest, RobotCommand, RobotInfo, RobotState, channels,
+    new_sender_id,
 };
 use std::collections::VecDeque;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -131,7 +132,12 @@ impl<'a> Run<'a> {
             scenario,
             sim,
             receiver,
-            out: Sender { sender, bytes: Vec::new(), events: EventNumbers::new(sender_id) },
+            out: Sender {
+                sender,
+                bytes: Vec::new(),
+                events: EventNumbers::new(sender_id),
+                limit: EventLimit::default(),
+            },
             t_ns: 0,
             number: 0,
             started: false,
@@ -235,6 +241,7 @@ impl<'a> Run<'a> {
         if let Some(text) = gate.report(now) {
             out.event(now, newest.tick, Event::LEVEL_WARNING, "driver", text)?;
         }
+        out.report_suppressed(now)?;
         self.summary.refused = gate.refused();
         if is_new {
             if !self.started {
@@ -272,6 +279,7 @@ struct Sender {
     sender: LcmSender,
     bytes: Vec<u8>,
     events: EventNumbers,
+    limit: EventLimit,
 }
 
 impl Sender {
@@ -282,8 +290,18 @@ impl Sender {
         Ok(u64::from(!self.sender.send(channel, &self.bytes)))
     }
 
+    /// Sends an EVENT, unless there are too many: foreign messages may cause them.
     fn event(&mut self, t_ns: i64, tick: i64, level: i8, source: &str, text: String) -> Result<(), DriverError> {
-        let mut event = Event { t_ns, tick, level, source: source.to_owned(), text, ..Event::default() };
+        let event = Event { t_ns, tick, level, source: source.to_owned(), text, ..Event::default() };
+        if self.limit.passes(t_ns, &event) { self.put_event(event) } else { Ok(()) }
+    }
+
+    /// Sends how many EVENTs were not sent.
+    fn report_suppressed(&mut self, t_ns: i64) -> Result<(), DriverError> {
+        self.limit.take_suppressed(t_ns).into_iter().try_for_each(|suppressed| self.put_event(suppressed.event(t_ns)))
+    }
+
+    fn put_event(&mut self, mut event: Event) -> Result<(), DriverError> {
         self.events.number(&mut event);
         self.put(channels::EVENT, &event).map(drop)
     }
