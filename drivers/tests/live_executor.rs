@@ -235,6 +235,23 @@ fn controllers_start_and_stop_on_request() {
 }
 
 #[test]
+fn messages_that_cannot_be_decoded_are_counted_and_reported() {
+    let (executor, mut bus) = start(&[("first", |_| ())], i64::MAX);
+    for channel in [OPERATOR_COMMAND, PARAMETER_REQUEST, EXECUTOR_COMMAND] {
+        bus.publish(channel, b"garbage").unwrap();
+    }
+    let is_report = |event: &Event| event.level == Event::LEVEL_WARNING && event.text.contains(" cannot be decoded");
+    loop {
+        let messages = bus.handle(TIMEOUT).unwrap();
+        assert!(!messages.is_empty(), "no report");
+        if of::<Event>(&messages, EVENT).iter().any(is_report) {
+            break;
+        }
+    }
+    assert_eq!(executor.finish().publisher.unreadable, 3);
+}
+
+#[test]
 fn a_repeated_request_is_carried_out_once_and_gets_the_same_reply() {
     let controllers: &[(&'static str, Work)] = &[("first", |_| ()), ("second", |_| ())];
     let (executor, mut bus) = start(controllers, i64::MAX);

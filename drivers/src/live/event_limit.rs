@@ -102,11 +102,8 @@ mod tests {
         assert!(limit.passes(1500, &of("controller", Event::LEVEL_WARNING)), "sources are counted separately");
         assert!(limit.passes(1500, &of("foreign", Event::LEVEL_ERROR)), "errors are counted separately");
         assert_eq!(limit.take_suppressed(2000), []);
-        let suppressed = Suppressed {
-            source: "foreign".to_owned(),
-            is_error: false,
-            count: 500 - u64::from(PER_WINDOW),
-        };
+        let suppressed =
+            Suppressed { source: "foreign".to_owned(), is_error: false, count: 500 - u64::from(PER_WINDOW) };
         assert_eq!(limit.take_suppressed(1000 + WINDOW_NS), [suppressed]);
         assert!(limit.passes(2000 + WINDOW_NS, &flood), "a new window");
     }
