@@ -108,7 +108,7 @@ fn info(robot: &str, params: bool, json: bool) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// Parameters as TOML, with a comment that has range and unit behind each number. Ranges of tables stand behind the head of the table.
+/// Parameters as TOML, with range and unit as a comment after each number; the range of a whole table is after its header.
 fn with_bounds(params: &str) -> String {
     let mut table = String::new();
     let line = |line: &str| {
