@@ -34,7 +34,7 @@ pub fn note(text: impl Display) {
     let _ = writeln!(std::io::stderr().lock(), "{}", printable_lines(&text.to_string()));
 }
 
-/// Prints a value as JSON, in which every character that could control a terminal is a `\\uXXXX`.
+/// Prints a value as JSON, in which every character that could control a terminal is a `\uXXXX`.
 pub fn say_json(value: &impl serde::Serialize) -> anyhow::Result<()> {
     let json = serde_json::to_string_pretty(value)?;
     writeln!(std::io::stdout().lock(), "{}", printable_json(&json)).context("standard output")

@@ -2,7 +2,7 @@
 
 use crate::progress::Progress;
 use crate::replay_log::threads;
-use crate::{Outcome, run_info, say, say_json};
+use crate::{Outcome, note, run_info, say, say_json};
 use controller::quadruped::implausible;
 use drivers::simulation::{Job, Setup, Summary};
 use std::path::PathBuf;
@@ -75,7 +75,7 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
     let bar = Progress::new(format!("{} on {}", args.robot, args.scenario.display()));
     let setup = Setup { prove: args.prove.then(threads), ..Setup::read(&job)? };
     for warning in implausible(&setup.urdf, &setup.params).into_iter().flatten() {
-        eprintln!("warning: {}", replay::printable_lines(&warning.to_string()));
+        note(format!("warning: {warning}"));
     }
     let summary = setup.simulate(&args.log, &run_info::build(), &mut |fraction| bar.set(fraction))?;
     drop(bar);

@@ -148,6 +148,7 @@ fn a_run_over_a_lossy_network_replays() {
         let run_file = "runs/hyq_sim.toml --scenario scenarios/short_flat.toml --lcm-url";
         let mut driver = LiveProcess::start(&format!("driver {run_file} {robot_side}"));
         driver.wait_for(&["driving hyq"]);
+        // Exit code 1 if the machine stalled: then the state was too old and the robot was damped.
         LiveProcess::start(&format!("controller {run_file} {control_side} --ticks 1500")).end();
         driver.interrupt();
         driver.end();

@@ -242,8 +242,8 @@ fn ends_in_a_safe_state(log: &Path, cause: EndCause) {
     let last = ticks.last().unwrap().mode;
     let sat = had(ControllerTick::MODE_SIT) && last == ControllerTick::MODE_IDLE;
     assert!(sat || had(ControllerTick::MODE_DAMPING), "{last}");
-    let told = messages::<Event>(log, EVENT).iter().filter(|event| event.text.contains(cause.text())).count();
-    assert_eq!(told, 1);
+    let reports = messages::<Event>(log, EVENT).iter().filter(|event| event.text.contains(cause.text())).count();
+    assert_eq!(reports, 1);
 }
 
 #[test]

@@ -138,6 +138,8 @@ fn play_refuses_to_drive_a_live_robot() {
             for (more, names) in [
                 ("--channels A|ROBOT_.*", "ROBOT_STATE, ROBOT_COMMAND"),
                 ("--channels A --rename A=PARAMETER_REQUEST", "PARAMETER_REQUEST"),
+                // A recent one would damp the robot, as a second run does.
+                ("--channels A --rename A=EXPECTED_ROBOT", "EXPECTED_ROBOT"),
                 ("", "ROBOT_STATE, ROBOT_COMMAND, OPERATOR_COMMAND, OPERATOR_TELEOP, EXECUTOR_COMMAND"),
             ] {
                 let error = play(more).exits(2).stderr;

@@ -216,4 +216,14 @@ fn an_existing_file_is_not_replaced() {
     assert!(again.contains("pony_1.toml") && again.contains("--force"), "{again}");
     assert_eq!(std::fs::read_to_string(&path).unwrap(), "mine");
     hoof(&format!("robot init tests/data/pony.urdf --out {} --force", out.display())).exits(0);
+
+    // Nor is another URDF of the same name, whatever the name of the robot is.
+    let urdf = out.join("pony.urdf");
+    std::fs::write(&urdf, "mine").unwrap();
+    let init = format!("robot init tests/data/pony.urdf --name other --out {}", out.display());
+    let again = hoof(&init).exits(2).stderr;
+    assert!(again.contains("pony.urdf") && again.contains("--force"), "{again}");
+    assert_eq!(std::fs::read_to_string(&urdf).unwrap(), "mine");
+    std::fs::write(&urdf, PONY).unwrap();
+    hoof(&init).exits(0);
 }

@@ -275,18 +275,15 @@ impl CommandMux {
 
     /// Why a sender's commands are not followed; `None` if they are. Call it after [`CommandMux::select`].
     pub fn ignored(&self, source: usize, sender_id: i64) -> Option<Ignored> {
-        let active = self.active?;
-        if (active.source, active.id) == (source, sender_id) {
+        if self.active.is_some_and(|active| (active.source, active.id) == (source, sender_id)) {
             return None;
         }
         let sender = self.senders.iter().find(|sender| (sender.source, sender.id()) == (source, sender_id));
         if sender.is_some_and(|sender| sender.request_ns < self.start_ns) {
-            Some(Ignored::BeforeRun)
-        } else if active.timed_out {
-            Some(Ignored::Overridden(active.source))
-        } else {
-            Some(Ignored::OtherActive(active.source))
+            return Some(Ignored::BeforeRun);
         }
+        let active = self.active?;
+        Some(if active.timed_out { Ignored::Overridden(active.source) } else { Ignored::OtherActive(active.source) })
     }
 
     /// The command that is followed at `t_ns`; `None` before the first command of any source.

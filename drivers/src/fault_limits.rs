@@ -33,7 +33,7 @@ impl FaultLimits {
     ///
     /// - `fault`, `index`: FAULT_* and index of `controller_tick_t`.
     pub fn text(&self, fault: i32, index: Option<usize>) -> Option<String> {
-        let (safety, stand) = (&self.params.safety, &self.params.stand);
+        let Params { safety, stand, trunk, .. } = &self.params;
         let joint = || self.joints.get(index?);
         Some(match fault {
             ControllerTick::FAULT_STATE_STALE => format!("limit {} (safety.max_state_age)", safety.max_state_age),
@@ -57,10 +57,39 @@ impl FaultLimits {
                 format!("limit {:.3}", safety.velocity_factor * joint()?.limits.velocity)
             }
             ControllerTick::FAULT_JOINT_TORQUE => format!("limit {:.3}", safety.torque_factor * joint()?.limits.effort),
-            ControllerTick::FAULT_OPERATOR_RANGE => {
-                format!("expected {}", [SWING_FREQUENCY, DUTY, STEP_HEIGHT].get(index?)?.expected)
-            }
+            ControllerTick::FAULT_OPERATOR_RANGE => match index? {
+                3 | 4 => format!("limit {} (trunk.max_orientation)", trunk.max_orientation),
+                5 => format!("limit {} (trunk.max_height_offset)", trunk.max_height_offset),
+                k => format!("expected {}", [SWING_FREQUENCY, DUTY, STEP_HEIGHT].get(k)?.expected),
+            },
             _ => return None,
         })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::robot_files::RobotFiles;
+
+    #[test]
+    fn limits_are_those_of_the_parameters_in_force() {
+        let (files, params) = RobotFiles::find_with_params("hyq").unwrap();
+        let mut limits = FaultLimits::new(&RunInfo { urdf: files.urdf, params, ..RunInfo::default() }).unwrap();
+        for (key, value, fault, index) in [
+            ("safety.max_tilt", "0.71", ControllerTick::FAULT_TILT, None),
+            ("trunk.max_orientation", "0.21", ControllerTick::FAULT_OPERATOR_RANGE, Some(4)),
+            ("trunk.max_height_offset", "0.03", ControllerTick::FAULT_OPERATOR_RANGE, Some(5)),
+        ] {
+            let before = limits.text(fault, index).unwrap();
+            limits.change(key, value);
+            let text = limits.text(fault, index).unwrap();
+            assert!(!before.contains(value) && text.contains(value) && text.contains(key), "{before}; {text}");
+        }
+        let duty = limits.text(ControllerTick::FAULT_OPERATOR_RANGE, Some(1)).unwrap();
+        assert!(duty.contains(DUTY.expected), "{duty}");
+        assert!(limits.text(ControllerTick::FAULT_JOINT_TORQUE, Some(0)).is_some());
+        assert_eq!(limits.text(ControllerTick::FAULT_JOINT_TORQUE, Some(12)), None, "HyQ has 12 joints");
+        assert_eq!(limits.text(ControllerTick::FAULT_COMMAND, None), None);
     }
 }

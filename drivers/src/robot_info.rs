@@ -1,4 +1,4 @@
-//! ROBOT_INFO: by which a controller knows that the robot behind a driver is the robot of its run.
+//! ROBOT_INFO: the robot that a driver moves, compared with the robot that a run controls.
 
 use lcmtypes::RobotInfo;
 use sha2::{Digest, Sha256};

@@ -20,7 +20,7 @@ use lcmtypes::{
     ControllerInput, ControllerTick, Event, ExecutorCommand, Message, OperatorCommand, ParameterChange,
     ParameterRequest, RequestReply, RobotCommand, RunInfo, SequenceState,
 };
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 const SCHEDULE: TickSchedule = TickSchedule { period_ns: 1_000_000, phase_ns: 0 };
 
@@ -232,6 +232,20 @@ fn controllers_start_and_stop_on_request() {
         [on.tick, 1, off.tick + 1, 1].map(|n| n as f64)
     );
     replays(controllers, &received);
+}
+
+#[test]
+fn messages_that_cannot_be_decoded_are_counted_and_reported() {
+    let (executor, mut bus) = start(&[("first", |_| ())], i64::MAX);
+    for channel in [OPERATOR_COMMAND, PARAMETER_REQUEST, EXECUTOR_COMMAND] {
+        bus.publish(channel, b"garbage").unwrap();
+    }
+    let is_report = |event: &Event| event.level == Event::LEVEL_WARNING && event.text.contains(" cannot be decoded");
+    let end = Instant::now() + TIMEOUT;
+    while !of::<Event>(&bus.handle(TIMEOUT).unwrap(), EVENT).iter().any(is_report) {
+        assert!(Instant::now() < end, "no report");
+    }
+    assert_eq!(executor.finish().publisher.unreadable, 3);
 }
 
 #[test]

@@ -215,7 +215,7 @@ mod tests {
         ];
         let system = machine("unprivileged", &unprivileged);
         let check = scheduler(&system, Some("SCHED_FIFO 1 refused: EPERM".to_owned()));
-        assert_eq!(level_and_fix(&check), (Level::Warn, &*LIMITS_FIX.to_owned()));
+        assert_eq!(level_and_fix(&check), (Level::Warn, LIMITS_FIX));
         assert!(memory(&system).found.contains("8192 kB"));
         assert_eq!(scheduler(&system, None).level, Level::Ok);
 

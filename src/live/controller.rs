@@ -151,6 +151,9 @@ fn report(summary: &Summary, joints: &[String], json: bool) -> anyhow::Result<Ou
         if publisher.second_run {
             say("another run was active on this network")?;
         }
+        if publisher.unreadable > 0 {
+            say(format!("{} received messages could not be decoded", publisher.unreadable))?;
+        }
         if summary.is_lossy() {
             say(format!(
                 "lost: {} messages (ring full), {} messages (not accepted by LCM), {} commands (not sent)",

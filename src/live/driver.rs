@@ -23,7 +23,7 @@ const QUIET: Duration = Duration::from_millis(500);
 /// Simulate a robot in real time, as its driver process on LCM
 ///
 /// Sends ROBOT_STATE and GROUND_TRUTH every millisecond and applies ROBOT_COMMAND. The scenario starts with the first command. If no command arrives
-/// for 15 ms, the joints are damped. Runs until Ctrl-C or SIGTERM.
+/// for 15 ms, the joints are damped. Runs until Ctrl-C, SIGTERM or SIGHUP.
 #[derive(clap::Args)]
 #[command(after_help = "Example: hoof driver runs/hyq_sim.toml --scenario scenarios/rough_trot.toml")]
 pub struct DriverArgs {

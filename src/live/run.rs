@@ -73,15 +73,15 @@ pub fn run(args: &RunArgs) -> anyhow::Result<Outcome> {
     }
 
     let (lines_in, lines) = channel();
-    let mut run = Running { processes: Vec::new(), lines_in, lines, screen, ending: false, deaf: false };
-    let of_run: [OsString; 4] =
-        ["--lcm-url".into(), url.to_string().into(), "--parent".into(), std::process::id().to_string().into()];
-    let mut record = [OsStr::new("log"), OsStr::new("record"), log.as_os_str()].map(OsString::from).to_vec();
-    record.extend_from_slice(&of_run);
+    let mut run = Running { processes: Vec::new(), lines_in, lines, screen, ending: false, network_failed: false };
+    let of_run = |url: &Url| -> [OsString; 4] {
+        ["--lcm-url".into(), url.to_string().into(), "--parent".into(), std::process::id().to_string().into()]
+    };
     // The receive buffer of the run file is for control; the recorder has its own, larger one.
-    record[4] = Url { recv_buf_size: None, ..url }.to_string().into();
+    let of_recorder = of_run(&Url { recv_buf_size: None, ..url.clone() });
+    let record = [&["log".into(), "record".into(), log.into()], &of_recorder[..]].concat();
     run.start("recorder", "recording", &record, &stop)?;
-    let mut common = [&[args.shared.run_file.clone().into()], &of_run[..]].concat();
+    let mut common = [&[args.shared.run_file.clone().into()], &of_run(&url)[..]].concat();
     if let Some(scenario) = &args.shared.scenario {
         common.extend(["--scenario".into(), scenario.into()]);
     }
@@ -133,8 +133,8 @@ struct Running {
     screen: Screen,
     /// The processes are being ended: their ends are expected.
     ending: bool,
-    /// The network has failed.
-    deaf: bool,
+    /// A failure of the network has been shown.
+    network_failed: bool,
 }
 
 impl Running {
@@ -190,7 +190,7 @@ impl Running {
         }
         // A screen without events is no reason to end the robot's run.
         let messages = network.handle(wait).unwrap_or_else(|error| {
-            if !std::mem::replace(&mut self.deaf, true) {
+            if !std::mem::replace(&mut self.network_failed, true) {
                 self.screen.say(&format!("no events are shown from now on: the network of the run: {error}"));
             }
             std::thread::sleep(wait);

@@ -87,7 +87,7 @@ impl Screen {
 
     /// Shows an EVENT, unless its source sends too many.
     pub fn event(&mut self, event: &Event) {
-        if !self.limit.passes(now_ns(), &event.source) {
+        if !self.limit.passes(now_ns(), event) {
             return;
         }
         let mark = match event.level {

@@ -8,7 +8,9 @@ use drivers::live::has_traffic;
 use drivers::teleop;
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use lcmtypes::bus::{Bus, LcmBus};
-use lcmtypes::channels::{EXECUTOR_COMMAND, OPERATOR_COMMAND, PARAMETER_REQUEST, ROBOT_COMMAND, ROBOT_STATE};
+use lcmtypes::channels::{
+    EXECUTOR_COMMAND, EXPECTED_ROBOT, OPERATOR_COMMAND, PARAMETER_REQUEST, ROBOT_COMMAND, ROBOT_INFO, ROBOT_STATE,
+};
 use replay::play::{Lateness, LatenessSummary, PlayOptions, Player, TimeBase};
 use replay::record::{Filter, Pattern};
 use replay::udpm::Url;
@@ -27,8 +29,8 @@ use std::time::{Duration, Instant};
 /// Keys in a terminal: space pauses and resumes, s or . steps to the next event, left and right seek by 1 s, down and up by 10 s, + and - double and
 /// halve the speed, q quits.
 ///
-/// If a robot is live on the network, channels that drive it (ROBOT_STATE, ROBOT_COMMAND, operator commands, requests) are rejected unless --force is
-/// given.
+/// If a robot is live on the network, channels that drive it (ROBOT_STATE, ROBOT_COMMAND, operator commands, requests) or that can stop it
+/// (ROBOT_INFO, EXPECTED_ROBOT) are rejected unless --force is given.
 ///
 /// At the end it prints how late messages were published (p50, p99, p99.9, maximum). Lateness is lowest on an idle processor.
 #[derive(clap::Args)]
@@ -98,8 +100,16 @@ struct Summary {
 const SPIN: Duration = Duration::from_micros(150);
 
 /// Channels that a robot or its controller acts on.
-const DRIVING: [&str; 6] =
-    [ROBOT_STATE, ROBOT_COMMAND, OPERATOR_COMMAND, teleop::CHANNEL, EXECUTOR_COMMAND, PARAMETER_REQUEST];
+const DRIVING: [&str; 8] = [
+    ROBOT_STATE,
+    ROBOT_COMMAND,
+    OPERATOR_COMMAND,
+    teleop::CHANNEL,
+    EXECUTOR_COMMAND,
+    PARAMETER_REQUEST,
+    ROBOT_INFO,
+    EXPECTED_ROBOT,
+];
 
 /// Time to detect a live robot: many of its periods.
 const DETECTION_TIME: Duration = Duration::from_millis(30);

@@ -3,7 +3,6 @@
 use crate::{Outcome, say, say_json};
 use replay::Error;
 use replay::bisect::{recorded_revision, replay_with_revision};
-use replay::printable_lines;
 use std::path::Path;
 
 /// - `revision`: empty is the revision that wrote the log.
@@ -13,7 +12,7 @@ pub fn run(log: &Path, revision: &str, repository: &Path, work: &Path, json: boo
         say_json(&found)?;
     } else {
         let build = if found.built { "built" } else { "build from the cache" };
-        say(format!("revision {} ({build}):\n{}", found.revision, printable_lines(&found.said)))?;
+        say(format!("revision {} ({build}):\n{}", found.revision, found.said))?;
     }
     Ok(Outcome::failed_if(!found.identical))
 }

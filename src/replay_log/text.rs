@@ -43,9 +43,9 @@ pub fn text(report: &ReplayReport, joints: &[String]) -> String {
     }
     report.account.text().iter().for_each(|line| text += &format!("\n{line}"));
     for OtherType { channel, type_name, found, expected, count, is_every_message } in &report.account.other_types {
-        let who = if *is_every_message { "of another version of" } else { "of another program, not of type" };
+        let origin = if *is_every_message { "of another version of" } else { "of another program, not of type" };
         text += &format!(
-            "\nleft out: {count} messages on {} {who} {type_name}: fingerprint {found}, expected {expected}",
+            "\nleft out: {count} messages on {} {origin} {type_name}: fingerprint {found}, expected {expected}",
             printable(channel)
         );
     }

@@ -90,18 +90,21 @@ fn write(args: &Args, urdf: &str, proposal: &Proposal) -> anyhow::Result<PathBuf
     anyhow::ensure!(args.force || !path.exists(), "{} exists; --force replaces it", path.display());
     let copy = folder.join(&proposal.urdf_file);
     let is_source = copy.canonicalize().is_ok_and(|copy| args.urdf.canonicalize().is_ok_and(|urdf| urdf == copy));
-    match &proposal.urdf {
-        Some(prepared) => {
-            anyhow::ensure!(
-                !is_source,
-                "{} would be replaced by a changed copy; give another --out or --name",
-                copy.display()
-            );
-            anyhow::ensure!(args.force || !copy.exists(), "{} exists; --force replaces it", copy.display());
-            std::fs::write(&copy, prepared).with_context(|| copy.display().to_string())?;
-        }
-        None if is_source => {}
-        None => std::fs::write(&copy, urdf).with_context(|| copy.display().to_string())?,
+    if is_source {
+        anyhow::ensure!(
+            proposal.urdf.is_none(),
+            "{} would be replaced by a changed copy; give another --out or --name",
+            copy.display()
+        );
+    } else {
+        let content = proposal.urdf.as_deref().unwrap_or(urdf);
+        let is_same = || std::fs::read(&copy).is_ok_and(|existing| existing == content.as_bytes());
+        anyhow::ensure!(
+            args.force || !copy.exists() || is_same(),
+            "{} exists with another content; --force replaces it",
+            copy.display()
+        );
+        std::fs::write(&copy, content).with_context(|| copy.display().to_string())?;
     }
     std::fs::write(&path, &proposal.toml).with_context(|| path.display().to_string())?;
     Ok(path)

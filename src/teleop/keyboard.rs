@@ -2,11 +2,11 @@
 
 use super::gamepad::Gamepad;
 use super::keys::Key;
-use super::link::now_ns;
 use super::view::Screen;
 use super::{Session, Signals};
 use anyhow::{Context, anyhow};
 use crossterm::event::Event as Input;
+use drivers::live::clock::now_ns;
 use ratatui::DefaultTerminal;
 use std::io::IsTerminal;
 use std::sync::mpsc::{Receiver, RecvTimeoutError, channel};

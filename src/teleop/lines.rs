@@ -1,8 +1,8 @@
 //! Operation by lines of text, from a script file or from another program on standard input.
 
-use super::link::now_ns;
 use super::{Session, Signals};
 use anyhow::Context;
+use drivers::live::clock::now_ns;
 use std::collections::VecDeque;
 use std::io::BufRead;
 use std::sync::mpsc::{Receiver, TryRecvError, channel};

@@ -2,13 +2,13 @@
 
 use anyhow::Context;
 use controller::params::Params;
+use drivers::live::clock::now_ns;
 use drivers::teleop::{Limits, check_channel};
 use lcmtypes::bus::{Bus, LcmBus};
 use lcmtypes::{
     ControllerInput, ControllerTick, Event, EventNumbers, Message, OperatorCommand, RequestReply, RunInfo, channels,
     enum_names, new_sender_id,
 };
-use nix::time::{ClockId, clock_gettime};
 use std::collections::VecDeque;
 use std::time::Duration;
 
@@ -18,12 +18,6 @@ const EVENTS: usize = 20;
 pub const TIMEOUT_NS: i64 = 500_000_000;
 /// Time after which an emergency stop that the controller has not confirmed has failed, ns.
 const STOP_TIMEOUT_NS: i64 = 200_000_000;
-
-/// Monotonic time, ns: the clock of all messages of a machine.
-pub fn now_ns() -> i64 {
-    // The clock exists on every Linux.
-    clock_gettime(ClockId::CLOCK_MONOTONIC).map_or(0, |t| t.tv_sec() * 1_000_000_000 + t.tv_nsec())
-}
 
 /// Sends commands and receives the controller's messages.
 pub struct Link {

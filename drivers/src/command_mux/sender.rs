@@ -1,4 +1,4 @@
-//! What the command multiplexer knows of one sender.
+//! State of one sender in the command multiplexer.
 
 use super::Ignored;
 use lcmtypes::OperatorCommand;

@@ -1,19 +1,23 @@
 //! Limit on the number of EVENTs per source: a flood, of this process or of a foreign one, is counted instead of published or shown.
 
+use lcmtypes::Event;
 use std::collections::BTreeMap;
 
 /// Length of a window, ns.
 const WINDOW_NS: i64 = 1_000_000_000;
-/// EVENTs of a source that pass in one window.
+/// EVENTs of a source that pass in one window: as many errors, and as many others.
 pub const PER_WINDOW: u32 = 20;
 /// Sources that are counted separately; all others share one count.
 const SOURCES: usize = 32;
 
-/// Counts the EVENTs of each source.
+/// Counts the EVENTs of each source, errors and others separately: a flood of warnings hides no error.
 #[derive(Debug, Default)]
 pub struct EventLimit {
-    windows: BTreeMap<String, Window>,
+    windows: BTreeMap<Key, Window>,
 }
+
+/// Source, and whether errors are counted.
+type Key = (String, bool);
 
 #[derive(Debug, Default)]
 struct Window {
@@ -27,6 +31,8 @@ struct Window {
 pub struct Suppressed {
     /// The source; empty for sources that share one count.
     pub source: String,
+    /// Errors are counted, else EVENTs of other levels.
+    pub is_error: bool,
     /// Their number.
     pub count: u64,
 }
@@ -34,15 +40,25 @@ pub struct Suppressed {
 impl Suppressed {
     /// Text for an EVENT or a screen.
     pub fn text(&self) -> String {
-        format!("{} more EVENTs within 1 s suppressed, limit {PER_WINDOW}", self.count)
+        let what = if self.is_error { "errors" } else { "EVENTs" };
+        format!("{} more {what} within 1 s suppressed, limit {PER_WINDOW}", self.count)
+    }
+
+    /// The EVENT that reports them, without sender and number.
+    pub fn event(self, t_ns: i64) -> Event {
+        let text = self.text();
+        Event { t_ns, tick: -1, level: Event::LEVEL_WARNING, source: self.source, text, ..Event::default() }
     }
 }
 
 impl EventLimit {
-    /// Whether an EVENT of `source` at `now_ns` passes: at most `PER_WINDOW` per second.
-    pub fn passes(&mut self, now_ns: i64, source: &str) -> bool {
-        let is_own = self.windows.contains_key(source) || self.windows.len() < SOURCES;
-        let window = self.windows.entry(if is_own { source.to_owned() } else { String::new() }).or_default();
+    /// Whether an EVENT passes at `now_ns`: at most `PER_WINDOW` per second.
+    pub fn passes(&mut self, now_ns: i64, event: &Event) -> bool {
+        let mut key = (event.source.clone(), event.level == Event::LEVEL_ERROR);
+        if !self.windows.contains_key(&key) && self.windows.len() >= SOURCES {
+            key.0.clear();
+        }
+        let window = self.windows.entry(key).or_default();
         if window.passed == 0 {
             window.begin_ns = now_ns;
         }
@@ -59,9 +75,9 @@ impl EventLimit {
     pub fn take_suppressed(&mut self, now_ns: i64) -> Vec<Suppressed> {
         let is_over = |window: &Window| now_ns - window.begin_ns >= WINDOW_NS || now_ns < window.begin_ns;
         let mut found = Vec::new();
-        self.windows.retain(|source, window| {
+        self.windows.retain(|(source, is_error), window| {
             if is_over(window) && window.suppressed > 0 {
-                found.push(Suppressed { source: source.clone(), count: window.suppressed });
+                found.push(Suppressed { source: source.clone(), is_error: *is_error, count: window.suppressed });
             }
             !is_over(window)
         });
@@ -73,22 +89,39 @@ impl EventLimit {
 mod tests {
     use super::*;
 
+    fn of(source: &str, level: i8) -> Event {
+        Event { source: source.to_owned(), level, ..Event::default() }
+    }
+
     #[test]
     fn a_flood_passes_in_part_and_is_counted() {
         let mut limit = EventLimit::default();
-        let passed = (0..500).filter(|k| limit.passes(1000 + k, "foreign")).count();
+        let flood = of("foreign", Event::LEVEL_WARNING);
+        let passed = (0..500).filter(|k| limit.passes(1000 + k, &flood)).count();
         assert_eq!(passed, PER_WINDOW as usize);
-        assert!(limit.passes(1500, "controller"), "sources are counted separately");
+        assert!(limit.passes(1500, &of("controller", Event::LEVEL_WARNING)), "sources are counted separately");
+        assert!(limit.passes(1500, &of("foreign", Event::LEVEL_ERROR)), "errors are counted separately");
         assert_eq!(limit.take_suppressed(2000), []);
-        let count = 500 - u64::from(PER_WINDOW);
-        assert_eq!(limit.take_suppressed(1000 + WINDOW_NS), [Suppressed { source: "foreign".to_owned(), count }]);
-        assert!(limit.passes(2000 + WINDOW_NS, "foreign"), "a new window");
+        let suppressed =
+            Suppressed { source: "foreign".to_owned(), is_error: false, count: 500 - u64::from(PER_WINDOW) };
+        assert_eq!(limit.take_suppressed(1000 + WINDOW_NS), [suppressed]);
+        assert!(limit.passes(2000 + WINDOW_NS, &flood), "a new window");
+    }
+
+    #[test]
+    fn a_flood_of_errors_passes_in_part() {
+        let mut limit = EventLimit::default();
+        let error = of("driver", Event::LEVEL_ERROR);
+        assert_eq!((0..500).filter(|_| limit.passes(0, &error)).count(), PER_WINDOW as usize);
+        let report = limit.take_suppressed(WINDOW_NS).pop().unwrap().event(7);
+        assert_eq!((report.level, &*report.source, report.t_ns), (Event::LEVEL_WARNING, "driver", 7));
+        assert!(report.text.starts_with("480 more errors"), "{}", report.text);
     }
 
     #[test]
     fn many_sources_use_bounded_memory() {
         let mut limit = EventLimit::default();
-        let passed = (0..10_000).filter(|k| limit.passes(0, &k.to_string())).count();
+        let passed = (0..10_000).filter(|k| limit.passes(0, &of(&k.to_string(), Event::LEVEL_WARNING))).count();
         assert_eq!((passed, limit.windows.len()), (SOURCES + PER_WINDOW as usize, SOURCES + 1));
     }
 }

@@ -19,7 +19,7 @@ pub trait Hardware: Send {
     /// Uses the measurements of this driver only, by its `sender_id`; of none for `None`.
     fn listen_to(&mut self, _driver: Option<i64>) {}
 
-    /// Measurements that were not used: of other senders, or undecodable.
+    /// Measurements that were not used: undecodable, of other senders, or of a driver whose robot is not known.
     fn refused(&self) -> u64 {
         0
     }
@@ -121,7 +121,7 @@ impl Hardware for LcmRobot {
                     Driver::Only(id) => received.sender_id == id && address.is_none_or(|address| address == from),
                 };
                 if !is_decoded || !is_driver {
-                    *refused += u64::from(*driver != Driver::None);
+                    *refused += 1;
                     return;
                 }
                 *address = Some(from);

@@ -53,14 +53,11 @@ impl Outgoing {
         self.put_event(Event { t_ns, tick, level, source: source.to_owned(), text, ..Event::default() });
     }
 
-    /// Publishes an EVENT; sets its sender and number. An error is always published; of the others, those beyond [`EventLimit`] are counted: a flood
-    /// of bad requests must not become a flood of EVENTs.
-    pub fn put_event(&mut self, mut event: Event) {
-        let now_ns = now_ns();
-        let passes = event.level == Event::LEVEL_ERROR || self.limit.passes(now_ns, &event.source);
-        if passes {
-            self.events.number(&mut event);
-            self.put(channels::EVENT, &event);
+    /// Publishes an EVENT; sets its sender and number. EVENTs beyond [`EventLimit`] are counted: a flood of foreign messages must not become a flood
+    /// of EVENTs.
+    pub fn put_event(&mut self, event: Event) {
+        if self.limit.passes(now_ns(), &event) {
+            self.put_numbered(event);
         }
     }
 
@@ -68,17 +65,12 @@ impl Outgoing {
     pub fn report_suppressed(&mut self) {
         let now_ns = now_ns();
         for suppressed in self.limit.take_suppressed(now_ns) {
-            let text = suppressed.text();
-            let mut event = Event {
-                t_ns: now_ns,
-                tick: -1,
-                level: Event::LEVEL_WARNING,
-                source: suppressed.source,
-                text,
-                ..Event::default()
-            };
-            self.events.number(&mut event);
-            self.put(channels::EVENT, &event);
+            self.put_numbered(suppressed.event(now_ns));
         }
+    }
+
+    fn put_numbered(&mut self, mut event: Event) {
+        self.events.number(&mut event);
+        self.put(channels::EVENT, &event);
     }
 }

@@ -5,6 +5,7 @@
 
 use super::clock::{TickSchedule, now_ns, sleep_until};
 use super::command_gate::CommandGate;
+use super::event_limit::EventLimit;
 use super::peers::is_fresh;
 use super::socket::{LcmReceiver, LcmSender};
 use crate::operator_script::OperatorScript;
@@ -12,8 +13,8 @@ use crate::robot_info::ROBOT_INFO_EVERY_NS;
 use crate::{DriverError, FaultInjection, Scenario, Simulator};
 use controller::model::JointInfo;
 use lcmtypes::{
-    ControllerTick, Event, EventNumbers, GroundTruth, Message, ParameterRequest, RobotCommand, RobotInfo, RobotState,
-    channels, new_sender_id,
+    Event, EventNumbers, GroundTruth, Message, ParameterRequest, RobotCommand, RobotInfo, RobotState, channels,
+    new_sender_id,
 };
 use std::collections::VecDeque;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -104,8 +105,6 @@ struct Run<'a> {
     t_ns: i64,
     number: i64,
     started: bool,
-    /// The controller keeps the robot upright (STANCE or WALK): in other modes a low base is not a fall.
-    upright: bool,
     /// The watchdog damps the joints.
     timed_out: bool,
     arrived_ns: i64,
@@ -133,11 +132,15 @@ impl<'a> Run<'a> {
             scenario,
             sim,
             receiver,
-            out: Sender { sender, bytes: Vec::new(), events: EventNumbers::new(sender_id) },
+            out: Sender {
+                sender,
+                bytes: Vec::new(),
+                events: EventNumbers::new(sender_id),
+                limit: EventLimit::default(),
+            },
             t_ns: 0,
             number: 0,
             started: false,
-            upright: false,
             timed_out: false,
             arrived_ns: 0,
             summary: Summary::default(),
@@ -208,7 +211,6 @@ impl<'a> Run<'a> {
         let Run { newest, out, gate, info, info_due_ns, .. } = self;
         let (mut is_new, mut other_robot, mut is_second) = (false, None, false);
         let arrives = self.faults.command_arrives(self.t_ns);
-        let upright = &mut self.upright;
         self.receiver.receive(|from, channel, data| match channel {
             channels::ROBOT_COMMAND if arrives => is_new |= gate.take(from, data, now, newest).is_ok(),
             channels::EXPECTED_ROBOT => {
@@ -226,10 +228,6 @@ impl<'a> Run<'a> {
                     *info_due_ns = (*info_due_ns).min(info.t_ns + ANSWER_EVERY_NS);
                 }
             }
-            channels::CONTROLLER_TICK => {
-                let mode = ControllerTick::decode(data).map_or(ControllerTick::MODE_IDLE, |tick| tick.mode);
-                *upright = matches!(mode, ControllerTick::MODE_STANCE | ControllerTick::MODE_WALK);
-            }
             _ => {}
         });
         if is_second {
@@ -243,6 +241,7 @@ impl<'a> Run<'a> {
         if let Some(text) = gate.report(now) {
             out.event(now, newest.tick, Event::LEVEL_WARNING, "driver", text)?;
         }
+        out.report_suppressed(now)?;
         self.summary.refused = gate.refused();
         if is_new {
             if !self.started {
@@ -280,6 +279,7 @@ struct Sender {
     sender: LcmSender,
     bytes: Vec<u8>,
     events: EventNumbers,
+    limit: EventLimit,
 }
 
 impl Sender {
@@ -290,8 +290,18 @@ impl Sender {
         Ok(u64::from(!self.sender.send(channel, &self.bytes)))
     }
 
+    /// Sends an EVENT, unless there are too many: foreign messages may cause them.
     fn event(&mut self, t_ns: i64, tick: i64, level: i8, source: &str, text: String) -> Result<(), DriverError> {
-        let mut event = Event { t_ns, tick, level, source: source.to_owned(), text, ..Event::default() };
+        let event = Event { t_ns, tick, level, source: source.to_owned(), text, ..Event::default() };
+        if self.limit.passes(t_ns, &event) { self.put_event(event) } else { Ok(()) }
+    }
+
+    /// Sends how many EVENTs were not sent.
+    fn report_suppressed(&mut self, t_ns: i64) -> Result<(), DriverError> {
+        self.limit.take_suppressed(t_ns).into_iter().try_for_each(|suppressed| self.put_event(suppressed.event(t_ns)))
+    }
+
+    fn put_event(&mut self, mut event: Event) -> Result<(), DriverError> {
         self.events.number(&mut event);
         self.put(channels::EVENT, &event).map(drop)
     }

@@ -8,12 +8,12 @@ use super::realtime_loop::{End, EndCause, Ending};
 use super::requests::Requests;
 use super::{CallSender, Lateness};
 use crate::command_mux::CommandMux;
-use crate::robot_info::ROBOT_INFO_EVERY_NS;
 use crate::watch::{FaultOfRun, ModeEvent, ModeWatch};
 use controller::model::{JointKind, UrdfTree};
 use lcmtypes::bus::{Bus, Received};
 use lcmtypes::{
-    ControllerInput, ControllerTick, Event, Message, ParameterChange, RobotInfo, RunInfo, Timing, channels, enum_names,
+    ControllerInput, ControllerTick, DecodeError, Event, Message, ParameterChange, RobotInfo, RunInfo, Timing,
+    channels, enum_names,
 };
 use std::sync::Arc;
 use std::sync::atomic::Ordering;
@@ -21,6 +21,8 @@ use std::time::Duration;
 
 /// Period at which RUN_INFO and the parameter changes are published again, so that a log that begins later can be read, ns.
 pub const RUN_INFO_EVERY_NS: i64 = 5_000_000_000;
+/// Shortest time between two reports of messages that were not used, ns.
+const REPORT_EVERY_NS: i64 = 1_000_000_000;
 /// Longest wait for a message from the bus before the ring is checked again.
 const POLL: Duration = Duration::from_millis(1);
 
@@ -39,6 +41,32 @@ pub struct PublisherReport {
     pub fault: Option<FaultOfRun>,
 }
 
+/// Number of messages that EVENTs have reported.
+#[derive(Debug)]
+struct Reported {
+    count: u64,
+    /// Earliest time of the next report, ns.
+    due_ns: i64,
+}
+
+impl Default for Reported {
+    fn default() -> Self {
+        Reported { count: 0, due_ns: i64::MIN }
+    }
+}
+
+impl Reported {
+    /// Messages to report at `now_ns`, if there are `count` in all; at most once per [`REPORT_EVERY_NS`].
+    fn new_messages(&mut self, count: u64, now_ns: i64) -> Option<u64> {
+        let new = count.saturating_sub(self.count);
+        if new == 0 || now_ns < self.due_ns {
+            return None;
+        }
+        *self = Reported { count, due_ns: now_ns.saturating_add(REPORT_EVERY_NS) };
+        Some(new)
+    }
+}
+
 /// The publisher thread's data.
 pub struct Publisher {
     ring: MessageReceiver,
@@ -49,8 +77,10 @@ pub struct Publisher {
     info_due_ns: Option<i64>,
     peers: Option<Peers>,
     peers_due_ns: i64,
-    /// Refused measurements that were reported, and time of that report, ns.
-    reported_states: (u64, i64),
+    /// Received messages that could not be decoded, and the channel of the last one.
+    unreadable: (u64, String),
+    reported_unreadable: Reported,
+    reported_states: Reported,
     /// Another run was active.
     second_run: bool,
 }
@@ -78,7 +108,9 @@ impl Publisher {
             info_due_ns: None,
             peers,
             peers_due_ns: i64::MIN,
-            reported_states: (0, i64::MIN),
+            unreadable: (0, String::new()),
+            reported_unreadable: Reported::default(),
+            reported_states: Reported::default(),
             second_run: false,
         }
     }
@@ -96,6 +128,7 @@ impl Publisher {
             self.requests.work(&mut self.out);
             self.out.report_suppressed();
             self.announce();
+            self.report_refused();
         }
         self.requests.close(&mut self.out);
         // For a log that began within the last seconds.
@@ -103,11 +136,10 @@ impl Publisher {
             self.publish_info();
         }
         self.events.report_lateness(true, &mut self.out);
-        let counts = self.requests.counts();
         PublisherReport {
             unpublished: self.out.unpublished(),
-            unreadable: counts.unreadable,
-            not_called: counts.not_called,
+            unreadable: self.unreadable.0,
+            not_called: self.requests.not_called(),
             second_run: self.second_run,
             fault: self.events.modes.fault_of_safe_state(),
         }
@@ -140,7 +172,7 @@ impl Publisher {
         self.requests.publish_changes(&mut self.out);
     }
 
-    /// Sends EXPECTED_ROBOT if it is due, and reports measurements that were not used.
+    /// Sends EXPECTED_ROBOT if it is due.
     fn announce(&mut self) {
         let now = now_ns();
         if let Some(peers) = &mut self.peers
@@ -149,18 +181,31 @@ impl Publisher {
             self.peers_due_ns = now + peers.period_ns();
             self.out.put(channels::EXPECTED_ROBOT, peers.expected(now));
         }
-        let refused = self.events.ending.refused_states.load(Ordering::Relaxed);
-        let (reported, at_ns) = self.reported_states;
-        if refused > reported && now.saturating_sub(at_ns) >= ROBOT_INFO_EVERY_NS {
-            self.reported_states = (refused, now);
-            let text = format!("{} ROBOT_STATE refused: of another sender, or undecodable", refused - reported);
+    }
+
+    /// Reports received messages that were not used.
+    fn report_refused(&mut self) {
+        let now = now_ns();
+        let states = self.events.ending.refused_states.load(Ordering::Relaxed);
+        if let Some(new) = self.reported_states.new_messages(states, now) {
+            let text =
+                format!("{new} ROBOT_STATE refused: undecodable, of another sender, or of a driver without ROBOT_INFO");
+            self.out.event(now, -1, Event::LEVEL_WARNING, "executor", text);
+        }
+        let (unreadable, channel) = &self.unreadable;
+        if let Some(new) = self.reported_unreadable.new_messages(*unreadable, now) {
+            let text = format!("{new} received messages cannot be decoded, the last one on {channel}");
             self.out.event(now, -1, Event::LEVEL_WARNING, "executor", text);
         }
     }
 
     /// Takes a ROBOT_INFO or EXPECTED_ROBOT. With a second driver or run the joints are damped; of two runs, the later one ends.
-    fn receive_peer(&mut self, message: &Received) {
-        let (Some(peers), Ok(info)) = (&mut self.peers, RobotInfo::decode(&message.data)) else { return };
+    ///
+    /// # Errors
+    /// If it cannot be decoded.
+    fn receive_peer(&mut self, message: &Received) -> Result<(), DecodeError> {
+        let info = RobotInfo::decode(&message.data)?;
+        let Some(peers) = &mut self.peers else { return Ok(()) };
         let now = now_ns();
         let found = match &*message.channel {
             channels::ROBOT_INFO => peers.robot_info(&info, now),
@@ -169,10 +214,10 @@ impl Publisher {
         // At once, if it is open whether a driver has ended.
         self.peers_due_ns = self.peers_due_ns.min(now + peers.period_ns());
         let text = match found {
-            None => return,
+            None => return Ok(()),
             Some(Finding::Driver(id)) => {
                 self.requests.use_driver(id);
-                return;
+                return Ok(());
             }
             Some(Finding::OtherRobot(difference)) => {
                 format!("a driver has another robot and is not used: {difference}")
@@ -184,7 +229,7 @@ impl Publisher {
             Some(Finding::SecondRun { is_earlier }) => {
                 self.requests.damp(now, self.info.run_id);
                 self.second_run = true;
-                // The other run must learn of this one too.
+                // At once, so that the other run detects this one too.
                 self.peers_due_ns = i64::MIN;
                 if is_earlier {
                     self.events.ending.request(End::Damp, EndCause::SecondRun);
@@ -195,15 +240,19 @@ impl Publisher {
             }
         };
         self.out.event(now, -1, Event::LEVEL_ERROR, "executor", text);
+        Ok(())
     }
 
     fn receive(&mut self) {
         match self.out.bus().handle(POLL) {
             Ok(messages) => {
-                for message in &messages {
-                    match &*message.channel {
-                        channels::ROBOT_INFO | channels::EXPECTED_ROBOT => self.receive_peer(message),
-                        _ => self.requests.receive(message, &mut self.out),
+                for message in messages {
+                    let decoded = match &*message.channel {
+                        channels::ROBOT_INFO | channels::EXPECTED_ROBOT => self.receive_peer(&message),
+                        _ => self.requests.receive(&message, &mut self.out),
+                    };
+                    if decoded.is_err() {
+                        self.unreadable = (self.unreadable.0 + 1, message.channel);
                     }
                 }
             }

@@ -18,8 +18,8 @@ use crate::command_mux::CommandMux;
 use crate::parameter_requests::{self, ParameterRequestHandler, Proposal, Refusal};
 use lcmtypes::bus::Received;
 use lcmtypes::{
-    ControllerInput, ControllerTick, Event, ExecutorCommand, Message, OperatorCommand, ParameterRequest, RequestReply,
-    RunInfo, channels,
+    ControllerInput, ControllerTick, DecodeError, Event, ExecutorCommand, Message, OperatorCommand, ParameterRequest,
+    RequestReply, RunInfo, channels,
 };
 use std::collections::VecDeque;
 
@@ -42,16 +42,8 @@ pub struct Requests {
     /// A handover is with the real-time thread.
     handing_over: bool,
     changes: ChangeRepeater,
-    counts: RequestCounts,
-}
-
-/// Requests that were lost.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct RequestCounts {
-    /// Messages that could not be decoded.
-    pub unreadable: u64,
     /// Calls for which the ring to the real-time thread had no room.
-    pub not_called: u64,
+    not_called: u64,
 }
 
 impl Requests {
@@ -67,13 +59,13 @@ impl Requests {
             waiting: VecDeque::new(),
             handing_over: false,
             changes: ChangeRepeater::default(),
-            counts: RequestCounts::default(),
+            not_called: 0,
         }
     }
 
-    /// Requests that were lost so far.
-    pub fn counts(&self) -> RequestCounts {
-        self.counts
+    /// Calls for which the ring to the real-time thread had no room.
+    pub fn not_called(&self) -> u64 {
+        self.not_called
     }
 
     /// Publishes the parameter changes of the run again, for logs that begin now.
@@ -82,26 +74,21 @@ impl Requests {
     }
 
     /// Takes a message from the bus.
-    pub fn receive(&mut self, message: &Received, out: &mut Outgoing) {
+    ///
+    /// # Errors
+    /// If it cannot be decoded.
+    pub fn receive(&mut self, message: &Received, out: &mut Outgoing) -> Result<(), DecodeError> {
         if let Some(source) = self.mux.source_of(&message.channel) {
-            match OperatorCommand::decode(&message.data) {
-                Ok(command) => self.receive_operator(source, &command, out),
-                Err(_) => self.counts.unreadable += 1,
-            }
+            self.receive_operator(source, &OperatorCommand::decode(&message.data)?, out);
         } else if message.channel == channels::PARAMETER_REQUEST {
-            match ParameterRequest::decode(&message.data) {
-                Ok(request) => self.receive_parameter(request, out),
-                Err(_) => self.counts.unreadable += 1,
-            }
+            self.receive_parameter(ParameterRequest::decode(&message.data)?, out);
         } else if message.channel == channels::EXECUTOR_COMMAND {
-            match ExecutorCommand::decode(&message.data) {
-                Ok(command) => self.receive_switch(&command, out),
-                Err(_) => self.counts.unreadable += 1,
-            }
+            self.receive_switch(&ExecutorCommand::decode(&message.data)?, out);
         }
+        Ok(())
     }
 
-    /// Has the measurements of a driver used, and of no other.
+    /// Uses the measurements of this driver, and of no other.
     pub fn use_driver(&mut self, id: i64) {
         self.call(Call::Driver(id));
     }
@@ -298,7 +285,7 @@ impl Requests {
 
     fn call(&mut self, call: Call) -> bool {
         let called = self.calls.send(call);
-        self.counts.not_called += u64::from(!called);
+        self.not_called += u64::from(!called);
         called
     }
 }
