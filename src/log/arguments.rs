@@ -58,16 +58,14 @@ impl Channels {
         if self.channels.is_none() && self.exclude.is_none() {
             return Ok(());
         }
-        let mut missing = vec![()];
+        let mut is_selected = false;
         let names = search(logs, |name| {
-            if filter.matches(name) {
-                missing.clear();
-            }
-            missing.is_empty()
+            is_selected = filter.matches(name);
+            is_selected
         })?;
         let given = [("--channels", &self.channels), ("--exclude", &self.exclude)];
         let given: Vec<_> = given.iter().filter_map(|(o, text)| Some(format!("{o} {:?}", text.as_ref()?))).collect();
-        anyhow::ensure!(missing.is_empty(), "{} selects no channel: {}", given.join(" "), listed(logs, &names));
+        anyhow::ensure!(is_selected, "{} selects no channel: {}", given.join(" "), listed(logs, &names));
         Ok(())
     }
 }

@@ -5,6 +5,7 @@ use crate::progress::Progress;
 use crate::{Outcome, say, say_json};
 use analysis::export::{ExportFormat, Exported, export};
 use clap::ValueEnum;
+use replay::Error;
 use replay::log::ros2::{self, BaseSource};
 use replay::log::{CopyOptions, EventFilter};
 use replay::printable_path;
@@ -88,7 +89,9 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
     let (to, out) = target(args)?;
     let Channels { channels, exclude } = &args.channels;
     let filter = EventFilter::new(channels.as_deref(), exclude.as_deref(), None, None)?;
-    args.channels.check(&[&args.one_run.of(&args.log)])?;
+    let log = args.one_run.of(&args.log);
+    Error::check_distinct_files(&log, &out)?;
+    args.channels.check(&[&log])?;
     let types = args.types.read()?;
     let bar = Progress::new("convert");
     let mut progress = |part| bar.set(part);
@@ -98,20 +101,20 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
         To::Ticks => ExportFormat::Ticks,
         To::Mat => ExportFormat::Mat,
         To::Mcap if args.encoding == Encoding::Ros2 => {
-            let exported = ros2::to_ros2(&args.one_run.of(&args.log), &out, filter, types, &mut progress)?;
+            let exported = ros2::to_ros2(&log, &out, filter, types, &mut progress)?;
             drop(bar);
             return say_ros2(&exported, args.json);
         }
         To::Lcmlog | To::Mcap => {
             let options = CopyOptions { filter, types, ..CopyOptions::default() };
-            let copied = replay::log::copy(&args.one_run.of(&args.log), &out, options, &mut progress)?;
+            let copied = replay::log::copy(&log, &out, options, &mut progress)?;
             drop(bar);
             return print_copy_report(&copied, args.json);
         }
     };
     let mut progress = |p: analysis::Progress| bar.set(p.done as f64 / p.total.max(1) as f64);
     let wanted = |channel: &str| filter.matches(channel);
-    let exported = export(&args.one_run.of(&args.log), &out, table, types, wanted, &mut progress)?;
+    let exported = export(&log, &out, table, types, wanted, &mut progress)?;
     drop(bar);
     say_tables(&exported, args.json)
 }
@@ -166,7 +169,7 @@ fn target(args: &Args) -> anyhow::Result<(To, PathBuf)> {
     let Some(to) = args.to.or_else(|| out.and_then(|out| To::of_name(out))) else {
         anyhow::bail!(
             "{}: no output format: expected --to FORMAT, or an output name that ends with .lcmlog, .mcap or .mat",
-            out.unwrap_or(&args.one_run.of(&args.log)).display()
+            out.unwrap_or(&args.log).display()
         );
     };
     anyhow::ensure!(to == To::Mcap || args.encoding == Encoding::Lcm, "--encoding ros2 requires --to mcap");

@@ -3,7 +3,8 @@
 use super::{Channels, LogTypes, OneRun, Part, print_copy_report, seconds};
 use crate::Outcome;
 use crate::progress::Progress;
-use replay::log::{CopyOptions, EventFilter, Excerpt, RunClock};
+use replay::Error;
+use replay::log::{CopyOptions, EventFilter, Excerpt, copy_excerpt};
 use std::path::PathBuf;
 
 #[derive(clap::Args)]
@@ -32,12 +33,13 @@ pub struct FilterArgs {
 }
 
 pub fn filter(args: &FilterArgs) -> anyhow::Result<Outcome> {
-    args.part.channels.check(&[&args.one_run.of(&args.log)])?;
+    let log = args.one_run.of(&args.log);
+    args.part.channels.check(&[&log])?;
     let filter = args.part.filter()?;
     let filter = if args.only { filter } else { filter.keep_replay() };
     let options = CopyOptions { filter, types: args.types.read()?, ..CopyOptions::default() };
     let bar = Progress::new("filter");
-    let copied = replay::log::copy(&args.one_run.of(&args.log), &args.out, options, &mut |part| bar.set(part))?;
+    let copied = replay::log::copy(&log, &args.out, options, &mut |part| bar.set(part))?;
     drop(bar);
     print_copy_report(&copied, args.json)
 }
@@ -73,8 +75,9 @@ pub struct TrimArgs {
 }
 
 pub fn trim(args: &TrimArgs) -> anyhow::Result<Outcome> {
+    let log = args.one_run.of(&args.log);
     let (filter, types) = (args.part.filter()?, args.types.read()?);
-    args.part.channels.check(&[&args.one_run.of(&args.log)])?;
+    args.part.channels.check(&[&log])?;
     let bar = Progress::new("trim");
     let mut progress = |part| bar.set(part);
     let excerpt = match args.around {
@@ -87,12 +90,16 @@ pub fn trim(args: &TrimArgs) -> anyhow::Result<Outcome> {
             Excerpt::Range { from_s: args.part.from, to_s: args.part.to }
         }
     };
-    let has_run = args.around.is_some() || RunClock::read(&args.one_run.of(&args.log))?.first_tick_ns().is_some();
-    let copied = if has_run {
-        replay::log::copy_excerpt(&args.one_run.of(&args.log), &args.out, excerpt, filter, types, &mut progress)?
-    } else {
-        let options = CopyOptions { filter, types, ..CopyOptions::default() };
-        replay::log::copy(&args.one_run.of(&args.log), &args.out, options, &mut progress)?
+    let copied = match copy_excerpt(&log, &args.out, excerpt, filter.clone(), types, &mut progress) {
+        // Without a run of this build's types, the times of the events decide.
+        Err(Error::NoRunInfo { .. } | Error::NoInput { .. } | Error::OtherTypeVersion { .. })
+            if args.around.is_none() =>
+        {
+            let options =
+                CopyOptions { filter: filter.keep_replay(), types: args.types.read()?, ..CopyOptions::default() };
+            replay::log::copy(&log, &args.out, options, &mut progress)?
+        }
+        copied => copied?,
     };
     drop(bar);
     print_copy_report(&copied, args.json)
@@ -145,12 +152,13 @@ pub struct RecoverArgs {
 }
 
 pub fn recover(args: &RecoverArgs) -> anyhow::Result<Outcome> {
+    let log = args.one_run.of(&args.log);
     let Channels { channels, exclude } = &args.channels;
     let filter = EventFilter::new(channels.as_deref(), exclude.as_deref(), None, None)?;
-    args.channels.check(&[&args.one_run.of(&args.log)])?;
+    args.channels.check(&[&log])?;
     let options = CopyOptions { filter, types: args.types.read()?, keep_unchecked: args.unchecked };
     let bar = Progress::new("recover");
-    let copied = replay::log::copy(&args.one_run.of(&args.log), &args.out, options, &mut |part| bar.set(part))?;
+    let copied = replay::log::copy(&log, &args.out, options, &mut |part| bar.set(part))?;
     drop(bar);
     print_copy_report(&copied, args.json)
 }
