@@ -116,7 +116,7 @@ fn filter_and_trim_copy_the_selected_events() {
     hoof(&format!("log trim {} {} --to 0.1", log.display(), out.display())).exits(0);
     assert_eq!(events(&out).iter().filter(|e| &*e.channel == CONTROLLER_INPUT).count(), 101);
     assert_eq!(hoof(&format!("replay {} --json", out.display())).exits(0).json()["ticks"], 101);
-    // A selection with the inputs keeps what a replay needs, unless told otherwise.
+    // A selection with the inputs keeps what a replay needs, without --only.
     let channels = |which: &str| {
         hoof(&format!("{filter} {which}")).exits(0);
         events(&out).iter().map(|e| e.channel.to_string()).collect::<std::collections::BTreeSet<_>>()
@@ -132,11 +132,37 @@ fn filter_and_trim_copy_the_selected_events() {
         (format!("{filter} --from 3 --to 2"), ["--from 3", "--to 2"]),
         (format!("{filter} --from soon"), ["--from", "soon"]),
         (format!("log filter {0} {0}", log.display()), ["run.lcmlog", "same file"]),
+        (format!("log convert {0} {0} --to mat", log.display()), ["run.lcmlog", "same file"]),
+        (format!("log cat {} --follow --run 1", log.display()), ["--follow", "--run"]),
         (format!("log trim {} {}", log.display(), out.display()), ["--from", "--around"]),
     ] {
         let ran = hoof(&arguments).exits(2);
         assert!(parts.iter().all(|part| ran.stderr.contains(part)), "{arguments}: {}", ran.stderr);
     }
+}
+
+/// A log whose messages have other versions of the types is trimmed by the times of its events.
+#[test]
+fn a_log_of_other_types_is_trimmed_by_time() {
+    let folder = folder("trim_other_types");
+    let (old, out) = (folder.join("old.mcap"), folder.join("out.mcap"));
+    rewrite(Path::new(GOLDEN[0]), &old, |event| event.data[7] ^= 1);
+    hoof(&format!("log trim {} {} --from 0.2 --to 0.3", old.display(), out.display())).exits(0);
+    let found = events(&out);
+    assert_eq!(found.iter().filter(|e| &*e.channel == CONTROLLER_INPUT).count(), 101);
+    assert_eq!(found.iter().filter(|e| &*e.channel == RUN_INFO).count(), 1);
+    hoof(&format!("log trim {} {} --around 0.2", old.display(), folder.join("no.mcap").display())).exits(2);
+}
+
+/// A run that the log does not contain is an error of every command that reads it.
+#[test]
+fn a_run_that_a_log_lacks_is_an_error() {
+    let out = folder("no_such_run").join("out.mcap");
+    for command in ["log info", "log cat", "log verify", "replay"] {
+        let stderr = hoof(&format!("{command} {} --run 2", GOLDEN[0])).exits(2).stderr;
+        assert!(["no run 2", "runs in the log: 1"].iter().all(|part| stderr.contains(part)), "{command}: {stderr}");
+    }
+    hoof(&format!("log filter {} {} --run 2", GOLDEN[0], out.display())).exits(2);
 }
 
 #[test]

@@ -385,6 +385,9 @@ fn an_excerpt_from_the_middle_is_not_simulated_again() {
     let golden = "logs/golden/flat_trot.mcap";
     hoof(&format!("log trim {golden} {} --around 1.6 --before 0.2 --after 0.2", part.display())).exits(0);
     replay(&part, "").exits(0);
+    // The log of a run that is selected by its number is not overwritten either.
+    let same = replay(&part, &format!("--run 1 --resim {}", part.display())).exits(2);
+    assert!(same.stderr.contains("same file"), "{}", same.stderr);
     let refused = replay(&part, &format!("--resim {}", again.display())).exits(2);
     assert!(refused.stderr.contains("tick 1001") && !again.exists(), "{}", refused.stderr);
 }

@@ -142,7 +142,7 @@ impl Bench {
     /// `n` seeds from the first one on.
     pub fn consecutive_seeds(&self, n: i64) -> std::ops::Range<i64> {
         let first = self.first_seed.unwrap_or(0);
-        first..first + n
+        first..first.saturating_add(n)
     }
 
     /// Opens a progress bar.

@@ -8,7 +8,7 @@ use crate::{
 
 /// Description of the run, which makes a log self-contained; first message of a run.
 pub const RUN_INFO: &str = "RUN_INFO";
-/// Robot, joints and URDF behind a driver, at its start and once a second.
+/// Robot, joints and URDF of a driver, at its start and once a second.
 pub const ROBOT_INFO: &str = "ROBOT_INFO";
 /// Robot, joints and URDF that a run controls, at its start and once a second.
 pub const EXPECTED_ROBOT: &str = "EXPECTED_ROBOT";

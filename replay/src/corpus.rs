@@ -245,7 +245,10 @@ impl<'a> Corpus<'a> {
                     largest_ulp: report.largest_ulp,
                     altered,
                     error: match whole {
-                        false => Some("the log is damaged, cut, or lacks inputs".to_owned()),
+                        false => Some(
+                            "the log is damaged, cut, or lacks inputs or outputs: `hoof log verify` gives the reasons"
+                                .to_owned(),
+                        ),
                         true if altered && report.identical => Some("not the file that was accepted".to_owned()),
                         true => None,
                     },

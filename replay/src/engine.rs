@@ -36,13 +36,14 @@ mod what_if;
 pub use account::{Account, OtherType, Unused, UnusedMessage};
 pub(crate) use compare::show;
 pub use compare::{Divergence, FieldDifference, Index};
+pub use continuity::OtherParameters;
 pub use cursor::{Cursor, Moment};
 pub use inputs::{brief, lines, of_bytes};
 pub(crate) use judgement::Judgement;
 pub use options::{Load, Options};
 pub use origin::{Build, Deviation};
 pub use outputs::MissingOutputs;
-pub use report::{OtherParameters, ReplayReport};
+pub use report::ReplayReport;
 pub(crate) use run_messages::RunMessages;
 pub use what_if::{DEFAULT_BOUND, Departure, Sample, TimedOverride, WhatIf, When};
 

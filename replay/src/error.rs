@@ -1,6 +1,7 @@
 //! The error type of this crate.
 
 use crate::printable::{printable, printable_path};
+use std::os::unix::fs::MetadataExt;
 use std::path::{Path, PathBuf};
 
 /// An error of a log, a network or a replay. Damage inside a log is not an error: see [`crate::log::Item`].
@@ -184,6 +185,16 @@ pub enum Error {
         /// Offset of that RUN_INFO.
         offset: u64,
     },
+    /// A run that the log does not contain.
+    #[error("{path}: no run {number}, runs in the log: {runs}; `hoof log info` lists them", path = printable_path(path))]
+    NoSuchRun {
+        /// File.
+        path: PathBuf,
+        /// Number of the run, from 1.
+        number: usize,
+        /// Number of runs in the log.
+        runs: usize,
+    },
     /// A message type that changed after the log was written.
     #[error(
         "{path}: channel {channel}, {type_name}: log of another type version: fingerprint {found:016x} in the log, expected {expected:016x}",
@@ -321,11 +332,15 @@ pub enum Error {
 }
 
 impl Error {
-    /// [`Error::SameFile`] if `out` exists and is the file `log`.
-    pub(crate) fn check_distinct_files(log: &Path, out: &Path) -> Result<(), Self> {
+    /// Checks that `out` is not the file of `log`, also not by another name (a link of any kind).
+    ///
+    /// # Errors
+    /// [`Error::SameFile`].
+    pub fn check_distinct_files(log: &Path, out: &Path) -> Result<(), Self> {
         let (log, _) = crate::log::run_path::split_run(log);
-        match (log.canonicalize(), out.canonicalize()) {
-            (Ok(log), Ok(out)) if log == out => Err(Error::SameFile { path: out }),
+        let identity = |path: &Path| std::fs::metadata(path).map(|file| (file.dev(), file.ino()));
+        match (identity(&log), identity(out)) {
+            (Ok(log), Ok(same)) if log == same => Err(Error::SameFile { path: out.into() }),
             _ => Ok(()),
         }
     }

@@ -27,7 +27,7 @@ pub fn printable_lines(text: &str) -> String {
     text.lines().map(printable).collect::<Vec<_>>().join("\n")
 }
 
-/// [`printable`] for JSON: each unsafe character inside a string becomes `\\uXXXX`, so that the text still parses to the same value.
+/// [`printable`] for JSON: each unsafe character inside a string becomes `\uXXXX`, so that the text still parses to the same value.
 pub fn printable_json(json: &str) -> Cow<'_, str> {
     let is_unsafe = |c: char| c != '\n' && is_unsafe(c);
     if !json.contains(is_unsafe) {

@@ -163,6 +163,9 @@ fn a_log_is_replayed_by_the_revision_that_wrote_it() {
         assert_eq!((&found.revision, found.built, found.identical), (&wrote, built, true), "{found:?}");
         assert_eq!(found.said, "log: identical: 3 ticks");
     }
+    // One run of a log is copied for a revision that cannot select it.
+    let one = replay_with_revision(&replay::log::path_of_run(&log, 1), &dir, None, &work).unwrap();
+    assert_eq!((&one.revision, one.identical), (&wrote, true), "{one:?}");
     let found = ask(Some("HEAD")).unwrap();
     assert_eq!((&found.revision, found.built, found.identical), (&later, true, false), "{found:?}");
     assert!(matches!(ask(Some("nowhere")), Err(Error::Bisect { .. })));

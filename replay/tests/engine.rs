@@ -285,7 +285,7 @@ fn an_output_that_no_longer_comes_is_a_difference() {
         events.push((channels::LEG_STATE.into(), 999 * PERIOD_NS, toy::encoded(&leg_state)));
         events.sort_by_key(|(_, t_ns, _)| *t_ns);
     });
-    // It comes 499 ticks late, which is more than any bus does.
+    // 499 ticks late is beyond the window of 256 ticks.
     let report = replay(&path, &Options::default());
     assert_eq!((report.identical, report.complete, report.account.late_messages), (true, false, 1));
     let path = log("surplus_in_time.mcap", |events| {
@@ -314,7 +314,7 @@ fn the_order_of_messages_in_the_log_does_not_matter() {
     assert_eq!((report.ticks, report.account.late_messages, report.missing_input_ticks), (TICKS as u64, 0, 0));
 }
 
-/// A live controller sends its commands by itself; a thread that a busy machine may keep from working sends all else.
+/// A live controller sends its commands directly. All other messages are sent by a thread that a busy machine can delay.
 fn with_all_but_commands_late(name: &str, ticks: i64, late: i64) -> std::path::PathBuf {
     let path = path(name);
     let mut events = toy::events(ticks);
@@ -333,7 +333,7 @@ fn inputs_may_come_seconds_after_their_commands() {
     assert!(report.identical, "{report:?}");
     assert_eq!((report.ticks, report.account.late_messages, report.missing_input_ticks), (6000, 0, 0));
 
-    // Not without end: what comes still later is missing, and the log is judged from the next state on that is not.
+    // The delay is limited: later inputs are missing, and the replay continues from the next snapshot.
     let path = with_all_but_commands_late("too_late_inputs.mcap", 20_000, 17_000);
     let report = replay(&path, &Options::default());
     assert!(report.identical && report.account.late_messages > 0 && report.missing_input_ticks > 0, "{report:?}");
@@ -364,6 +364,15 @@ fn a_log_cannot_be_its_own_output() {
     assert!(matches!(error, Err(Error::SameFile { .. })), "{error:?}");
     let error = replay::corpus::trim_to_golden(&path, &path, &[]);
     assert!(matches!(error, Err(Error::SameFile { .. })), "{error:?}");
+    // The same file by other names.
+    let (hard, soft) = (common::path("itself_hard.mcap"), common::path("itself_soft.mcap"));
+    [&hard, &soft].iter().for_each(|link| drop(std::fs::remove_file(link)));
+    std::fs::hard_link(&path, &hard).unwrap();
+    std::os::unix::fs::symlink(&path, &soft).unwrap();
+    for link in [&hard, &soft] {
+        let error = replay::corpus::trim_to_golden(&path, link, &[]);
+        assert!(matches!(error, Err(Error::SameFile { .. })), "{error:?}");
+    }
     assert!(std::fs::read(&path).unwrap() == bytes);
 }
 
@@ -421,5 +430,5 @@ fn a_debug_channel_of_another_type_is_left_out_of_the_comparison() {
     let [other] = &report.account.other_types[..] else { panic!("{report:?}") };
     let expected = <WbcSolution as lcmtypes::Message>::FINGERPRINT;
     assert_eq!((other.count, other.is_every_message, &*other.channel), (TICKS as u64, true, channels::WBC_SOLUTION));
-    assert_eq!((&*other.found, &*other.expected), (&*format!("{:016x}", expected ^ 1), &*format!("{expected:016x}")));
+    assert_eq!((other.found, other.expected), (expected ^ 1, expected));
 }

@@ -33,7 +33,7 @@ fn place(events: &[Message], channel: &str, tick: i64) -> usize {
     events.iter().position(|(c, t_ns, _)| c == channel && *t_ns == tick * PERIOD_NS).unwrap()
 }
 
-/// Moves a message behind the input of a later tick.
+/// Moves a message after the input of a later tick.
 fn delay(events: &mut Vec<Message>, channel: &str, tick: i64, to: i64) {
     let mut late = events.remove(place(events, channel, tick));
     late.1 = to * PERIOD_NS;
@@ -65,7 +65,7 @@ fn a_missing_output_is_named() {
 
 #[test]
 fn a_late_message_is_named() {
-    // Compared as long as it comes within the window, and not compared in silence behind it.
+    // A command up to 256 ticks late is compared; a later one is not compared, but counted as late.
     let altered = |events: &mut Vec<Message>, to| {
         toy::change(events, ROBOT_COMMAND, 100, |command: &mut RobotCommand| command.tau[0] += 1.0);
         delay(events, ROBOT_COMMAND, 100, to);
@@ -140,7 +140,7 @@ fn an_undecodable_message_costs_itself() {
     assert_eq!((report.ticks, report.identical, report.complete), (TICKS as u64, true, false));
 }
 
-/// Messages of other programs, on any channel, leave the run complete.
+/// The run stays complete with messages of other programs on any channel.
 #[test]
 fn messages_of_others_are_no_outputs() {
     let other = lcmtypes::Event { tick: -1, ..Default::default() };
@@ -175,7 +175,7 @@ fn messages_of_others_are_no_outputs() {
     }
 }
 
-/// The toy with another gain from tick 500 on, as PARAMETER_CHANGE says at `published` ticks.
+/// The toy with another gain from tick 500 on; PARAMETER_CHANGE is published at each of the `published` ticks.
 fn with_change(published: &[i64]) -> Vec<Message> {
     let mut events = toy::events_with(TICKS, Some((500, "gait.trot.swing_frequency", "2.5")));
     for tick in published {
@@ -203,6 +203,40 @@ fn a_lost_parameter_change_is_a_loss_and_no_difference() {
     assert_eq!(report.other_parameters, Some(OtherParameters { first_tick: 500, ticks: 500 }));
 }
 
+/// Bytes that are inserted move every chunk: the offsets in the index are wrong, and the log is read from its start instead.
+#[test]
+fn an_index_with_wrong_offsets_is_not_used() {
+    let log = path("moved_chunks.mcap");
+    toy::write(&log, &with_change(&[500]));
+    let mut bytes = std::fs::read(&log).unwrap();
+    // After the magic and the header: a metadata record with an empty name and no values.
+    let header_end = 8 + 9 + u64::from_le_bytes(*bytes[9..].first_chunk().unwrap()) as usize;
+    let metadata = [&[0x0c_u8][..], &8_u64.to_le_bytes(), &[0; 8]].concat();
+    bytes.splice(header_end..header_end, metadata);
+    std::fs::write(&log, bytes).unwrap();
+    let report = Replay::open_with(&log, toy::load).unwrap().run(&Options::default(), &mut |_| {}).unwrap();
+    // The inserted bytes are damage, but no parameter change is lost.
+    assert_eq!(
+        (report.identical, report.damaged, report.ticks, report.other_parameters),
+        (true, 1, TICKS as u64, None)
+    );
+}
+
+/// An output without input is reported with the place of its tick in the file, not with the end of the log.
+#[test]
+fn an_output_without_input_is_reported_at_its_offset() {
+    let path = path("no_input.lcmlog");
+    let mut events = toy::events(TICKS);
+    set_tick(&mut events, ROBOT_COMMAND, 599, 5000);
+    toy::write(&path, &events);
+    let report = Replay::open_with(&path, toy::load).unwrap().run(&Options::default(), &mut |_| {}).unwrap();
+    let place = replay::log::LogReader::open(&path).unwrap().events().map(Result::unwrap);
+    let place = place
+        .filter(|event| *event.channel == *ROBOT_COMMAND)
+        .find(|event| event.data[16..24] == 5000_i64.to_be_bytes());
+    assert_eq!(report.account.unused[0].offset, place.unwrap().offset);
+}
+
 /// With an override, the changes of the same key do not apply, neither in the replay nor in the log that it writes.
 #[test]
 fn a_written_log_has_the_parameters_it_was_computed_with() {
@@ -224,7 +258,6 @@ fn each_run_of_a_log_is_read_on_its_own() {
     let mut events = toy::events_of_run(1, 1000, 5_000_000_000);
     let second = toy::events_of_run(2, 700, 0);
     events.extend(second.into_iter().map(|(channel, t_ns, data)| (channel, t_ns + 20_000_000_000, data)));
-    // The recorder hears the first RUN_INFO again only before the second run begins.
     toy::write(&log, &events);
     let runs = LogSummary::read(&log).unwrap().runs;
     let found: Vec<_> = runs.iter().map(|run| (run.number, run.ticks, run.first_tick, run.first_t_ns)).collect();
@@ -245,7 +278,8 @@ fn each_run_of_a_log_is_read_on_its_own() {
             assert!(report.identical && report.complete && report.ticks == ticks, "{number}: {report:?}");
         }
     }
-    assert!(matches!(open(&path_of_run(&log, 3)), Err(replay::Error::NoRunInfo { .. })));
+    assert_eq!(LogSummary::read(path_of_run(&log, 2)).unwrap().runs[0].number, 2);
+    assert!(matches!(open(&path_of_run(&log, 3)), Err(replay::Error::NoSuchRun { number: 3, runs: 2, .. })));
     // The first input decides whose RUN_INFO gives time zero.
     let late: Vec<_> = toy::events_of_run(2, 700, 9_000_000_000).into_iter().skip(2000).collect();
     let mut mixed = vec![toy::events_of_run(1, 1, 5_000_000_000)[0].clone()];
@@ -255,7 +289,7 @@ fn each_run_of_a_log_is_read_on_its_own() {
     assert_eq!(RunClock::read(&log).unwrap().first_tick_ns(), Some(9_000_000_000));
 }
 
-/// A part of a long log is found by the index, whatever the clock of the recorder does.
+/// A part of a long log is found by the index, also if the clock of the recorder steps.
 #[test]
 fn a_replay_from_a_time_starts_near_it() {
     let log = path("long.mcap");
@@ -266,8 +300,7 @@ fn a_replay_from_a_time_starts_near_it() {
     let replay = Replay::open_with(&log, toy::load).unwrap();
     for (from_s, to_s, start) in [(0.05, 0.2, 0), (3.45, 3.5, 3400), (7.25, 7.5, 7200), (11.95, 12.0, 11_900)] {
         let options = Options { from_s: Some(from_s), to_s: Some(to_s), ..Options::default() };
-        let mut read = Vec::new();
-        let report = replay.run(&options, &mut |part| read.push(part)).unwrap();
+        let report = replay.run(&options, &mut |_| {}).unwrap();
         assert!(report.identical && report.complete, "{from_s}: {report:?}");
         assert_eq!(report.first_t_ns.map(|t_ns| t_ns / PERIOD_NS), Some(start), "{from_s}");
         let last = ((to_s * 1000.0) as i64).min(11_999);
@@ -280,9 +313,20 @@ fn a_replay_from_a_time_starts_near_it() {
         assert!(replayed.identical && replayed.complete, "{from_s}: {replayed:?}");
         assert_eq!(replayed.last_t_ns.map(|t_ns| t_ns / PERIOD_NS), Some(last), "{from_s}");
     }
+    // Damage before the part is not read.
+    let mut bytes = std::fs::read(&log).unwrap();
+    let at = bytes.len() / 10;
+    bytes[at..at + 64].fill(0xff);
+    std::fs::write(&log, bytes).unwrap();
+    let damaged = |from_s| {
+        let options = Options { from_s, to_s: Some(7.5), ..Options::default() };
+        Replay::open_with(&log, toy::load).unwrap().run(&options, &mut |_| {}).unwrap().damaged
+    };
+    assert!(damaged(None) > 0);
+    assert_eq!(damaged(Some(7.25)), 0);
 }
 
-/// A controller without any state beyond its snapshot behaves alike whether it goes on or restarts.
+/// A controller that restores only a part of its state differs after the first snapshot, with any number of threads.
 #[test]
 fn state_that_a_snapshot_lacks_is_found_with_one_thread() {
     let path = path("hidden.mcap");

@@ -58,14 +58,14 @@ impl Channels {
         if self.channels.is_none() && self.exclude.is_none() {
             return Ok(());
         }
-        let mut is_found = false;
+        let mut is_selected = false;
         let names = search(logs, |name| {
-            is_found = filter.matches(name);
-            is_found
+            is_selected = filter.matches(name);
+            is_selected
         })?;
         let given = [("--channels", &self.channels), ("--exclude", &self.exclude)];
         let given: Vec<_> = given.iter().filter_map(|(o, text)| Some(format!("{o} {:?}", text.as_ref()?))).collect();
-        anyhow::ensure!(is_found, "{} selects no channel: {}", given.join(" "), listed(logs, &names));
+        anyhow::ensure!(is_selected, "{} selects no channel: {}", given.join(" "), listed(logs, &names));
         Ok(())
     }
 }

@@ -30,7 +30,7 @@ pub struct Args {
     #[command(flatten)]
     part: Part,
     /// Wait for further messages, until interrupted or until an MCAP is complete
-    #[arg(long)]
+    #[arg(long, conflicts_with = "run")]
     follow: bool,
     #[command(flatten)]
     types: LogTypes,

@@ -5,6 +5,7 @@ use crate::progress::Progress;
 use crate::{Outcome, say, say_json};
 use analysis::export::{ExportFormat, Exported, export};
 use clap::ValueEnum;
+use replay::Error;
 use replay::log::ros2::{self, BaseSource};
 use replay::log::{CopyOptions, EventFilter};
 use replay::printable_path;
@@ -89,6 +90,7 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
     let log = args.one_run.of(&args.log);
     let Channels { channels, exclude } = &args.channels;
     let filter = EventFilter::new(channels.as_deref(), exclude.as_deref(), None, None)?;
+    Error::check_distinct_files(&log, &out)?;
     args.channels.check(&[&log])?;
     let types = args.types.read()?;
     let bar = Progress::new("convert");

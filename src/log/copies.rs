@@ -3,7 +3,8 @@
 use super::{Channels, LogTypes, OneRun, Part, print_copy_report, seconds};
 use crate::Outcome;
 use crate::progress::Progress;
-use replay::log::{CopyOptions, EventFilter, Excerpt, RunClock};
+use replay::Error;
+use replay::log::{CopyOptions, EventFilter, Excerpt, copy_excerpt};
 use std::path::PathBuf;
 
 #[derive(clap::Args)]
@@ -89,12 +90,16 @@ pub fn trim(args: &TrimArgs) -> anyhow::Result<Outcome> {
             Excerpt::Range { from_s: args.part.from, to_s: args.part.to }
         }
     };
-    let has_run = args.around.is_some() || RunClock::read(&log)?.first_tick_ns().is_some();
-    let copied = if has_run {
-        replay::log::copy_excerpt(&log, &args.out, excerpt, filter, types, &mut progress)?
-    } else {
-        let options = CopyOptions { filter, types, ..CopyOptions::default() };
-        replay::log::copy(&log, &args.out, options, &mut progress)?
+    let copied = match copy_excerpt(&log, &args.out, excerpt, filter.clone(), types, &mut progress) {
+        // Without a run of this build's types, the times of the events decide.
+        Err(Error::NoRunInfo { .. } | Error::NoInput { .. } | Error::OtherTypeVersion { .. })
+            if args.around.is_none() =>
+        {
+            let options =
+                CopyOptions { filter: filter.keep_replay(), types: args.types.read()?, ..CopyOptions::default() };
+            replay::log::copy(&log, &args.out, options, &mut progress)?
+        }
+        copied => copied?,
     };
     drop(bar);
     print_copy_report(&copied, args.json)
@@ -147,9 +152,9 @@ pub struct RecoverArgs {
 }
 
 pub fn recover(args: &RecoverArgs) -> anyhow::Result<Outcome> {
+    let log = args.one_run.of(&args.log);
     let Channels { channels, exclude } = &args.channels;
     let filter = EventFilter::new(channels.as_deref(), exclude.as_deref(), None, None)?;
-    let log = args.one_run.of(&args.log);
     args.channels.check(&[&log])?;
     let options = CopyOptions { filter, types: args.types.read()?, keep_unchecked: args.unchecked };
     let bar = Progress::new("recover");

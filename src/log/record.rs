@@ -236,9 +236,7 @@ impl StatusLine {
         bar.set_message(text);
         bar.tick();
     }
-}
 
-impl StatusLine {
     /// Reports losses when they happen, at most once per [`LOSS_INTERVAL`]. `hoof run` shows the line.
     fn report_losses(&mut self, progress: &Progress) {
         let Progress { status, trouble, .. } = progress;

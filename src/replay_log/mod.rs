@@ -31,7 +31,7 @@ pub use text::{divergence_text, text};
     hoof replay run.mcap --set trunk.kp='[800, 800, 800]' --resim closed_loop.mcap\n         \
     hoof replay old.mcap --revision --repo ~/hoofprint\n         \
     hoof replay bisect run.mcap --good v1 --bad HEAD\n\n\
-    Exit code 0: every recorded output is identical; 1: one differs; 2: the log cannot be replayed; 3: nothing differs, but messages are missing, \
+    Exit code 0: every recorded output is identical; 1: one differs, or none is recorded; 2: the log cannot be replayed; 3: nothing differs, but messages are missing, \
     late, doubled or cannot be decoded."
 )]
 pub struct Args {
@@ -137,9 +137,8 @@ fn name_files(args: &Args, error: anyhow::Error) -> anyhow::Error {
 }
 
 fn run_log(args: &Args, log: &Path, options: &Options) -> anyhow::Result<Outcome> {
-    if !args.set.is_empty() && (args.at.is_some() || args.sweep.is_some() || args.resim.is_some()) {
-        check_set(&Replay::open(log)?, args)?;
-    }
+    let replay = Replay::open(log)?;
+    check_overrides("--set", &replay.info().params, &args.set)?;
     if let Some(tick) = args.at {
         return break_at::run(log, options, tick, args.json);
     }
@@ -149,8 +148,6 @@ fn run_log(args: &Args, log: &Path, options: &Options) -> anyhow::Result<Outcome
     if let Some(out) = &args.resim {
         return resim::run(log, options, out, args.json);
     }
-    let replay = Replay::open(log)?;
-    check_set(&replay, args)?;
     let report = with_bar(&replay, options)?;
     if let (Some(path), Some(what_if)) = (&args.plot, &report.what_if) {
         sweep::plot(path, &[("replayed".to_owned(), what_if)])?;
@@ -165,10 +162,6 @@ fn run_log(args: &Args, log: &Path, options: &Options) -> anyhow::Result<Outcome
         say(text(&report, &joints(&replay)))?
     }
     Ok(outcome(&report))
-}
-
-fn check_set(replay: &Replay, args: &Args) -> anyhow::Result<()> {
-    check_overrides("--set", &replay.info().params, &args.set)
 }
 
 fn options(args: &Args) -> anyhow::Result<Options> {

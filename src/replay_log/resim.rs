@@ -23,11 +23,7 @@ pub fn run(log: &Path, options: &Options, out: &Path, json: bool) -> anyhow::Res
         "{}: RUN_INFO contains no scenario; --resim needs the log of a simulation",
         log.display()
     );
-    ensure!(
-        log.canonicalize().ok() != out.canonicalize().ok() || !out.exists(),
-        "--resim {}: same file as the log, expected another file",
-        out.display()
-    );
+    replay::Error::check_distinct_files(log, out).context("--resim")?;
     let mut scenario = Scenario::parse(&recorded.scenario, &format!("scenario of {}", log.display()))?;
     // A live run has monotonic clock times, and operators on several channels.
     let live = recorded.realtime.starts_with("live");

@@ -33,19 +33,13 @@ pub fn text(report: &ReplayReport, joints: &[String]) -> String {
     note(report.damaged, "damaged parts of the log");
     note(u64::from(report.cut), "cut: the log ends inside a record");
     note(report.account.foreign_messages, "messages of other runs were left out");
-    for MissingOutputs { channel, count, first_tick } in &report.missing_outputs {
-        text += &format!("\n{count} messages of {} are missing, first at tick {first_tick}", printable(channel));
-    }
-    if let Some(OtherParameters { first_tick, ticks }) = report.other_parameters {
-        text += &format!(
-            "\na PARAMETER_CHANGE up to tick {first_tick} is missing: {ticks} ticks have parameters that RUN_INFO and the changes in the log do not give"
-        );
-    }
-    report.account.text().iter().for_each(|line| text += &format!("\n{line}"));
+    let losses = report.missing_outputs.iter().map(MissingOutputs::text);
+    let losses = losses.chain(report.other_parameters.iter().map(OtherParameters::text)).chain(report.account.text());
+    losses.for_each(|line| text += &format!("\n{line}"));
     for OtherType { channel, type_name, found, expected, count, is_every_message } in &report.account.other_types {
         let origin = if *is_every_message { "of another version of" } else { "of another program, not of type" };
         text += &format!(
-            "\nleft out: {count} messages on {} {origin} {type_name}: fingerprint {found}, expected {expected}",
+            "\nleft out: {count} messages on {} {origin} {type_name}: fingerprint {found:016x}, expected {expected:016x}",
             printable(channel)
         );
     }

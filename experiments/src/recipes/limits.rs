@@ -54,7 +54,8 @@ fn run(bench: &Bench) -> anyhow::Result<Vec<Row>> {
         ("push[0].t_s".to_owned(), format!("{:.4}", 4.0 + STRIDE * phase))
     };
     // Each seed lowers the floor of another foot, diagonal pairs first.
-    let foot = |seed: i64| ("floor[0].leg".to_owned(), format!("{:?}", ["LF", "RH", "RF", "LH"][(seed % 4) as usize]));
+    let foot =
+        |seed: i64| ("floor[0].leg".to_owned(), format!("{:?}", ["LF", "RH", "RF", "LH"][seed.rem_euclid(4) as usize]));
     let sweeps = [
         (
             "highest step up",

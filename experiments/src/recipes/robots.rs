@@ -184,7 +184,7 @@ impl Direction {
     }
 }
 
-/// Time at which a push begins, s: the robot trots from 1 s on, and each push comes a twelfth of a stride later than the one before.
+/// Time at which a push begins, s: the robot trots from 1 s on, and each push is at a phase of the stride that is a twelfth later than that of the push before.
 fn push_time(robot: &Candidate, number: u32) -> f64 {
     let strides = (BETWEEN_PUSHES / robot.stride).ceil();
     2.0 + f64::from(number) * robot.stride * (strides + 1.0 / f64::from(PHASES))

@@ -2,7 +2,7 @@
 
 use super::{build, git, resolve, run};
 use crate::Error;
-use crate::log::LogReader;
+use crate::log::{CopyOptions, LogReader, copy, split_run};
 use lcmtypes::channels::RUN_INFO;
 use std::path::{Path, PathBuf};
 use std::process::Command;
@@ -115,10 +115,15 @@ fn corpus_of(log: &Path, corpus: &Path) -> Result<PathBuf, Error> {
         std::fs::remove_dir_all(corpus).map_err(io(corpus))?;
     }
     std::fs::create_dir(corpus).map_err(io(corpus))?;
-    let whole = log.canonicalize().map_err(io(log))?;
-    let bytes = std::fs::metadata(&whole).map_err(io(&whole))?.len();
-    let link = corpus.join("log.mcap");
-    std::os::unix::fs::symlink(&whole, &link).map_err(io(&link))?;
+    let file = corpus.join("log.mcap");
+    if let (_, Some(_)) = split_run(log) {
+        // Earlier revisions cannot select a run.
+        copy(log, &file, CopyOptions::default(), &mut |_| {})?;
+    } else {
+        let whole = log.canonicalize().map_err(io(log))?;
+        std::os::unix::fs::symlink(&whole, &file).map_err(io(&file))?;
+    }
+    let bytes = std::fs::metadata(&file).map_err(io(&file))?.len();
     let manifest = corpus.join("corpus.toml");
     let text = format!("[[log]]\nname = \"log\"\nfile = \"log.mcap\"\nbytes = {bytes}\nwhy = \"recorded\"\n");
     std::fs::write(&manifest, text).map_err(io(&manifest))?;

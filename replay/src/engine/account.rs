@@ -10,7 +10,7 @@ const LISTED: usize = 100;
 #[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Unused {
-    /// It came after the inputs of 256 later ticks, or once more after its tick was complete.
+    /// It was recorded after the inputs of 256 later ticks, or is a repetition recorded after its tick was complete.
     Late,
     /// Its channel already has a message of this tick, with the same bytes.
     Doubled,
@@ -29,7 +29,7 @@ pub struct UnusedMessage {
     pub channel: String,
     /// Tick in the message; `None` if it is too short to have one.
     pub tick: Option<i64>,
-    /// Offset of its event in the file.
+    /// Offset of its event in the file. For an output of a tick without input: offset of the first event of that tick.
     pub offset: u64,
     /// Why it is not used.
     pub why: Unused,
@@ -42,14 +42,20 @@ pub struct OtherType {
     pub channel: String,
     /// Type of the channel in this build.
     pub type_name: String,
-    /// Fingerprint in the log, hexadecimal; of the first such message.
-    pub found: String,
-    /// Fingerprint of the type in this build, hexadecimal.
-    pub expected: String,
+    /// Fingerprint of the first such message; hexadecimal in JSON.
+    #[serde(serialize_with = "hexadecimal")]
+    pub found: u64,
+    /// Fingerprint of the type in this build; hexadecimal in JSON.
+    #[serde(serialize_with = "hexadecimal")]
+    pub expected: u64,
     /// Number of messages.
     pub count: u64,
     /// The channel has no message of this build's type: the type changed after the log was written. Otherwise another program sent them.
     pub is_every_message: bool,
+}
+
+fn hexadecimal<S: serde::Serializer>(fingerprint: &u64, serializer: S) -> Result<S::Ok, S::Error> {
+    serializer.collect_str(&format_args!("{fingerprint:016x}"))
 }
 
 /// Account of the messages that a replay does not use.
@@ -121,8 +127,8 @@ impl Account {
         self.other_types.push(OtherType {
             channel: channel.to_owned(),
             type_name: known.type_name.to_owned(),
-            found: format!("{:016x}", found.unwrap_or(0)),
-            expected: format!("{expected:016x}"),
+            found: found.unwrap_or(0),
+            expected,
             count: 1,
             is_every_message: true,
         });

@@ -5,6 +5,25 @@ use super::ticks::Tick;
 /// Ranges of missing ticks that are listed.
 const LISTED: usize = 1000;
 
+/// Ticks whose recorded parameters differ from RUN_INFO with all changes in the log up to there.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize)]
+pub struct OtherParameters {
+    /// First such tick.
+    pub first_tick: i64,
+    /// Number of ticks.
+    pub ticks: u64,
+}
+
+impl OtherParameters {
+    /// One line for people.
+    pub fn text(&self) -> String {
+        let OtherParameters { first_tick, ticks } = self;
+        format!(
+            "a PARAMETER_CHANGE up to tick {first_tick} is missing: the parameters of {ticks} ticks differ from RUN_INFO with the changes in the log"
+        )
+    }
+}
+
 /// Follows the ticks of a log in order. `hoof replay` and `hoof log verify` share it, so they judge a log alike.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Continuity {
@@ -18,8 +37,8 @@ pub(super) struct Continuity {
     pub skipped: u64,
     /// Ranges of ticks without input, first and last.
     gaps: Vec<(i64, i64)>,
-    /// Ticks whose parameters differ from RUN_INFO and the changes in the log, and the first of them.
-    pub other_parameters: Option<(i64, u64)>,
+    /// Ticks whose parameters are unknown.
+    pub other_parameters: Option<OtherParameters>,
 }
 
 impl Continuity {
@@ -29,12 +48,14 @@ impl Continuity {
         self.is_unknown = false;
     }
 
-    /// Whether the next tick can be computed. `has_parameters`: its recorded parameters are those that the log leads to. If it cannot be computed and has a
-    /// recorded state, the caller restores that and calls [`Continuity::restored`].
+    /// Takes the next tick; returns whether it can be computed. If not, and the tick has a recorded state, the caller restores that state and calls
+    /// [`Continuity::restored`].
+    ///
+    /// - `has_parameters`: the recorded parameters of the tick are RUN_INFO with the changes in the log.
     pub fn can_compute(&mut self, tick: &Tick, has_parameters: bool) -> bool {
         let has_input = tick.input.is_some();
         match self.next {
-            // Only at tick 0 the state is known without a snapshot. Before the first input of a later start is the edge of the recording.
+            // Without a snapshot, the state is known only at tick 0. A log that starts later may begin with outputs whose inputs were not recorded.
             None if !has_input && tick.tick != 0 => return false,
             None => self.is_unknown = tick.tick != 0,
             Some(_) => {}
@@ -48,8 +69,8 @@ impl Continuity {
         }
         self.next = tick.tick.checked_add(1);
         if has_input && !has_parameters {
-            let (_, count) = self.other_parameters.get_or_insert((tick.tick, 0));
-            *count += 1;
+            let other = OtherParameters { first_tick: tick.tick, ticks: 0 };
+            self.other_parameters.get_or_insert(other).ticks += 1;
             self.is_unknown = true;
         }
         self.skipped += u64::from(has_input && self.is_unknown);
@@ -62,7 +83,9 @@ impl Continuity {
         self.skipped += other.skipped;
         self.gaps.extend(other.gaps);
         self.other_parameters = match (self.other_parameters, other.other_parameters) {
-            (Some((a, n)), Some((b, m))) => Some((a.min(b), n + m)),
+            (Some(a), Some(b)) => {
+                Some(OtherParameters { first_tick: a.first_tick.min(b.first_tick), ticks: a.ticks + b.ticks })
+            }
             (a, b) => a.or(b),
         };
     }

@@ -4,7 +4,7 @@
 use super::continuity::Continuity;
 use super::outputs::OutputCounts;
 use super::ticks::{Beside, Ticks};
-use super::{Account, MissingOutputs, Replay};
+use super::{Account, MissingOutputs, OtherParameters, Replay};
 use crate::Error;
 use lcmtypes::channels::{CONTROLLER_TICK, ROBOT_COMMAND};
 use std::path::Path;
@@ -20,8 +20,8 @@ pub(crate) struct Judgement {
     pub first_tick: Option<i64>,
     /// Ticks without an input.
     pub missing: u64,
-    /// Ticks whose parameters are unknown: first tick and number.
-    pub other_parameters: Option<(i64, u64)>,
+    /// Ticks whose parameters are unknown.
+    pub other_parameters: Option<OtherParameters>,
     /// Recorded states.
     pub snapshots: u64,
     /// Ticks that can be computed.
@@ -37,10 +37,10 @@ pub(crate) struct Judgement {
 }
 
 impl Judgement {
-    /// Reads a log.
-    pub fn of(log: &Path) -> Self {
+    /// Reads a log. `progress` receives the fraction read, 0 to 1.
+    pub fn of(log: &Path, progress: &mut dyn FnMut(f64)) -> Self {
         let mut judgement = Judgement::default();
-        if let Err(error) = judgement.read(log) {
+        if let Err(error) = judgement.read(log, progress) {
             judgement.error = Some(error);
         }
         judgement
@@ -52,14 +52,8 @@ impl Judgement {
         if self.missing > 0 {
             why.push(format!("inputs of {} ticks are missing", self.missing));
         }
-        if let Some((tick, count)) = self.other_parameters {
-            why.push(format!(
-                "a PARAMETER_CHANGE up to tick {tick} is missing: {count} ticks have parameters that RUN_INFO and the changes in the log do not give"
-            ));
-        }
-        for MissingOutputs { channel, count, first_tick } in &self.missing_outputs {
-            why.push(format!("{count} messages of {channel} are missing, first at tick {first_tick}"));
-        }
+        why.extend(self.other_parameters.iter().map(OtherParameters::text));
+        why.extend(self.missing_outputs.iter().map(MissingOutputs::text));
         why.extend(self.account.text());
         if self.error.is_none() && self.computable == 0 {
             why.push(format!("none of the {} ticks can be computed: no tick 0 and no CONTROLLER_SNAPSHOT", self.ticks));
@@ -69,15 +63,19 @@ impl Judgement {
         why
     }
 
-    fn read(&mut self, log: &Path) -> Result<(), Error> {
+    fn read(&mut self, log: &Path, progress: &mut dyn FnMut(f64)) -> Result<(), Error> {
         let replay = Replay::open(log)?;
         self.controller = Some(replay.info.controller.clone());
         let builder = replay.builder(&super::Options::default())?;
         builder.build(&[])?;
         let (mut changes, mut digest) = (Vec::new(), builder.digest(&[])?);
         let mut ticks = Ticks::open(log, &replay.messages, Beside::Nothing)?;
+        let bytes = super::file_length(log)?.max(1);
         let (mut continuity, mut outputs) = (Continuity::default(), OutputCounts::default());
         while let Some(tick) = ticks.next()? {
+            if tick.tick % 1024 == 0 {
+                progress(ticks.offset as f64 / bytes as f64);
+            }
             if !tick.changes.is_empty() {
                 changes.extend(tick.changes.iter().cloned());
                 builder.build(&changes)?;

@@ -1,5 +1,7 @@
 //! Counts of computed outputs by channel, and which of them are missing in the log.
 
+use crate::printable;
+
 /// Outputs of one channel that are missing in the log.
 #[derive(Debug, Clone, PartialEq, Eq, serde::Serialize)]
 pub struct MissingOutputs {
@@ -9,6 +11,14 @@ pub struct MissingOutputs {
     pub count: u64,
     /// First tick without one.
     pub first_tick: i64,
+}
+
+impl MissingOutputs {
+    /// One line for people.
+    pub fn text(&self) -> String {
+        let MissingOutputs { channel, count, first_tick } = self;
+        format!("{count} messages of {} are missing, first at tick {first_tick}", printable(channel))
+    }
 }
 
 /// Counts by channel, in the order of the first output. Counts of different parts of a log can be added in any order.

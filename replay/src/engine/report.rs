@@ -2,7 +2,7 @@
 
 use super::account::Account;
 use super::compare::{Divergence, Pair, largest_ulp};
-use super::continuity::Continuity;
+use super::continuity::{Continuity, OtherParameters};
 use super::origin::Deviation;
 use super::outputs::{MissingOutputs, OutputCounts};
 use super::what_if::WhatIf;
@@ -12,7 +12,7 @@ use super::what_if::WhatIf;
 pub struct ReplayReport {
     /// At least one message was compared, and all compared ones are equal in every bit.
     pub identical: bool,
-    /// Every tick of the log from the first that can be computed on was computed, and every output that its channel should have was compared.
+    /// From the first tick with a known state to the end, every tick was computed and no output is missing, late, doubled or undecodable.
     pub complete: bool,
     /// Computed ticks.
     pub ticks: u64,
@@ -30,8 +30,8 @@ pub struct ReplayReport {
     pub missing_input_ticks: u64,
     /// Ticks that were not computed because the state is unknown: from missing inputs to the next snapshot.
     pub skipped_ticks: u64,
-    /// Outputs that are missing in the log, by channel. A channel with fewer messages than half of the computed ones holds samples or a part: none
-    /// of its messages is missing.
+    /// Outputs that are missing in the log, by channel. A channel with less than half of the computed messages is not listed: it was recorded as
+    /// samples or in part.
     pub missing_outputs: Vec<MissingOutputs>,
     /// Ticks that were not computed because their parameters are unknown: a PARAMETER_CHANGE is missing in the log.
     pub other_parameters: Option<OtherParameters>,
@@ -60,15 +60,6 @@ pub struct ReplayReport {
     pub what_if: Option<WhatIf>,
     /// The first difference.
     pub first_divergence: Option<Divergence>,
-}
-
-/// Ticks whose recorded parameters differ from RUN_INFO with all changes in the log up to there.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize)]
-pub struct OtherParameters {
-    /// First such tick.
-    pub first_tick: i64,
-    /// Number of ticks.
-    pub ticks: u64,
 }
 
 /// Counts of a replay. Those of different segments can be added in any order.
@@ -160,7 +151,7 @@ impl Counts {
             missing_input_ticks: missing,
             skipped_ticks: skipped,
             missing_outputs,
-            other_parameters: other_parameters.map(|(first_tick, ticks)| OtherParameters { first_tick, ticks }),
+            other_parameters,
             account,
             damaged: health.damaged.len() as u64,
             cut: health.cut.is_some(),

@@ -72,7 +72,7 @@ impl RunMessages {
             Role::OtherType(known, _) => known.name != channels::RUN_INFO,
             Role::RunInfo | Role::Other => false,
         };
-        // Of an EVENT, -1 is no tick.
+        // -1 is used by an EVENT without a tick.
         crate::log::sequence_number(message).filter(|tick| has_tick && *tick >= 0)
     }
 

@@ -17,8 +17,8 @@ use std::sync::Arc;
 pub(super) struct Stepper<'b> {
     builder: Builder<'b>,
     active: Built,
-    /// A second controller. Restarts from a snapshot alternate between the two, so that state that a snapshot lacks is old in both and is found with any
-    /// number of threads.
+    /// A second controller. Restarts from a snapshot alternate between the two: state that is missing in a snapshot is then out of date in the restarted
+    /// one, and differs with any number of threads.
     spare: Option<Built>,
     /// Timed overrides that are not applied yet.
     overrides: PendingOverrides,
@@ -83,7 +83,7 @@ impl<'b> Stepper<'b> {
         self.overrides.len()
     }
 
-    /// Forgets the counts up to the last tick, but not whether the state is known.
+    /// Resets the counts; whether the state is known is kept.
     pub fn forget_differences(&mut self) {
         let continuity = std::mem::take(&mut self.counts.continuity);
         self.counts = Counts { continuity, ..Counts::default() };

@@ -15,7 +15,7 @@ const WINDOW: usize = 256;
 /// Largest number of ticks that wait, with and without input. A live controller publishes its commands directly and all other messages through a
 /// ring that a busy machine may read seconds later, so inputs can arrive this much later than commands.
 const MAX_WAITING: usize = 1 << 14;
-/// Largest step between the ticks of a run, hours at any rate: a larger number is wrong.
+/// Largest step between the ticks of a run, hours at any tick rate; a message with a larger step is not used.
 const MAX_STEP: i64 = 1 << 24;
 /// Channels and types whose role is remembered; a hostile log may have any number.
 const MAX_KINDS: usize = 1000;
@@ -24,6 +24,8 @@ const MAX_KINDS: usize = 1000;
 #[derive(Default)]
 pub(crate) struct Tick {
     pub tick: i64,
+    /// Offset of its first message in the file.
+    offset: u64,
     /// Log time of the input, ns.
     pub t_log_ns: i64,
     pub input: Option<ControllerInput>,
@@ -84,8 +86,8 @@ pub(crate) struct Ticks {
     /// Largest tick of an input so far.
     newest: Option<i64>,
     kinds: Vec<(Arc<str>, Option<u64>, Role)>,
-    /// Channels of the run with a message of this build's type.
-    read: Vec<Arc<str>>,
+    /// Channels of the table with a message of this build's type.
+    read: BTreeSet<Arc<str>>,
     /// Events since the last input; `None` if not requested.
     others: Option<Vec<Event>>,
     /// TIMING and EVENT of waiting ticks; `None` if not requested.
@@ -117,7 +119,7 @@ impl Ticks {
             returned: None,
             newest: None,
             kinds: Vec::new(),
-            read: Vec::new(),
+            read: BTreeSet::new(),
             others: (beside == Beside::InPlace).then(Vec::new),
             beside: (beside == Beside::ByTick).then(BTreeMap::new),
             account: Account::default(),
@@ -141,7 +143,7 @@ impl Ticks {
     pub fn account(&self) -> Result<Account, Error> {
         let mut account = self.account.clone();
         for other in &mut account.other_types {
-            other.is_every_message = !self.read.iter().any(|channel| **channel == *other.channel);
+            other.is_every_message = !self.read.contains(&*other.channel);
             // A parameter change of another type shows in the digest of the parameters.
             let is_needed = |known: &&channels::Channel| match known.class {
                 Class::ReplayInput => known.name == channels::CONTROLLER_INPUT,
@@ -149,13 +151,12 @@ impl Ticks {
             };
             let needed = channels::find(&other.channel).filter(is_needed);
             if let Some(known) = needed.filter(|_| other.is_every_message) {
-                let number = |text: &str| u64::from_str_radix(text, 16).unwrap_or(0);
                 return Err(Error::OtherTypeVersion {
                     path: self.path.clone(),
                     channel: known.name.into(),
                     type_name: other.type_name.clone(),
-                    found: number(&other.found),
-                    expected: number(&other.expected),
+                    found: other.found,
+                    expected: other.expected,
                 });
             }
         }
@@ -181,7 +182,7 @@ impl Ticks {
             // After the last input no tick can be computed: these outputs have no input.
             if is_end && self.with_input == 0 {
                 tick.recorded.iter().for_each(|(channel, _)| {
-                    self.account.unused(channel, Some(number), self.offset, Unused::NoInput);
+                    self.account.unused(channel, Some(number), tick.offset, Unused::NoInput);
                 });
                 continue;
             }
@@ -262,7 +263,7 @@ impl Ticks {
 
     fn input(&mut self, input: ControllerInput, event: &Event) {
         let number = input.tick;
-        let unused = match self.slot(number) {
+        let unused = match self.slot(number, event.offset) {
             Ok(Tick { input: Some(first), .. }) if *first == input => Unused::Doubled,
             Ok(Tick { input: Some(_), .. }) => Unused::DoubledOtherBytes,
             Ok(tick) => {
@@ -285,7 +286,7 @@ impl Ticks {
             let tick = integer_at(&event.data, 16);
             return self.account.unused(&event.channel, tick, event.offset, Unused::Undecodable);
         };
-        let unused = match self.slot(number) {
+        let unused = match self.slot(number, event.offset) {
             Ok(tick) => match tick.recorded.iter().find(|(channel, _)| *channel == event.channel) {
                 None => {
                     tick.recorded.push((event.channel, event.data));
@@ -309,15 +310,15 @@ impl Ticks {
         }
     }
 
-    /// The waiting tick of a message.
-    fn slot(&mut self, number: i64) -> Result<&mut Tick, Unused> {
+    /// The waiting tick of a message at an offset in the file.
+    fn slot(&mut self, number: i64, offset: u64) -> Result<&mut Tick, Unused> {
         if number < 0 || self.newest.is_some_and(|newest| number > newest.saturating_add(MAX_STEP)) {
             return Err(Unused::NoInput);
         }
         if self.returned.is_some_and(|last| number <= last) {
             return Err(Unused::Late);
         }
-        Ok(self.waiting.entry(number).or_insert_with(|| Tick { tick: number, ..Tick::default() }))
+        Ok(self.waiting.entry(number).or_insert_with(|| Tick { tick: number, offset, ..Tick::default() }))
     }
 
     fn role(&mut self, event: &Event) -> Role {
@@ -327,8 +328,8 @@ impl Ticks {
             return *role;
         }
         let role = self.messages.role(&event.channel, fingerprint);
-        if !matches!(role, Role::OtherType(..) | Role::Other) {
-            self.read.push(Arc::clone(&event.channel));
+        if matches!(role, Role::RunInfo | Role::Input | Role::Change | Role::Output | Role::Beside) {
+            self.read.insert(Arc::clone(&event.channel));
         }
         if self.kinds.len() < MAX_KINDS {
             self.kinds.push((Arc::clone(&event.channel), fingerprint, role));

@@ -64,7 +64,7 @@ pub struct WhatIf {
     pub residuals: [f64; 3],
     /// Ticks in which the new controller damped the joints.
     pub damped_ticks: u64,
-    /// Changes whose time does not come in what was replayed.
+    /// Timed overrides that are later than the replayed part.
     pub changes_not_reached: u64,
     /// Torques of every tick of the whole replay, or evenly spaced ones: at most 8192.
     #[serde(skip)]
@@ -91,7 +91,7 @@ pub struct Departure {
 pub struct Sample {
     /// Time of the tick, s since the run's first tick.
     pub t_s: f64,
-    /// As recorded; empty if the log does not say.
+    /// As recorded; empty without a recorded command.
     pub recorded: Vec<f32>,
     /// Replayed.
     pub replayed: Vec<f32>,

@@ -2,7 +2,7 @@
 
 use super::byte_source::ByteSource;
 use super::chunk::{MAX_RECORD, PREFIX};
-use super::mcap_summary::{prefix, summary_range};
+use super::mcap_summary::{DATA_END, prefix, summary_range};
 use super::{EventRef, Health, LogReader};
 use crate::Error;
 use mcap::MAGIC;
@@ -19,7 +19,8 @@ pub(crate) struct ChunkIndex {
 }
 
 impl ChunkIndex {
-    /// Reads the index. `None` if the file has none that is complete: an LCM event log, a cut or joined MCAP, an MCAP without chunks, one run of a log.
+    /// Reads the index. `None` if it is absent or does not cover all messages: an LCM event log, a cut or joined MCAP, an MCAP with records outside of
+    /// chunks, one run of a log.
     ///
     /// # Errors
     /// [`Error::Io`].
@@ -32,10 +33,12 @@ impl ChunkIndex {
         if source.bytes(0, MAGIC.len())? != MAGIC {
             return Ok(None);
         }
-        let Some((mut at, end)) = summary_range(&mut source, 0)? else { return Ok(None) };
+        let Some((summary, end)) = summary_range(&mut source, 0)? else { return Ok(None) };
+        let Some((op::HEADER, header)) = prefix(&mut source, MAGIC.len() as u64)? else { return Ok(None) };
         let mut index = ChunkIndex { reader: LogReader::open(path)?, chunks: Vec::new(), topics: BTreeMap::new() };
-        // The chunks must follow each other: a gap hides messages.
-        let mut behind = None;
+        // From the header to the record that ends the data, each chunk must follow the one before it: there can be messages in a gap.
+        let mut chunks_end = (MAGIC.len() as u64 + PREFIX).checked_add(header);
+        let mut at = summary;
         while at < end
             && let Some((opcode, length)) = prefix(&mut source, at)?
             && length <= MAX_RECORD.min(end - at)
@@ -49,17 +52,18 @@ impl ChunkIndex {
                 }
                 op::CHUNK_INDEX => {
                     let Some(chunk) = IndexedChunk::parse(body) else { return Ok(None) };
-                    if chunk.channels.is_empty() || behind.is_some_and(|behind| chunk.offset < behind) {
+                    if chunk.channels.is_empty() || chunks_end != Some(chunk.offset) {
                         return Ok(None);
                     }
-                    behind = chunk.offset.checked_add(chunk.length);
+                    chunks_end = chunk.offset.checked_add(chunk.length);
                     index.chunks.push((chunk.offset, chunk.channels));
                 }
                 _ => {}
             }
             at += PREFIX + length;
         }
-        Ok(Some(index).filter(|index| !index.chunks.is_empty()))
+        let is_whole = chunks_end.and_then(|end| end.checked_add(PREFIX + DATA_END)) == Some(summary);
+        Ok(Some(index).filter(|index| is_whole && !index.chunks.is_empty()))
     }
 
     /// Offsets of the chunks that contain a channel, in the order of the file.
@@ -90,19 +94,20 @@ impl ChunkIndex {
 /// A chunk-index record.
 struct IndexedChunk {
     offset: u64,
+    /// Of the chunk and its message indexes, bytes.
     length: u64,
     channels: Vec<u16>,
 }
 
 impl IndexedChunk {
     fn parse(body: &[u8]) -> Option<Self> {
-        // Start and end time, offset and length of the chunk, then 10 bytes for each channel in it.
-        let (offset, length) = (u64_at(body, 16)?, u64_at(body, 24)?);
+        // Start and end time, offset and length of the chunk, 10 bytes for each channel in it, length of its message indexes.
         let size = u32::from_le_bytes(*body.get(32..)?.first_chunk()?) as usize;
         let entries = body.get(36..)?.get(..size)?;
         let id = |entry: &[u8]| entry.first_chunk().map(|id| u16::from_le_bytes(*id));
         let channels = entries.chunks_exact(10).map(id).collect::<Option<_>>()?;
-        Some(IndexedChunk { offset, length, channels })
+        let length = u64_at(body, 24)?.checked_add(u64_at(body, 36 + size)?)?;
+        Some(IndexedChunk { offset: u64_at(body, 16)?, length, channels })
     }
 }
 

@@ -68,10 +68,12 @@ pub(super) fn summary_records(source: &mut ByteSource, base: u64) -> Result<Vec<
     Ok(records)
 }
 
-/// Start and end of the summary of the MCAP that starts at `base`; `None` without a valid summary.
+/// Start and end of the summary of the MCAP that starts at `base`; `None` without a valid summary, or if it is not where the footer states: then the
+/// offsets in it are wrong too.
 pub(super) fn summary_range(source: &mut ByteSource, base: u64) -> Result<Option<(u64, u64)>, Error> {
     let Some((end, footer)) = footer(source)? else { return Ok(None) };
-    Ok(start(source, base, end, &footer)?.map(|start| (start, end)))
+    let start = start(source, base, end, &footer)?;
+    Ok(start.filter(|start| base.checked_add(footer.summary_start) == Some(*start)).map(|start| (start, end)))
 }
 
 /// Start of the summary: directly after the data-end record. If bytes before it are missing or added, its offset is wrong; then its CRC

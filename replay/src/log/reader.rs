@@ -7,7 +7,7 @@ use super::run_path::split_run;
 use super::runs::Runs;
 use super::{Event, EventRef, FileSchema, Format, Health, Item, ItemRef};
 use crate::Error;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 /// Bytes in which the first event of a damaged event log is searched.
@@ -27,6 +27,7 @@ pub struct LogReader {
 
 /// The selection of one run.
 struct SelectedRun {
+    path: PathBuf,
     number: usize,
     runs: Runs,
     /// The last selected event, and its schema.
@@ -46,7 +47,7 @@ impl LogReader {
     pub fn open(path: impl AsRef<Path>) -> Result<Self, Error> {
         let (file, number) = split_run(path.as_ref());
         let mut log = Self::new(ByteSource::open(&file)?, false)?;
-        log.selected = number.map(|number| SelectedRun { number, runs: Runs::default(), event: None });
+        log.selected = number.map(|number| SelectedRun { path: file, number, runs: Runs::default(), event: None });
         Ok(log)
     }
 
@@ -105,7 +106,7 @@ impl LogReader {
     /// The next item, borrowed from the reader; `None` at the end.
     ///
     /// # Errors
-    /// [`Error::Io`] if the operating system fails to read; iteration ends.
+    /// [`Error::Io`] if the operating system fails to read, [`Error::NoSuchRun`] at the end of a log without the selected run; iteration ends.
     #[inline]
     pub fn read(&mut self) -> Result<Option<ItemRef<'_>>, Error> {
         match &mut self.selected {
@@ -133,8 +134,14 @@ impl LogReader {
 impl SelectedRun {
     /// The next item of the run.
     fn read(&mut self, reader: &mut Option<Reader>) -> Result<Option<ItemRef<'_>>, Error> {
+        // Closed after an error.
+        let is_open = reader.is_some();
         loop {
             match next(reader)? {
+                None if self.event.is_none() && is_open => {
+                    let (path, runs) = (self.path.clone(), self.runs.summaries().len());
+                    return Err(Error::NoSuchRun { path, number: self.number, runs });
+                }
                 None => return Ok(None),
                 Some(ItemRef::Event(event)) if self.runs.see(&event) + 1 == self.number => {
                     self.event = Some((event.to_event(), event.schema.cloned()));

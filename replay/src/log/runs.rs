@@ -98,7 +98,7 @@ impl Runs {
 /// `run_id` of a message; `None` if its type has none, or if it is not of this build's type.
 pub(crate) fn run_id(channel: &str, message: &[u8]) -> Option<i64> {
     let channel = channel.rsplit_once('/').map_or(channel, |(_, name)| name);
-    // It is behind `t_ns`, and behind `tick` if there is one.
+    // `run_id` is the field after `t_ns`, or after `tick` if the type has one.
     let (fingerprint, offset) = match channel {
         RUN_INFO => (RunInfo::FINGERPRINT, 16),
         CONTROLLER_INPUT => (ControllerInput::FINGERPRINT, 24),

@@ -1,7 +1,7 @@
 //! Summary of a log: channels, types, counts, rates, damage.
 
 use super::sequence_gaps::{SequenceTracker, sequence_field, sequence_number};
-use super::{EventRef, Format, Health, LogReader, RunClock, RunClockFinder, RunSummary, Runs, Types, Zero};
+use super::{EventRef, Format, Health, LogReader, RunClock, RunClockFinder, RunSummary, Runs, Types, Zero, split_run};
 use crate::Error;
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -83,7 +83,7 @@ impl LogSummary {
     /// # Errors
     /// As [`LogSummary::read`].
     pub fn read_with(path: impl AsRef<Path>, mut types: Types) -> Result<Self, Error> {
-        let mut reader = LogReader::open(path)?;
+        let mut reader = LogReader::open(&path)?;
         let (format, bytes) = (reader.format(), reader.bytes());
         let (mut stats, mut runs) = (BTreeMap::new(), Runs::default());
         let (mut health, mut clock) = (Health::default(), RunClockFinder::default());
@@ -95,7 +95,11 @@ impl LogSummary {
             let key = (Arc::clone(event.channel), event.fingerprint());
             stats.entry(key).or_insert_with(|| ChannelStats::new(&event, &types)).add(&event);
         }
-        Ok(LogSummary { runs: runs.summaries().to_vec(), ..summarize(format, bytes, &stats, &health, &clock.clock()) })
+        let mut runs = runs.summaries().to_vec();
+        if let (_, Some(selected)) = split_run(path.as_ref()) {
+            runs.iter_mut().for_each(|run| run.number = selected);
+        }
+        Ok(LogSummary { runs, ..summarize(format, bytes, &stats, &health, &clock.clock()) })
     }
 }
 

@@ -105,14 +105,16 @@ pub fn verify(log: &Path, mut types: Types, progress: &mut dyn FnMut(f64)) -> Re
     let mut verifier = Verifier::default();
     while let Some(item) = reader.read()? {
         let Some(event) = health.note(item) else { continue };
+        // The judgement reads the log again.
         if verifier.events.is_multiple_of(4096) {
-            progress(event.offset as f64 / bytes as f64);
+            progress(0.5 * event.offset as f64 / bytes as f64);
         }
         types.learn(&event);
         verifier.add(&event, &types);
     }
+    let report = verifier.report(log, format, health, &mut |part| progress(0.5 + 0.5 * part));
     progress(1.0);
-    Ok(verifier.report(log, format, health))
+    Ok(report)
 }
 
 #[derive(Default)]
@@ -148,11 +150,11 @@ impl Verifier {
         channel.add(event, types);
     }
 
-    fn report(self, log: &Path, format: Format, health: Health) -> VerifyReport {
+    fn report(self, log: &Path, format: Format, health: Health, progress: &mut dyn FnMut(f64)) -> VerifyReport {
         let clock = self.clock.clock();
         let of_run = [channels::RUN_INFO, channels::CONTROLLER_INPUT];
         let is_run = of_run.iter().any(|channel| self.channels.contains_key(*channel));
-        let replay = if is_run { ReplayCheck::of(log) } else { ReplayCheck::without_run() };
+        let replay = if is_run { ReplayCheck::of(log, progress) } else { ReplayCheck::without_run() };
         let channels: Vec<_> = self.channels.iter().map(|(name, channel)| channel.report(name)).collect();
         let lost = channels.iter().filter_map(|c| c.lost).sum();
         let undecodable = channels.iter().map(|c| c.undecodable).sum();
@@ -178,8 +180,8 @@ impl Verifier {
 
 impl ReplayCheck {
     /// The judgement of a replay.
-    fn of(log: &Path) -> Self {
-        let found = Judgement::of(log);
+    fn of(log: &Path, progress: &mut dyn FnMut(f64)) -> Self {
+        let found = Judgement::of(log, progress);
         let why = found.why();
         let Judgement { controller, ticks, first_tick, missing, snapshots, computable, outputs, account, .. } = found;
         let complete = why.is_empty();
