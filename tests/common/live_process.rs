@@ -81,6 +81,14 @@ impl Drop for LiveProcess {
     }
 }
 
+/// Checks the exit code of the controller in the JSON of `hoof run`: 1 exactly if a fault damped the robot, such as an old joint state on a machine
+/// that stalls.
+#[allow(dead_code, reason = "not every test file runs a controller")]
+pub fn assert_controller_ended(json: &serde_json::Value) {
+    let controller = &json["controller"];
+    assert_eq!(controller["exit_code"], i32::from(!controller["fault"].is_null()), "{controller}");
+}
+
 /// Sends a signal to a process.
 pub fn kill(signal: &str, process: &str) {
     assert!(Command::new("kill").args([signal, process]).status().unwrap().success());
