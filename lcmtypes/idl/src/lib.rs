@@ -43,4 +43,4 @@ pub use parser::parse;
 pub use reflect::{Difference, Path, Segment};
 pub use set::{Type, TypeSet};
 pub use value::{Leaf, Value};
-pub use wire::Message;
+pub use wire::{Deviations, Message};

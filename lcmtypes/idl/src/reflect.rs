@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use crate::ast::{Dim, Primitive};
 use crate::set::{Element, Linked};
-use crate::wire::{self, Reader, Wire};
+use crate::wire::{self, Deviations, Reader, Wire};
 use crate::{DecodeError, DecodeProblem, Leaf, Type, TypeSet, Value};
 
 /// One step from a message to a value in it.
@@ -97,6 +97,26 @@ impl<'a> Type<'a> {
         self.traverse(bytes, Tree)
     }
 
+    /// As [`Type::decode`], and accepts what LCM's decoders accept: see [`Deviations`].
+    ///
+    /// # Errors
+    /// As [`Type::decode`].
+    pub fn decode_lenient(&self, bytes: &[u8]) -> Result<(Value, Deviations), DecodeError> {
+        self.traverse_with(Reader::lenient(bytes), Tree)
+    }
+
+    /// As [`Type::walk`], and accepts what LCM's decoders accept: see [`Deviations`].
+    ///
+    /// # Errors
+    /// As [`Type::walk`].
+    pub fn walk_lenient<'b>(
+        &self,
+        bytes: &'b [u8],
+        visit: impl FnMut(&Path<'a>, Leaf<'b>),
+    ) -> Result<Deviations, DecodeError> {
+        self.traverse_with(Reader::lenient(bytes), Walk(visit)).map(|((), deviations)| deviations)
+    }
+
     /// Calls `visit` with path and value of every leaf of a message, in wire order.
     ///
     /// # Errors
@@ -117,18 +137,19 @@ impl<'a> Type<'a> {
 
     /// The first leaf in which two messages differ, comparing bits of floats; `None` if none does.
     ///
-    /// A difference in length is found in the length field, which always precedes the array.
+    /// A difference in length is found in the length field, which always precedes the array. Messages that differ only in [`Deviations`] have
+    /// no such leaf.
     ///
     /// # Errors
     /// As [`Type::decode`], of either message.
     pub fn first_difference(&self, left: &[u8], right: &[u8]) -> Result<Option<Difference>, DecodeError> {
         if left == right {
-            return self.walk(left, |_, _| ()).map(|()| None);
+            return self.walk_lenient(left, |_, _| ()).map(|_| None);
         }
         let mut expected = Vec::new();
-        self.walk(left, |_, leaf| expected.push(leaf))?;
+        self.walk_lenient(left, |_, leaf| expected.push(leaf))?;
         let (mut expected, mut first) = (expected.into_iter(), None);
-        self.walk(right, |path, right| {
+        self.walk_lenient(right, |path, right| {
             let left = expected.next();
             if let (None, Some(left)) = (&first, left.filter(|&left| left != right)) {
                 first = Some(Difference { path: path.to_string(), left: left.to_value(), right: right.to_value() });
@@ -168,10 +189,18 @@ impl<'a> Type<'a> {
     }
 
     fn traverse<'b, S: Sink<'a, 'b>>(&self, bytes: &'b [u8], sink: S) -> Result<S::Out, DecodeError> {
-        let mut traversal = Traversal { set: self.set, wire: Reader::new(bytes), path: Path::default(), sink };
+        self.traverse_with(Reader::new(bytes), sink).map(|(out, _)| out)
+    }
+
+    fn traverse_with<'b, S: Sink<'a, 'b>>(
+        &self,
+        wire: Reader<'b>,
+        sink: S,
+    ) -> Result<(S::Out, Deviations), DecodeError> {
+        let mut traversal = Traversal { set: self.set, wire, path: Path::default(), sink };
         let fingerprint = traversal.wire.fingerprint(self.fingerprint());
         let out = fingerprint.and_then(|()| traversal.structure(self.linked()));
-        let out = out.and_then(|out| traversal.wire.finish().map(|()| out));
+        let out = out.and_then(|out| traversal.wire.finish().map(|()| (out, traversal.wire.deviations)));
         out.map_err(|e| DecodeError { path: traversal.path.to_string(), ..e.of_type(self.name()) })
     }
 }
@@ -283,7 +312,10 @@ impl<'a, 'b, S: Sink<'a, 'b>> Traversal<'a, 'b, S> {
                 Primitive::Float => Leaf::Float(f32::take(wire)?),
                 Primitive::Double => Leaf::Double(f64::take(wire)?),
                 Primitive::Boolean => Leaf::Boolean(bool::take(wire)?),
-                Primitive::String => Leaf::String(wire.text()?),
+                Primitive::String => match wire.text_or_bytes()? {
+                    Ok(text) => Leaf::String(text),
+                    Err(bytes) => Leaf::Latin1(bytes),
+                },
             },
         };
         if let Some(value) = leaf.as_i64() {

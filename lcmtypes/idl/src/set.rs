@@ -8,12 +8,12 @@ use crate::wire::MAX_DEPTH;
 use crate::{Error, hash, parse};
 
 /// Types from one or more `.lcm` texts, with every name linked to its type.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, Default)]
 pub struct TypeSet {
     pub(crate) structs: Vec<Linked>,
     enums: Vec<Enum>,
     by_name: BTreeMap<String, usize>,
-    by_fingerprint: BTreeMap<u64, usize>,
+    by_fingerprint: BTreeMap<u64, Vec<usize>>,
 }
 
 /// A linked struct.
@@ -55,44 +55,119 @@ impl TypeSet {
     /// [`Error::Syntax`] at the first place where a text breaks a rule of the language, names a type that no text declares, declares
     /// a type twice, or contains itself without end.
     pub fn parse<'t>(sources: impl IntoIterator<Item = (&'t str, &'t str)>) -> Result<Self, Error> {
-        let mut set =
-            Self { structs: Vec::new(), enums: Vec::new(), by_name: BTreeMap::new(), by_fingerprint: BTreeMap::new() };
-        let mut places = Names::default();
+        let (set, errors) = Self::parse_valid(sources);
+        errors.into_iter().next().map_or(Ok(set), Err)
+    }
+
+    /// Parses and links the types that are complete, as `lcm-gen` does, which compiles each by itself. Returns the errors of all others. Of
+    /// two declarations of one name the first one counts; another one that differs is found by its fingerprint.
+    pub fn parse_valid<'t>(sources: impl IntoIterator<Item = (&'t str, &'t str)>) -> (Self, Vec<Error>) {
+        let (mut enums, mut defs, mut errors) = (Vec::new(), Vec::new(), Vec::new());
         for (path, text) in sources {
-            let file = parse(path, text)?;
-            for e in file.enums {
-                places.declare(&file.path, &e.name, e.position, Element::Enum(set.enums.len()))?;
-                set.enums.push(e);
-            }
-            for def in file.structs {
-                places.declare(&file.path, &def.name, def.position, Element::Struct(set.structs.len()))?;
-                let full_name = def.name.to_string().into();
-                let (file, base) = (Arc::clone(&file.path), hash::struct_base(&def));
-                set.structs.push(Linked {
-                    def,
-                    file,
-                    full_name,
-                    elements: Vec::new(),
-                    base,
-                    fingerprint: 0,
-                    min_size: 0,
-                });
+            match parse(path, text) {
+                Ok(file) => {
+                    enums.extend(file.enums.into_iter().map(|e| (Arc::clone(&file.path), e)));
+                    defs.extend(file.structs.into_iter().map(|def| (Arc::clone(&file.path), def)));
+                }
+                Err(error) => errors.push(error),
             }
         }
-        for linked in &mut set.structs {
-            linked.elements = elements(linked, &places)?;
+        let mut places = Names::default();
+        let mut set = Self::default();
+        for (file, e) in enums {
+            match places.declare(&file, &e.name, e.position, Element::Enum(set.enums.len()), e.fingerprint()) {
+                Ok(()) => set.enums.push(e),
+                Err((_, error)) => errors.push(error),
+            }
         }
-        let (mut hashes, mut sizes) = (Known::new(&set), Known::new(&set));
-        for index in 0..set.structs.len() {
-            let fingerprint = set.full_hash(index, &mut Vec::new(), &mut hashes)?.hash;
-            let min_size = set.min_size(index, &mut Vec::new(), &mut sizes)?;
-            let linked = &mut set.structs[index];
-            (linked.fingerprint, linked.min_size) = (fingerprint, min_size);
-            set.by_name.insert(linked.full_name.to_string(), index);
-            // Types that differ in name only share a fingerprint and a wire format: the first one declared stands for all.
-            set.by_fingerprint.entry(fingerprint).or_insert(index);
+        for (file, def) in defs {
+            let (full_name, base) = (def.name.to_string().into(), hash::struct_base(&def));
+            let element = Element::Struct(set.structs.len());
+            if let Err((is_same, error)) = places.declare(&file, &def.name, def.position, element, base) {
+                errors.push(error);
+                if is_same {
+                    continue;
+                }
+            }
+            let (elements, fingerprint, min_size) = (Vec::new(), 0, 0);
+            set.structs.push(Linked { def, file, full_name, elements, base, fingerprint, min_size });
         }
-        Ok(set)
+        set.remove_incomplete(&mut places, &mut errors);
+        // Removing a type can only make others incomplete, so few rounds are needed.
+        for _ in 0..MAX_ROUNDS {
+            let invalid = set.link();
+            if invalid.is_empty() {
+                return (set, errors);
+            }
+            let (indices, found): (Vec<_>, Vec<_>) = invalid.into_iter().unzip();
+            errors.extend(found);
+            set.remove(&indices, &mut places);
+            set.remove_incomplete(&mut places, &mut errors);
+        }
+        (Self::default(), errors)
+    }
+
+    /// Removes the structs with a field of a type that is not declared, and those that need them.
+    fn remove_incomplete(&mut self, places: &mut Names, errors: &mut Vec<Error>) {
+        for _ in 0..MAX_ROUNDS {
+            let mut removed = Vec::new();
+            for (index, linked) in self.structs.iter_mut().enumerate() {
+                match elements(linked, places) {
+                    Ok(elements) => linked.elements = elements,
+                    Err(error) => {
+                        errors.push(error);
+                        removed.push(index);
+                    }
+                }
+            }
+            if removed.is_empty() {
+                return;
+            }
+            self.remove(&removed, places);
+        }
+        self.structs.clear();
+    }
+
+    /// Removes structs; `indices` in ascending order.
+    fn remove(&mut self, indices: &[usize], places: &mut Names) {
+        let mut index = 0;
+        self.structs.retain(|_| {
+            index += 1;
+            indices.binary_search(&(index - 1)).is_err()
+        });
+        places.0.retain(|_, found| match &mut found.element {
+            Element::Struct(index) => {
+                let before = indices.partition_point(|removed| removed < index);
+                let is_removed = indices.get(before) == Some(index);
+                *index -= before;
+                !is_removed
+            }
+            _ => true,
+        });
+    }
+
+    /// Computes fingerprints and sizes. Returns the structs for which that is not possible; if there are any, nothing else counts.
+    fn link(&mut self) -> Vec<(usize, Error)> {
+        let (mut hashes, mut sizes) = (Known::new(self), Known::new(self));
+        let mut invalid = Vec::new();
+        (self.by_name, self.by_fingerprint) = (BTreeMap::new(), BTreeMap::new());
+        for index in 0..self.structs.len() {
+            let hashed = self.full_hash(index, &mut Vec::new(), &mut hashes);
+            let sized = hashed.and_then(|hashed| {
+                self.min_size(index, &mut Vec::new(), &mut sizes).map(|min_size| (hashed.hash, min_size))
+            });
+            match sized {
+                Ok((fingerprint, min_size)) => {
+                    let linked = &mut self.structs[index];
+                    (linked.fingerprint, linked.min_size) = (fingerprint, min_size);
+                    self.by_name.entry(linked.full_name.to_string()).or_insert(index);
+                    // Types that differ in name only share a fingerprint and a wire format.
+                    self.by_fingerprint.entry(fingerprint).or_default().push(index);
+                }
+                Err(error) => invalid.push((index, error)),
+            }
+        }
+        invalid
     }
 
     /// The struct of that full name, such as `hoofprint.robot_state_t`.
@@ -102,7 +177,13 @@ impl TypeSet {
 
     /// The struct of that fingerprint. Structs that differ in name only share one; then it is the first one declared.
     pub fn by_fingerprint(&self, fingerprint: u64) -> Option<Type<'_>> {
-        self.by_fingerprint.get(&fingerprint).map(|&index| Type { set: self, index })
+        self.all_by_fingerprint(fingerprint).next()
+    }
+
+    /// Every struct of that fingerprint, in the order of their declaration.
+    pub fn all_by_fingerprint(&self, fingerprint: u64) -> impl Iterator<Item = Type<'_>> {
+        let indices = self.by_fingerprint.get(&fingerprint).map_or(&[][..], Vec::as_slice);
+        indices.iter().map(|&index| Type { set: self, index })
     }
 
     /// The struct whose fingerprint a message begins with.
@@ -201,6 +282,9 @@ impl TypeSet {
 /// log may be anything.
 const MAX_VISITS: usize = 1 << 20;
 
+/// Rounds in which incomplete types are removed. Each round removes the types that need those of the round before.
+const MAX_ROUNDS: usize = 200;
+
 /// What hashing a struct found.
 #[derive(Clone, Copy)]
 struct Hashed {
@@ -272,17 +356,35 @@ fn too_many(linked: &Linked) -> Error {
     error(&linked.file, linked.def.position, found, &expected)
 }
 
-/// Every declared name, what it means and where it stands.
+/// Every declared name.
 #[derive(Default)]
-struct Names(BTreeMap<TypeName, (Element, String)>);
+struct Names(BTreeMap<TypeName, Declared>);
+
+/// The declaration of a name.
+struct Declared {
+    element: Element,
+    /// Where it stands.
+    place: String,
+    /// Hash of its content.
+    hash: u64,
+}
 
 impl Names {
-    fn declare(&mut self, file: &str, name: &TypeName, at: Position, element: Element) -> Result<(), Error> {
-        let place = format!("{file}:{}:{}", at.line, at.column);
-        if let Some((_, first)) = self.0.insert(name.clone(), (element, place)) {
-            let expected = format!("another name: {first} declares this one");
-            return Err(error(file, at, format!("`{name}`"), &expected));
+    /// Adds a name. If it is declared already: whether with the same content, and the error.
+    fn declare(
+        &mut self,
+        file: &str,
+        name: &TypeName,
+        at: Position,
+        element: Element,
+        hash: u64,
+    ) -> Result<(), (bool, Error)> {
+        if let Some(first) = self.0.get(name) {
+            let expected = format!("another name: {} declares this one", first.place);
+            return Err((first.hash == hash, error(file, at, format!("`{name}`"), &expected)));
         }
+        let place = format!("{file}:{}:{}", at.line, at.column);
+        self.0.insert(name.clone(), Declared { element, place, hash });
         Ok(())
     }
 }
@@ -290,7 +392,7 @@ impl Names {
 fn elements(linked: &Linked, names: &Names) -> Result<Vec<Element>, Error> {
     let link = |field: &crate::ast::Field| match &field.ty {
         FieldType::Primitive(p) => Ok(Element::Primitive(*p)),
-        FieldType::Named(name) => names.0.get(name).map(|found| found.0).ok_or_else(|| {
+        FieldType::Named(name) => names.0.get(name).map(|found| found.element).ok_or_else(|| {
             error(
                 &linked.file,
                 field.position,

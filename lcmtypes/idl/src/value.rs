@@ -1,5 +1,6 @@
 //! Values of messages whose type is known at run time only.
 
+use std::borrow::Cow;
 use std::fmt;
 use std::sync::Arc;
 
@@ -42,6 +43,8 @@ pub enum Leaf<'a> {
     Double(f64),
     Boolean(bool),
     String(&'a str),
+    /// A string that is not UTF-8. LCM does not define its encoding; it is shown as Latin-1.
+    Latin1(&'a [u8]),
 }
 
 impl PartialEq for Leaf<'_> {
@@ -56,12 +59,18 @@ impl PartialEq for Leaf<'_> {
             (Self::Double(a), Self::Double(b)) => a.to_bits() == b.to_bits(),
             (Self::Boolean(a), Self::Boolean(b)) => a == b,
             (Self::String(a), Self::String(b)) => a == b,
+            (Self::Latin1(a), Self::Latin1(b)) => a == b,
             _ => false,
         }
     }
 }
 
 impl Eq for Leaf<'_> {}
+
+/// Text of bytes in Latin-1.
+fn latin1(bytes: &[u8]) -> String {
+    bytes.iter().map(|&byte| char::from(byte)).collect()
+}
 
 impl<'a> Leaf<'a> {
     /// The same value, owned.
@@ -76,6 +85,7 @@ impl<'a> Leaf<'a> {
             Self::Double(v) => Value::Double(v),
             Self::Boolean(v) => Value::Boolean(v),
             Self::String(v) => Value::String(v.to_owned()),
+            Self::Latin1(v) => Value::String(latin1(v)),
         }
     }
 
@@ -98,13 +108,22 @@ impl<'a> Leaf<'a> {
             Self::Int64(v) => Some(v),
             Self::Byte(v) => Some(i64::from(v)),
             Self::Boolean(v) => Some(i64::from(v)),
-            Self::Float(_) | Self::Double(_) | Self::String(_) => None,
+            Self::Float(_) | Self::Double(_) | Self::String(_) | Self::Latin1(_) => None,
         }
     }
 
-    /// The text; `None` for numbers.
+    /// The text; `None` for numbers, and for text that is not UTF-8.
     pub fn as_str(self) -> Option<&'a str> {
         if let Self::String(v) = self { Some(v) } else { None }
+    }
+
+    /// The text; `None` for numbers.
+    pub fn text(self) -> Option<Cow<'a, str>> {
+        match self {
+            Self::String(v) => Some(Cow::Borrowed(v)),
+            Self::Latin1(v) => Some(Cow::Owned(latin1(v))),
+            _ => None,
+        }
     }
 }
 
@@ -121,6 +140,7 @@ impl fmt::Display for Leaf<'_> {
             Self::Double(v) => write!(f, "{v:?}"),
             Self::Boolean(v) => v.fmt(f),
             Self::String(v) => write!(f, "{v:?}"),
+            Self::Latin1(v) => write!(f, "{:?}", latin1(v)),
         }
     }
 }

@@ -96,11 +96,15 @@ impl Wire for bool {
         out.push(u8::from(*self));
         Ok(())
     }
-    /// Refuses bytes other than 0 and 1: what is decoded encodes to the same bytes, always.
+    /// Rejects bytes other than 0 and 1, so that a decoded value encodes to the same bytes; a lenient reader counts them.
     fn take(wire: &mut Reader<'_>) -> Result<Self, DecodeError> {
         match wire.bytes::<1>()? {
             [0] => Ok(false),
             [1] => Ok(true),
+            [_] if wire.lenient => {
+                wire.deviations.booleans += 1;
+                Ok(true)
+            }
             [found] => Err(wire.error_before(1, DecodeProblem::Boolean { found })),
         }
     }
@@ -165,12 +169,51 @@ pub struct Reader<'a> {
     at: usize,
     depth: usize,
     empty_left: usize,
+    /// Deviations from the format are accepted and counted.
+    lenient: bool,
+    pub(crate) deviations: Deviations,
+}
+
+/// Deviations from the format that the decoders of LCM accept. The value is still clear.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub struct Deviations {
+    /// Booleans other than 0 and 1, which are true.
+    pub booleans: u64,
+    /// Strings that are not UTF-8, do not end with a NUL, or have length 0.
+    pub strings: u64,
+    /// Bytes after the last field.
+    pub trailing_bytes: u64,
+}
+
+impl Deviations {
+    /// The message follows the format.
+    pub fn is_none(&self) -> bool {
+        *self == Self::default()
+    }
+}
+
+impl std::fmt::Display for Deviations {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let parts = [
+            (self.booleans, "booleans other than 0 and 1"),
+            (self.strings, "strings that are not UTF-8 with a final NUL"),
+            (self.trailing_bytes, "bytes after the last field"),
+        ];
+        let parts: Vec<_> =
+            parts.into_iter().filter(|part| part.0 > 0).map(|(n, what)| format!("{n} {what}")).collect();
+        f.write_str(&parts.join(", "))
+    }
 }
 
 impl<'a> Reader<'a> {
     /// A reader that stands before the first byte.
     pub fn new(bytes: &'a [u8]) -> Self {
-        Self { bytes, at: 0, depth: 0, empty_left: MAX_EMPTY }
+        Self { bytes, at: 0, depth: 0, empty_left: MAX_EMPTY, lenient: false, deviations: Deviations::default() }
+    }
+
+    /// As [`Reader::new`], for a reader that accepts and counts [`Deviations`].
+    pub(crate) fn lenient(bytes: &'a [u8]) -> Self {
+        Self { lenient: true, ..Self::new(bytes) }
     }
 
     fn error_before(&self, back: usize, problem: DecodeProblem) -> DecodeError {
@@ -217,9 +260,13 @@ impl<'a> Reader<'a> {
     ///
     /// # Errors
     /// [`DecodeProblem::TrailingBytes`]
-    pub fn finish(&self) -> Result<(), DecodeError> {
+    pub fn finish(&mut self) -> Result<(), DecodeError> {
         match self.bytes.len() - self.at {
             0 => Ok(()),
+            extra if self.lenient => {
+                self.deviations.trailing_bytes = extra as u64;
+                Ok(())
+            }
             extra => Err(self.error_before(0, DecodeProblem::TrailingBytes { extra })),
         }
     }
@@ -236,6 +283,22 @@ impl<'a> Reader<'a> {
             return Err(self.error_before(1, DecodeProblem::StringEnd { found: end[0] }));
         }
         std::str::from_utf8(text).map_err(|_| self.error_before(needed, DecodeProblem::StringUtf8))
+    }
+
+    /// Reads a string; a lenient reader returns its bytes if they are not UTF-8.
+    pub(crate) fn text_or_bytes(&mut self) -> Result<Result<&'a str, &'a [u8]>, DecodeError> {
+        let before = self.at;
+        let strict = self.text();
+        if strict.is_ok() || !self.lenient {
+            return strict.map(Ok);
+        }
+        self.at = before;
+        let length = i32::from_be_bytes(self.bytes()?);
+        let Ok(length) = usize::try_from(length) else { return strict.map(Ok) };
+        let content = self.slice(length)?;
+        self.deviations.strings += 1;
+        let content = content.strip_suffix(&[0]).unwrap_or(content);
+        Ok(std::str::from_utf8(content).map_err(|_| content))
     }
 
     /// Names the field that is being read, for errors.

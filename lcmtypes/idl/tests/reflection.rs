@@ -3,7 +3,7 @@
 #![allow(clippy::unwrap_used, reason = "a test may panic")]
 
 use lcm_idl::wire::{MAX_DEPTH, MAX_EMPTY};
-use lcm_idl::{DecodeProblem, Difference, Segment, TypeSet, Value};
+use lcm_idl::{DecodeProblem, Deviations, Difference, Segment, TypeSet, Value};
 
 const TEXT: &str = "package p;
 struct inner_t { double x[2]; string s; }
@@ -205,4 +205,57 @@ fn nesting_of_structs_is_limited() {
     let error = ty.decode(&chain(MAX_DEPTH + 1)).unwrap_err();
     assert_eq!(error.problem, DecodeProblem::TooDeep { limit: MAX_DEPTH });
     assert!(ty.decode(&chain(1_000_000)).is_err());
+}
+
+/// Bytes that LCM's own decoders accept: the value is clear, and the deviation is counted.
+#[test]
+fn a_lenient_decoder_accepts_what_lcm_accepts() {
+    let types = TypeSet::parse([("a.lcm", "struct a_t { boolean b; string s; int32_t n; }")]).unwrap();
+    let ty = types.by_name("a_t").unwrap();
+    let message = |b: u8, length: i32, text: &[u8], behind: &[u8]| {
+        let bytes = [&ty.fingerprint().to_be_bytes()[..], &[b], &length.to_be_bytes(), text, &[0, 0, 0, 7], behind];
+        bytes.concat()
+    };
+    let counts = |booleans, strings, trailing_bytes| Deviations { booleans, strings, trailing_bytes };
+    let cases = [
+        (message(1, 4, b"abc\0", b""), "abc", counts(0, 0, 0)),
+        (message(2, 4, b"abc\0", b""), "abc", counts(1, 0, 0)),
+        (message(1, 5, b"caf\xe9\0", b""), "café", counts(0, 1, 0)),
+        (message(1, 3, b"abc", b""), "abc", counts(0, 1, 0)),
+        (message(1, 0, b"", b""), "", counts(0, 1, 0)),
+        (message(1, 4, b"abc\0", b"12"), "abc", counts(0, 0, 2)),
+    ];
+    for (bytes, text, expected) in cases {
+        let (value, deviations) = ty.decode_lenient(&bytes).unwrap();
+        assert_eq!(deviations, expected);
+        assert_eq!(value.get("b").unwrap(), &Value::Boolean(true));
+        assert_eq!((value.get("s").unwrap().as_str(), value.get("n").unwrap().as_i64()), (Some(text), Some(7)));
+        assert_eq!(ty.decode(&bytes).is_ok(), deviations.is_none());
+    }
+    for bytes in
+        [message(1, -1, b"abc\0", b""), message(1, 40, b"abc\0", b""), message(1, 4, b"abc\0", b"")[..20].to_vec()]
+    {
+        assert!(ty.decode_lenient(&bytes).is_err());
+    }
+}
+
+/// A type that is missing, declared twice or invalid costs itself and the types that need it.
+#[test]
+fn complete_types_are_used_and_others_are_named() {
+    let texts = [
+        ("a.lcm", "package p; struct a_t { int32_t x; }"),
+        ("again.lcm", "package p; struct a_t { int32_t x; }"),
+        ("other.lcm", "package p; struct a_t { int64_t x; }"),
+        ("lost.lcm", "package p; struct lost_t { gone_t x; } struct needs_t { lost_t x; } struct whole_t { a_t x; }"),
+        ("notes.lcm", "Lens correction model"),
+        ("loop.lcm", "struct loop_t { loop_t x; }"),
+    ];
+    let (types, errors) = TypeSet::parse_valid(texts);
+    let names: Vec<_> = types.types().map(|ty| ty.name()).collect();
+    assert_eq!(names, ["p.a_t", "p.a_t", "p.whole_t"]);
+    assert_eq!(types.by_name("p.a_t").unwrap().file(), "a.lcm");
+    assert!(types.types().all(|ty| types.by_fingerprint(ty.fingerprint()).is_some()));
+    let texts: Vec<_> = errors.iter().map(ToString::to_string).collect();
+    let files: Vec<_> = texts.iter().map(|text| text.split(':').next().unwrap()).collect();
+    assert_eq!(files, ["notes.lcm", "again.lcm", "other.lcm", "lost.lcm", "lost.lcm", "loop.lcm"]);
 }
