@@ -111,7 +111,7 @@ fn lossy_relay(from: &str, to: &str, seed: u64, passes: fn(&str) -> bool, over: 
     while !over.load(Ordering::SeqCst) {
         // The receive call times out, so the loop ends.
         let Some(datagram) = listener.receive().unwrap() else { continue };
-        if matches!(Packet::parse(datagram.bytes), Ok(Packet::Short(short)) if passes(short.channel)) {
+        if matches!(Packet::parse(datagram.bytes), Ok(Packet::Short(short)) if passes(&short.channel)) {
             relay.datagram(datagram.sender, datagram.bytes).unwrap();
         }
     }

@@ -196,7 +196,8 @@ fn merge_sorts_by_time_and_recover_copies_every_readable_event() {
     let copied = hoof(&command).exits(3).json();
     assert_eq!(copied["events"], events(&recovered).len());
     let skipped = copied["bytes_skipped"].as_u64().unwrap();
-    assert!((1000..4000).contains(&skipped), "{skipped} bytes");
+    // The first zeros are in the data of an event, which has no checksum in this format.
+    assert!((500..4000).contains(&skipped), "{skipped} bytes");
     assert_eq!((&copied["cut"], copied["damaged"].as_u64().unwrap() > 0), (&true.into(), true));
 }
 

@@ -98,10 +98,10 @@ pub enum Error {
         /// Cause.
         source: Box<lcm_idl::Error>,
     },
-    /// A folder without `.lcm` files.
-    #[error("{path}: no .lcm file in this folder or its subfolders", path = printable_path(path))]
+    /// A file or folder without a valid LCM type.
+    #[error("{path}: no valid LCM type in this file, folder or its subfolders: expected .lcm files", path = printable_path(path))]
     NoTypes {
-        /// Folder.
+        /// File or folder.
         path: PathBuf,
     },
     /// An invalid regular expression.
@@ -324,7 +324,7 @@ pub enum Error {
         path: PathBuf,
     },
     /// The same file as input and output.
-    #[error("{path}: input and output are the same file", path = printable_path(path))]
+    #[error("{path}: input and output are the same file; a log cannot be read and written at the same time", path = printable_path(path))]
     SameFile {
         /// File.
         path: PathBuf,

@@ -20,6 +20,7 @@ pub mod bisect;
 pub mod corpus;
 pub mod engine;
 pub mod log;
+mod names;
 pub mod play;
 pub mod printable;
 pub mod prove;

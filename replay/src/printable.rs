@@ -1,19 +1,22 @@
 //! Makes text from logs, networks and file names safe to print.
 
+use crate::names::byte_of;
 use std::borrow::Cow;
 use std::fmt::Write as _;
 use std::path::Path;
 
 /// The text with every control character escaped as in a Rust string (`\n`, `\u{1b}`), so that text from a log or network can neither
-/// control a terminal nor forge a line of output. Bidirectional overrides, which reorder the text around them, are escaped too.
-/// Printable text is returned as it is.
+/// control a terminal nor forge a line of output. Bidirectional overrides, which reorder the text around them, are escaped too, and the
+/// characters that stand for bytes which are not UTF-8 in the name of a channel (`\xe9`). Printable text is returned as it is.
 pub fn printable(text: &str) -> Cow<'_, str> {
     if !text.contains(is_unsafe) {
         return Cow::Borrowed(text);
     }
     let mut out = String::with_capacity(text.len() + 16);
     for c in text.chars() {
-        if is_unsafe(c) {
+        if let Some(byte) = byte_of(c) {
+            let _ = write!(out, "\\x{byte:02x}");
+        } else if is_unsafe(c) {
             let _ = write!(out, "{}", c.escape_default());
         } else {
             out.push(c);
@@ -48,7 +51,9 @@ pub fn printable_path(path: &Path) -> String {
 }
 
 fn is_unsafe(c: char) -> bool {
-    c.is_control() || matches!(c, '\u{200e}' | '\u{200f}' | '\u{2028}'..='\u{202e}' | '\u{2066}'..='\u{2069}')
+    c.is_control()
+        || byte_of(c).is_some()
+        || matches!(c, '\u{200e}' | '\u{200f}' | '\u{2028}'..='\u{202e}' | '\u{2066}'..='\u{2069}')
 }
 
 #[cfg(test)]
@@ -63,6 +68,7 @@ mod tests {
             ("A\u{1b}[31m\nB\t", "A\\u{1b}[31m\\nB\\t"),
             ("\u{9b}2J\u{7f}", "\\u{9b}2J\\u{7f}"),
             ("a\u{202e}b", "a\\u{202e}b"),
+            ("caf\u{efe9}", "caf\\xe9"),
         ];
         for (text, expected) in cases {
             assert_eq!(printable(text), expected);

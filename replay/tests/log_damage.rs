@@ -136,7 +136,7 @@ impl Sample {
             for message in &self.messages[messages.clone()] {
                 assert!(
                     rest.any(|m| m == message),
-                    "{what}: an event of the record at {record:?} is missing, {}",
+                    "{what}: an event of the record at {record:?} is missing, {} of {found:?}",
                     reported(&items)
                 );
             }

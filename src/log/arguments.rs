@@ -1,8 +1,8 @@
 //! Arguments and output that several log commands share.
 
-use crate::{Outcome, say, say_json};
+use crate::{Outcome, note, say, say_json};
 use replay::log::{CopyReport, EventFilter, ItemRef, LogReader, Types, path_of_run};
-use replay::printable;
+use replay::{printable, printable_path};
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -16,9 +16,13 @@ pub struct LogTypes {
 }
 
 impl LogTypes {
-    /// Reads the files.
+    /// Reads the files. Prints a warning for each type and file that cannot be used.
     pub fn read(&self) -> anyhow::Result<Types> {
-        Ok(Types::from_files(&self.lcm_types)?)
+        let types = Types::from_files(&self.lcm_types)?;
+        for warning in types.warnings() {
+            note(format!("warning: --lcm-types: {warning}"));
+        }
+        Ok(types)
     }
 }
 
@@ -163,17 +167,20 @@ pub fn print_copy_report(copied: &CopyReport, json: bool) -> anyhow::Result<Outc
 }
 
 fn copy_report_text(c: &CopyReport) -> String {
-    let mut text = format!("{} events in {}", c.events, c.out.display());
-    let mut note = |n: u64, what: &str| {
+    let mut text = format!("{} events in {}", c.events, printable_path(&c.out));
+    let mut add = |n: u64, what: &str| {
         if n > 0 {
             text += &format!("\n{n} {what}");
         }
     };
-    note(c.left_out, "events not selected");
-    note(c.damaged, "damaged ranges");
-    note(u64::from(c.cut), "cut: the log ends inside a record");
-    note(c.bytes_skipped, "bytes skipped");
-    note(c.refused, "events not written: negative time, or channel name longer than 63 bytes");
-    note(c.times_rounded, "times rounded down to whole microseconds, the resolution of an LCM event log");
+    add(c.left_out, "events not selected");
+    add(c.damaged, "damaged ranges");
+    add(u64::from(c.cut), "cut: the log ends inside a record");
+    add(c.bytes_skipped, "bytes skipped");
+    add(c.refused, "events not written: negative time (MCAP), or channel name longer than 999 bytes (.lcmlog)");
+    add(c.times_rounded, "times rounded down to whole microseconds, the resolution of an LCM event log");
+    for (what, n) in &c.not_kept {
+        add(*n, &format!("{what} of the input not kept"));
+    }
     text
 }

@@ -5,8 +5,8 @@ use crate::{Outcome, note};
 use anyhow::Context;
 use lcm_idl::{Leaf, Value};
 use replay::log::{EventRef, Health, LogReader, RunClock, Types, Zero};
-use replay::printable;
 use replay::printable::printable_json;
+use replay::{printable, printable_path};
 use std::fmt::Write as _;
 use std::io::Write;
 use std::path::{Path, PathBuf};
@@ -21,7 +21,7 @@ const POLL: Duration = Duration::from_millis(20);
     hoof log cat other.lcmlog --lcm-types ~/other/lcmtypes | head\n         \
     hoof log cat recording.mcap --follow --channels EVENT\n\n\
     A JSON line has the keys t_ns, number, channel, type and fields. A message of unknown type has bytes (hexadecimal) instead of \
-        fields. Non-finite numbers are the strings \"NaN\", \"Infinity\" and \"-Infinity\".")]
+        fields. The key deviates names what is wrong in a message that LCM decodes nevertheless. Non-finite numbers are the strings \"NaN\", \"Infinity\" and \"-Infinity\".")]
 pub struct Args {
     /// Log to read
     log: PathBuf,
@@ -51,7 +51,7 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
     // JSON lines contain t_ns alone, so they need no time zero.
     let clock = (!args.json).then(|| RunClock::read(&log)).transpose()?;
     if let Some(zero) = clock.map(|clock| clock.zero()).filter(|zero| *zero != Zero::FirstTick) {
-        note(format!("{}: times are s since {}", args.log.display(), zero.text()));
+        note(format!("{}: times are s since {}", printable_path(&args.log), zero.text()));
     }
     let mut out = std::io::BufWriter::new(std::io::stdout().lock());
     let (mut health, mut line) = (Health::default(), String::new());
@@ -83,14 +83,14 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
     for damaged in &health.damaged {
         note(format!(
             "{}: damaged at byte {}, {} bytes: {}",
-            args.log.display(),
+            printable_path(&args.log),
             damaged.offset,
             damaged.bytes,
             printable(&damaged.why)
         ));
     }
     if let Some(cut) = &health.cut {
-        note(format!("{}: cut at byte {}, {} bytes of a record", args.log.display(), cut.offset, cut.bytes));
+        note(format!("{}: cut at byte {}, {} bytes of a record", printable_path(&args.log), cut.offset, cut.bytes));
     }
     Ok(loss(!health.is_good()))
 }
@@ -112,13 +112,18 @@ fn text_line(event: &EventRef<'_>, since_ns: i64, types: &Types, line: &mut Stri
     let (sign, ns) = (if since_ns < 0 { "-" } else { "" }, since_ns.unsigned_abs());
     let (s, ns) = (ns / 1_000_000_000, ns % 1_000_000_000);
     write!(line, "{sign}{s}.{ns:09} {} ", printable(event.channel)).expect(STRING);
-    match types.of_message(event.channel, event.data).map(|ty| ty.decode(event.data)) {
-        Some(Ok(value)) => write!(line, "{value}").expect(STRING),
+    match types.of_message(event.channel, event.data).map(|ty| ty.decode_lenient(event.data)) {
+        Some(Ok((value, deviations))) => {
+            write!(line, "{value}").expect(STRING);
+            if !deviations.is_none() {
+                write!(line, " [deviates: {deviations}]").expect(STRING);
+            }
+        }
         Some(Err(error)) => {
             write!(line, "[{} bytes: {}]", event.data.len(), printable(&error.to_string())).expect(STRING)
         }
         None => {
-            let named = event.schema.map_or("of unknown type".into(), |schema| printable(&schema.name));
+            let named = event.schema().map_or("of unknown type".into(), |schema| printable(&schema.name));
             write!(line, "[{} bytes {named}]", event.data.len()).expect(STRING);
         }
     }
@@ -128,16 +133,21 @@ fn json_line(event: &EventRef<'_>, types: &Types, line: &mut String) {
     write!(line, "{{\"t_ns\":{},\"number\":{},\"channel\":", event.t_ns, event.number).expect(STRING);
     json_text(event.channel, line);
     let ty = types.of_message(event.channel, event.data);
-    let name = ty.map(|ty| ty.name()).or(event.schema.map(|schema| schema.name.as_str()));
+    let named = types.name_of(event.channel, event.data);
+    let name = named.as_deref().or(event.schema().map(|schema| schema.name.as_str()));
     line.push_str(",\"type\":");
     match name {
         Some(name) => json_text(name, line),
         None => line.push_str("null"),
     }
-    match ty.map(|ty| ty.decode(event.data)) {
-        Some(Ok(value)) => {
+    match ty.map(|ty| ty.decode_lenient(event.data)) {
+        Some(Ok((value, deviations))) => {
             line.push_str(",\"fields\":");
             json_value(&value, line);
+            if !deviations.is_none() {
+                line.push_str(",\"deviates\":");
+                json_text(&deviations.to_string(), line);
+            }
         }
         other => {
             if let Some(Err(error)) = other {

@@ -7,21 +7,22 @@ use analysis::export::{ExportFormat, Exported, export};
 use clap::ValueEnum;
 use replay::Error;
 use replay::log::ros2::{self, BaseSource};
-use replay::log::{CopyOptions, EventFilter};
-use replay::printable_path;
+use replay::log::{CopyOptions, EventFilter, FieldChange, FieldDifference, RetypeReport};
+use replay::{printable, printable_path};
 use std::path::{Path, PathBuf};
 
 #[derive(clap::Args)]
 #[command(after_help = "Example: hoof log convert run.lcmlog run.mcap\n         \
     hoof log convert run.mcap --to csv --out run_csv --channels 'ROBOT_STATE|EVENT'\n         \
     hoof log convert run.mcap --to parquet\n         hoof log convert run.mcap ticks.parquet --to ticks\n         hoof log convert run.mcap run.mat\n         \
-    hoof log convert run.mcap --to mcap --encoding ros2\n\n\
+    hoof log convert run.mcap --to mcap --encoding ros2\n         hoof log convert old.mcap new.mcap --to-types lcmtypes\n\n\
     .lcmlog and .mcap (encoding lcm) hold the same events, bytes, times and numbers, and convert into each other without loss; an \
         .lcmlog has a time resolution of 1 us. CSV and Parquet: a folder with one file per channel, one row per message, one column per \
         field; a Parquet file has the units as JSON under the metadata key `units`. Ticks: one Parquet file with the controller's channels \
         side by side, one row per tick. MATLAB (Level 5): one struct per channel, one matrix per field. Encoding ros2: CDR messages with \
         ros2msg schemas, and the topics /robot_description, /tf, /joint_states, /imu and /contact/FOOT, with which Foxglove, PlotJuggler \
-        and rerun draw the robot.")]
+        and rerun draw the robot. To-types: a field that is new has its default (0, false, empty); each difference is listed, and exit code 3 says that \
+        values of removed or changed fields are lost.")]
 pub struct Args {
     /// Log to read
     log: PathBuf,
@@ -39,6 +40,9 @@ pub struct Args {
     /// Message encoding of an MCAP
     #[arg(long, default_value = "lcm")]
     encoding: Encoding,
+    /// Rewrite messages with the types in this folder or file, matching fields by name; OUT is .lcmlog or .mcap
+    #[arg(long, value_name = "DIR|FILE")]
+    to_types: Option<PathBuf>,
     #[command(flatten)]
     channels: Channels,
     #[command(flatten)]
@@ -93,6 +97,17 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
     Error::check_distinct_files(&log, &out)?;
     args.channels.check(&[&log])?;
     let types = args.types.read()?;
+    if let Some(new) = &args.to_types {
+        anyhow::ensure!(
+            matches!(to, To::Lcmlog | To::Mcap) && args.encoding == Encoding::Lcm,
+            "--to-types writes .lcmlog or .mcap with encoding lcm"
+        );
+        let bar = Progress::new("convert");
+        let new = std::slice::from_ref(new);
+        let report = replay::log::retype(&args.log, &out, new, &filter, types, &mut |part| bar.set(part))?;
+        drop(bar);
+        return say_retyped(&report, args.json);
+    }
     let bar = Progress::new("convert");
     let mut progress = |part| bar.set(part);
     let table = match to {
@@ -126,9 +141,38 @@ fn say_tables(exported: &Exported, json: bool) -> anyhow::Result<Outcome> {
         let files: Vec<_> = exported.files.iter().map(|file| printable_path(file)).collect();
         let mut text = format!("{} messages in\n  {}", exported.messages, files.join("\n  "));
         text += &losses(exported.unreadable, exported.damaged, exported.cut);
+        for (n, what) in [
+            (exported.rounded, "integers rounded: a double holds integers up to 2^53"),
+            (exported.deviating, "messages deviate from the format and were decoded as LCM decodes them"),
+        ] {
+            if n > 0 {
+                text += &format!("\n{n} {what}");
+            }
+        }
         say(text)?;
     }
     Ok(loss(!exported.is_lossless()))
+}
+
+fn say_retyped(report: &RetypeReport, json: bool) -> anyhow::Result<Outcome> {
+    if json {
+        say_json(report)?;
+        return Ok(loss(!report.is_lossless()));
+    }
+    let copied = print_copy_report(&report.copy, false)?;
+    let mut text =
+        format!("{} messages rewritten, {} of other types copied as they are", report.converted, report.unchanged);
+    for FieldDifference { field, change, messages } in &report.differences {
+        let what = match change {
+            FieldChange::Added => "added with its default (0, false, empty)",
+            FieldChange::Converted => "converted to another type or length",
+            FieldChange::Removed => "removed, its values are lost",
+            FieldChange::Truncated => "does not fit its new type, values are lost",
+        };
+        text += &format!("\n{}: {what}, in {messages} messages", printable(field));
+    }
+    say(text)?;
+    Ok(if report.is_lossless() { copied } else { Outcome::DataLoss })
 }
 
 fn say_ros2(exported: &ros2::Exported, json: bool) -> anyhow::Result<Outcome> {

@@ -12,7 +12,8 @@ const MAX_GAPS: usize = 5;
 
 #[derive(clap::Args)]
 #[command(after_help = "Example: hoof log verify run.mcap\n         hoof log verify run.mcap --json\n\n\
-    Exit code 0: complete, and a run in it can be replayed from its first to its last tick; 1: messages are lost or cannot be decoded, \
+    Exit code 0: complete, and a run in it can be replayed from its first to its last tick; 1: messages are lost, were \
+        reported as lost by the recorder, or cannot be decoded, \
         or the run cannot be replayed completely; 3: the file is damaged or cut.")]
 pub struct Args {
     /// Log to read
@@ -54,6 +55,11 @@ fn text(c: &VerifyReport) -> String {
     if let Some(cut) = &c.cut {
         text += &format!("\ncut at byte {}: {} bytes of a record", cut.offset, cut.bytes);
     }
+    for loss in &c.reported_losses {
+        #[expect(clippy::cast_precision_loss, reason = "a time for display")]
+        let t_s = loss.t_ns.saturating_sub(c.zero_t_ns) as f64 * 1e-9;
+        text += &format!("\nreported by the recorder at {t_s:.3} s: {}", printable(&loss.text));
+    }
     if c.times_backwards > 0 {
         text += &format!("\n{} timestamps out of order", c.times_backwards);
     }
@@ -88,6 +94,9 @@ fn channel_text(c: &ChannelReport, zero_t_ns: i64) -> String {
         if n > 0 {
             text += &format!("\n  {n} {what}");
         }
+    }
+    if let Some(first) = &c.first_deviation {
+        text += &format!("\n  {} decoded with deviations from the format; the first: {first}", c.deviating);
     }
     text
 }

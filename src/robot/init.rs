@@ -89,7 +89,7 @@ fn write(args: &Args, urdf: &str, proposal: &Proposal) -> anyhow::Result<PathBuf
     let path = folder.join(format!("{}.toml", proposal.name));
     anyhow::ensure!(args.force || !path.exists(), "{} exists; --force replaces it", path.display());
     let copy = folder.join(&proposal.urdf_file);
-    let is_source = copy.canonicalize().is_ok_and(|copy| args.urdf.canonicalize().is_ok_and(|urdf| urdf == copy));
+    let is_source = replay::Error::check_distinct_files(&args.urdf, &copy).is_err();
     if is_source {
         anyhow::ensure!(
             proposal.urdf.is_none(),

@@ -86,7 +86,7 @@ impl LogPlayback {
     fn take(&mut self, now_ns: i64) -> anyhow::Result<()> {
         if let Some(event) = self.player.take(now_ns)? {
             let (channel, t_ns, number, offset) = (&event.channel, event.t_ns, event.number, event.offset);
-            self.traffic.event(&EventRef { channel, t_ns, number, data: &event.data, offset, schema: None });
+            self.traffic.event(&EventRef { channel, t_ns, number, data: &event.data, offset, source: None });
         }
         Ok(())
     }

@@ -61,8 +61,8 @@ pub fn decode(types: &Types, channel: &str, bytes: &[u8], length: usize) -> Deco
     let Some(ty) = types.of_message(channel, bytes) else {
         return Decoded::Bytes(format!("{length} bytes of unknown type (--lcm-types DIR)"), hex(bytes));
     };
-    match ty.decode(bytes) {
-        Ok(value) => Decoded::Fields(fields(&value, Some(ty))),
+    match ty.decode_lenient(bytes) {
+        Ok((value, _)) => Decoded::Fields(fields(&value, Some(ty))),
         Err(error) => Decoded::Bytes(error.to_string(), hex(bytes)),
     }
 }

@@ -34,7 +34,7 @@ impl LcmReceiver {
             // A failing socket gives no messages; the age of the last message shows it.
             let Ok(Some(datagram)) = self.listener.receive_now() else { return };
             if let Ok(Packet::Short(message)) = Packet::parse(datagram.bytes) {
-                take(datagram.sender, message.channel, message.data);
+                take(datagram.sender, &message.channel, message.data);
             }
         }
     }

@@ -51,7 +51,7 @@ fn main() {
 
     let passes = |bytes: &[u8]| {
         let named =
-            |channels: &Pattern| matches!(Packet::parse(bytes), Ok(Packet::Short(m)) if channels.matches(m.channel));
+            |channels: &Pattern| matches!(Packet::parse(bytes), Ok(Packet::Short(m)) if channels.matches(&m.channel));
         channels.as_ref().is_none_or(named)
     };
     let stop = Arc::new(AtomicBool::new(false));

@@ -106,14 +106,13 @@ impl Relay {
         };
         // Other datagrams are relayed as well.
         let packet = Packet::parse(bytes).ok();
-        let channel = match packet {
-            Some(Packet::Short(short)) => short.channel,
+        let channel = match &packet {
+            Some(Packet::Short(short)) => short.channel.to_string(),
             Some(Packet::Fragment(fragment)) => {
-                fragment.channel.unwrap_or_else(|| sender.channel_of(fragment.sequence))
+                fragment.channel.as_deref().unwrap_or_else(|| sender.channel_of(fragment.sequence)).to_owned()
             }
-            None => "(no LCM)",
-        }
-        .to_owned();
+            None => "(no LCM)".to_owned(),
+        };
         let counts = self.channels.entry(channel.clone()).or_default();
         let sequence = packet.as_ref().map(Packet::sequence);
         let is_new = sequence.is_some_and(|sequence| sender.begin(sequence, &channel));

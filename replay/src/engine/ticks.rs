@@ -105,7 +105,7 @@ impl Ticks {
     /// [`Ticks::open`] at a chunk of the log: [`super::seek`].
     pub fn open_at(path: &Path, messages: &RunMessages, beside: Beside, chunk: Option<u64>) -> Result<Self, Error> {
         let mut reader = LogReader::open(path)?;
-        chunk.map_or(Ok(()), |chunk| reader.start_at(chunk))?;
+        chunk.map_or(Ok(()), |chunk| reader.seek(chunk))?;
         let mut changes = BTreeMap::<_, Vec<_>>::new();
         let known = parameter_changes(path)?.into_iter().filter(|change| messages.is_of_run(change.run_id));
         known.for_each(|change| changes.entry(change.tick).or_default().push(change));

@@ -1,5 +1,6 @@
 //! Interning of channel names: each distinct name is allocated once and shared by all events of the channel.
 
+use crate::names::name_text;
 use std::collections::BTreeSet;
 use std::sync::Arc;
 
@@ -27,6 +28,15 @@ impl ChannelNames {
     #[inline]
     pub fn cached(&self, bytes: &[u8]) -> Option<&Arc<str>> {
         self.cache[slot(bytes)].as_ref().filter(|name| name.as_bytes() == bytes)
+    }
+
+    /// The interned name of these bytes.
+    #[inline]
+    pub fn of_bytes(&mut self, bytes: &[u8]) -> Arc<str> {
+        match self.cached(bytes) {
+            Some(name) => Arc::clone(name),
+            None => self.intern(&name_text(bytes)),
+        }
     }
 
     /// The interned name equal to this text; puts it into the cache.

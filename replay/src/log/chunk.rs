@@ -80,9 +80,19 @@ impl ChunkHeader {
         (size <= MAX_RECORD && inner <= MAX_RECORD).then_some(head)
     }
 
+    /// Whether a checksum shows that the records are undamaged.
+    pub fn has_crc(&self) -> bool {
+        self.crc != 0 && self.inner > 0
+    }
+
     /// Whether the lengths fit a record of `length` bytes.
     pub fn fits(&self, length: u64) -> bool {
-        length <= MAX_RECORD && self.inner + self.records as u64 == length
+        length <= MAX_RECORD && self.end() == length
+    }
+
+    /// Length of a record that ends with the chunk's records, bytes.
+    pub fn end(&self) -> u64 {
+        self.inner + self.records as u64
     }
 }
 
@@ -190,6 +200,7 @@ pub(super) struct MessageHeader {
     pub channel: u16,
     pub sequence: u32,
     pub log_time: u64,
+    pub publish_time: u64,
 }
 
 impl MessageHeader {
@@ -203,6 +214,7 @@ impl MessageHeader {
             channel: u16::from_le_bytes(*head.first_chunk()?),
             sequence: u32::from_le_bytes(*head[2..].first_chunk()?),
             log_time: u64::from_le_bytes(*head[6..].first_chunk()?),
+            publish_time: u64::from_le_bytes(*head[14..].first_chunk()?),
         })
     }
 }

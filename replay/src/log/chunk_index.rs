@@ -79,7 +79,7 @@ impl ChunkIndex {
     /// Those of reading the log.
     pub fn events(&mut self, offset: u64, take: &mut dyn FnMut(&EventRef<'_>)) -> Result<(), Error> {
         let mut health = Health::default();
-        self.reader.start_at(offset)?;
+        self.reader.seek(offset)?;
         while let Some(item) = self.reader.read()? {
             match health.note(item) {
                 Some(event) if event.offset != offset => return Ok(()),

@@ -12,17 +12,16 @@
 use super::byte_source::ByteSource;
 use super::channel_names::ChannelNames;
 use super::writer::Output;
-use super::{Cut, Damaged, EventRef, ItemRef, MAX_CHANNEL, MAX_MESSAGE};
+use super::{Cut, Damaged, EventRef, ItemRef, MAX_CHANNEL_IN_LOG, MAX_MESSAGE};
 use crate::Error;
+use crate::names::name_bytes;
 use std::io::{BufWriter, Write};
+use std::sync::Arc;
 
 /// First bytes of every event.
 pub(super) const SYNC: [u8; 4] = 0xEDA1_DA01_u32.to_be_bytes();
 
 const HEADER: usize = 28;
-
-/// Longest channel name that LCM's own reader accepts; the protocol allows [`MAX_CHANNEL`].
-const MAX_CHANNEL_READ: usize = 999;
 
 /// Writes events.
 pub(super) struct EventLogWriter {
@@ -36,7 +35,8 @@ impl EventLogWriter {
 
     /// `t_ns` is rounded down to whole microseconds. The caller has checked channel, time and length.
     pub fn write(&mut self, channel: &str, t_ns: i64, number: i64, data: &[u8]) -> std::io::Result<()> {
-        debug_assert!(channel.len() <= MAX_CHANNEL && data.len() <= MAX_MESSAGE);
+        let channel = name_bytes(channel);
+        debug_assert!(channel.len() <= MAX_CHANNEL_IN_LOG && data.len() <= MAX_MESSAGE);
         let mut header = [0; HEADER];
         header[0..4].copy_from_slice(&SYNC);
         header[4..12].copy_from_slice(&number.to_be_bytes());
@@ -44,7 +44,7 @@ impl EventLogWriter {
         header[20..24].copy_from_slice(&(channel.len() as u32).to_be_bytes());
         header[24..28].copy_from_slice(&(data.len() as u32).to_be_bytes());
         self.out.write_all(&header)?;
-        self.out.write_all(channel.as_bytes())?;
+        self.out.write_all(&channel)?;
         self.out.write_all(data)
     }
 
@@ -58,7 +58,11 @@ pub(super) struct EventLogReader {
     source: ByteSource,
     at: u64,
     names: ChannelNames,
+    /// Name of the last event whose name is not in the cache.
+    name: Arc<str>,
     pending: Option<Damaged>,
+    /// Header of the event at `at`, if it was already read.
+    ahead: Option<Header>,
     /// The file is still being written: an incomplete event at its end is read later.
     growing: bool,
 }
@@ -98,13 +102,25 @@ enum Step {
 
 impl EventLogReader {
     pub fn new(source: ByteSource, growing: bool) -> Self {
-        EventLogReader { source, at: 0, names: ChannelNames::default(), pending: None, growing }
+        EventLogReader {
+            source,
+            at: 0,
+            names: ChannelNames::default(),
+            name: Arc::from(""),
+            pending: None,
+            ahead: None,
+            growing,
+        }
     }
 
-    /// Whether an event starts in the first `limit` bytes.
-    pub fn looks_like_one(source: &mut ByteSource, limit: u64) -> Result<bool, Error> {
-        let event = next_header(source, &ChannelNames::default(), 0)?;
-        Ok(event.is_some_and(|offset| offset < limit))
+    /// Offset of the first event.
+    pub fn first_event(source: &mut ByteSource) -> Result<Option<u64>, Error> {
+        next_header(source, &ChannelNames::default(), 0)
+    }
+
+    /// Continues at the event at this offset.
+    pub fn seek(&mut self, offset: u64) {
+        (self.at, self.ahead, self.pending) = (offset, None, None);
     }
 
     pub fn next(&mut self) -> Result<Option<ItemRef<'_>>, Error> {
@@ -117,12 +133,11 @@ impl EventLogReader {
         let bytes = self.source.bytes(offset, header.length())?;
         let (name, data) = bytes.get(HEADER..).unwrap_or_default().split_at_checked(header.channel).unwrap_or_default();
         if self.names.cached(name).is_none() {
-            // `found_at` has checked that the name is valid text.
-            self.names.intern(&String::from_utf8_lossy(name));
+            self.name = self.names.of_bytes(name);
         }
-        let Some(channel) = self.names.cached(name) else { return Ok(None) };
+        let channel = self.names.cached(name).unwrap_or(&self.name);
         let Header { t_ns, number, .. } = header;
-        Ok(Some(ItemRef::Event(EventRef { channel, t_ns, number, data, offset, schema: None })))
+        Ok(Some(ItemRef::Event(EventRef { channel, t_ns, number, data, offset, source: None })))
     }
 
     /// Reads one event, damaged range or end.
@@ -139,6 +154,9 @@ impl EventLogReader {
                 return Ok(Step::End);
             }
         }
+        if let Some(header) = self.ahead.take() {
+            return self.event(at, header);
+        }
         match found_at(&mut self.source, &self.names, at)? {
             Found::Event(header) => self.event(at, header),
             found => self.no_event(at, &found),
@@ -147,21 +165,20 @@ impl EventLogReader {
 
     #[inline]
     fn event(&mut self, at: u64, header: Header) -> Result<Step, Error> {
-        let length = header.length();
-        // Read the event and the start of the next one at once.
-        let bytes = self.source.bytes(at, length + SYNC.len() + 8)?;
-        let end = at + length as u64;
-        let behind = &bytes[length.min(bytes.len())..];
-        if !SYNC.starts_with(&behind[..behind.len().min(SYNC.len())]) {
-            return self.no_boundary(at, header);
-        }
-        let next_number = behind.get(SYNC.len()..).and_then(<[u8]>::first_chunk).map(|b| i64::from_be_bytes(*b));
-        if let Some(next) = next_number.filter(|&next| next != header.number.wrapping_add(1))
-            && let Some(inside) = self.swallowed(at, header, next)?
-        {
+        let end = at + header.length() as u64;
+        // Read the event and the header of the next one at once.
+        let ahead = self.source.bytes(at, header.length() + HEADER + MAX_CHANNEL_IN_LOG)?.len() > header.length();
+        let next = if ahead { found_at(&mut self.source, &self.names, end)? } else { Found::Beginning };
+        let next = match next {
+            Found::Other(_) => return self.no_boundary(at, header),
+            Found::Event(next) => Some(next),
+            Found::Beginning => None,
+        };
+        let is_next = next.is_some_and(|next| next.number == header.number.wrapping_add(1));
+        if !is_next && let Some(inside) = self.swallowed(at, header, next.map(|next| next.number))? {
             return Ok(self.damaged(at, inside, "another event starts inside this event"));
         }
-        self.at = end;
+        (self.at, self.ahead) = (end, next);
         Ok(Step::Event(at, header))
     }
 
@@ -204,9 +221,10 @@ impl EventLogReader {
         })
     }
 
-    /// Called if the next event number is not the successor: searches inside the event for events whose numbers lead to the next one.
+    /// Called if the next event number is not the successor, or at the end of the file: searches inside the event for events with successive
+    /// numbers that lead to the next event, or past its start to another one.
     #[cold]
-    fn swallowed(&mut self, at: u64, header: Header, next_number: i64) -> Result<Option<u64>, Error> {
+    fn swallowed(&mut self, at: u64, header: Header, next_number: Option<i64>) -> Result<Option<u64>, Error> {
         let end = at + header.length() as u64;
         let mut from = at + 1;
         while let Some(inside) = next_header(&mut self.source, &self.names, from)?.filter(|&inside| inside < end) {
@@ -218,12 +236,27 @@ impl EventLogReader {
                 place += next.length() as u64;
                 number = number.wrapping_add(1);
             }
-            if place == end && number == next_number {
+            let leads_on = match next_number {
+                Some(next) if place == end => number == next,
+                // A log inside the message can also end there, but its first event is not the successor of this one.
+                None if place == end => inside == self.first_inside(at)?,
+                _ if place > end => match found_at(&mut self.source, &self.names, place)? {
+                    Found::Event(next) => next.number == number,
+                    _ => place == self.source.len(),
+                },
+                _ => false,
+            };
+            if leads_on {
                 return Ok(Some(inside));
             }
             from = inside + 1;
         }
         Ok(None)
+    }
+
+    /// Offset of the first event inside the event at `at`.
+    fn first_inside(&mut self, at: u64) -> Result<u64, Error> {
+        Ok(next_header(&mut self.source, &self.names, at + 1)?.unwrap_or(u64::MAX))
     }
 
     fn damaged(&mut self, from: u64, to: u64, why: &str) -> Step {
@@ -243,37 +276,66 @@ fn next_header(source: &mut ByteSource, names: &ChannelNames, mut from: u64) -> 
     Ok(None)
 }
 
+/// Bytes of an event with an unusual name in which another event is searched.
+const UNUSUAL: u64 = 1 << 14;
+
 #[inline]
 fn found_at(source: &mut ByteSource, names: &ChannelNames, at: u64) -> Result<Found, Error> {
-    let left = source.len() - at;
-    let bytes = source.bytes(at, HEADER + MAX_CHANNEL_READ)?;
+    match header_at(source, names, at)? {
+        (Found::Event(header), false) => unusual(source, names, at, header),
+        (found, _) => Ok(found),
+    }
+}
+
+/// An event whose name is not plain text: accepted if an event or the end of the file follows, and no other event starts inside it.
+#[cold]
+fn unusual(source: &mut ByteSource, names: &ChannelNames, at: u64, header: Header) -> Result<Found, Error> {
+    let (end, length) = (at + header.length() as u64, source.len());
+    let is_followed = end == length || end < length && SYNC.starts_with(source.bytes(end, SYNC.len())?);
+    if !is_followed {
+        return Ok(Found::Other("channel name is not text, and no event follows"));
+    }
+    let mut from = at + 1;
+    while let Some(inside) = source.find(&SYNC, from)?.filter(|&inside| inside < end.min(at + UNUSUAL)) {
+        if matches!(header_at(source, names, inside)?, (Found::Event(_), true)) {
+            return Ok(Found::Other("channel name is not text, and another event starts inside this event"));
+        }
+        from = inside + 1;
+    }
+    Ok(Found::Event(header))
+}
+
+/// The header at an offset, and whether its name is plain text.
+#[inline]
+fn header_at(source: &mut ByteSource, names: &ChannelNames, at: u64) -> Result<(Found, bool), Error> {
+    let bytes = source.bytes(at, HEADER + MAX_CHANNEL_IN_LOG)?;
     if !SYNC.starts_with(&bytes[..bytes.len().min(SYNC.len())]) {
-        return Ok(Found::Other("not the start of an event"));
+        return Ok((Found::Other("not the start of an event"), true));
     }
     let Some((header, rest)) = bytes.split_first_chunk::<HEADER>() else {
-        return Ok(Found::Beginning);
+        return Ok((Found::Beginning, true));
     };
     let number = i64::from_be_bytes(field(header, 4));
     let time_us = i64::from_be_bytes(field(header, 12));
     let channel = i32::from_be_bytes(field(header, 20));
     let data = i32::from_be_bytes(field(header, 24));
     let (Ok(channel), Ok(data)) = (usize::try_from(channel), usize::try_from(data)) else {
-        return Ok(Found::Other("negative length in an event header"));
+        return Ok((Found::Other("negative length in an event header"), true));
     };
-    if !(1..=MAX_CHANNEL_READ).contains(&channel) || data > MAX_MESSAGE {
-        return Ok(Found::Other("length above the limit in an event header"));
+    if !(1..=MAX_CHANNEL_IN_LOG).contains(&channel) || data > MAX_MESSAGE {
+        return Ok((Found::Other("length above the limit in an event header"), true));
     }
     let Some(t_ns) = time_us.checked_mul(1000) else {
-        return Ok(Found::Other("time beyond 292 years in an event header"));
+        return Ok((Found::Other("time beyond 292 years in an event header"), true));
     };
     let name = &rest[..channel.min(rest.len())];
-    if names.cached(name).is_none() && !is_text(name, channel) {
-        return Ok(Found::Other("channel name is not text"));
+    let is_plain = names.cached(name).is_some() || is_text(name, channel);
+    if !is_plain && name.contains(&0) {
+        return Ok((Found::Other("channel name with a NUL"), true));
     }
-    if (HEADER + channel + data) as u64 > left {
-        return Ok(Found::Beginning);
-    }
-    Ok(Found::Event(Header { t_ns, number, channel, data }))
+    let end = at + (HEADER + channel + data) as u64;
+    let header = Header { t_ns, number, channel, data };
+    Ok((if is_plain && end > source.len() { Found::Beginning } else { Found::Event(header) }, is_plain))
 }
 
 /// Whether a name of `length` bytes is valid text, as far as it is in the file.

@@ -1,28 +1,48 @@
 //! Reads MCAP files that may be cut or damaged anywhere: walks over the records, checks every length before it uses it, and continues at the
 //! next chunk after damage.
 //!
-//! Source: MCAP specification, <https://mcap.dev/spec>. Chunks are decoded by [`super::chunk`]. In a file without chunks (which
-//! [`super::LogWriter`] never writes) reading continues at the next message after damage, and an altered message is detected only by the
-//! CRC of all the data.
+//! Source: MCAP specification, <https://mcap.dev/spec>. Chunks are decoded by [`super::chunk`]. Records may be longer than their known
+//! parts, records of unknown kinds are skipped, and schemas, channels and messages may also stand outside chunks. In a file with messages
+//! outside chunks (which [`super::LogWriter`] never writes) reading continues at the next message after damage, and an altered message is
+//! detected only by the CRC of all the data.
 
 mod chunk_messages;
 mod resync;
 
 use super::byte_source::ByteSource;
 use super::channel_names::ChannelNames;
-use super::chunk::{ChunkDecoder, ChunkHeader, HEADER, MAX_RECORD, MessageHeader, PREFIX, plausible};
-use super::mcap_summary::{DATA_END, FOOTER, STRETCH, ends_with_magic, has_its_length, prefix};
-use super::{Cut, Damaged, EventRef, FileSchema, ItemRef};
+use super::chunk::{ChunkDecoder, ChunkHeader, Decoded, HEADER, MAX_RECORD, MessageHeader, PREFIX, plausible};
+use super::mcap_records::{self, Parts};
+use super::mcap_summary::{DATA_END, FOOTER, STRETCH, ends_with_magic, parts_end, prefix};
+use super::mcap_writer::split_named;
+use super::{Cut, Damaged, EventRef, FileChannel, FileSchema, ItemRef, McapSource};
 use crate::Error;
 use mcap::MAGIC;
-use mcap::read::parse_record;
-use mcap::records::{Record, op};
+use mcap::records::op;
 use std::collections::{BTreeMap, VecDeque};
 use std::ops::Range;
 use std::sync::Arc;
 
-/// Metadata key of an MCAP channel: the upper 32 bits of its event numbers. The lower 32 bits are the `sequence` of a message.
-pub(super) const NUMBER_HIGH: &str = "lcm_event_number_high";
+/// Attachments, metadata and private records that are remembered for a copy.
+const MAX_SIDE_RECORDS: usize = 1 << 20;
+
+/// A record of the data section that is no message: an attachment, metadata, or a record of an unknown kind.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct SideRecord {
+    pub opcode: u8,
+    /// Offset of its body in the file.
+    pub body: u64,
+    /// End of its body.
+    pub end: u64,
+}
+
+/// Side records of the part of the file that was read.
+#[derive(Debug, Default)]
+pub(super) struct SideRecords {
+    pub list: Vec<SideRecord>,
+    /// Records that are not in `list`: those in chunks, and those beyond the limit of the list.
+    pub others: u64,
+}
 
 pub(super) struct McapReader {
     source: ByteSource,
@@ -41,8 +61,15 @@ pub(super) struct McapReader {
     /// Damage and cut that are not yet returned.
     pending: VecDeque<ItemRef<'static>>,
     summary_read: bool,
-    /// Messages outside chunks are allowed: until the first chunk or the end of the data. Later, one is a damaged record of another type.
-    messages_outside_chunks: bool,
+    /// In the data section, where schemas, channels and messages count.
+    in_data: bool,
+    /// After damage, also search for messages outside chunks: until the first chunk, and after each message outside chunks.
+    loose: bool,
+    pub side_records: SideRecords,
+    /// Bytes inside damaged chunks that were searched for a chunk.
+    read_again: u64,
+    /// Channel of the last message in a channel for further names.
+    named: Arc<str>,
     /// CRC of the data so far; `None` after damage.
     crc: Option<crc32fast::Hasher>,
     /// The file is still being written: an incomplete record at its end is read later.
@@ -51,9 +78,10 @@ pub(super) struct McapReader {
 }
 
 struct Channel {
-    topic: Arc<str>,
+    file: Arc<FileChannel>,
     number_high: i64,
-    schema: Option<Arc<FileSchema>>,
+    /// Each message starts with the name of its channel and a NUL.
+    is_named: bool,
 }
 
 /// The current chunk.
@@ -110,23 +138,18 @@ impl McapReader {
             chunk: Chunk::default(),
             pending: VecDeque::new(),
             summary_read: false,
-            messages_outside_chunks: true,
+            in_data: true,
+            loose: true,
+            side_records: SideRecords::default(),
+            read_again: 0,
+            named: Arc::from(""),
             crc: None,
             growing,
             keep_unchecked: false,
         }
     }
 
-    /// Continues at a chunk of the first MCAP of the file, with the channels of its summary.
-    pub fn start_at(&mut self, offset: u64) -> Result<(), Error> {
-        self.read_summary()?;
-        (self.at, self.last_certain_end, self.section) = (offset, offset, Section::InRecords);
-        (self.messages_outside_chunks, self.crc, self.chunk) = (false, None, Chunk::default());
-        self.pending.clear();
-        Ok(())
-    }
-
-    /// Whether the file, apart from its first bytes, is MCAP: it ends with the magic, or its first record is a header.
+    /// Whether a file without opening magic is MCAP: it ends with the magic, or its first record is a header.
     pub fn looks_like_one(source: &mut ByteSource) -> Result<bool, Error> {
         if ends_with_magic(source)? {
             return Ok(true);
@@ -139,7 +162,68 @@ impl McapReader {
             return Ok(false);
         };
         let whole = usize::try_from(u64::from_le_bytes(*length)).ok().and_then(|n| body.get(..n));
-        Ok(whole.is_some_and(|body| parse_record(op::HEADER, body).is_ok()))
+        Ok(whole.is_some_and(|body| mcap_records::header(body).is_some()))
+    }
+
+    /// Offset of the first undamaged chunk. The chunks that are tried on the way may have twice the length of the file in all.
+    pub fn first_chunk(source: &mut ByteSource) -> Result<Option<u64>, Error> {
+        let (mut from, mut decoder, mut records) = (0, ChunkDecoder::new(), Vec::new());
+        let mut tries = 2 * source.len();
+        while let Some(at) = source.find(&[op::CHUNK], from)? {
+            let left = source.len() - at;
+            if let Some((_, length)) = prefix(source, at)?
+                && left >= PREFIX
+                && length <= (left - PREFIX).min(MAX_RECORD)
+                && let Some(head) = ChunkHeader::parse(source.bytes(at + PREFIX, HEADER.min(length as usize))?)
+                && head.fits(length)
+                && head.has_crc()
+            {
+                let Some(rest) = tries.checked_sub(length) else { return Ok(None) };
+                tries = rest;
+                let body = source.bytes(at + PREFIX + head.records as u64, head.inner as usize)?;
+                if decoder.decode(&head, body, &mut records) == Decoded::Complete {
+                    return Ok(Some(at));
+                }
+            }
+            from = at + 1;
+        }
+        Ok(None)
+    }
+
+    /// Continues at the chunk or message at this offset, that of an event of the same file.
+    pub fn seek(&mut self, offset: u64) -> Result<(), Error> {
+        self.read_summary()?;
+        (self.at, self.last_certain_end, self.section) = (offset, offset, Section::InRecords);
+        self.chunk.records.clear();
+        self.chunk.at = 0;
+        self.pending.clear();
+        self.crc = None;
+        Ok(())
+    }
+
+    /// Continues at the start of the file.
+    pub fn rewind(&mut self) {
+        (self.at, self.last_certain_end, self.section) = (0, 0, Section::BeforeOpeningMagic);
+        self.chunk.records.clear();
+        self.chunk.at = 0;
+        self.pending.clear();
+        self.side_records = SideRecords::default();
+    }
+
+    /// Reads the profile of the header ahead, which is usually the first record.
+    pub fn read_profile(&mut self) -> Result<String, Error> {
+        let at = MAGIC.len() as u64;
+        let length = match prefix(&mut self.source, at)? {
+            Some((op::HEADER, length)) if length <= 1 << 16 => length,
+            _ => return Ok(String::new()),
+        };
+        let body = self.source.bytes(at + PREFIX, length as usize)?;
+        Ok(mcap_records::header(body).map(|(profile, _)| profile).unwrap_or_default())
+    }
+
+    /// Bytes of the file, for side records.
+    pub fn bytes(&mut self, offset: u64, n: usize) -> Result<&[u8], Error> {
+        self.source.bytes(offset, n)
     }
 
     /// The closing magic was read, and nothing follows it.
@@ -152,7 +236,8 @@ impl McapReader {
             if let Some((head, t_ns, data)) = self.message_of_chunk()? {
                 let (offset, data) = (self.chunk.offset, &self.chunk.records[data]);
                 let Some(Some(channel)) = self.channels.get(usize::from(head.channel)) else { return Ok(None) };
-                return Ok(Some(ItemRef::Event(channel.event(&head, t_ns, data, offset))));
+                let event = channel.event(&head, t_ns, data, offset, (&mut self.names, &mut self.named));
+                return Ok(Some(ItemRef::Event(event)));
             }
             if let Some(pending) = self.pending.pop_front() {
                 return Ok(Some(pending));
@@ -184,7 +269,8 @@ impl McapReader {
                     };
                     let bytes = self.source.bytes(data.start, (data.end - data.start) as usize)?;
                     let Some(Some(channel)) = self.channels.get(usize::from(head.channel)) else { return Ok(None) };
-                    return Ok(Some(ItemRef::Event(channel.event(&head, t_ns, bytes, from))));
+                    let event = channel.event(&head, t_ns, bytes, from, (&mut self.names, &mut self.named));
+                    return Ok(Some(ItemRef::Event(event)));
                 }
                 Step::Bad(to, why) => self.damaged(from, to, why),
                 Step::Lost(why) => self.resynchronise(why)?,
@@ -215,7 +301,10 @@ impl McapReader {
         if closing {
             return Ok(if is_magic { Step::Next(end) } else { Step::Bad(end, "closing magic is damaged".into()) });
         }
-        if !is_magic && let Some(magic) = self.opening_magic(at + 1)? {
+        if !is_magic
+            && let Some(magic) = self.opening_magic(at + 1)?
+            && self.next_chunk(at)?.is_none_or(|chunk| magic < chunk)
+        {
             self.section = Section::BeforeOpeningMagic;
             return Ok(Step::Bad(magic, "bytes before the start of the log".into()));
         }
@@ -224,7 +313,7 @@ impl McapReader {
         self.channels.clear();
         self.schemas.clear();
         self.summary_read = false;
-        self.messages_outside_chunks = true;
+        (self.in_data, self.loose) = (true, true);
         self.crc = is_magic.then(crc32fast::Hasher::new);
         let header_follows = prefix(&mut self.source, end)?.is_some_and(|(opcode, _)| opcode == op::HEADER);
         Ok(match (is_magic, at) {
@@ -260,48 +349,87 @@ impl McapReader {
             ChunkHeader::parse(self.source.bytes(body, HEADER.min(length as usize))?).filter(|h| h.fits(length));
         match (opcode, is_chunk) {
             (op::CHUNK, Some(head)) => return self.chunk(at, &head, length),
-            (op::CHUNK, None) => return Ok(Step::Lost("chunk header is damaged")),
-            (_, Some(_)) => return Ok(Step::Lost("chunk with the opcode of another record")),
-            (op::DATA_END, None) if length != DATA_END => {
+            (op::CHUNK, None) => {
+                // The records of a chunk can be followed by fields of a later version of the format.
+                let head = ChunkHeader::parse(self.source.bytes(body, HEADER.min(length as usize))?);
+                let Some(head) = head.filter(|head| head.has_crc() && head.end() < length) else {
+                    return Ok(Step::Lost("chunk header is damaged"));
+                };
+                if self.decode(at, &head, head.end())? == Decoded::Complete && self.follows(next)? {
+                    (self.loose, self.last_certain_end) = (false, next);
+                    return Ok(Step::Next(next));
+                }
+                self.chunk.records.clear();
+                return Ok(Step::Lost("chunk header is damaged"));
+            }
+            (_, Some(head)) if head.has_crc() && self.decode(at, &head, length)? == Decoded::Complete => {
+                self.chunk.records.clear();
+                return Ok(Step::Lost("chunk with the opcode of another record"));
+            }
+            (op::DATA_END, _) if length < DATA_END => {
                 return Ok(Step::Lost("data-end record has a wrong length"));
             }
-            (op::FOOTER, None) if length != FOOTER => {
+            (op::FOOTER, _) if length < FOOTER => {
                 return Ok(Step::Lost("footer has a wrong length"));
             }
-            (op::FOOTER, None) => {
+            (op::FOOTER, _) if length == FOOTER || self.source.bytes(next, MAGIC.len())? == MAGIC => {
                 self.section = Section::BeforeClosingMagic;
                 return Ok(Step::Next(next));
             }
+            (0 | op::FOOTER, _) => return Ok(Step::Lost("no record follows this record")),
             _ => {}
         }
         // A record without a checksum is accepted if another record follows it; a message also must not contain a sequence of records.
-        let is_followed = if opcode == op::MESSAGE && self.messages_outside_chunks {
+        let is_followed = if opcode == op::MESSAGE && self.loose {
             match self.next_start(at + 1)?.filter(|&inside| inside < next) {
                 None => true,
-                Some(inside) => self.begins_with_length(next)? && !self.leads_to(inside, next)?,
+                Some(inside) => self.begins_with_length(next)? && self.end_of_records(inside, next)? != next,
             }
+        } else if opcode == op::MESSAGE {
+            self.begins_with_length(at)? && self.begins_or_ends(next)? && !self.is_message_index(body, next)?
         } else {
-            prefix(&mut self.source, next)?.is_none_or(|(opcode, length)| plausible(opcode, length))
+            self.follows(next)?
         };
         if !is_followed {
             return Ok(Step::Lost("no record follows this record"));
         }
-        if !has_its_length(&mut self.source, opcode, body, next)? {
-            return Ok(Step::Lost("length of a record differs from the length of its parts"));
+        match parts_end(&mut self.source, opcode, body)? {
+            Some(end) if end > next => return Ok(Step::Lost("record ends inside one of its parts")),
+            // Bytes after the known parts are fields of a later version of the format, unless they are records.
+            Some(end) if end < next && self.end_of_records(end, next)? >= next => {
+                return Ok(Step::Lost("length of a record includes the records after it"));
+            }
+            _ => {}
         }
         self.small_record(opcode, body, next)
+    }
+
+    /// Whether a record between chunks is a message index with a damaged opcode: entries of time and offset in a chunk fill it.
+    fn is_message_index(&mut self, body: u64, next: u64) -> Result<bool, Error> {
+        let mut parts = Parts(self.source.bytes(body, MessageHeader::LENGTH)?);
+        let (_, entries, _, offset) = (parts.u16(), parts.u32(), parts.u64(), parts.u64());
+        let fills = entries.is_some_and(|n| n.is_multiple_of(16) && body + 6 + u64::from(n) == next);
+        Ok(fills && offset.is_some_and(|offset| offset < MAX_RECORD))
     }
 
     /// Processes a record that is neither a chunk nor a footer.
     fn small_record(&mut self, opcode: u8, body: u64, next: u64) -> Result<Step, Error> {
         let length = next - body;
         if opcode == op::DATA_END {
-            self.messages_outside_chunks = false;
+            self.in_data = false;
             return self.end_of_data(body, next);
         }
         match opcode {
-            op::SCHEMA | op::CHANNEL | op::MESSAGE if self.messages_outside_chunks => {}
-            op::MESSAGE => return Ok(Step::Bad(next, "message outside the chunks".into())),
+            op::SCHEMA | op::CHANNEL | op::MESSAGE if self.in_data => {}
+            op::MESSAGE => return Ok(Step::Bad(next, "message after the end of the data".into())),
+            op::ATTACHMENT | op::METADATA | 0x10..=0xff if self.in_data => {
+                if self.side_records.list.len() < MAX_SIDE_RECORDS {
+                    self.side_records.list.push(SideRecord { opcode, body, end: next });
+                } else {
+                    self.side_records.others += 1;
+                }
+                return Ok(Step::Next(next));
+            }
             _ => return Ok(Step::Next(next)),
         }
         if length > MAX_RECORD {
@@ -309,18 +437,17 @@ impl McapReader {
         }
         let bytes = self.source.bytes(body, length as usize)?;
         if opcode == op::MESSAGE {
+            self.loose = true;
             return Ok(match MessageHeader::parse(bytes) {
                 Some(head) => Step::Message(next, head, body + MessageHeader::LENGTH as u64..next),
                 None => Step::Bad(next, "message is too short".into()),
             });
         }
-        match parse_record(opcode, bytes).map(Record::into_owned) {
-            Ok(record) => {
-                // This record has no checksum; the summary has one and takes precedence.
-                self.read_summary()?;
-                self.learn(record, false);
-            }
-            Err(why) => return Ok(Step::Bad(next, why.to_string())),
+        let bytes = bytes.to_vec();
+        // This record has no checksum; the summary has one and takes precedence.
+        self.read_summary()?;
+        if !self.learn(opcode, &bytes, false) {
+            return Ok(Step::Bad(next, "schema or channel is too short".into()));
         }
         Ok(Step::Next(next))
     }
@@ -363,8 +490,23 @@ impl McapReader {
 }
 
 impl Channel {
-    fn event<'a>(&'a self, head: &MessageHeader, t_ns: i64, data: &'a [u8], offset: u64) -> EventRef<'a> {
+    #[inline]
+    fn event<'a>(
+        &'a self,
+        head: &MessageHeader,
+        t_ns: i64,
+        data: &'a [u8],
+        offset: u64,
+        (names, named): (&mut ChannelNames, &'a mut Arc<str>),
+    ) -> EventRef<'a> {
         let number = self.number_high | i64::from(head.sequence);
-        EventRef { channel: &self.topic, t_ns, number, data, offset, schema: self.schema.as_ref() }
+        let source = Some(McapSource { channel: &self.file, publish_t: head.publish_time });
+        if self.is_named
+            && let Some((name, data)) = split_named(data)
+        {
+            *named = names.of_bytes(name);
+            return EventRef { channel: named, t_ns, number, data, offset, source };
+        }
+        EventRef { channel: &self.file.topic, t_ns, number, data, offset, source }
     }
 }

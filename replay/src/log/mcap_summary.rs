@@ -2,15 +2,17 @@
 
 use super::byte_source::ByteSource;
 use super::chunk::{MAX_RECORD, PREFIX};
+use super::mcap_records::Parts;
 use crate::Error;
 use mcap::MAGIC;
-use mcap::read::parse_record;
-use mcap::records::{Footer, Record, op};
+use mcap::records::{Footer, op};
 
-/// Length of a footer's body, bytes: two offsets and a CRC.
+/// Least length of a footer's body, bytes: two offsets and a CRC.
 pub(super) const FOOTER: u64 = 20;
-/// Length of a data-end record's body, bytes: a CRC.
+/// Least length of a data-end record's body, bytes: a CRC.
 pub(super) const DATA_END: u64 = 4;
+/// Bytes after the known parts of a footer or data-end record up to which it is searched backwards.
+const MAX_ADDED: u64 = 64;
 
 /// Bytes per step of a CRC computation.
 pub(super) const STRETCH: u64 = 1 << 16;
@@ -32,21 +34,26 @@ pub(super) fn ends_with_magic(source: &mut ByteSource) -> Result<bool, Error> {
 
 /// The footer before the closing magic, and its offset.
 pub(super) fn footer(source: &mut ByteSource) -> Result<Option<(u64, Footer)>, Error> {
-    let Some(at) = source.len().checked_sub(PREFIX + FOOTER + MAGIC.len() as u64) else {
-        return Ok(None);
-    };
-    if prefix(source, at)? != Some((op::FOOTER, FOOTER)) {
-        return Ok(None);
+    for added in 0..=MAX_ADDED {
+        let length = FOOTER + added;
+        let Some(at) = source.len().checked_sub(PREFIX + length + MAGIC.len() as u64) else {
+            return Ok(None);
+        };
+        if prefix(source, at)? != Some((op::FOOTER, length)) {
+            continue;
+        }
+        let mut parts = Parts(source.bytes(at + PREFIX, FOOTER as usize)?);
+        if let (Some(summary_start), Some(summary_offset_start), Some(summary_crc)) =
+            (parts.u64(), parts.u64(), parts.u32())
+        {
+            return Ok(Some((at, Footer { summary_start, summary_offset_start, summary_crc })));
+        }
     }
-    let body = source.bytes(at + PREFIX, FOOTER as usize)?;
-    Ok(match parse_record(op::FOOTER, body) {
-        Ok(Record::Footer(footer)) => Some((at, footer)),
-        _ => None,
-    })
+    Ok(None)
 }
 
 /// Schemas and channels in the summary of the last MCAP of the file. Empty without a valid summary.
-pub(super) fn summary_records(source: &mut ByteSource, base: u64) -> Result<Vec<Record<'static>>, Error> {
+pub(super) fn summary_records(source: &mut ByteSource, base: u64) -> Result<Vec<(u8, Vec<u8>)>, Error> {
     let mut records = Vec::new();
     let Some((end, footer)) = footer(source)? else {
         return Ok(records);
@@ -58,10 +65,8 @@ pub(super) fn summary_records(source: &mut ByteSource, base: u64) -> Result<Vec<
         && let Some((opcode, length)) = prefix(source, at)?
         && length <= MAX_RECORD.min(end - at)
     {
-        if matches!(opcode, op::SCHEMA | op::CHANNEL)
-            && let Ok(record) = parse_record(opcode, source.bytes(at + PREFIX, length as usize)?)
-        {
-            records.push(record.into_owned());
+        if matches!(opcode, op::SCHEMA | op::CHANNEL) {
+            records.push((opcode, source.bytes(at + PREFIX, length as usize)?.to_vec()));
         }
         at += PREFIX + length;
     }
@@ -81,8 +86,12 @@ pub(super) fn summary_range(source: &mut ByteSource, base: u64) -> Result<Option
 fn start(source: &mut ByteSource, base: u64, footer_at: u64, footer: &Footer) -> Result<Option<u64>, Error> {
     let behind = PREFIX + DATA_END;
     let is_sound = |source: &mut ByteSource, at: u64| -> Result<bool, Error> {
-        let data_end = at.checked_sub(behind).map(|before| prefix(source, before)).transpose()?;
-        let is_behind = data_end == Some(Some((op::DATA_END, DATA_END)));
+        let mut is_behind = false;
+        for added in 0..=MAX_ADDED {
+            let data_end = at.checked_sub(behind + added).map(|before| prefix(source, before)).transpose()?;
+            is_behind |= data_end == Some(Some((op::DATA_END, DATA_END + added)));
+        }
+        // The CRC includes the footer up to its own field.
         let end = footer_at + PREFIX + FOOTER - 4;
         Ok(is_behind && (footer.summary_crc == 0 || crc(source, at, end)? == footer.summary_crc))
     };
@@ -109,11 +118,13 @@ fn start(source: &mut ByteSource, base: u64, footer_at: u64, footer: &Footer) ->
     Ok(None)
 }
 
-/// Whether the lengths inside a record add up to its length. A wrong record length can end exactly at the start of a later record.
-pub(super) fn has_its_length(source: &mut ByteSource, opcode: u8, body: u64, end: u64) -> Result<bool, Error> {
+/// End of the known parts of a record, by the lengths inside it; `None` for a record of an unknown kind. It is after the end of the record
+/// if the record's length is wrong, and before it if the record has further parts.
+pub(super) fn parts_end(source: &mut ByteSource, opcode: u8, body: u64) -> Result<Option<u64>, Error> {
     // A digit: that many bytes; `s`: u32 length and content; `d`: u64 length and content.
     let parts: &[u8] = match opcode {
         op::HEADER => b"ss",
+        op::FOOTER => b"884",
         op::SCHEMA => b"2sss",
         op::CHANNEL => b"22sss",
         op::MESSAGE_INDEX => b"2s",
@@ -125,7 +136,7 @@ pub(super) fn has_its_length(source: &mut ByteSource, opcode: u8, body: u64, end
         op::METADATA_INDEX => b"88s",
         op::SUMMARY_OFFSET => b"188",
         op::DATA_END => b"4",
-        _ => return Ok(true),
+        _ => return Ok(None),
     };
     let mut at = body;
     for part in parts {
@@ -133,17 +144,14 @@ pub(super) fn has_its_length(source: &mut ByteSource, opcode: u8, body: u64, end
             b's' => 4,
             b'd' => 8,
             fixed => {
-                at += u64::from(fixed - b'0');
+                at = at.saturating_add(u64::from(fixed - b'0'));
                 continue;
             }
         };
         let length = source.bytes(at, width)?.iter().rev().fold(0, |n, &byte| n << 8 | u64::from(byte));
-        at = (at + width as u64).saturating_add(length);
-        if at > end {
-            return Ok(false);
-        }
+        at = at.saturating_add(width as u64).saturating_add(length);
     }
-    Ok(at == end)
+    Ok(Some(at))
 }
 
 fn crc(source: &mut ByteSource, mut from: u64, to: u64) -> Result<u32, Error> {

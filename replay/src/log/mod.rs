@@ -31,10 +31,12 @@ mod event_filter;
 mod event_log;
 mod excerpt;
 mod mcap_reader;
+mod mcap_records;
 mod mcap_summary;
 mod mcap_writer;
 mod merge;
 mod reader;
+mod retype;
 pub mod ros2;
 mod run_clock;
 pub(crate) mod run_path;
@@ -52,6 +54,7 @@ pub use event_filter::EventFilter;
 pub use excerpt::{Excerpt, copy_excerpt};
 pub use merge::merge;
 pub use reader::{Events, LogReader};
+pub use retype::{FieldChange, FieldDifference, RetypeReport, retype};
 pub use run_clock::{RunClock, RunClockFinder, Zero};
 pub use run_path::{path_of_run, split_run};
 pub(crate) use runs::run_id;
@@ -60,17 +63,21 @@ pub use sequence_gaps::Gap;
 pub(crate) use sequence_gaps::{SequenceTracker, sequence_field, sequence_number};
 pub use summary::{ChannelSummary, LogSummary};
 pub use types::Types;
-pub use verify::{ChannelReport, ReplayCheck, VerifyReport, verify};
+pub use verify::{ChannelReport, ReplayCheck, ReportedLoss, VerifyReport, verify};
 pub(crate) use writer::check_event;
 pub use writer::{LogWriter, Output};
 
+use std::collections::BTreeMap;
 use std::sync::Arc;
 
 /// Longest message that LCM allows, bytes.
 pub const MAX_MESSAGE: usize = 1 << 28;
 
-/// Longest channel name that LCM allows, bytes.
+/// Longest channel name that LCM allows on a network, bytes.
 pub const MAX_CHANNEL: usize = 63;
+
+/// Longest channel name in an LCM event log, bytes: the limit of LCM's own reader.
+pub const MAX_CHANNEL_IN_LOG: usize = 999;
 
 /// A log format.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize)]
@@ -123,11 +130,25 @@ pub struct EventRef<'a> {
     pub number: i64,
     pub data: &'a [u8],
     pub offset: u64,
-    /// Schema of the channel in the file. Always `None` in an LCM event log.
-    pub schema: Option<&'a Arc<FileSchema>>,
+    /// What an MCAP file says besides; `None` in an LCM event log.
+    pub source: Option<McapSource<'a>>,
 }
 
-impl EventRef<'_> {
+/// What an MCAP file says about a message beyond the fields of [`EventRef`].
+#[derive(Debug, Clone, Copy)]
+pub struct McapSource<'a> {
+    /// Its channel.
+    pub channel: &'a Arc<FileChannel>,
+    /// Time at which it was published, ns.
+    pub publish_t: u64,
+}
+
+impl<'a> EventRef<'a> {
+    /// Schema of the channel in the file. Always `None` in an LCM event log.
+    pub fn schema(&self) -> Option<&'a Arc<FileSchema>> {
+        self.source.and_then(|source| source.channel.schema.as_ref())
+    }
+
     /// As [`Event::fingerprint`].
     pub fn fingerprint(&self) -> Option<u64> {
         fingerprint(self.data)
@@ -135,7 +156,7 @@ impl EventRef<'_> {
 
     /// An owned copy.
     pub fn to_event(&self) -> Event {
-        let EventRef { channel, t_ns, number, data, offset, schema: _ } = *self;
+        let EventRef { channel, t_ns, number, data, offset, source: _ } = *self;
         Event { channel: Arc::clone(channel), t_ns, number, data: data.to_vec(), offset }
     }
 }
@@ -156,6 +177,21 @@ impl FileSchema {
     pub fn lcm_text(&self) -> Option<&str> {
         std::str::from_utf8(&self.data).ok().filter(|_| self.encoding == "lcm")
     }
+}
+
+/// A channel of an MCAP file.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct FileChannel {
+    /// Name.
+    pub topic: Arc<str>,
+    /// Encoding of its messages: `lcm`, `cdr`, `json`, ...
+    pub message_encoding: String,
+    /// Further properties.
+    pub metadata: BTreeMap<String, String>,
+    /// Entries of the metadata that a later entry of the same key replaces.
+    pub repeated_keys: u64,
+    /// Schema.
+    pub schema: Option<Arc<FileSchema>>,
 }
 
 /// Fingerprint of an encoded LCM message: its first eight bytes, big-endian. `None` if it is shorter.

@@ -5,13 +5,10 @@ use super::event_log::{self, EventLogReader};
 use super::mcap_reader::McapReader;
 use super::run_path::split_run;
 use super::runs::Runs;
-use super::{Event, EventRef, FileSchema, Format, Health, Item, ItemRef};
+use super::{Event, EventRef, FileChannel, Format, Health, Item, ItemRef, McapSource};
 use crate::Error;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
-
-/// Bytes in which the first event of a damaged event log is searched.
-const SEARCH_BYTES: u64 = 1 << 20;
 
 /// Reads a log from start to end, skipping damage.
 ///
@@ -25,13 +22,16 @@ pub struct LogReader {
     selected: Option<SelectedRun>,
 }
 
+/// An event, and what an MCAP says besides: its channel and publish time.
+type Selected = (Event, Option<(Arc<FileChannel>, u64)>);
+
 /// The selection of one run.
 struct SelectedRun {
     path: PathBuf,
     number: usize,
     runs: Runs,
-    /// The last selected event, and its schema.
-    event: Option<(Event, Option<Arc<FileSchema>>)>,
+    /// The last selected event.
+    event: Option<Selected>,
 }
 
 enum Reader {
@@ -58,14 +58,6 @@ impl LogReader {
     /// As [`LogReader::open`].
     pub fn open_growing(path: impl AsRef<Path>) -> Result<Self, Error> {
         Self::new(ByteSource::open(path.as_ref())?, true)
-    }
-
-    /// Continues at a chunk of an MCAP with a summary; the offset is from [`super::ChunkIndex`].
-    pub(crate) fn start_at(&mut self, offset: u64) -> Result<(), Error> {
-        match &mut self.reader {
-            Some(Reader::Mcap(reader)) => reader.start_at(offset),
-            _ => Ok(()),
-        }
     }
 
     /// A log in memory; `name` is the path in error messages.
@@ -101,6 +93,28 @@ impl LogReader {
     /// Whether the file is known to be complete: an MCAP read through its closing magic. An event log has no end mark.
     pub fn is_complete(&self) -> bool {
         matches!(&self.reader, Some(Reader::Mcap(reader)) if reader.is_complete())
+    }
+
+    /// Continues at the record at this offset: [`super::EventRef::offset`] of an event of the same file, or 0.
+    ///
+    /// # Errors
+    /// As [`LogReader::read`].
+    pub fn seek(&mut self, offset: u64) -> Result<(), Error> {
+        match self.reader.as_mut() {
+            Some(Reader::EventLog(reader)) => reader.seek(offset),
+            Some(Reader::Mcap(reader)) if offset > 0 => reader.seek(offset)?,
+            Some(Reader::Mcap(reader)) => reader.rewind(),
+            None => {}
+        }
+        Ok(())
+    }
+
+    /// The reader of an MCAP.
+    pub(super) fn mcap(&mut self) -> Option<&mut McapReader> {
+        match self.reader.as_mut() {
+            Some(Reader::Mcap(reader)) => Some(reader),
+            _ => None,
+        }
     }
 
     /// The next item, borrowed from the reader; `None` at the end.
@@ -144,7 +158,8 @@ impl SelectedRun {
                 }
                 None => return Ok(None),
                 Some(ItemRef::Event(event)) if self.runs.see(&event) + 1 == self.number => {
-                    self.event = Some((event.to_event(), event.schema.cloned()));
+                    let source = event.source.map(|source| (Arc::clone(source.channel), source.publish_t));
+                    self.event = Some((event.to_event(), source));
                     break;
                 }
                 Some(ItemRef::Event(_)) => {}
@@ -152,10 +167,11 @@ impl SelectedRun {
                 Some(ItemRef::Cut(cut)) => return Ok(Some(ItemRef::Cut(cut))),
             }
         }
-        Ok(self.event.as_ref().map(|(event, schema)| {
+        Ok(self.event.as_ref().map(|(event, source)| {
             let Event { channel, t_ns, number, data, offset } = event;
             let (t_ns, number, offset) = (*t_ns, *number, *offset);
-            ItemRef::Event(EventRef { channel, t_ns, number, data, offset, schema: schema.as_ref() })
+            let source = source.as_ref().map(|(channel, publish_t)| McapSource { channel, publish_t: *publish_t });
+            ItemRef::Event(EventRef { channel, t_ns, number, data, offset, source })
         }))
     }
 }
@@ -218,12 +234,14 @@ fn detect(source: &mut ByteSource) -> Result<Format, Error> {
         return Ok(Format::Mcap);
     }
     let found = first.iter().map(|byte| format!("{byte:02x}")).collect::<Vec<_>>().join(" ");
-    // The first bytes may be damaged.
+    // The first bytes may be damaged, in any number.
     if McapReader::looks_like_one(source)? {
         return Ok(Format::Mcap);
     }
-    if EventLogReader::looks_like_one(source, SEARCH_BYTES)? {
-        return Ok(Format::LcmLog);
+    match (EventLogReader::first_event(source)?, McapReader::first_chunk(source)?) {
+        (Some(event), chunk) if chunk.is_none_or(|chunk| event < chunk) => return Ok(Format::LcmLog),
+        (_, Some(_)) => return Ok(Format::Mcap),
+        _ => {}
     }
     Err(Error::NotALog { path: source.path().into(), bytes: source.len(), found })
 }

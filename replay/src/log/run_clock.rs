@@ -234,7 +234,7 @@ mod tests {
         let mut found = RunClockFinder::default();
         for (channel, t_ns, data) in events {
             let channel = Arc::from(*channel);
-            found.see(&EventRef { channel: &channel, t_ns: *t_ns, number: 0, data, offset: 0, schema: None });
+            found.see(&EventRef { channel: &channel, t_ns: *t_ns, number: 0, data, offset: 0, source: None });
         }
         found.clock()
     }
@@ -256,7 +256,7 @@ mod tests {
         // A message of the controller has its own time, even if the recorder received it 3 s later.
         let channel = Arc::from(channels::ROBOT_COMMAND);
         let (t_ns, data) = (RECORDER_NS + 5_000_000_000, message(T0_NS + 2_000_000_000, 2000));
-        let command = EventRef { channel: &channel, t_ns, number: 0, data: &data, offset: 0, schema: None };
+        let command = EventRef { channel: &channel, t_ns, number: 0, data: &data, offset: 0, source: None };
         assert_eq!(whole.of_event(&command), 2_000_000_000);
     }
 

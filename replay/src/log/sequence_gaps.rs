@@ -2,6 +2,7 @@
 
 use lcm_idl::Type;
 use lcm_idl::ast::{FieldType, Primitive};
+use lcmtypes::{Event, Message, ParameterChange, RequestReply};
 use std::collections::VecDeque;
 
 /// Gaps that are listed with their position: the first ones of a channel.
@@ -10,8 +11,14 @@ const MAX_LISTED: usize = 1000;
 /// Later gaps that are remembered, so that late messages can still fill them.
 const MAX_RECENT: usize = 256;
 
+/// Types with a tick that is no sequence number: several messages can have one tick, or none (-1).
+const NOT_NUMBERED: [&str; 3] = [Event::TYPE, RequestReply::TYPE, ParameterChange::TYPE];
+
 /// Name of a type's sequence number, `seq` or `tick`: the second field, an `int64_t` after `int64_t t_ns`. `None` if the type has none.
 pub(crate) fn sequence_field(ty: Type<'_>) -> Option<&'static str> {
+    if NOT_NUMBERED.contains(&ty.name()) {
+        return None;
+    }
     let [time, second, ..] = &ty.def().fields[..] else { return None };
     let integer = |field: &lcm_idl::ast::Field| {
         field.dims.is_empty() && matches!(field.ty, FieldType::Primitive(Primitive::Int64))
@@ -163,6 +170,16 @@ mod tests {
     fn a_restarted_sequence_has_lost_nothing() {
         let n = track(&[0, 1, 2, 0, 1, 2]);
         assert_eq!((n.lost(), n.duplicates, n.restarts), (Some(0), 0, 1));
+    }
+
+    #[test]
+    fn the_tick_of_an_event_is_no_sequence_number() {
+        let types = lcmtypes::types();
+        let field = |name: &str| sequence_field(types.by_name(name).unwrap());
+        for name in NOT_NUMBERED {
+            assert_eq!(field(name), None, "{name}");
+        }
+        assert_eq!((field("hoofprint.robot_state_t"), field("hoofprint.timing_t")), (Some("seq"), Some("tick")));
     }
 
     #[test]

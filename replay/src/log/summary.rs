@@ -43,10 +43,10 @@ pub struct LogSummary {
 pub struct ChannelSummary {
     /// Channel.
     pub name: String,
-    /// Type with package; `None` if unknown.
+    /// Type with package, or `one of A, B`; `None` if unknown.
     #[serde(rename = "type")]
     pub type_name: Option<String>,
-    /// Fingerprint in hexadecimal; `None` if the messages are shorter than one.
+    /// Fingerprint in hexadecimal; `None` if the messages are shorter than one, or of several unknown types.
     pub fingerprint: Option<String>,
     /// Messages.
     pub count: u64,
@@ -58,9 +58,17 @@ pub struct ChannelSummary {
     pub lost: Option<u64>,
 }
 
+/// Rows of a summary; further channels share one row.
+const MAX_ROWS: usize = 10_000;
+
+/// Name of the row of the channels beyond [`MAX_ROWS`].
+const OTHERS: &str = "(further channels)";
+
 /// Statistics of a channel while the log is read.
 struct ChannelStats {
     has_counter: bool,
+    /// Fingerprint of its messages; `None` if a message has none or they differ.
+    fingerprint: Option<u64>,
     type_name: Option<String>,
     count: u64,
     bytes: u64,
@@ -85,14 +93,20 @@ impl LogSummary {
     pub fn read_with(path: impl AsRef<Path>, mut types: Types) -> Result<Self, Error> {
         let mut reader = LogReader::open(&path)?;
         let (format, bytes) = (reader.format(), reader.bytes());
-        let (mut stats, mut runs) = (BTreeMap::new(), Runs::default());
+        let (mut stats, mut runs): (BTreeMap<_, ChannelStats>, _) = (BTreeMap::new(), Runs::default());
+        let others: Arc<str> = Arc::from(OTHERS);
         let (mut health, mut clock) = (Health::default(), RunClockFinder::default());
         while let Some(item) = reader.read()? {
             let Some(event) = health.note(item) else { continue };
             clock.see(&event);
             runs.see(&event);
             types.learn(&event);
-            let key = (Arc::clone(event.channel), event.fingerprint());
+            // Messages of unknown type share a row: bytes that are no LCM messages seem to have a new type each time.
+            let fingerprint = event.fingerprint().filter(|&f| types.of(event.channel, f).is_some());
+            let mut key = (Arc::clone(event.channel), fingerprint);
+            if stats.len() >= MAX_ROWS && !stats.contains_key(&key) {
+                key = (Arc::clone(&others), None);
+            }
             stats.entry(key).or_insert_with(|| ChannelStats::new(&event, &types)).add(&event);
         }
         let mut runs = runs.summaries().to_vec();
@@ -112,8 +126,7 @@ fn summarize(
 ) -> LogSummary {
     let first_t_ns = stats.values().map(|t| t.first).min();
     let last = stats.values().map(|t| t.last).max();
-    let channels: Vec<_> =
-        stats.iter().map(|((name, fingerprint), channel)| channel.summary(name, *fingerprint)).collect();
+    let channels: Vec<_> = stats.iter().map(|((name, _), channel)| channel.summary(name)).collect();
     LogSummary {
         format,
         events: stats.values().map(|t| t.count).sum(),
@@ -135,10 +148,11 @@ impl ChannelStats {
     fn new(event: &EventRef, types: &Types) -> Self {
         let ty = types.of_message(event.channel, event.data);
         // For a schema in another language at least the type name is known.
-        let named = event.schema.filter(|schema| schema.encoding != "lcm").map(|schema| schema.name.clone());
+        let named = event.schema().filter(|schema| schema.encoding != "lcm").map(|schema| schema.name.clone());
         ChannelStats {
             has_counter: ty.and_then(sequence_field).is_some(),
-            type_name: ty.map(|ty| ty.name().to_owned()).or(named),
+            type_name: types.name_of(event.channel, event.data).or(named),
+            fingerprint: event.fingerprint(),
             count: 0,
             bytes: 0,
             first: event.t_ns,
@@ -149,6 +163,7 @@ impl ChannelStats {
 
     fn add(&mut self, event: &EventRef) {
         self.count += 1;
+        self.fingerprint = self.fingerprint.filter(|_| self.fingerprint == event.fingerprint());
         self.bytes += event.data.len() as u64;
         self.first = self.first.min(event.t_ns);
         self.last = self.last.max(event.t_ns);
@@ -159,12 +174,12 @@ impl ChannelStats {
         }
     }
 
-    fn summary(&self, name: &str, fingerprint: Option<u64>) -> ChannelSummary {
+    fn summary(&self, name: &str) -> ChannelSummary {
         let span = seconds(self.first, self.last);
         ChannelSummary {
             name: name.to_owned(),
             type_name: self.type_name.clone(),
-            fingerprint: fingerprint.map(|f| format!("{f:016x}")),
+            fingerprint: self.fingerprint.map(|f| format!("{f:016x}")),
             count: self.count,
             rate_hz: if span > 0.0 { (self.count - 1) as f64 / span } else { 0.0 },
             bytes: self.bytes,

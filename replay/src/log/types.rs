@@ -2,9 +2,11 @@
 
 use super::{EventRef, FileSchema};
 use crate::Error;
+use crate::{printable, printable_path};
 use lcm_idl::{Type, TypeSet};
 use lcmtypes::{Message, RunInfo, channels};
 use std::collections::{BTreeMap, BTreeSet};
+use std::hash::{DefaultHasher, Hash, Hasher};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -18,7 +20,13 @@ pub struct Types {
     schemas: BTreeMap<u64, Arc<FileSchema>>,
     /// Schemas that were processed, valid or not.
     seen: Vec<Arc<FileSchema>>,
+    /// Hashes of the RUN_INFO texts that were processed.
+    runs: Vec<u64>,
+    warnings: Vec<String>,
 }
+
+/// RUN_INFO messages with different texts that are read. A log has one run, or a few.
+const MAX_RUNS: usize = 64;
 
 /// A set of `.lcm` texts and the types in them.
 struct Texts {
@@ -27,16 +35,17 @@ struct Texts {
 }
 
 impl Types {
-    /// Reads `.lcm` files, and the `.lcm` files in folders and their subfolders.
+    /// Reads `.lcm` files, and the `.lcm` files in folders and their subfolders. Types that are complete are used; what is not is named in
+    /// [`Types::warnings`].
     ///
     /// # Errors
-    /// [`Error::Io`]; [`Error::NoTypes`] for a folder without a `.lcm` file; [`Error::Types`] if a text is invalid.
+    /// [`Error::Io`]; [`Error::NoTypes`] for a file or folder without a valid type.
     pub fn from_files(paths: &[PathBuf]) -> Result<Self, Error> {
         let mut types = Types::default();
         let mut sources = Vec::new();
         for path in paths {
             let before = sources.len();
-            read_texts(path, &mut sources)?;
+            read_texts(path, &mut sources, &mut types.warnings)?;
             if sources.len() == before {
                 return Err(Error::NoTypes { path: path.clone() });
             }
@@ -44,10 +53,19 @@ impl Types {
         // A file can be given twice, directly and by its folder.
         sources.sort();
         sources.dedup();
-        if let Some(first) = paths.first() {
-            types.add(first, &sources)?;
+        let (texts, errors) = Texts::of_valid(&sources);
+        types.warnings.extend(errors.iter().map(|error| printable(&error.to_string()).into_owned()));
+        match paths.first() {
+            Some(path) if texts.types.types().next().is_none() => return Err(Error::NoTypes { path: path.clone() }),
+            Some(_) => types.given.push(texts),
+            None => {}
         }
         Ok(types)
+    }
+
+    /// Problems of the files that [`Types::from_files`] read, one line each.
+    pub fn warnings(&self) -> &[String] {
+        &self.warnings
     }
 
     /// Adds texts, as (name, text).
@@ -59,7 +77,7 @@ impl Types {
 
     /// Adds the types that an event describes: its channel's schema, or the texts in a RUN_INFO. Invalid texts are ignored.
     pub fn learn(&mut self, event: &EventRef<'_>) {
-        if let Some(schema) = event.schema {
+        if let Some(schema) = event.schema() {
             self.learn_schema(schema);
         }
         self.learn_run_info(event.channel, event.data);
@@ -81,9 +99,15 @@ impl Types {
             return;
         }
         let sources: Vec<_> = info.lcm_types.into_iter().map(|file| (file.name, file.text)).collect();
-        if let Ok(texts) = Texts::new(&sources) {
-            self.of_log.insert(0, texts);
+        // A live run repeats its RUN_INFO; each text is parsed once.
+        let mut hasher = DefaultHasher::new();
+        sources.hash(&mut hasher);
+        let hash = hasher.finish();
+        if self.runs.contains(&hash) || self.runs.len() == MAX_RUNS {
+            return;
         }
+        self.runs.push(hash);
+        self.of_log.insert(0, Texts::of_valid(&sources).0);
     }
 
     /// Adds a schema of the file; `false` if it was already processed.
@@ -100,7 +124,7 @@ impl Types {
     fn schema_of_file(&mut self, schema: &Arc<FileSchema>) {
         self.seen.push(Arc::clone(schema));
         let Some(text) = schema.lcm_text() else { return };
-        let Ok(texts) = Texts::new(&[(schema.name.clone(), text.to_owned())]) else { return };
+        let (texts, _) = Texts::of_valid(&[(schema.name.clone(), text.to_owned())]);
         let Some(ty) = texts.types.by_name(&schema.name) else { return };
         let fingerprint = ty.fingerprint();
         self.schemas.entry(fingerprint).or_insert_with(|| Arc::clone(schema));
@@ -110,6 +134,30 @@ impl Types {
     /// The type of a message.
     pub fn of_message(&self, channel: &str, message: &[u8]) -> Option<Type<'_>> {
         self.find(channel, super::fingerprint(message)?).map(|(ty, _)| ty)
+    }
+
+    /// The type of this name in the files that [`Types::from_files`] read.
+    pub(super) fn given_by_name(&self, name: &str) -> Option<Type<'_>> {
+        self.given.iter().find_map(|texts| texts.types.by_name(name))
+    }
+
+    /// Names and texts of these files.
+    pub(super) fn given_texts(&self) -> impl Iterator<Item = (&String, &String)> {
+        self.given.iter().flat_map(|texts| &texts.texts)
+    }
+
+    /// Name of the type of a message. Types that differ only in name have one fingerprint; then it is `one of A, B`, unless the channel table
+    /// lists one for the channel.
+    pub fn name_of(&self, channel: &str, message: &[u8]) -> Option<String> {
+        let fingerprint = super::fingerprint(message)?;
+        let (ty, texts) = self.find(channel, fingerprint)?;
+        if channels::find(channel).is_some_and(|c| c.fingerprint == fingerprint) {
+            return Some(ty.name().to_owned());
+        }
+        let set = texts.map_or(lcmtypes::types(), |texts| &texts.types);
+        let mut names: Vec<_> = set.all_by_fingerprint(fingerprint).map(|ty| ty.name()).collect();
+        names.dedup();
+        Some(if names.len() > 1 { format!("one of {}", names.join(", ")) } else { ty.name().to_owned() })
     }
 
     /// The type with this fingerprint. If several types differ only in name, the one that the channel table lists for the channel.
@@ -154,6 +202,12 @@ impl Texts {
         let types = TypeSet::parse(sources.iter().map(|(name, text)| (name.as_str(), text.as_str())))?;
         Ok(Texts { types, texts: sources.iter().cloned().collect() })
     }
+
+    /// The valid types, and the errors of the others.
+    fn of_valid(sources: &[(String, String)]) -> (Self, Vec<lcm_idl::Error>) {
+        let (types, errors) = TypeSet::parse_valid(sources.iter().map(|(name, text)| (name.as_str(), text.as_str())));
+        (Texts { types, texts: sources.iter().cloned().collect() }, errors)
+    }
 }
 
 /// The type of this name if it has the fingerprint, else the first type that has it.
@@ -172,12 +226,20 @@ fn files_inside<'a>(ty: Type<'a>, seen: &mut BTreeSet<&'a str>, files: &mut BTre
     }
 }
 
-/// Reads a `.lcm` file, or the `.lcm` files in a folder and its subfolders.
-fn read_texts(path: &Path, sources: &mut Vec<(String, String)>) -> Result<(), Error> {
+/// Reads a `.lcm` file, or the `.lcm` files in a folder and its subfolders. Files that are no LCM types get a warning.
+fn read_texts(path: &Path, sources: &mut Vec<(String, String)>, warnings: &mut Vec<String>) -> Result<(), Error> {
     let io = |source| Error::Io { path: path.into(), source };
+    let has_ending = |path: &Path, wanted: &str| path.extension().is_some_and(|ending| ending == wanted);
     if !path.is_dir() {
-        let text = std::fs::read_to_string(path).map_err(io)?;
-        sources.push((path.display().to_string(), text));
+        let name = printable_path(path);
+        if has_ending(path, "zcm") {
+            warnings.push(format!("{name}: types of ZCM, whose fingerprints differ from those of LCM: ignored"));
+            return Ok(());
+        }
+        match String::from_utf8(std::fs::read(path).map_err(io)?) {
+            Ok(text) => sources.push((path.display().to_string(), text)),
+            Err(_) => warnings.push(format!("{name}: not UTF-8 text: ignored")),
+        }
         return Ok(());
     }
     let mut entries = std::fs::read_dir(path)
@@ -187,8 +249,8 @@ fn read_texts(path: &Path, sources: &mut Vec<(String, String)>) -> Result<(), Er
     for entry in entries {
         // Symbolic links to folders are not followed: they can form a loop.
         let is_folder = entry.is_dir() && !entry.is_symlink();
-        if is_folder || entry.extension().is_some_and(|ending| ending == "lcm") {
-            read_texts(&entry, sources)?;
+        if is_folder || has_ending(&entry, "lcm") || has_ending(&entry, "zcm") {
+            read_texts(&entry, sources, warnings)?;
         }
     }
     Ok(())

@@ -5,6 +5,7 @@ use super::summary::seconds;
 use super::{Cut, Damaged, EventRef, Format, Health, LogReader, RunClockFinder, Types, Zero};
 use crate::Error;
 use crate::engine::{Account, Judgement};
+use lcm_idl::Deviations;
 use lcmtypes::channels;
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -13,7 +14,7 @@ use std::sync::Arc;
 /// Result of a check.
 #[derive(Debug, Clone, serde::Serialize)]
 pub struct VerifyReport {
-    /// Nothing is damaged, cut, lost or undecodable; and if the log is of a run, every tick of it can be replayed.
+    /// Nothing is damaged, cut, lost, reported as lost, or undecodable; and if the log is of a run, every tick of it can be replayed.
     pub good: bool,
     /// Format of the file.
     pub format: Format,
@@ -35,6 +36,10 @@ pub struct VerifyReport {
     pub lost: u64,
     /// Messages that do not decode as the type of their fingerprint.
     pub undecodable: u64,
+    /// Messages that LCM decodes although they deviate from the format.
+    pub deviating: u64,
+    /// Losses and omissions that the recorder reported in the log: the first 100.
+    pub reported_losses: Vec<ReportedLoss>,
     /// Events with an earlier time than the event before them.
     pub times_backwards: u64,
     /// Channels by name.
@@ -42,6 +47,21 @@ pub struct VerifyReport {
     /// Whether the run can be replayed.
     pub replay: ReplayCheck,
 }
+
+/// A loss that the recorder reported in an EVENT.
+#[derive(Debug, Clone, PartialEq, Eq, serde::Serialize)]
+pub struct ReportedLoss {
+    /// Log time of the EVENT, ns.
+    pub t_ns: i64,
+    /// Its text.
+    pub text: String,
+}
+
+/// Reports of losses that are listed.
+const MAX_REPORTED: usize = 100;
+
+/// Channels that are checked separately; further channels share one row.
+const MAX_ROWS: usize = 10_000;
 
 /// Result of a check of one channel.
 #[derive(Debug, Clone, serde::Serialize)]
@@ -66,6 +86,10 @@ pub struct ChannelReport {
     pub restarts: u64,
     /// Messages that do not decode as their type.
     pub undecodable: u64,
+    /// Messages that LCM decodes although they deviate from the format, and the deviations of the first one.
+    pub deviating: u64,
+    /// See `deviating`.
+    pub first_deviation: Option<String>,
 }
 
 /// Whether a run can be replayed from its log.
@@ -99,7 +123,13 @@ pub struct ReplayCheck {
 /// # Errors
 /// As [`LogReader::open`] and [`LogReader::read`].
 pub fn verify(log: &Path, mut types: Types, progress: &mut dyn FnMut(f64)) -> Result<VerifyReport, Error> {
-    let mut reader = LogReader::open(log)?;
+    let mut reader = match LogReader::open(log) {
+        // An LCM event log without events has no bytes, such as the recovery of a log that is cut inside its first event.
+        Err(Error::EmptyFile { .. }) if Format::of_name(log).is_ok_and(|format| format == Format::LcmLog) => {
+            return Ok(Verifier::default().report(log, Format::LcmLog, Health::default(), progress));
+        }
+        opened => opened?,
+    };
     let (format, bytes) = (reader.format(), reader.bytes().max(1));
     let mut health = Health::default();
     let mut verifier = Verifier::default();
@@ -123,7 +153,10 @@ struct Verifier {
     times: Option<(i64, i64, i64)>,
     times_backwards: u64,
     channels: BTreeMap<Arc<str>, ChannelState>,
+    /// Channels beyond the limit.
+    further: ChannelState,
     clock: RunClockFinder,
+    reported_losses: Vec<ReportedLoss>,
 }
 
 #[derive(Default)]
@@ -133,6 +166,8 @@ struct ChannelState {
     sequence: SequenceTracker,
     count: u64,
     undecodable: u64,
+    deviating: u64,
+    first_deviation: Option<Deviations>,
 }
 
 impl Verifier {
@@ -143,11 +178,19 @@ impl Verifier {
         let (first, last, before) = self.times.unwrap_or((t, t, t));
         self.times_backwards += u64::from(t < before);
         self.times = Some((first.min(t), last.max(t), t));
-        let channel = match self.channels.get_mut(event.channel) {
-            Some(channel) => channel,
-            None => self.channels.entry(Arc::clone(event.channel)).or_default(),
-        };
-        channel.add(event, types);
+        if **event.channel == *channels::EVENT && self.reported_losses.len() < MAX_REPORTED {
+            self.reported_losses.extend(reported_loss(event, types));
+        }
+        if !self.channels.contains_key(event.channel) && self.channels.len() >= MAX_ROWS {
+            self.further.add(event, types);
+            // Each of these channels has its own numbers.
+            self.further.sequence = SequenceTracker::default();
+            return;
+        }
+        match self.channels.get_mut(event.channel) {
+            Some(channel) => channel.add(event, types),
+            None => self.channels.entry(Arc::clone(event.channel)).or_default().add(event, types),
+        }
     }
 
     fn report(self, log: &Path, format: Format, health: Health, progress: &mut dyn FnMut(f64)) -> VerifyReport {
@@ -155,10 +198,15 @@ impl Verifier {
         let of_run = [channels::RUN_INFO, channels::CONTROLLER_INPUT];
         let is_run = of_run.iter().any(|channel| self.channels.contains_key(*channel));
         let replay = if is_run { ReplayCheck::of(log, progress) } else { ReplayCheck::without_run() };
-        let channels: Vec<_> = self.channels.iter().map(|(name, channel)| channel.report(name)).collect();
+        let mut channels: Vec<_> = self.channels.iter().map(|(name, channel)| channel.report(name)).collect();
+        if self.further.count > 0 {
+            channels.push(self.further.report("(further channels)"));
+        }
         let lost = channels.iter().filter_map(|c| c.lost).sum();
         let undecodable = channels.iter().map(|c| c.undecodable).sum();
-        let good = health.is_good() && lost == 0 && undecodable == 0 && (replay.complete || !is_run);
+        let deviating = channels.iter().map(|c| c.deviating).sum();
+        let is_recorded = self.reported_losses.is_empty();
+        let good = health.is_good() && lost == 0 && undecodable == 0 && is_recorded && (replay.complete || !is_run);
         VerifyReport {
             good,
             format,
@@ -171,6 +219,8 @@ impl Verifier {
             cut: health.cut,
             lost,
             undecodable,
+            deviating,
+            reported_losses: self.reported_losses,
             times_backwards: self.times_backwards,
             channels,
             replay,
@@ -204,12 +254,20 @@ impl ChannelState {
             self.types.push((fingerprint, ty.map(|ty| ty.name().to_owned())));
         }
         let Some(ty) = ty else { return };
-        if ty.walk(event.data, |_, _| ()).is_err() {
-            self.undecodable += 1;
-            return;
+        match ty.walk_lenient(event.data, |_, _| ()) {
+            Ok(deviations) if deviations.is_none() => {}
+            Ok(deviations) => {
+                self.deviating += 1;
+                self.first_deviation.get_or_insert(deviations);
+            }
+            Err(_) => {
+                self.undecodable += 1;
+                return;
+            }
         }
-        self.counter = self.counter.or_else(|| sequence_field(ty));
-        if let (Some(_), Some(number)) = (sequence_field(ty), sequence_number(event.data)) {
+        let counter = sequence_field(ty);
+        self.counter = self.counter.or(counter);
+        if let (Some(_), Some(number)) = (counter, sequence_number(event.data)) {
             self.sequence.add(number, event.t_ns);
         }
     }
@@ -227,6 +285,17 @@ impl ChannelState {
             late: if lost.is_some() { self.sequence.late } else { 0 },
             restarts: if lost.is_some() { self.sequence.restarts } else { 0 },
             undecodable: self.undecodable,
+            deviating: self.deviating,
+            first_deviation: self.first_deviation.map(|first| first.to_string()),
         }
     }
+}
+
+/// The loss that an EVENT reports: every warning of the recorder is one.
+fn reported_loss(event: &EventRef<'_>, types: &Types) -> Option<ReportedLoss> {
+    let (message, _) = types.of_message(event.channel, event.data)?.decode_lenient(event.data).ok()?;
+    let level = message.get("level")?.as_i64()?;
+    let is_loss = message.get("source")?.as_str() == Some(crate::record::SOURCE)
+        && level >= i64::from(lcmtypes::Event::LEVEL_WARNING);
+    is_loss.then_some(ReportedLoss { t_ns: event.t_ns, text: message.get("text")?.as_str()?.to_owned() })
 }

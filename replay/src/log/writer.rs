@@ -3,8 +3,9 @@
 use super::event_log::EventLogWriter;
 use super::mcap_writer::McapWriter;
 use super::types::Types;
-use super::{EventRef, Format, MAX_CHANNEL, MAX_MESSAGE};
+use super::{EventRef, Format, MAX_CHANNEL, MAX_CHANNEL_IN_LOG, MAX_MESSAGE};
 use crate::Error;
+use crate::names::name_bytes;
 use std::fs::File;
 use std::io::Write;
 use std::path::{Path, PathBuf};
@@ -46,10 +47,15 @@ impl LogWriter {
     /// # Errors
     /// [`Error::Mcap`] if the first bytes cannot be written.
     pub fn to_output(path: &Path, format: Format, out: Output) -> Result<Self, Error> {
+        Self::with_profile(path, format, out, "")
+    }
+
+    /// As [`LogWriter::to_output`]; `profile`: that of an MCAP's header.
+    pub(super) fn with_profile(path: &Path, format: Format, out: Output, profile: &str) -> Result<Self, Error> {
         let sink = match format {
             Format::LcmLog => Sink::EventLog(EventLogWriter::new(out)),
             Format::Mcap => {
-                let writer = McapWriter::new(out).map_err(|source| mcap_error(path, source))?;
+                let writer = McapWriter::new(out, profile).map_err(|source| mcap_error(path, source))?;
                 Sink::Mcap(Box::new(writer), Box::default())
             }
         };
@@ -77,7 +83,8 @@ impl LogWriter {
 
     /// Appends an event.
     ///
-    /// - `t_ns`: log time, ns, not negative. An LCM event log rounds it down to whole microseconds. Nothing of a run is lost by that: its
+    /// - `channel`: 1 to 999 bytes without NUL in an LCM event log, which are the limits of LCM's own reader; any name in MCAP.
+    /// - `t_ns`: log time, ns, not negative in MCAP. An LCM event log rounds it down to whole microseconds. Nothing of a run is lost by that: its
     ///   ticks are whole microseconds, and each message contains its own `t_ns`.
     /// - `data`: the encoded message, at most [`MAX_MESSAGE`] bytes.
     ///
@@ -94,7 +101,11 @@ impl LogWriter {
     /// # Errors
     /// As [`LogWriter::write`].
     pub fn write_numbered(&mut self, channel: &str, t_ns: i64, number: i64, data: &[u8]) -> Result<(), Error> {
-        let t = self.check(channel, t_ns, data)?;
+        self.put(channel, t_ns, t_ns.unsigned_abs(), number, data)
+    }
+
+    fn put(&mut self, channel: &str, t_ns: i64, publish_t: u64, number: i64, data: &[u8]) -> Result<(), Error> {
+        self.check(channel, t_ns, data)?;
         let written = match &mut self.sink {
             Sink::EventLog(out) => {
                 out.write(channel, t_ns, number, data).map_err(|source| io_error(&self.path, source))
@@ -102,7 +113,8 @@ impl LogWriter {
             Sink::Mcap(out, types) => {
                 types.learn_run_info(channel, data);
                 let schema = |fingerprint| types.schema(channel, fingerprint);
-                out.write(channel, t, number, data, schema).map_err(|source| mcap_error(&self.path, source))
+                let times = [t_ns.unsigned_abs(), publish_t];
+                out.write(channel, times, number, data, schema).map_err(|source| mcap_error(&self.path, source))
             }
         };
         self.failed = written.is_err();
@@ -110,23 +122,58 @@ impl LogWriter {
         written
     }
 
-    /// Copies an event of another log with its number and schema.
+    /// Copies an event of another log with its number. From MCAP to MCAP, schema, encodings, metadata of the channel and publish time are kept.
     ///
     /// # Errors
     /// As [`LogWriter::write`].
     pub fn copy(&mut self, event: &EventRef<'_>) -> Result<(), Error> {
-        if let (Sink::Mcap(_, types), Some(schema)) = (&mut self.sink, event.schema) {
-            types.learn_schema(schema);
+        let (Sink::Mcap(out, types), Some(source)) = (&mut self.sink, event.source) else {
+            return self.write_numbered(event.channel, event.t_ns, event.number, event.data);
+        };
+        if source.channel.is_plain_lcm() {
+            if let Some(schema) = &source.channel.schema {
+                types.learn_schema(schema);
+            }
+            return self.put(event.channel, event.t_ns, source.publish_t, event.number, event.data);
         }
-        self.write_numbered(event.channel, event.t_ns, event.number, event.data)
-    }
-
-    /// The time as an unsigned number, if the event can be written.
-    fn check(&self, channel: &str, t_ns: i64, data: &[u8]) -> Result<u64, Error> {
         if self.failed {
             return Err(Error::WriterFailed { path: self.path.clone() });
         }
-        check_event(&self.path, channel, t_ns, data)
+        let times = [event.t_ns.unsigned_abs(), source.publish_t];
+        let copied = out.copy(source.channel, times, event.number as u32, event.data);
+        self.failed = copied.is_err();
+        self.events += u64::from(copied.is_ok());
+        copied.map_err(|source| mcap_error(&self.path, source))
+    }
+
+    /// The writer of an MCAP, for records that are no messages.
+    pub(super) fn mcap(&mut self) -> Option<&mut McapWriter> {
+        match &mut self.sink {
+            Sink::Mcap(out, _) => Some(out),
+            Sink::EventLog(_) => None,
+        }
+    }
+
+    /// The error of an operation of [`LogWriter::mcap`].
+    pub(super) fn mcap_failed(&mut self, source: mcap::McapError) -> Error {
+        self.failed = true;
+        mcap_error(&self.path, source)
+    }
+
+    /// Checks an event against the limits of the format.
+    fn check(&self, channel: &str, t_ns: i64, data: &[u8]) -> Result<(), Error> {
+        if self.failed {
+            return Err(Error::WriterFailed { path: self.path.clone() });
+        }
+        let is_mcap = matches!(self.sink, Sink::Mcap(..));
+        let length = name_bytes(channel).len();
+        if !is_mcap && (!(1..=MAX_CHANNEL_IN_LOG).contains(&length) || channel.contains('\0')) {
+            return Err(Error::ChannelName { path: self.path.clone(), channel: channel.into() });
+        }
+        if is_mcap && t_ns < 0 {
+            return Err(Error::NegativeTime { path: self.path.clone(), channel: channel.into(), t_ns });
+        }
+        check_length(&self.path, channel, data)
     }
 
     /// Writes buffered events to the file. In MCAP this ends a chunk: call it a few times per second, not per event.
@@ -163,22 +210,26 @@ impl LogWriter {
     }
 }
 
-/// Checks an event against the limits of both formats; returns its time, ns.
+/// Checks an event of a network or a run, which both formats have to hold.
 ///
 /// # Errors
 /// [`Error::ChannelName`], [`Error::NegativeTime`], [`Error::MessageTooLong`]
-pub(crate) fn check_event(path: &Path, channel: &str, t_ns: i64, data: &[u8]) -> Result<u64, Error> {
-    if channel.is_empty() || channel.len() > MAX_CHANNEL || channel.contains('\0') {
+pub(crate) fn check_event(path: &Path, channel: &str, t_ns: i64, data: &[u8]) -> Result<(), Error> {
+    if !(1..=MAX_CHANNEL).contains(&name_bytes(channel).len()) || channel.contains('\0') {
         return Err(Error::ChannelName { path: path.into(), channel: channel.into() });
     }
-    let Ok(t) = u64::try_from(t_ns) else {
+    if t_ns < 0 {
         return Err(Error::NegativeTime { path: path.into(), channel: channel.into(), t_ns });
-    };
-    if data.len() > MAX_MESSAGE {
-        let (channel, bytes) = (channel.into(), data.len());
-        return Err(Error::MessageTooLong { path: path.into(), channel, bytes, limit: MAX_MESSAGE });
     }
-    Ok(t)
+    check_length(path, channel, data)
+}
+
+fn check_length(path: &Path, channel: &str, data: &[u8]) -> Result<(), Error> {
+    let (bytes, limit) = (data.len(), MAX_MESSAGE);
+    if bytes > limit {
+        return Err(Error::MessageTooLong { path: path.into(), channel: channel.into(), bytes, limit });
+    }
+    Ok(())
 }
 
 impl Format {

@@ -73,14 +73,14 @@ impl MessageDecoder {
     }
 
     fn short<'a>(&mut self, sender: SocketAddrV4, t_ns: i64, short: &Short<'a>) -> Option<Message<'a>> {
-        let mark = mark(&(short.channel, short.data));
+        let mark = mark(&(&*short.channel, short.data));
         let seen = self.senders.enter(sender, t_ns, short.sequence, mark);
         if seen == Seen::Duplicate {
             self.senders.duplicate(sender, short.sequence);
             return None;
         }
         self.senders.complete(sender, short.sequence);
-        let (channel, data) = (Cow::Borrowed(short.channel), Cow::Borrowed(short.data));
+        let (channel, data) = (short.channel.clone(), Cow::Borrowed(short.data));
         Some(Message { channel, data, is_late: seen == Seen::Late })
     }
 
@@ -156,14 +156,14 @@ impl MessageDecoder {
         self.senders.all_counts()
     }
 
-    /// Findings since the last call: level and text of an EVENT.
+    /// Findings since the last call: level and text of an EVENT. Losses are warnings, and nothing else is.
     pub fn take_events(&mut self) -> Vec<(i8, String)> {
         let mut events = Vec::new();
         for (sender, findings) in self.senders.take_findings() {
             events.extend(texts(&findings).into_iter().map(|(level, text)| (level, format!("{sender} {text}"))));
         }
         for (why, count) in std::mem::take(&mut self.malformed) {
-            events.push((Event::LEVEL_WARNING, format!("{count} malformed datagrams: {why}")));
+            events.push((Event::LEVEL_INFO, format!("{count} malformed datagrams: {why}")));
         }
         let dropped = self.counts.kernel_dropped - self.kernel_dropped_reported;
         if dropped > 0 {
@@ -200,7 +200,7 @@ fn texts(findings: &Findings) -> Vec<(i8, String)> {
         texts.push((Event::LEVEL_WARNING, text));
     }
     if *restarted {
-        texts.push((Event::LEVEL_WARNING, "restarted: sequence numbers start again".to_owned()));
+        texts.push((Event::LEVEL_INFO, "restarted: sequence numbers start again".to_owned()));
     }
     texts
 }

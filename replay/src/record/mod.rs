@@ -8,6 +8,9 @@
 //! It must never drop a message without reporting it, drop a replay input while any other channel is recorded, block a control loop, or
 //! leave an unreadable file.
 
+/// Source of the recorder's EVENTs. Its warnings are losses, and nothing else is a warning.
+pub const SOURCE: &str = "recorder";
+
 mod bytes;
 mod disk;
 mod drop_policy;

@@ -195,7 +195,7 @@ impl RingWriter {
     /// As [`EventSink::write`].
     pub fn report(&mut self, t_ns: i64, level: i8, text: String) -> Result<(), Error> {
         let message_ns = self.clock.map_or(t_ns, |clock| clock());
-        let source = "recorder".to_owned();
+        let source = super::SOURCE.to_owned();
         let mut event = Event { t_ns: message_ns, tick: -1, level, source, text, ..Event::default() };
         self.events.number(&mut event);
         let mut bytes = std::mem::take(&mut self.message);
@@ -231,11 +231,12 @@ impl RingWriter {
         let level = policy.level();
         let why = if policy.disk >= level && level > RecordLevel::All { " (low disk space)" } else { "" };
         let mut text = format!("{}{why}", level.text());
+        let is_loss = level > RecordLevel::All || policy.has_unreported();
         if policy.has_unreported() {
             text += &format!("; dropped before this event: {}", policy.take_report());
         }
         self.reported_level = level;
-        let event_level = if level == RecordLevel::All { Event::LEVEL_INFO } else { Event::LEVEL_WARNING };
+        let event_level = if is_loss { Event::LEVEL_WARNING } else { Event::LEVEL_INFO };
         self.report(self.last_ns, event_level, text)
     }
 

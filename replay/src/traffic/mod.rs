@@ -81,7 +81,7 @@ impl Traffic {
 
     /// Takes an event of a log.
     pub fn event(&mut self, event: &EventRef) {
-        if let Some(schema) = event.schema {
+        if let Some(schema) = event.schema() {
             self.types_version += u64::from(self.types.learn_schema(schema));
         }
         let EventRef { channel, t_ns, data, .. } = *event;
@@ -238,7 +238,7 @@ mod tests {
 
     fn receive(traffic: &mut Traffic, channel: &str, t_ns: i64, data: &[u8]) {
         let channel: &Arc<str> = &channel.into();
-        traffic.event(&EventRef { channel, t_ns, number: 0, data, offset: 0, schema: None });
+        traffic.event(&EventRef { channel, t_ns, number: 0, data, offset: 0, source: None });
     }
 
     #[test]

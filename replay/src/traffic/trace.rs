@@ -74,7 +74,7 @@ impl Trace {
 pub(super) fn trace(traces: &mut [Trace], channel: &str, ty: Type, data: &[u8], t_ns: i64) {
     let mut due: Vec<&mut Trace> = traces.iter_mut().filter(|t| t.channel == channel && t.is_due(t_ns)).collect();
     // If the message is malformed, the fields before the error are used; the message page shows the error.
-    let _ = ty.walk(data, |path, leaf: Leaf| {
+    let _ = ty.walk_lenient(data, |path, leaf: Leaf| {
         let Some(value) = leaf.as_f64() else { return };
         due.iter_mut().filter(|trace| trace.is_at(path.segments())).for_each(|trace| trace.add(t_ns, value));
     });

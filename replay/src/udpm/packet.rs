@@ -8,6 +8,8 @@
 
 use super::MAX_DATAGRAM;
 use crate::log::{MAX_CHANNEL, MAX_MESSAGE};
+use crate::names::{name_bytes, name_text};
+use std::borrow::Cow;
 
 const SHORT: [u8; 4] = *b"LC02";
 const FRAGMENT: [u8; 4] = *b"LC03";
@@ -21,7 +23,7 @@ pub const FRAGMENT_BODY: usize = MAX_DATAGRAM - FRAGMENT_HEADER;
 const SMALLEST_BODY: usize = 512;
 
 /// Content of a datagram.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Packet<'a> {
     /// A complete message.
     Short(Short<'a>),
@@ -30,18 +32,18 @@ pub enum Packet<'a> {
 }
 
 /// A message in one datagram.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Short<'a> {
     /// Sequence number of the message.
     pub sequence: u32,
     /// Channel.
-    pub channel: &'a str,
+    pub channel: Cow<'a, str>,
     /// The message.
     pub data: &'a [u8],
 }
 
 /// A fragment of a message.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Fragment<'a> {
     /// Sequence number of the message.
     pub sequence: u32,
@@ -54,7 +56,7 @@ pub struct Fragment<'a> {
     /// Number of fragments of the message.
     pub count: u16,
     /// Channel: only in fragment 0.
-    pub channel: Option<&'a str>,
+    pub channel: Option<Cow<'a, str>>,
     /// Bytes of the message.
     pub data: &'a [u8],
 }
@@ -125,25 +127,22 @@ fn fragment(sequence: u32, body: &[u8]) -> Result<Packet<'_>, &'static str> {
     Ok(Packet::Fragment(Fragment { sequence, size, offset, number, count, channel, data }))
 }
 
-/// Splits off the channel at its NUL. Names have to be text, because logs store text.
-fn channel(body: &[u8]) -> Result<(&str, &[u8]), &'static str> {
+/// Splits off the channel at its NUL. A name can have any bytes; those that are not UTF-8 become private characters.
+fn channel(body: &[u8]) -> Result<(Cow<'_, str>, &[u8]), &'static str> {
     let end = body.iter().take(MAX_CHANNEL + 1).position(|&byte| byte == 0).ok_or("channel name without NUL")?;
-    let name = std::str::from_utf8(&body[..end]).map_err(|_| "channel name is not text")?;
-    if name.is_empty() {
+    if end == 0 {
         return Err("empty channel name");
     }
-    if name.chars().any(char::is_control) {
-        return Err("channel name is not text");
-    }
-    Ok((name, &body[end + 1..]))
+    Ok((name_text(&body[..end]), &body[end + 1..]))
 }
 
 /// Splits a message into datagrams as LCM on Linux does. The caller has checked channel and length.
 pub fn split(sequence: u32, channel: &str, data: &[u8]) -> Vec<Vec<u8>> {
+    let channel = &*name_bytes(channel);
     debug_assert!((1..=MAX_CHANNEL).contains(&channel.len()) && data.len() <= MAX_MESSAGE);
     let name_length = channel.len() + 1;
     if SHORT_HEADER + name_length + data.len() <= MAX_DATAGRAM {
-        return vec![[&SHORT, &sequence.to_be_bytes()[..], channel.as_bytes(), &[0], data].concat()];
+        return vec![[&SHORT, &sequence.to_be_bytes()[..], channel, &[0], data].concat()];
     }
     let count = (name_length + data.len()).div_ceil(FRAGMENT_BODY);
     let fragment = |number: usize| {
@@ -159,7 +158,7 @@ pub fn split(sequence: u32, channel: &str, data: &[u8]) -> Vec<Vec<u8>> {
             bytes.extend_from_slice(&half.to_be_bytes());
         }
         if number == 0 {
-            bytes.extend_from_slice(channel.as_bytes());
+            bytes.extend_from_slice(channel);
             bytes.push(0);
         }
         bytes.extend_from_slice(&data[from..to]);

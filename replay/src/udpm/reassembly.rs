@@ -124,8 +124,8 @@ impl Reassembler {
         let reordered = !partial.pieces.is_empty() && fragment.number < partial.highest;
         partial.highest = partial.highest.max(fragment.number);
         partial.last_ns = t_ns;
-        if let Some(channel) = fragment.channel {
-            partial.channel = Some(channel.to_owned());
+        if let Some(channel) = &fragment.channel {
+            partial.channel = Some(channel.to_string());
         }
         partial.pieces.push(Piece { number: fragment.number, offset: fragment.offset, data: fragment.data.to_vec() });
         self.bytes += fragment.data.len() + OVERHEAD;

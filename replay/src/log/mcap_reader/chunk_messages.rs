@@ -2,11 +2,11 @@
 
 use super::super::chunk::{ChunkHeader, Decoded, MessageHeader, PREFIX, record_at};
 use super::super::mcap_summary::summary_records;
-use super::{Channel, McapReader, NUMBER_HIGH, Step};
+use super::super::mcap_writer::{NAMED, NUMBER_HIGH};
+use super::{Channel, McapReader, Step};
 use crate::Error;
-use crate::log::{Damaged, FileSchema, ItemRef};
-use mcap::read::parse_record;
-use mcap::records::{Record, op};
+use crate::log::{Damaged, ItemRef, mcap_records};
+use mcap::records::op;
 use std::ops::Range;
 use std::sync::Arc;
 
@@ -14,13 +14,17 @@ impl McapReader {
     /// Decodes a chunk; its messages are returned afterwards.
     pub(super) fn chunk(&mut self, at: u64, head: &ChunkHeader, length: u64) -> Result<Step, Error> {
         let next = at + PREFIX + length;
-        self.messages_outside_chunks = false;
-        self.last_certain_end = next;
+        self.loose = false;
         let why = match self.decode(at, head, length)? {
-            Decoded::Complete => return Ok(Step::Next(next)),
+            Decoded::Complete => {
+                self.last_certain_end = next;
+                return Ok(Step::Next(next));
+            }
             Decoded::WrongCrc => "wrong CRC",
             Decoded::Truncated(why) => why,
         };
+        let next = self.end_of_damaged_chunk(at, next)?;
+        self.last_certain_end = next;
         if !self.keep_unchecked {
             self.chunk.records.clear();
             return Ok(Step::Bad(next, format!("chunk omitted: {why}")));
@@ -62,17 +66,16 @@ impl McapReader {
                     }
                     self.chunk.lost += 1;
                 }
-                // Other records are not parsed: the parser of an attachment panics on a short one.
-                op::SCHEMA | op::CHANNEL => match parse_record(record.opcode, body).map(Record::into_owned) {
-                    Ok(record) => {
-                        if self.chunk.unchecked {
-                            self.read_summary()?;
-                        }
-                        self.learn(record, !self.chunk.unchecked);
+                op::SCHEMA | op::CHANNEL => {
+                    let body = body.to_vec();
+                    if self.chunk.unchecked {
+                        self.read_summary()?;
                     }
-                    Err(_) => self.chunk.lost += 1,
-                },
-                _ => {}
+                    if !self.learn(record.opcode, &body, !self.chunk.unchecked) {
+                        self.chunk.lost += 1;
+                    }
+                }
+                _ => self.side_records.others += 1,
             }
         }
         self.chunk.records.clear();
@@ -90,29 +93,31 @@ impl McapReader {
         self.pending.push_back(ItemRef::Damaged(Damaged { offset, bytes: 0, why }));
     }
 
-    /// Adds a schema or channel; `replace`: also if its id is already known.
-    pub(super) fn learn(&mut self, record: Record<'static>, replace: bool) {
-        match record {
-            Record::Schema { header, data } if replace || !self.schemas.contains_key(&header.id) => {
-                let schema = FileSchema { name: header.name, encoding: header.encoding, data: data.into_owned() };
-                self.schemas.insert(header.id, schema.into());
+    /// Adds a schema or channel; `replace`: also if its id is already known. `false` if the record is too short.
+    pub(super) fn learn(&mut self, opcode: u8, body: &[u8], replace: bool) -> bool {
+        if opcode == op::SCHEMA {
+            let Some((id, schema)) = mcap_records::schema(body) else { return false };
+            let is_known = self.schemas.get(&id).is_some_and(|known| !replace || **known == schema);
+            if !is_known {
+                self.schemas.insert(id, schema.into());
             }
-            Record::Channel(channel) => {
-                let id = usize::from(channel.id);
-                if self.channels.len() <= id {
-                    self.channels.resize_with(id + 1, || None);
-                }
-                if replace || self.channels[id].is_none() {
-                    let high = channel.metadata.get(NUMBER_HIGH).and_then(|high| high.parse::<i32>().ok());
-                    self.channels[id] = Some(Channel {
-                        topic: self.names.intern(&channel.topic),
-                        number_high: i64::from(high.unwrap_or(0)) << 32,
-                        schema: self.schemas.get(&channel.schema_id).map(Arc::clone),
-                    });
-                }
-            }
-            _ => {}
+            return true;
         }
+        let Some((id, schema_id, mut file)) = mcap_records::channel(body) else { return false };
+        let id = usize::from(id);
+        if self.channels.len() <= id {
+            self.channels.resize_with(id + 1, || None);
+        }
+        file.schema = self.schemas.get(&schema_id).map(Arc::clone);
+        file.topic = self.names.intern(&file.topic);
+        let is_known = self.channels[id].as_ref().is_some_and(|known| !replace || *known.file == file);
+        if !is_known {
+            let high = file.metadata.get(NUMBER_HIGH).and_then(|high| high.parse::<i32>().ok());
+            let is_named = file.message_encoding == "lcm" && file.metadata.contains_key(NAMED);
+            let number_high = i64::from(high.unwrap_or(0)) << 32;
+            self.channels[id] = Some(Channel { file: file.into(), number_high, is_named });
+        }
+        true
     }
 
     /// Whether a channel is known; reads the summary if its record was in a damaged chunk.
@@ -127,8 +132,8 @@ impl McapReader {
 
     pub(super) fn read_summary(&mut self) -> Result<(), Error> {
         if !std::mem::replace(&mut self.summary_read, true) {
-            for record in summary_records(&mut self.source, self.base)? {
-                self.learn(record, false);
+            for (opcode, body) in summary_records(&mut self.source, self.base)? {
+                self.learn(opcode, &body, false);
             }
         }
         Ok(())

@@ -1,12 +1,15 @@
 //! Resynchronization after damage: finds the next chunk, message or footer, and salvages what is readable before it.
 
-use super::super::chunk::{ChunkHeader, Decoded, HEADER, MAX_RECORD, MessageHeader, PREFIX};
-use super::super::mcap_summary::{STRETCH, ends_with_magic, footer, has_its_length, prefix};
+use super::super::chunk::{ChunkHeader, Decoded, HEADER, MAX_RECORD, MessageHeader, PREFIX, plausible};
+use super::super::mcap_summary::{STRETCH, ends_with_magic, footer, parts_end, prefix};
 use super::{McapReader, Section};
 use crate::Error;
 use crate::log::{Cut, Damaged, ItemRef};
 use mcap::MAGIC;
 use mcap::records::op;
+
+/// Length of a file by which the bytes that are searched inside damaged chunks may exceed it: a hostile file can nest chunks without end.
+const MAX_READ_AGAIN: u64 = 4;
 
 impl McapReader {
     /// Continues at the next chunk (in a file without chunks: message), else at the footer, else at the end.
@@ -57,12 +60,43 @@ impl McapReader {
         Ok(())
     }
 
-    /// Offset of the next chunk; in a file without chunks, of the next message.
-    pub(super) fn next_start(&mut self, mut from: u64) -> Result<Option<u64>, Error> {
-        if self.messages_outside_chunks {
+    /// End of a damaged chunk: its stated end if a record follows there. Otherwise bytes are missing, and a chunk can start inside the stated
+    /// length: one from which records lead past the stated end.
+    pub(super) fn end_of_damaged_chunk(&mut self, at: u64, stated: u64) -> Result<u64, Error> {
+        if self.begins_or_ends(stated)? {
+            return Ok(stated);
+        }
+        let mut from = at + 1;
+        while let Some(inside) = self.next_chunk(from)?.filter(|&inside| inside < stated) {
+            let end = self.end_of_records(inside, stated)?;
+            let read_again = self.read_again.saturating_add(end - inside);
+            if read_again > MAX_READ_AGAIN.saturating_mul(self.source.len()).max(MAX_RECORD) {
+                break;
+            }
+            self.read_again = read_again;
+            if end >= stated {
+                return Ok(inside);
+            }
+            from = inside + 1;
+        }
+        Ok(stated)
+    }
+
+    /// Offset of the next chunk.
+    pub(super) fn next_chunk(&mut self, from: u64) -> Result<Option<u64>, Error> {
+        self.next_of(from, false)
+    }
+
+    /// Offset of the next chunk or, in a file with messages outside chunks, of the next message.
+    pub(super) fn next_start(&mut self, from: u64) -> Result<Option<u64>, Error> {
+        if self.loose {
             self.read_summary()?;
         }
-        let loose = self.messages_outside_chunks && !self.channels.is_empty();
+        let loose = self.loose && !self.channels.is_empty();
+        self.next_of(from, loose)
+    }
+
+    fn next_of(&mut self, mut from: u64, loose: bool) -> Result<Option<u64>, Error> {
         while let Some(at) = self.next_opcode(from, loose)? {
             if let Some((opcode, length)) = prefix(&mut self.source, at)?
                 && length <= (self.source.len() - at - PREFIX).min(MAX_RECORD)
@@ -107,18 +141,44 @@ impl McapReader {
         if !(op::HEADER..=op::DATA_END).contains(&opcode) || length > (self.source.len() - body).min(MAX_RECORD) {
             return Ok(false);
         }
-        if opcode == op::MESSAGE {
-            return self.is_message(body, length);
+        match opcode {
+            op::MESSAGE => self.is_message(body, length),
+            op::CHUNK => {
+                let head = self.source.bytes(body, HEADER.min(length as usize))?;
+                Ok(ChunkHeader::parse(head).is_some_and(|head| head.fits(length)))
+            }
+            _ => Ok(parts_end(&mut self.source, opcode, body)?.is_some_and(|end| end <= body + length)),
         }
-        has_its_length(&mut self.source, opcode, body, body + length)
     }
 
-    /// Whether consecutive records lead from `at` exactly to `end`.
-    pub(super) fn leads_to(&mut self, mut at: u64, end: u64) -> Result<bool, Error> {
+    /// Whether a record or the end of the file is at `at`.
+    pub(super) fn begins_or_ends(&mut self, at: u64) -> Result<bool, Error> {
+        Ok(at >= self.source.len() || self.begins_with_length(at)?)
+    }
+
+    /// Whether a record follows at `at`, as far as opcodes and lengths show; records of unknown kinds are skipped.
+    pub(super) fn follows(&mut self, mut at: u64) -> Result<bool, Error> {
+        for _ in 0..3 {
+            match prefix(&mut self.source, at)? {
+                None => return Ok(true),
+                Some((opcode @ op::HEADER..=op::DATA_END, length)) => return Ok(plausible(opcode, length)),
+                Some((opcode, length)) => {
+                    if opcode == 0 || length > (self.source.len() - at - PREFIX).min(MAX_RECORD) {
+                        return Ok(false);
+                    }
+                    at += PREFIX + length;
+                }
+            }
+        }
+        Ok(true)
+    }
+
+    /// End of the consecutive records from `at`: the first end at or after `end`, or an end before it that no record follows.
+    pub(super) fn end_of_records(&mut self, mut at: u64, end: u64) -> Result<u64, Error> {
         while at < end && self.begins_with_length(at)? {
             at += PREFIX + prefix(&mut self.source, at)?.map_or(0, |(_, length)| length);
         }
-        Ok(at == end)
+        Ok(at)
     }
 
     /// Whether a record's body is a message of a known channel.

@@ -1,0 +1,65 @@
+//! A log of old types is rewritten with types that have grown.
+#![allow(clippy::unwrap_used, reason = "test code")]
+
+mod common;
+
+use lcm_idl::{TypeSet, Value};
+use replay::log::{EventFilter, FieldChange, LogReader, LogWriter, Types, retype};
+
+const OLD: &str =
+    "package p; struct in_t { float f; } struct a_t { int32_t n; double x[n]; boolean b; int16_t gone; in_t in[2]; }";
+const NEW: &str = "package p; struct in_t { double f; int32_t more; }
+    struct a_t { int64_t added; int16_t n; double x[n]; int8_t b; string name; in_t in[3]; }";
+
+#[test]
+fn fields_are_matched_by_name_and_differences_listed() {
+    let (old, new) = (TypeSet::parse([("old.lcm", OLD)]).unwrap(), TypeSet::parse([("new.lcm", NEW)]).unwrap());
+    let (from, to) = (old.by_name("p.a_t").unwrap(), new.by_name("p.a_t").unwrap());
+    let mut value = from.default_value();
+    value.set("n", 2_i32).unwrap();
+    *value.get_mut("x").unwrap() = vec![0.5, 0.25].into();
+    value.set("b", true).unwrap();
+    value.set("in[1].f", 1.5_f32).unwrap();
+    let (folder, log, out) = (common::path("new_types"), common::path("old.mcap"), common::path("new.mcap"));
+    std::fs::create_dir_all(&folder).unwrap();
+    std::fs::write(folder.join("new.lcm"), NEW).unwrap();
+    let mut writer = LogWriter::create(&log).unwrap();
+    writer.add_types(&[("old.lcm".into(), OLD.into())]).unwrap();
+    for t_ns in [5, 6] {
+        writer.write("A", t_ns, &from.encode(&value).unwrap()).unwrap();
+    }
+    writer.write("OTHER", 7, b"bytes of no type").unwrap();
+    writer.finish().unwrap();
+
+    let filter = EventFilter::default();
+    let report = retype(&log, &out, &[folder], &filter, Types::default(), &mut |_| ()).unwrap();
+    assert_eq!((report.converted, report.unchanged, report.copy.events), (2, 1, 3));
+    let changes: Vec<_> = report.differences.iter().map(|d| (&*d.field, d.change, d.messages)).collect();
+    let expected = [
+        ("p.a_t.added", FieldChange::Added, 2),
+        ("p.a_t.b", FieldChange::Converted, 2),
+        ("p.a_t.gone", FieldChange::Removed, 2),
+        ("p.a_t.in", FieldChange::Converted, 2),
+        ("p.a_t.name", FieldChange::Added, 2),
+        ("p.in_t.f", FieldChange::Converted, 2),
+        ("p.in_t.more", FieldChange::Added, 2),
+    ];
+    assert_eq!(changes, expected);
+    assert!(!report.is_lossless());
+
+    // The copy describes itself.
+    let events: Vec<_> = LogReader::open(&out).unwrap().events().map(Result::unwrap).collect();
+    assert_eq!(events.iter().map(|event| event.t_ns).collect::<Vec<_>>(), [5, 6, 7]);
+    let value = to.decode(&events[0].data).unwrap();
+    assert_eq!(value.get("x"), Some(&Value::from(vec![0.5, 0.25])));
+    let number = |path| value.get(path).unwrap().as_i64();
+    assert_eq!([number("n"), number("b"), number("added"), number("in[1].more")], [Some(2), Some(1), Some(0), Some(0)]);
+    assert_eq!(
+        [value.get("in[1].f").unwrap().as_f64(), value.get("in[2].f").unwrap().as_f64()],
+        [Some(1.5), Some(0.0)]
+    );
+    assert_eq!(events[2].data, b"bytes of no type");
+    let bytes = std::fs::read(&out).unwrap();
+    let first = mcap::MessageStream::new(&bytes).unwrap().next().unwrap().unwrap();
+    assert!(String::from_utf8_lossy(&first.channel.schema.as_ref().unwrap().data).contains("int64_t added"));
+}
