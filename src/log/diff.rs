@@ -68,6 +68,7 @@ fn channel_text(c: &ChannelDiff) -> String {
         (c.times_different, "differ only in log time"),
         (c.left_only, "only in the first log"),
         (c.right_only, "only in the second log"),
+        (c.reordered, "in another order"),
     ] {
         if n > 0 {
             text += &format!("; {n} {what}");

@@ -1,7 +1,7 @@
 //! `hoof log play`: publishes the messages of a log over LCM at their recorded times.
 
 use super::{Channels, check_names};
-use crate::{Outcome, say, say_json};
+use crate::{Outcome, note, say, say_json};
 use anyhow::{Context, bail};
 use crossterm::event::{Event as TerminalEvent, KeyCode, KeyEvent, KeyEventKind, KeyModifiers};
 use drivers::live::has_traffic;
@@ -11,7 +11,8 @@ use lcmtypes::bus::{Bus, LcmBus};
 use lcmtypes::channels::{
     EXECUTOR_COMMAND, EXPECTED_ROBOT, OPERATOR_COMMAND, PARAMETER_REQUEST, ROBOT_COMMAND, ROBOT_INFO, ROBOT_STATE,
 };
-use replay::play::{Lateness, LatenessSummary, PlayOptions, Player, TimeBase};
+use replay::play::{Lateness, LatenessSummary, OrderKind, PlayOptions, Player, TimeBase, TimeOrder};
+use replay::printable_path;
 use replay::record::{Filter, Pattern};
 use replay::udpm::Url;
 use serde::Serialize;
@@ -29,8 +30,11 @@ use std::time::{Duration, Instant};
 /// Keys in a terminal: space pauses and resumes, s or . steps to the next event, left and right seek by 1 s, down and up by 10 s, + and - double and
 /// halve the speed, q quits.
 ///
-/// If a robot is live on the network, channels that drive it (ROBOT_STATE, ROBOT_COMMAND, operator commands, requests) or that can stop it
-/// (ROBOT_INFO, EXPECTED_ROBOT) are rejected unless --force is given.
+/// If a robot is live on the network, a log with channels that drive it (ROBOT_STATE, ROBOT_COMMAND, operator commands, requests) or that can stop it
+/// (ROBOT_INFO, EXPECTED_ROBOT) is rejected unless --force is given, or --channels or --rename leave them out. Other channels are always played.
+///
+/// Messages are played in the order of their log time. If the clock of the recording jumped back, the log is played in the order of the file, and the
+/// time after the jump continues the time before it.
 ///
 /// At the end it prints how late messages were published (p50, p99, p99.9, maximum). Lateness is lowest on an idle processor.
 #[derive(clap::Args)]
@@ -94,6 +98,10 @@ struct Summary {
     /// Lateness of events with a due time; empty with `--flat-out`.
     lateness: LatenessSummary,
     damaged: bool,
+    /// Order of the log's times.
+    order: OrderKind,
+    /// Jumps back in time.
+    jumps_back: u64,
 }
 
 /// Time before an event that is spent in a busy wait, since a sleeping thread wakes late.
@@ -124,15 +132,19 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
     Channels { channels: args.channels.clone(), exclude: None }.check(&[&args.log])?;
     check_names("--rename", &args.log, options.rename.keys().cloned())?;
     let mut bus = LcmBus::open(&args.lcm_url)?;
+    let order = TimeOrder::of(&args.log)?;
     if !args.force {
-        reject_live_robot(&args.lcm_url, &options)?;
+        reject_live_robot(&args.lcm_url, &options, &order)?;
+    }
+    if let Some(notice) = order.notice() {
+        note(format!("{}: {notice}", printable_path(&args.log)));
     }
     let stopped = Arc::new(AtomicBool::new(false));
     for signal in [SIGINT, SIGTERM] {
         signal_hook::flag::register(signal, Arc::clone(&stopped)).context("signal handler")?;
     }
     let began = Instant::now();
-    let mut player = Player::open(&args.log, options, 0)?;
+    let mut player = Player::open_with(&args.log, options, &order, 0)?;
     let mut lateness = Lateness::default();
     let mut screen = Screen::new()?;
     let now_ns = || i64::try_from(began.elapsed().as_nanos()).unwrap_or(i64::MAX);
@@ -173,6 +185,8 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
         wall_seconds: began.elapsed().as_secs_f64(),
         lateness: lateness.summary(),
         damaged,
+        order: order.kind(),
+        jumps_back: order.jumps_back,
     };
     if args.json {
         say_json(&summary)?
@@ -213,12 +227,13 @@ fn options(args: &Args) -> anyhow::Result<PlayOptions> {
     })
 }
 
-/// Fails if a robot is live on the network and the selected channels would drive it.
-fn reject_live_robot(url: &str, options: &PlayOptions) -> anyhow::Result<()> {
+/// Fails if a robot is live on the network and channels of the log that are selected would drive it.
+fn reject_live_robot(url: &str, options: &PlayOptions, order: &TimeOrder) -> anyhow::Result<()> {
     let PlayOptions { filter, rename, .. } = options;
+    let takes = |name: &str| order.has_channel(name) && filter.takes(name);
     let is_played = |name: &&str| {
-        let renamed = rename.iter().any(|(from, to)| to == name && filter.takes(from));
-        renamed || filter.takes(name) && !rename.contains_key(*name)
+        let renamed = rename.iter().any(|(from, to)| to == name && takes(from));
+        renamed || takes(name) && !rename.contains_key(*name)
     };
     let driving: Vec<&str> = DRIVING.into_iter().filter(is_played).collect();
     // Only UDP multicast networks have robots.
@@ -259,8 +274,8 @@ fn press(player: &mut Player, bus: &mut dyn Bus, key: &Key, now_ns: i64) -> anyh
 }
 
 fn text(summary: &Summary) -> String {
-    let Summary { log, events, wall_seconds, lateness: l, damaged } = summary;
-    let mut text = format!("{}: {events} messages in {wall_seconds:.2} s", log.display());
+    let Summary { log, events, wall_seconds, lateness: l, damaged, .. } = summary;
+    let mut text = format!("{}: {events} messages in {wall_seconds:.2} s", printable_path(log));
     if l.events > 0 {
         text += &format!(
             "\nlateness: p50 {:.0} us, p99 {:.0} us, p99.9 {:.0} us, maximum {:.0} us",

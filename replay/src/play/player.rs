@@ -1,11 +1,15 @@
 //! The next event of a log and its due time.
 
+use super::time_order::{OrderKind, OrderedEvents, TimeOrder};
 use super::times::{TimeBase, Times};
 use crate::Error;
-use crate::log::{Event, Events, Health, LogReader, RunClock};
+use crate::log::{Event, Health, RunClock};
 use crate::record::Filter;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
+
+/// Smallest step back in time that is a jump of the clock, ns.
+const JUMP_NS: i64 = 10_000_000;
 
 /// Options of a [`Player`].
 #[derive(Debug, Clone)]
@@ -45,12 +49,15 @@ impl Default for PlayOptions {
 /// Log time is in ns since the run's first tick, as [`RunClock`] defines it, so it is negative before that tick. The caller's time
 /// may come from any monotonic clock, in ns.
 ///
-/// Between two seeks every event is returned once, in log order, regardless of pauses, steps and speed changes.
+/// Between two seeks every event is returned once, in the order of [`TimeOrder`], regardless of pauses, steps and speed changes.
 pub struct Player {
     path: PathBuf,
     options: PlayOptions,
-    events: Events,
+    order: TimeOrder,
+    events: OrderedEvents,
     times: Times,
+    /// Sum of the jumps back in time so far, ns: later times are moved by it.
+    jumped_ns: i64,
     /// Log time zero in the clock that sets the pace, ns.
     origin_ns: i64,
     /// Log time of the first event, ns.
@@ -78,17 +85,28 @@ impl Player {
     /// # Errors
     /// Those of [`LogReader::open`]; [`Error::NoTicks`] if the pace is that of the ticks and there are none.
     pub fn open(path: impl AsRef<Path>, options: PlayOptions, now_ns: i64) -> Result<Self, Error> {
-        let path = path.as_ref();
+        let order = TimeOrder::of(path.as_ref())?;
+        Self::open_with(path.as_ref(), options, &order, now_ns)
+    }
+
+    /// As [`Player::open`], with the order of the log's times.
+    ///
+    /// # Errors
+    /// As [`Player::open`].
+    pub fn open_with(path: &Path, options: PlayOptions, order: &TimeOrder, now_ns: i64) -> Result<Self, Error> {
         let mut times = Times::new(path, options.base)?;
-        let first_ns = times.first(path)?.unwrap_or(0);
+        let sorted_ns = order.first_sorted_ns().filter(|_| options.base == TimeBase::Receive);
+        let first_ns = sorted_ns.or(times.first(path)?).unwrap_or(0);
         let origin_ns = times.zero(&RunClock::read(path)?).unwrap_or(first_ns);
         let begin_ns = first_ns.saturating_sub(origin_ns);
         let from_ns = options.from_ns.unwrap_or(begin_ns);
-        let events = LogReader::open(path)?.events();
+        let events = OrderedEvents::open(path, order)?;
         let mut player = Player {
             path: path.into(),
+            order: order.clone(),
             events,
             times,
+            jumped_ns: 0,
             origin_ns,
             begin_ns,
             from_ns,
@@ -226,7 +244,8 @@ impl Player {
     }
 
     fn go_back(&mut self) -> Result<(), Error> {
-        self.events = LogReader::open(&self.path)?.events();
+        self.events = OrderedEvents::open(&self.path, &self.order)?;
+        self.jumped_ns = 0;
         self.times = Times::new(&self.path, self.options.base)?;
         self.next = None;
         Ok(())
@@ -247,10 +266,16 @@ impl Player {
     /// Reads the next selected event. `from_ns`: due time of the previous one.
     fn read_on(&mut self, from_ns: i64) -> Result<(), Error> {
         self.next = None;
-        for event in self.events.by_ref() {
-            let event = event?;
+        while let Some(event) = self.events.next()? {
             let time_ns = self.times.of(&event);
-            let at_ns = time_ns.map_or(self.begin_ns, |time| time.saturating_sub(self.origin_ns)).max(from_ns);
+            let own_ns = time_ns.map_or(self.begin_ns, |time| time.saturating_sub(self.origin_ns));
+            let mut at_ns = own_ns.saturating_add(self.jumped_ns);
+            if self.order.kind() == OrderKind::JumpsBack && at_ns < from_ns.saturating_sub(JUMP_NS) {
+                // After a jump, time continues where it was.
+                self.jumped_ns = from_ns.saturating_sub(own_ns);
+                at_ns = from_ns;
+            }
+            let at_ns = at_ns.max(from_ns);
             if self.options.to_ns.is_some_and(|to| at_ns >= to) {
                 return Ok(());
             }
