@@ -66,7 +66,7 @@ impl<'a> FieldReader<'a> {
         let Some(wanted) = self.wanted.get(&**event.channel) else { return };
         let Some(ty) = self.types.of_message(event.channel, event.data) else { return };
         let (mut t_ns, mut name, mut values) = (event.t_ns, String::new(), Vec::with_capacity(wanted.len()));
-        let walked = ty.walk(event.data, |path, leaf| {
+        let walked = ty.walk_lenient(event.data, |path, leaf| {
             name.clear();
             let _ = write!(name, "{path}");
             if name == "t_ns" {

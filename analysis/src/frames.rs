@@ -3,20 +3,19 @@
 //! Columns are named by path, such as `q[3]` or `state.q[3]`. Types come by reflection from the stack or from the log (RUN_INFO), so channels of other
 //! projects are frames, too. Integers become `i64`, floats `f64`; booleans and strings stay. A field that a message does not have (arrays may differ in
 //! length) is null. The first column, `log_t_ns`, is the time of the message in the log.
+//!
+//! An array with more than 256 values in one message (images, point clouds) is one column of lists, named without indices: `data`, `points.x`.
 
-use std::collections::BTreeMap;
-use std::fmt::Write as _;
+use std::collections::{BTreeMap, BTreeSet};
 use std::fs::File;
 use std::path::{Path, PathBuf};
 
+use lcm_idl::Type;
 use lcm_idl::ast::FieldType;
-use lcm_idl::{Leaf, Type};
-use polars::prelude::{
-    Column, DataFrame, IdxCa, IntoColumn, KeyValueMetadata, NamedFrom, NewChunkedArray, ParquetWriter, PolarsError,
-    Series,
-};
+use polars::prelude::{Column, DataFrame, IdxCa, KeyValueMetadata, NewChunkedArray, ParquetWriter, PolarsError};
 use replay::log::{Health, LogReader, Types};
 
+use crate::frame_rows::Rows;
 use crate::{Error, Progress, Stage};
 
 /// Name of the column with the time of the message in the log, ns.
@@ -28,6 +27,7 @@ pub struct Frames {
     channels: BTreeMap<String, DataFrame>,
     units: BTreeMap<String, BTreeMap<String, String>>,
     unreadable: BTreeMap<String, u64>,
+    deviating: u64,
     health: Health,
 }
 
@@ -56,7 +56,7 @@ impl Frames {
         let mut tables: BTreeMap<String, Rows> = BTreeMap::new();
         let mut units = BTreeMap::new();
         let mut unreadable: BTreeMap<String, u64> = BTreeMap::new();
-        let (mut health, mut number) = (Health::default(), 0_u64);
+        let (mut health, mut number, mut deviating) = (Health::default(), 0_u64, 0);
         while let Some(item) = reader.read().map_err(log_error)? {
             let Some(event) = health.note(item) else { continue };
             if number.is_multiple_of(4096) {
@@ -71,6 +71,7 @@ impl Frames {
                 units.entry(event.channel.to_string()).or_insert_with(|| units_of(ty));
                 tables.entry(event.channel.to_string()).or_default().push(event.t_ns, ty, event.data)
             });
+            deviating += u64::from(read.is_some_and(|deviations| !deviations.is_none()));
             if read.is_none() {
                 *unreadable.entry(event.channel.to_string()).or_default() += 1;
             }
@@ -80,7 +81,13 @@ impl Frames {
             Ok(frame) => Ok((channel, frame)),
             Err(source) => Err(Error::Frame { channel, source }),
         };
-        Ok(Self { channels: tables.into_iter().map(frame).collect::<Result<_, _>>()?, units, unreadable, health })
+        Ok(Self {
+            channels: tables.into_iter().map(frame).collect::<Result<_, _>>()?,
+            units,
+            unreadable,
+            deviating,
+            health,
+        })
     }
 
     /// Names of the channels.
@@ -107,6 +114,11 @@ impl Frames {
     /// Number of messages per channel that could not be decoded.
     pub fn unreadable(&self) -> &BTreeMap<String, u64> {
         &self.unreadable
+    }
+
+    /// Number of messages that LCM decodes although they deviate from the format; they are in the frames.
+    pub fn deviating(&self) -> u64 {
+        self.deviating
     }
 
     /// Damage of the log.
@@ -189,12 +201,34 @@ impl Frames {
         std::fs::create_dir_all(dir).map_err(|source| Error::Write { path: dir.to_owned(), source })?;
         let mut files = Vec::new();
         let units: BTreeMap<String, _> = self.names().map(|name| (name.to_owned(), self.column_units(name))).collect();
+        let mut names = FileNames::default();
         for (channel, frame) in &mut self.channels {
-            let path = dir.join(format!("{}.parquet", channel.replace(['/', '\\'], "_")));
+            let path = dir.join(names.of(channel, "parquet"));
             write_parquet(frame, &units[channel], &path, channel)?;
             files.push(path);
         }
         Ok(files)
+    }
+}
+
+/// Names of the files of channels: without separators, never equal.
+#[derive(Debug, Default)]
+pub(crate) struct FileNames(BTreeSet<String>);
+
+impl FileNames {
+    /// The file name of a channel. A second channel that would get the same name gets a number.
+    pub fn of(&mut self, channel: &str, ending: &str) -> String {
+        // File systems allow 255 bytes, and some do not distinguish case.
+        let plain = |c: char| if c.is_control() || matches!(c, '/' | '\\' | ':') { '_' } else { c };
+        let mut base: String = replay::printable(channel).chars().map(plain).collect();
+        while base.len() > 200 {
+            base.pop();
+        }
+        let numbered = (2..).map(|n| format!("{base}_{n}"));
+        let name = std::iter::once(base.clone()).chain(numbered).find(|name| !self.0.contains(&name.to_lowercase()));
+        let name = name.unwrap_or_default();
+        self.0.insert(name.to_lowercase());
+        format!("{name}.{ending}")
     }
 }
 
@@ -244,103 +278,6 @@ fn units_of(ty: Type<'_>) -> BTreeMap<String, String> {
         }
     }
     units
-}
-
-/// The messages of one channel, column by column.
-#[derive(Default)]
-struct Rows {
-    log_times: Vec<i64>,
-    names: Vec<String>,
-    columns: Vec<Values>,
-}
-
-enum Values {
-    Integers(Vec<Option<i64>>),
-    Floats(Vec<Option<f64>>),
-    Flags(Vec<Option<bool>>),
-    Texts(Vec<Option<String>>),
-}
-
-impl Rows {
-    /// Appends a message; `None` if it cannot be decoded, and nothing is appended then.
-    fn push(&mut self, log_t_ns: i64, ty: Type<'_>, message: &[u8]) -> Option<()> {
-        // Decode once without effect, so that an incomplete message does not append a part of a row.
-        ty.walk(message, |_, _| ()).ok()?;
-        let row = self.log_times.len();
-        let mut cursor = 0;
-        let mut name = String::new();
-        let walked = ty.walk(message, |path, leaf| {
-            name.clear();
-            let _ = write!(name, "{path}");
-            let at = self.column(cursor, &name, leaf);
-            self.columns[at].set(row, leaf);
-            cursor = at + 1;
-        });
-        self.log_times.push(log_t_ns);
-        walked.ok()
-    }
-
-    /// Index of a column, added if missing. Fields have the same order in most messages, so the next column is tried first.
-    fn column(&mut self, cursor: usize, name: &str, leaf: Leaf<'_>) -> usize {
-        if self.names.get(cursor).is_some_and(|next| next == name) {
-            return cursor;
-        }
-        self.names.iter().position(|known| known == name).unwrap_or_else(|| {
-            let at = cursor.min(self.names.len());
-            self.names.insert(at, name.to_owned());
-            self.columns.insert(at, Values::like(leaf));
-            at
-        })
-    }
-
-    fn into_frame(self) -> Result<DataFrame, PolarsError> {
-        let rows = self.log_times.len();
-        let mut columns = vec![Series::new(LOG_TIME.into(), self.log_times).into_column()];
-        for (name, values) in self.names.into_iter().zip(self.columns) {
-            columns.push(values.into_column(&name, rows));
-        }
-        DataFrame::new(rows, columns)
-    }
-}
-
-impl Values {
-    fn like(leaf: Leaf<'_>) -> Self {
-        match leaf {
-            Leaf::Float(_) | Leaf::Double(_) => Self::Floats(Vec::new()),
-            Leaf::Boolean(_) => Self::Flags(Vec::new()),
-            Leaf::String(_) => Self::Texts(Vec::new()),
-            _ => Self::Integers(Vec::new()),
-        }
-    }
-
-    /// Sets the value of a row. Rows since the last one set are null. A channel has one type, so the kinds of values are equal.
-    fn set(&mut self, row: usize, leaf: Leaf<'_>) {
-        match self {
-            Self::Integers(values) => put(values, row, leaf.as_i64()),
-            Self::Floats(values) => put(values, row, leaf.as_f64()),
-            Self::Flags(values) => put(values, row, leaf.as_i64().map(|v| v != 0)),
-            Self::Texts(values) => put(values, row, leaf.as_str().map(str::to_owned)),
-        }
-    }
-
-    fn into_column(self, name: &str, rows: usize) -> Column {
-        match self {
-            Self::Integers(values) => Series::new(name.into(), filled(values, rows)).into_column(),
-            Self::Floats(values) => Series::new(name.into(), filled(values, rows)).into_column(),
-            Self::Flags(values) => Series::new(name.into(), filled(values, rows)).into_column(),
-            Self::Texts(values) => Series::new(name.into(), filled(values, rows)).into_column(),
-        }
-    }
-}
-
-fn put<T>(values: &mut Vec<Option<T>>, row: usize, value: Option<T>) {
-    values.resize_with(row, || None);
-    values.push(value);
-}
-
-fn filled<T>(mut values: Vec<Option<T>>, rows: usize) -> Vec<Option<T>> {
-    values.resize_with(rows, || None);
-    values
 }
 
 /// Times of the rows, ns: `t_ns` of the message, or the time of the log if it has none.

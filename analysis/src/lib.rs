@@ -44,6 +44,7 @@ pub mod tables;
 pub mod timeline;
 
 mod error;
+mod frame_rows;
 mod html;
 mod report;
 

@@ -210,9 +210,10 @@ fn losses(run: &Run) -> Vec<TimelineEntry> {
         let [before, after] = pair else { continue };
         if after.t_s - before.t_s > longest {
             let missing = (((after.t_s - before.t_s) / run.period_s()).round() as i64).saturating_sub(1);
-            if after.follows(before) {
+            if after.follows(before, run.stride) {
                 let timings = before.timing.as_ref().zip(after.timing.as_ref());
-                let n_skipped = timings.map_or(missing, |(t0, t1)| skipped(t0, t1, run.period_s() * 1e6) as i64);
+                let n_skipped =
+                    timings.map_or(missing, |(t0, t1)| skipped(t0, t1, run.control_period_s() * 1e6) as i64);
                 let describe = |n: i64| format!("{n} ticks skipped: the previous tick or the wake-up was late");
                 if n_skipped > 0 {
                     add(before, EntryKind::Deadline, n_skipped, &describe, &mut skipped_burst);

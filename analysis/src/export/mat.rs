@@ -1,8 +1,8 @@
 //! Uncompressed MATLAB files of Level 5, readable by MATLAB, Octave and scipy without a toolbox.
 //!
 //! A channel is a struct with the fields of the message, nested structs included, and `log_t_ns`. A field of n messages is a matrix of n rows: `q` of 12
-//! joints is n x 12, `f_F_W[4][3]` is n x 4 x 3; strings are cells. Integers are int64, booleans logical. Missing values (arrays may differ in length) are
-//! NaN, and the field is double then.
+//! joints is n x 12, `f_F_W[4][3]` is n x 4 x 3, and a list of at most m values is n x m; strings are cells. Integers are int64, booleans logical. Missing
+//! values (arrays may differ in length) are NaN, and the field is double then; integers that a double cannot hold are counted.
 //!
 //! This writer is our own: the crates of pure Rust that were found either only read MAT files (matfile 0.5) or write the current time into the file
 //! (matrw 0.1), so that equal logs would not give equal bytes.
@@ -12,18 +12,18 @@
 use std::io::Write;
 use std::path::Path;
 
-use polars::prelude::{Column, DataType};
+use polars::prelude::{AnyValue, Column, DataType, IntoColumn, Series};
 
 use crate::{Error, Frames};
 
 const MI_INT8: u32 = 1;
 const MI_UINT8: u32 = 2;
-const MI_UINT16: u32 = 4;
 const MI_INT32: u32 = 5;
 const MI_UINT32: u32 = 6;
 const MI_DOUBLE: u32 = 9;
 const MI_INT64: u32 = 12;
 const MI_MATRIX: u32 = 14;
+const MI_UTF8: u32 = 16;
 
 const CELL: u32 = 1;
 const STRUCT: u32 = 2;
@@ -37,8 +37,8 @@ const LOGICAL: u32 = 0x200;
 /// Length of a name with its terminating NUL.
 const NAME: usize = 64;
 
-/// Writes each frame as a variable with the name of its channel.
-pub(super) fn write(path: &Path, frames: &mut Frames) -> Result<(), Error> {
+/// Writes each frame as a variable with the name of its channel. Returns the number of integers that were rounded.
+pub(super) fn write(path: &Path, frames: &mut Frames) -> Result<u64, Error> {
     let io = |source| Error::Write { path: path.to_owned(), source };
     let file = std::fs::File::create(path).map_err(io)?;
     let mut out = std::io::BufWriter::new(file);
@@ -48,7 +48,7 @@ pub(super) fn write(path: &Path, frames: &mut Frames) -> Result<(), Error> {
     header[116..124].fill(0);
     header[124..128].copy_from_slice(&[0, 1, b'I', b'M']);
     out.write_all(&header).map_err(io)?;
-    let mut names = Vec::new();
+    let (mut names, mut rounded) = (Vec::new(), 0);
     for (channel, frame) in frames.frames_mut() {
         let too_large = || Error::TooLarge { path: path.to_owned(), channel: channel.to_owned() };
         let mut root = Struct::default();
@@ -57,10 +57,11 @@ pub(super) fn write(path: &Path, frames: &mut Frames) -> Result<(), Error> {
             root.field(&fields).parts.push((indices, column.clone()));
         }
         let name = name(channel, &mut names);
-        let matrix = root.matrix(&name, frame.height()).ok_or_else(too_large)?;
+        let matrix = root.matrix(&name, frame.height(), &mut rounded).ok_or_else(too_large)?;
         out.write_all(&matrix).map_err(io)?;
     }
-    out.flush().map_err(io)
+    out.flush().map_err(io)?;
+    Ok(rounded)
 }
 
 /// Splits a path: `state.legs[2].q[3]` has the fields `state`, `legs`, `q` and the indices 2, 3.
@@ -123,7 +124,7 @@ impl Struct {
     }
 
     /// `None` if an element exceeds the size limit of the format.
-    fn matrix(&self, called: &str, rows: usize) -> Option<Vec<u8>> {
+    fn matrix(&self, called: &str, rows: usize, rounded: &mut u64) -> Option<Vec<u8>> {
         let mut body = head(STRUCT, &[1, 1], called)?;
         let mut used = Vec::new();
         let names: Vec<String> = self.fields.iter().map(|(field, _)| name(field, &mut used)).collect();
@@ -136,8 +137,8 @@ impl Struct {
         element(&mut body, MI_INT8, &table)?;
         for (_, node) in &self.fields {
             body.extend(match node {
-                Node::Inner(inner) => inner.matrix("", rows)?,
-                Node::Field(field) => field.matrix(rows)?,
+                Node::Inner(inner) => inner.matrix("", rows, rounded)?,
+                Node::Field(field) => field.matrix(rows, rounded)?,
             });
         }
         wrapped(&body)
@@ -145,7 +146,12 @@ impl Struct {
 }
 
 impl Field {
-    fn matrix(&self, rows: usize) -> Option<Vec<u8>> {
+    fn matrix(&self, rows: usize, rounded: &mut u64) -> Option<Vec<u8>> {
+        if let Some((_, column)) = self.parts.first()
+            && column.list().is_ok()
+        {
+            return Field { parts: columns_of(column)? }.matrix(rows, rounded);
+        }
         let levels = self.parts.iter().map(|(place, _)| place.len()).max().unwrap_or(0);
         let extent =
             |level: usize| self.parts.iter().filter_map(|(place, _)| place.get(level)).max().map_or(1, |&n| n + 1);
@@ -200,6 +206,10 @@ impl Field {
             _ => {
                 let mut data = f64::NAN.to_le_bytes().repeat(rows * columns);
                 for (indices, column) in &self.parts {
+                    if let Ok(integers) = column.i64() {
+                        *rounded +=
+                            integers.iter().flatten().filter(|&v| v as f64 as i128 != i128::from(v)).count() as u64;
+                    }
                     let column = column.cast(&DataType::Float64).ok()?;
                     let target = &mut data[place(indices) * rows * 8..];
                     for (slot, value) in target.chunks_exact_mut(8).zip(column.f64().ok()?.iter()) {
@@ -212,6 +222,23 @@ impl Field {
     }
 }
 
+/// The columns of a column of lists: one for each place in the longest list.
+fn columns_of(column: &Column) -> Option<Vec<(Vec<usize>, Column)>> {
+    let lists = column.list().ok()?;
+    let lists: Vec<Option<Series>> = (0..lists.len()).map(|row| lists.get_as_series(row)).collect();
+    let longest = lists.iter().flatten().map(|list| list.len()).max().unwrap_or(0);
+    let place = |index: usize| {
+        let values: Vec<AnyValue<'_>> = lists
+            .iter()
+            .map(|list| list.as_ref().and_then(|list| list.get(index).ok()).unwrap_or(AnyValue::Null))
+            .collect();
+        let inner = column.dtype().inner_dtype()?;
+        let series = Series::from_any_values_and_dtype(column.name().clone(), &values, inner, true).ok()?;
+        Some((vec![index], series.into_column()))
+    };
+    (0..longest).map(place).collect()
+}
+
 fn numbers(class: u32, kind: u32, dims: &[usize], data: &[u8]) -> Option<Vec<u8>> {
     let mut body = head(class, dims, "")?;
     element(&mut body, kind, data)?;
@@ -221,10 +248,9 @@ fn numbers(class: u32, kind: u32, dims: &[usize], data: &[u8]) -> Option<Vec<u8>
 fn cells(dims: &[usize], texts: &[String]) -> Option<Vec<u8>> {
     let mut body = head(CELL, dims, "")?;
     for text in texts {
-        let units: Vec<u8> = text.encode_utf16().flat_map(u16::to_le_bytes).collect();
-        let length = units.len() / 2;
+        let length = text.chars().count();
         let mut cell = head(CHAR, &[usize::from(length > 0), length], "")?;
-        element(&mut cell, MI_UINT16, &units)?;
+        element(&mut cell, MI_UTF8, text.as_bytes())?;
         body.extend(wrapped(&cell)?);
     }
     wrapped(&body)

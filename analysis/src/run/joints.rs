@@ -9,7 +9,7 @@ const SIGNALS: usize = 3;
 
 /// Joint signals of all ticks, in the order of the URDF.
 ///
-/// Values are `f32`, which has more bits than an encoder: ten minutes of twelve joints take 170 MB.
+/// Values are `f32`, which has more bits than an encoder: 600,000 ticks of twelve joints take 170 MB.
 #[derive(Clone, Debug, Default)]
 pub struct Joints {
     /// Names from the URDF if it has as many movable joints as the messages, else `joint 0`, `joint 1`, …
@@ -34,7 +34,7 @@ pub struct JointSample {
 pub(super) struct Rows {
     /// Joints per row; `None` before the first row.
     joints: Option<usize>,
-    values: Vec<f32>,
+    pub(super) values: Vec<f32>,
 }
 
 impl Joints {
@@ -60,6 +60,11 @@ impl Joints {
 }
 
 impl Rows {
+    /// Values per row.
+    pub(super) fn width(&self) -> usize {
+        SIGNALS * self.joints.unwrap_or(0)
+    }
+
     /// Appends a state and returns its row; the error is the reason why it is rejected.
     pub fn push_state(&mut self, m: &RobotState) -> Result<u32, String> {
         self.push([&m.q, &m.qd, &m.tau])

@@ -5,6 +5,7 @@
 
 mod joints;
 mod read;
+mod thin;
 mod tick;
 
 use std::collections::BTreeMap;
@@ -59,6 +60,10 @@ pub struct Run {
     pub channels: BTreeMap<String, u64>,
     /// Remarks: damage, messages that could not be decoded, a rejected URDF, a second run in the same log.
     pub notes: Vec<String>,
+    /// Step between the ticks, in control periods: 1, or a power of two for a long log.
+    pub stride: i64,
+    /// Control period of a run whose ticks are not all in `ticks`, ns; else 0.
+    pub(crate) control_period_ns: i64,
 }
 
 impl Run {
@@ -108,9 +113,14 @@ impl Run {
         self.end_s() - self.begin_s()
     }
 
-    /// Median time between ticks, s; 0 for one tick.
+    /// Median time between the ticks in `ticks`, s; 0 for one tick.
     pub fn period_s(&self) -> f64 {
         read::period_ns(&self.ticks) as f64 / 1e9
+    }
+
+    /// Control period, s; 0 for one tick.
+    pub fn control_period_s(&self) -> f64 {
+        if self.stride > 1 { self.control_period_ns as f64 / 1e9 } else { self.period_s() }
     }
 
     /// True if the log has a message on the channel.

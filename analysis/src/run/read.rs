@@ -12,10 +12,14 @@ use replay::log::{Health, LogReader, RunClockFinder};
 use sha2::{Digest, Sha256};
 
 use super::joints::Rows;
+use super::thin::Thinning;
 use super::{Consumed, Joints, Run, TICK_CHANNELS, Tick, Truth};
 use crate::fields::{Field, FieldReader};
 use crate::robot::Robot;
 use crate::{Error, Progress, Stage};
+
+/// Ticks out of order that are kept.
+const MAX_STRAY: usize = 100_000;
 
 /// Result of a message.
 enum Taken {
@@ -26,17 +30,18 @@ enum Taken {
 
 /// Messages read so far.
 #[derive(Default)]
-struct Gathered {
+pub(super) struct Gathered {
     info: Option<RunInfo>,
     events: Vec<lcmtypes::Event>,
     /// In the order of time.
-    ticks: Vec<Tick>,
+    pub(super) ticks: Vec<Tick>,
     /// Ticks with messages after those of later ticks.
-    stray: Vec<Tick>,
-    truth: Vec<Truth>,
-    joints: Joints,
+    pub(super) stray: Vec<Tick>,
+    pub(super) truth: Vec<Truth>,
+    pub(super) joints: Joints,
     /// Joint states by the clock of the driver: time and row. Used for a log without CONTROLLER_INPUT.
-    raw: (Vec<(i64, u32)>, Rows),
+    pub(super) raw: (Vec<(i64, u32)>, Rows),
+    pub(super) thinning: Thinning,
 }
 
 pub(super) fn read(path: &Path, fields: &[Field], progress: &mut dyn FnMut(Progress)) -> Result<Run, Error> {
@@ -56,6 +61,7 @@ pub(super) fn read(path: &Path, fields: &[Field], progress: &mut dyn FnMut(Progr
             progress(Progress { stage: Stage::Read, done: event.offset, total });
         }
         clock.see(&event);
+        gathered.bound_memory();
         match gathered.take(event.channel, event.data) {
             Ok(Taken::Yes) => {
                 field_reader.take(&event);
@@ -89,6 +95,8 @@ pub(super) fn read(path: &Path, fields: &[Field], progress: &mut dyn FnMut(Progr
         notes.push(format!("{count} messages on {channel} could not be decoded; the first: {why}"));
     }
     let clock = clock.clock();
+    let stride = gathered.thinning.step.max(1);
+    let control_period_ns = gathered.thinning.period_ns;
     let (ticks, mut joints, info, events) = gathered.join(clock.first_tick_ns());
     let Some(first_tick_ns) = clock.first_tick_ns().or(ticks.first().map(|tick| tick.t_ns)) else {
         return Err(Error::NothingToReport {
@@ -97,6 +105,12 @@ pub(super) fn read(path: &Path, fields: &[Field], progress: &mut dyn FnMut(Progr
             expected: TICK_CHANNELS.join(", "),
         });
     };
+    if stride > 1 {
+        let count = ticks.len();
+        notes.push(format!(
+            "a long log: figures and tables use {count} ticks, one in {stride}; extremes between them are not shown"
+        ));
+    }
     let robot = info.as_ref().and_then(|info| {
         if info.urdf.is_empty() {
             return None;
@@ -124,6 +138,8 @@ pub(super) fn read(path: &Path, fields: &[Field], progress: &mut dyn FnMut(Progr
         fields,
         channels,
         notes,
+        stride,
+        control_period_ns,
     })
 }
 
@@ -186,8 +202,13 @@ impl Gathered {
             }
             "ROBOT_STATE" => {
                 let m = decode::<RobotState>(data)?;
-                let row = self.raw.1.push_state(&m)?;
-                self.raw.0.push((m.t_ns, row));
+                // Only for a log without CONTROLLER_INPUT.
+                if self.joints.measured.values.is_empty() {
+                    let row = self.raw.1.push_state(&m)?;
+                    self.raw.0.push((m.t_ns, row));
+                } else {
+                    self.raw = Default::default();
+                }
             }
             "GROUND_TRUTH" => {
                 let message = decode::<GroundTruth>(data)?;
@@ -202,6 +223,10 @@ impl Gathered {
     /// The tick at a time, added if missing.
     fn at(&mut self, t_ns: i64) -> &mut Tick {
         let fresh = || Tick { t_ns, ..Tick::default() };
+        if self.thinning.is_past(&self.ticks, t_ns) && self.ticks.binary_search_by_key(&t_ns, |tick| tick.t_ns).is_err()
+        {
+            return &mut self.thinning.scratch;
+        }
         let last = self.ticks.last().map(|tick| tick.t_ns);
         if last.is_none_or(|last| last < t_ns) {
             self.ticks.push(fresh());
@@ -212,6 +237,7 @@ impl Gathered {
         }
         match self.ticks.binary_search_by_key(&t_ns, |tick| tick.t_ns) {
             Ok(found) => &mut self.ticks[found],
+            Err(_) if self.stray.len() >= MAX_STRAY => &mut self.thinning.scratch,
             Err(_) => {
                 self.stray.push(fresh());
                 let end = self.stray.len() - 1;
@@ -223,6 +249,7 @@ impl Gathered {
     /// Ticks at the times of all messages of the controller, or at the times of ground truth if there are none. Their `t_s` is relative to `first_tick_ns`,
     /// or to the first of them if it is `None`.
     fn join(mut self, first_tick_ns: Option<i64>) -> (Vec<Tick>, Joints, Option<RunInfo>, Vec<lcmtypes::Event>) {
+        self.thin(0);
         self.truth.sort_by_key(|m| m.t_ns);
         let mut ticks = self.ticks;
         if ticks.is_empty() && self.stray.is_empty() {
@@ -241,7 +268,8 @@ impl Gathered {
             });
         }
         let t0_ns = first_tick_ns.or(ticks.first().map(|tick| tick.t_ns)).unwrap_or(0);
-        let tolerance_ns = period_ns(&ticks) / 2;
+        let known = Some(self.thinning.period_ns).filter(|period_ns| *period_ns > 0);
+        let tolerance_ns = known.unwrap_or_else(|| period_ns(&ticks)) / 2;
         let consumed = ticks.iter().any(|tick| tick.joint_rows[0].is_some());
         let (mut raw, rows) = self.raw;
         raw.sort_unstable();
