@@ -4,7 +4,7 @@
 mod common;
 
 use replay::Error;
-use replay::log::{CopyOptions, CopyReport, Item, LogReader, LogWriter, Types, copy, merge, verify};
+use replay::log::{CopyOptions, CopyReport, Item, ItemRef, LogReader, LogWriter, Types, copy, merge, verify};
 use std::path::{Path, PathBuf};
 
 const MAGIC: &[u8] = b"\x89MCAP0\r\n";
@@ -91,6 +91,20 @@ fn schemas_channels_and_messages_can_stand_between_chunks() {
     let between = [message(1, 1, 6, b"b"), channel(2, "/b", b""), message(2, 2, 7, b"c")].concat();
     let last = chunk(&[message(2, 3, 8, b"d"), message(1, 4, 9, b"e")].concat(), b"");
     assert_eq!(numbers(file(&[first, between, last, message(2, 5, 10, b"f")], b"")), [0, 1, 2, 3, 4, 5]);
+}
+
+/// The summary repeats the channel, but not its schema.
+#[test]
+fn a_summary_without_schemas_takes_none_away() {
+    let header = record(1, &[text("ros2"), text("another writer")].concat(), b"");
+    let data = [schema(b""), channel(1, "/a", b""), message(1, 0, 5, b"a"), record(15, &[0; 4], b"")].concat();
+    let summary_at = (MAGIC.len() + header.len() + data.len()) as u64;
+    let footer = record(2, &[&summary_at.to_le_bytes()[..], &[0; 12]].concat(), b"");
+    let bytes = [MAGIC, &header, &data, &channel(1, "/a", b""), &footer, MAGIC].concat();
+    let mut reader = LogReader::from_bytes("summary.mcap", bytes).unwrap();
+    let Some(ItemRef::Event(event)) = reader.read().unwrap() else { panic!("no event") };
+    assert_eq!(event.schema().unwrap().name, "pkg/msg/Pose");
+    assert!(reader.read().unwrap().is_none());
 }
 
 /// A message of 18 zero bytes has the layout of an empty chunk.

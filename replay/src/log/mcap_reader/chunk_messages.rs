@@ -110,7 +110,11 @@ impl McapReader {
         }
         file.schema = self.schemas.get(&schema_id).map(Arc::clone);
         file.topic = self.names.intern(&file.topic);
-        let is_known = self.channels[id].as_ref().is_some_and(|known| !replace || *known.file == file);
+        // A summary can repeat a channel without its schema, which then comes from the data.
+        let is_known = self.channels[id].as_ref().is_some_and(|known| {
+            let adds_schema = known.file.schema.is_none() && file.schema.is_some();
+            !replace && !adds_schema || *known.file == file
+        });
         if !is_known {
             let high = file.metadata.get(NUMBER_HIGH).and_then(|high| high.parse::<i32>().ok());
             let is_named = file.message_encoding == "lcm" && file.metadata.contains_key(NAMED);
