@@ -37,6 +37,11 @@ install_packages() {
     command -v cc >/dev/null || missing+=(gcc libc6-dev)
     liblcm_present || missing+=(liblcm-dev)
     command -v lcm-logger >/dev/null || missing+=(liblcm-bin)
+    # Compilers and interpreters for the stock LCM code in tests/stock.
+    command -v g++ >/dev/null || missing+=(g++)
+    command -v lua5.2 >/dev/null || missing+=(lua5.2)
+    command -v python3 >/dev/null || missing+=(python3)
+    [ -f /usr/share/java/lcm.jar ] || missing+=(liblcm-java)
     pkg-config --exists libudev 2>/dev/null || missing+=(pkg-config libudev-dev)
     command -v ip >/dev/null || missing+=(iproute2)
     command -v valgrind >/dev/null || missing+=(valgrind)
