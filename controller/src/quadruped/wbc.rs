@@ -19,6 +19,7 @@ use super::reference::References;
 use super::robot::Robot;
 use super::state::State;
 use super::tasks::Tasks;
+use super::timing::Timing;
 use super::trunk::TrunkReference;
 use crate::error::LoadError;
 use crate::math::quaternion;
@@ -269,9 +270,10 @@ impl Wbc {
         let n = estimate.n_W;
         let t1 = Vector3::y().cross(&n).normalize();
         let t2 = n.cross(&t1);
+        let timing = Timing::of(state, params);
         for leg in Leg::ALL {
             let (row, col) = (ROWS_FC * leg as usize, nv + 3 * leg as usize);
-            self.f_z_bounds[leg] = force_bounds(state, params, estimate.M[(0, 0)], leg);
+            self.f_z_bounds[leg] = force_bounds(state, params, &timing, estimate.M[(0, 0)], leg);
             let carries = wanted && carries(state, leg);
             let rows = [-n, t1 - n * c, -t1 - n * c, t2 - n * c, -t2 - n * c];
             for (i, direction) in rows.iter().enumerate() {
