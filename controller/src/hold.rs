@@ -40,7 +40,8 @@ impl Hold {
         let digest_parameters = parameters_digest(params);
         let params = Params::from_toml(params, "parameters")?;
         let RobotConfig { name, urdf: file, posture, .. } = &params.robot;
-        let model = Model::new(&UrdfTree::parse(urdf, file)?, Base::Floating)?;
+        let mut model = Model::new(&UrdfTree::parse(urdf, file)?, Base::Floating)?;
+        params.robot.limit_drives(&mut model)?;
         let of_posture = |joint: &JointInfo| {
             let what = || format!("joint {} is missing in robot.posture", joint.name);
             posture.get(&joint.name).copied().ok_or_else(|| LoadError::Robot { robot: name.clone(), what: what() })

@@ -146,3 +146,17 @@ fn bias_acceleration_of_the_contact_points_is_the_derivative_of_j_v() {
         }
     }
 }
+
+#[test]
+fn only_the_part_of_a_velocity_error_above_the_threshold_moves_the_footholds() {
+    let (mut params, robot) = hyq();
+    params.recovery.capture_threshold = 0.1;
+    let mut state = State::new(robot.nj());
+    let time = (robot.nominal_height / controller::model::GRAVITY).sqrt();
+    state.v_H_des = [0.3, 0.0];
+    for (error, moved) in [([0.06, -0.08], [0.0; 2]), ([0.0, 0.3], [0.0, 0.2]), ([-0.3, -0.4], [-0.24, -0.32])] {
+        state.v_H_est = [state.v_H_des[0] + error[0], error[1]];
+        let shift = controller::quadruped::recovery::capture(&robot, &params, &state);
+        assert!((0..2).all(|k| (shift[k] - time * moved[k]).abs() < 1e-12), "{error:?}: {shift:?}");
+    }
+}

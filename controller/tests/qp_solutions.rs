@@ -2,7 +2,7 @@
 //!
 //! The programs are not stored. They are built from seeded states, and a digest shows whether they are still the programs that were
 //! solved. `QP_DUMP=FILE` writes them to a file for the script.
-#![allow(non_snake_case, clippy::unwrap_used, missing_docs)]
+#![allow(clippy::disallowed_methods, non_snake_case, clippy::unwrap_used, missing_docs)]
 
 mod common;
 
@@ -18,6 +18,7 @@ use controller::quadruped::robot::Robot;
 use controller::quadruped::state::{Mode, State};
 use controller::quadruped::trunk::TrunkReference;
 use controller::quadruped::wbc::Wbc;
+use controller::stack::S1;
 use nalgebra::DVector;
 use serde_json::{Value, json};
 
@@ -39,7 +40,10 @@ struct Solved {
 fn programs(solver: &str, tolerance: &str) -> Vec<Solved> {
     // Friction as in the source: with the default, a constraint of one program is so close to active that Clarabel's count is ambiguous.
     let solver = format!("\"{solver}\"");
-    let overrides = [("qp.solver", &*solver), ("wbc.tolerance", tolerance), ("wbc.friction", "0.8")];
+    // The stored programs have no torque limits.
+    let formula = format!("{:?}", S1.replace(" << torque_limits", ""));
+    let overrides =
+        [("qp.solver", &*solver), ("wbc.tolerance", tolerance), ("wbc.friction", "0.8"), ("stack.formula", &formula)];
     let params = Params::from_toml(&params_with(&overrides), "hyq.toml").unwrap();
     let robot = Robot::new(URDF, &params.robot).unwrap();
     let (mut estimate, mut wbc) = (Estimate::new(&robot), Wbc::new(&robot, &params).unwrap());

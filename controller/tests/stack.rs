@@ -210,7 +210,7 @@ fn an_infeasible_program_is_explained_by_the_names_of_its_constraints() {
         assert_eq!((wbc.info.status, wbc.explain(&robot)), (QpStatus::Solved, None));
 
         // The normal force of LH is at least 20 N by its row, and at most 15 N by its bound.
-        let bound = wbc.stack.levels[tampered].qp.n() - 4;
+        let bound = robot.model.nv() + 8;
         wbc.stack.levels[tampered].qp.upper[bound] = 0.15;
         wbc.solve(&estimate, &state);
         assert_eq!((wbc.info.status, wbc.solved()), (QpStatus::Infeasible, tampered > 0));

@@ -130,7 +130,7 @@ fn accelerations(tasks: &[Rows]) -> anyhow::Result<DVector<f64>> {
     let levels =
         tasks.iter().enumerate().map(|(task, rows)| vec![Term { task, weight: 1.0, takes: vec![true; rows.len()] }]);
     let regularization = DVector::from_element(nv, REGULARIZATION);
-    let mut stack = Cascade::new(levels.collect(), &pattern, regularization, nv, &Solver::Shared(100));
+    let mut stack = Cascade::new(levels.collect(), &pattern, regularization, nv, None, &Solver::Shared(100));
     stack.build(tasks);
     stack.solve(tasks);
     let last = &stack.levels[tasks.len() - 1];

@@ -1,5 +1,6 @@
 //! The model: one array of movable bodies; links behind fixed joints are merged into them and stay available as frames.
 
+use super::drive::DriveLimits;
 use nalgebra::{Matrix3, Vector3};
 
 use super::error::{ModelError, ModelWarning, near_names};
@@ -57,6 +58,8 @@ pub struct JointInfo {
     pub effort: f64,
     /// Largest speed, rad/s or m/s.
     pub velocity: f64,
+    /// Limits of the drive that depend on the speed; a URDF has none. See [`JointInfo::torque_range`].
+    pub drive: DriveLimits,
     /// Viscous friction, N m s/rad or N s/m. Not part of `h`: the robot's drives compensate it, and the simulator applies it.
     pub damping: f64,
 }
@@ -140,6 +143,7 @@ impl Model {
                 upper,
                 effort,
                 velocity,
+                drive: DriveLimits::default(),
                 damping: joint.damping,
             });
         }

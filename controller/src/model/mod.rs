@@ -22,6 +22,7 @@
 
 mod bodies;
 mod centroidal;
+mod drive;
 mod dynamics;
 mod error;
 pub mod eval;
@@ -43,6 +44,7 @@ pub use bodies::{Base, FrameId, GRAVITY, JointId, JointInfo, Model};
 pub use centroidal::{
     centroidal_momentum, centroidal_momentum_matrix, com, com_bias_acceleration, com_jacobian, com_velocity,
 };
+pub use drive::DriveLimits;
 pub use dynamics::{RneaScratch, bias_force, gravity_force, mass_matrix, rnea};
 pub use error::{ModelError, ModelWarning};
 pub use jacobian::{

@@ -2,6 +2,7 @@
 
 use super::exact::array;
 use super::range::{Bound, range};
+use crate::model::{DriveLimits, Model, ModelError};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 
@@ -25,6 +26,10 @@ pub struct RobotConfig {
     /// Posture in which the robot lies on the ground without torque: joint name -> rad. If empty, the robot lies on its folded legs.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     pub lying: BTreeMap<String, f64>,
+    /// Limits of the drives that depend on the speed: joint name -> power, W, and velocities, rad/s. A joint that is left out has only the effort of the
+    /// URDF.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    pub drives: BTreeMap<String, DriveLimits>,
     /// Resolution of the simulated sensors.
     #[serde(default)]
     pub sensors: SensorParams,
@@ -70,6 +75,7 @@ impl RobotConfig {
         Bound::new("robot.foot_radius", range!(0.001, 1), "m"),
         Bound::new("robot.posture", range!(-12.6, 12.6), "rad or m"),
         Bound::new("robot.lying", range!(-12.6, 12.6), "rad or m"),
+        Bound::new("robot.drives", range!(0.001, 1000000), "W, rad/s or m/s"),
         Bound::new("robot.sensors.position", range!(0, 1), "rad"),
         Bound::new("robot.sensors.velocity", range!(0, 10), "rad/s"),
         Bound::new("robot.sensors.torque", range!(0, 100), "N m"),
@@ -77,4 +83,16 @@ impl RobotConfig {
         Bound::new("robot.sensors.gyro", range!(0, 10), "rad/s"),
         Bound::new("robot.sensors.acceleration", range!(0, 10), "m/s²"),
     ];
+
+    /// Gives the joints of a model the limits of [`RobotConfig::drives`].
+    ///
+    /// # Errors
+    /// A joint that the model does not have.
+    pub fn limit_drives(&self, model: &mut Model) -> Result<(), ModelError> {
+        for (name, limits) in &self.drives {
+            let joint = model.joint(name)?.index();
+            model.joints[joint].drive = *limits;
+        }
+        Ok(())
+    }
 }

@@ -95,7 +95,12 @@ impl Params {
                 return Err(ParamsError::OutOfRange { key: bound.key, found, expected: bound.text() });
             }
         }
-        let Params { wbc, contact, .. } = self;
+        let Params { robot, wbc, contact, .. } = self;
+        for (joint, drive) in &robot.drives {
+            let (rated, no_load) = (drive.rated_velocity, drive.no_load_velocity);
+            let relation = format!("{joint:?}: rated_velocity less than no_load_velocity");
+            less("robot.drives", rated < no_load || rated == f64::INFINITY, rated, &relation, no_load)?;
+        }
         less("wbc.f_z_min", wbc.f_z_min < wbc.f_z_max, wbc.f_z_min, "less than wbc.f_z_max", wbc.f_z_max)?;
         let (release, touch) = (contact.release_load, contact.touch_load);
         less("contact.release_load", release <= touch, release, "at most contact.touch_load", touch)
@@ -206,7 +211,8 @@ mod tests {
     #[test]
     fn every_number_has_a_bound_and_every_bound_a_number() {
         let mut text = ROBOT.to_owned();
-        text += "lying = { j1 = 0.1 }";
+        text += "lying = { j1 = 0.1 }\n";
+        text += "drives = { j1 = { power = 100.0, rated_velocity = 1.0, no_load_velocity = 2.0 } }";
         let params = Params::from_toml(&text, "test").unwrap();
         let table = toml::Table::try_from(&params).unwrap();
         let count = |value: &toml::Value| {
@@ -251,6 +257,28 @@ mod tests {
         assert_eq!(overridden("trunk.kp", "[1, 2.5, 3]").unwrap().trunk.kp, [1.0, 2.5, 3.0]);
         assert!(!overridden("posture.swing_inertia", "false").unwrap().posture.swing_inertia);
         assert_eq!(overridden("robot.posture.j1", "-0.5").unwrap().robot.posture["j1"], -0.5);
+    }
+
+    #[test]
+    fn a_drive_has_positive_limits_and_its_speeds_in_order() {
+        let with = |drive: &str| Params::from_toml(&format!("{ROBOT}\ndrives = {{ j1 = {{ {drive} }} }}"), "test");
+        for good in ["", "power = 100.0", "rated_velocity = 2.0", "no_load_velocity = 2.0", "power = inf"] {
+            with(good).unwrap();
+        }
+        for (bad, found) in [
+            ("power = 0.0", 0.0),
+            ("power = -1.0", -1.0),
+            ("no_load_velocity = 0.0", 0.0),
+            ("rated_velocity = 3.0, no_load_velocity = 2.0", 3.0),
+            ("rated_velocity = 2.0, no_load_velocity = 2.0", 2.0),
+        ] {
+            let error = with(bad).unwrap_err();
+            assert!(
+                matches!(error, ParamsError::OutOfRange { key: "robot.drives", found: x, .. } if x == found),
+                "{error}"
+            );
+        }
+        assert!(matches!(with("power = nan"), Err(ParamsError::OutOfRange { key: "robot.drives", .. })));
     }
 
     #[test]

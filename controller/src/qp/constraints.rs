@@ -5,7 +5,8 @@ use crate::dense::dot;
 use std::ops::Range;
 
 /// Constraints `n x ≤ side`, or `=` for the first [`Constraints::n_eq`]. Order: rows, then lower bounds by place, then upper bounds by place.
-/// Rows are scaled to norm 1, so that the choice of the most violated row does not depend on units.
+/// Rows are scaled to norm 1, so that the choice of the most violated row does not depend on units. An inequality row is scaled when it is violated for the
+/// first time: most rows never are.
 pub(super) struct Constraints {
     /// Columns in which each inequality row may have non-zero numbers.
     pattern: Vec<Vec<usize>>,
@@ -21,6 +22,8 @@ pub(super) struct Constraints {
     values: Vec<f64>,
     sides: Vec<f64>,
     rows: Vec<QpRow>,
+    /// Whether a row has norm 1.
+    is_scaled: Vec<bool>,
     n_eq: usize,
     lower: Vec<f64>,
     upper: Vec<f64>,
@@ -45,6 +48,7 @@ impl Constraints {
             values: Vec::with_capacity(rows * n),
             sides: Vec::with_capacity(rows),
             rows: Vec::with_capacity(rows),
+            is_scaled: Vec::with_capacity(rows),
             n_eq: 0,
             lower: Vec::with_capacity(n),
             upper: Vec::with_capacity(n),
@@ -70,13 +74,14 @@ impl Constraints {
         self.upper.extend(places.iter().map(|&i| qp.upper[i]));
         self.places.clear();
         self.rows.clear();
+        self.is_scaled.clear();
         self.starts.clear();
         self.starts.push(0);
         self.take_equalities(qp, places)?;
         for row in 0..qp.d.len() {
             for &col in &self.pattern[row] {
                 if let Some(place) = self.place_of[col] {
-                    let value = qp.C[(row, col)];
+                    let value = qp.C.as_slice()[col * qp.d.len() + row];
                     if value != 0.0 {
                         self.places.push(place);
                         self.values.push(value);
@@ -84,12 +89,20 @@ impl Constraints {
                 }
             }
             let start = self.starts[self.rows.len() - self.n_eq];
-            if let Some((inverse, side)) = scaled(&self.values[start..], qp.d[row], QpRow::Inequality(row))? {
-                self.values[start..].iter_mut().for_each(|value| *value *= inverse);
-                self.sides.push(side);
-                self.rows.push(QpRow::Inequality(row));
-                self.starts.push(self.places.len());
+            let (side, name) = (qp.d[row], QpRow::Inequality(row));
+            let values = &self.values[start..];
+            let size = dot(values, values);
+            if size == 0.0 || !size.is_finite() || side.is_nan() {
+                // An error, or a row of zeros that any `x` fulfils.
+                scaled(values, side, name)?;
+                self.values.truncate(start);
+                self.places.truncate(start);
+                continue;
             }
+            self.sides.push(side);
+            self.rows.push(name);
+            self.is_scaled.push(false);
+            self.starts.push(self.places.len());
         }
         self.in_set.clear();
         self.in_set.resize(self.rows.len() + 2 * places.len(), false);
@@ -120,6 +133,7 @@ impl Constraints {
             self.equalities[to..to + n].iter_mut().for_each(|value| *value *= inverse);
             self.sides.push(side);
             self.rows.push(QpRow::Equality(row));
+            self.is_scaled.push(true);
             self.n_eq += 1;
         }
         Ok(())
@@ -199,16 +213,23 @@ impl Constraints {
     }
 
     /// The inequality outside the working set that `x` violates most and by more than `tolerance`; the first one of a tie.
-    pub fn worst(&self, x: &[f64], tolerance: f64) -> Option<usize> {
+    pub fn worst(&mut self, x: &[f64], tolerance: f64) -> Option<usize> {
+        let (rows, n) = (self.rows.len(), self.lower.len());
+        for i in self.n_eq..rows {
+            if !self.is_scaled[i] && self.excess(i, x) > 0.0 {
+                self.scale(i);
+            }
+        }
         let (mut most, mut worst) = (tolerance, None);
         let mut check = |i: usize, excess: f64| {
             if excess > most && !self.in_set[i] {
                 (most, worst) = (excess, Some(i));
             }
         };
-        let (rows, n) = (self.rows.len(), self.lower.len());
         for i in self.n_eq..rows {
-            check(i, self.excess(i, x));
+            if self.is_scaled[i] {
+                check(i, self.excess(i, x));
+            }
         }
         for (place, (lower, x)) in self.lower.iter().zip(x).enumerate() {
             check(rows + place, lower - x);
@@ -217,6 +238,17 @@ impl Constraints {
             check(rows + n + place, x - upper);
         }
         worst
+    }
+
+    /// Scales an inequality row to norm 1.
+    fn scale(&mut self, i: usize) {
+        let of_row = self.inequality(i);
+        let values = &mut self.values[of_row];
+        let size = dot(values, values).sqrt();
+        self.is_scaled[i] = true;
+        let inverse = 1.0 / size;
+        values.iter_mut().for_each(|value| *value *= inverse);
+        self.sides[i] /= size;
     }
 
     /// Marks a constraint as part of the working set.

@@ -170,7 +170,7 @@ impl Quadruped {
         digests.0[Stage::Qp as usize] = digests::qp(wbc);
         probe.stage_done(Stage::Qp);
 
-        let n_clamped = apply_torques(params, robot, wbc, state);
+        let n_clamped = apply_torques(params, robot, &input.state.qd, wbc, state);
         messages.estimation(robot, estimate, trunk, wbc, state);
         messages.legs(params, estimate, references, wbc, state);
         messages.wbc(estimate, wbc, state, n_clamped);
@@ -347,9 +347,9 @@ impl Controller for Quadruped {
     }
 }
 
-/// Takes the torques of the solution, limited to the joints' effort, as the torques of this tick, and returns the number of joints limited. Without a
-/// solution the last torques stay, and the failure is counted.
-fn apply_torques(params: &Params, robot: &Robot, wbc: &Wbc, state: &mut State) -> i32 {
+/// Takes the torques of the solution, limited to what the drives can do at the joint velocities `qd`, as the torques of this tick, and returns the number of
+/// joints limited. Without a solution the last torques stay, and the failure is counted.
+fn apply_torques(params: &Params, robot: &Robot, qd: &[f64], wbc: &Wbc, state: &mut State) -> i32 {
     if !wbc.solved() {
         state.qp_failures = state.qp_failures.min(params.safety.max_qp_failures).saturating_add(1);
         return 0;
@@ -357,7 +357,8 @@ fn apply_torques(params: &Params, robot: &Robot, wbc: &Wbc, state: &mut State) -
     state.qp_failures = 0;
     let mut n_clamped = 0;
     for (j, joint) in robot.model.joints.iter().enumerate() {
-        let limited = wbc.tau[j].clamp(-joint.effort, joint.effort);
+        let (least, most) = joint.torque_range(qd[j]);
+        let limited = wbc.tau[j].clamp(least, most);
         n_clamped += i32::from(limited != wbc.tau[j]);
         state.tau_last[j] = limited;
     }

@@ -30,17 +30,17 @@ pub fn is_airborne(state: &State) -> bool {
 /// would tip. The lower bound stays below the load at which a contact ends. Otherwise the commanded force alone would make a light robot's
 /// feet count as in contact while they are in the air.
 ///
+/// - `timing`: the timing in use.
 /// - `mass`: mass of the robot, kg.
-pub fn force_bounds(state: &State, params: &Params, mass: f64, leg: Leg) -> (f64, f64) {
+pub fn force_bounds(state: &State, params: &Params, timing: &Timing, mass: f64, leg: Leg) -> (f64, f64) {
     if !state.leg_state[leg].is_stance() {
         return (0.0, 0.0);
     }
-    let timing = Timing::of(state, params);
-    let upper = params.wbc.f_z_max * load_fraction(state, &timing, leg);
+    let upper = params.wbc.f_z_max * load_fraction(state, timing, leg);
     let weight = mass * GRAVITY;
     let least = params.wbc.f_z_min.min(MAX_LOWER_BOUND * params.contact.release_load * weight);
     let residual = (gait_params(state.gait, params).residual_load * weight - least).max(0.0);
-    let lower = least + residual * (1.0 - load_fraction(state, &timing, leg.opposite()));
+    let lower = least + residual * (1.0 - load_fraction(state, timing, leg.opposite()));
     (lower.min(0.5 * upper), upper)
 }
 

@@ -68,9 +68,9 @@ pub fn update(
     dt: f64,
 ) -> Transitions {
     let mut transitions = Transitions { step_height: request.step_height, ..Transitions::default() };
+    let timing = Timing::of(state, params);
     for leg in Leg::ALL {
         state.t_leg[leg] += dt;
-        let timing = Timing::of(state, params);
         let (next, landed) = leg_transition(state, params, &timing, leg);
         if landed {
             state.t_leg[leg] = 0.0;
@@ -325,7 +325,7 @@ mod tests {
                 state.contact[leg] = state.t_leg[leg] >= 0.49;
             }
             update(&mut state, &params, request, &ContactEvents::default(), 1e-3);
-            let (lower, upper) = force_bounds(&state, &params, 80.0, Leg::LF);
+            let (lower, upper) = force_bounds(&state, &params, &Timing::of(&state, &params), 80.0, Leg::LF);
             assert!(lower <= upper && (upper - last).abs() < step, "{last} to {upper}");
             last = upper;
         }

@@ -3,7 +3,7 @@
 //! The foot is computed from the axes of the three joints at position zero (product of exponentials), which is a small part of the cost of
 //! [`crate::model::Kinematics`].
 
-use crate::math::{cos, norm, sin};
+use crate::math::{norm, sin_cos};
 use crate::model::{FrameId, Kinematics, Model, frame_jacobian};
 use nalgebra::{DMatrix, Matrix3, Vector3};
 
@@ -29,11 +29,16 @@ pub struct LegReach {
     limits: [(f64, f64); 3],
     /// Effort limits of the joints, N m.
     efforts: [f64; 3],
-    /// Joint positions where the search starts, rad.
-    q_start: [f64; 3],
+    /// Cross-product matrix of each axis, and its square.
+    turns: [(Matrix3<f64>, Matrix3<f64>); 3],
+    /// Joint positions where the search starts, rad, with the foot and its Jacobian there.
+    start: ([f64; 3], Foot),
     /// The nominal posture, with the trunk level.
     nominal: Posture,
 }
+
+/// Position of the foot's centre in B, m, and its Jacobian.
+type Foot = (Vector3<f64>, Matrix3<f64>);
 
 /// A posture of a leg, relative to the limits of the leg.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -59,10 +64,12 @@ impl LegReach {
         let points = joints.map(|joint| p_foot - column(joint, 0).cross(&column(joint, 3)));
         let limits = joints.map(|joint| (model.joints[joint].lower, model.joints[joint].upper));
         let efforts = joints.map(|joint| model.joints[joint].effort);
-        let q_start = joints.map(|joint| q_nominal[joint]);
+        let turns = axes.map(|axis| axis.cross_matrix()).map(|K| (K, K * K));
+        let start = (joints.map(|joint| q_nominal[joint]), (p_foot, Matrix3::zeros()));
         let nominal = Posture { volume: f64::NAN, torque: f64::NAN };
-        let mut leg = LegReach { axes, points, p_foot, limits, efforts, q_start, nominal };
-        leg.nominal = leg.posture(&leg.at(&q_start).1, &Vector3::z());
+        let mut leg = LegReach { axes, points, p_foot, limits, efforts, turns, start, nominal };
+        leg.start.1 = leg.at(&leg.start.0);
+        leg.nominal = leg.posture(&leg.start.1.1, &Vector3::z());
         leg
     }
 
@@ -70,9 +77,8 @@ impl LegReach {
     ///
     /// - `up_B`: direction against gravity, in B.
     pub fn reach(&self, p_B: &Vector3<f64>, up_B: &Vector3<f64>) -> Option<Posture> {
-        let mut q = self.q_start;
+        let (mut q, (mut p, mut J)) = self.start;
         for _ in 0..MAX_ITERATIONS {
-            let (p, J) = self.at(&q);
             let off = p_B - p;
             if off.dot(&off) < REACHED * REACHED {
                 let inside = q
@@ -86,6 +92,7 @@ impl LegReach {
             for (q, step) in q.iter_mut().zip(step.iter()) {
                 *q += step.clamp(-MAX_STEP, MAX_STEP);
             }
+            (p, J) = self.at(&q);
         }
         None
     }
@@ -100,8 +107,7 @@ impl LegReach {
         Posture { volume: volume(J), torque }
     }
 
-    /// Position of the foot's centre in B, m, and its Jacobian.
-    fn at(&self, q: &[f64; 3]) -> (Vector3<f64>, Matrix3<f64>) {
+    fn at(&self, q: &[f64; 3]) -> Foot {
         let mut R = Matrix3::identity();
         let (mut from, mut at) = (Vector3::zeros(), Vector3::zeros());
         let (mut axes, mut points) = ([Vector3::zeros(); 3], [Vector3::zeros(); 3]);
@@ -109,7 +115,8 @@ impl LegReach {
             at += R * (self.points[k] - from);
             from = self.points[k];
             (axes[k], points[k]) = (R * self.axes[k], at);
-            R *= rotation(&self.axes[k], q[k]);
+            let ((sin, cos), (K, K2)) = (sin_cos(q[k]), &self.turns[k]);
+            R *= Matrix3::identity() + K * sin + K2 * (1.0 - cos);
         }
         let p = at + R * (self.p_foot - from);
         let column = |k: usize| axes[k].cross(&(p - points[k]));
@@ -121,12 +128,6 @@ impl LegReach {
 pub fn volume(J: &Matrix3<f64>) -> f64 {
     let sizes = (0..3).fold(1.0, |product, k| product * norm(&J.column(k).clone_owned()));
     if sizes > 0.0 { J.determinant().abs() / sizes } else { 0.0 }
-}
-
-/// Rotation by `angle` (rad) about the unit vector `axis`.
-fn rotation(axis: &Vector3<f64>, angle: f64) -> Matrix3<f64> {
-    let K = axis.cross_matrix();
-    Matrix3::identity() + K * sin(angle) + K * K * (1.0 - cos(angle))
 }
 
 #[cfg(test)]

@@ -23,7 +23,7 @@ const UNLOADED_FRACTION: f64 = 0.2;
 /// Shift of the footholds towards the point where the base would come to rest, m in H.
 ///
 /// ```text
-/// Δ = k √(h/g) (v - v_cmd),   |Δ| ≤ max
+/// Δ = k √(h/g) (v - v_cmd) max(0, 1 - threshold / |v - v_cmd|),   |Δ| ≤ max
 /// ```
 pub fn capture(robot: &Robot, params: &Params, state: &State) -> [f64; 2] {
     let recovery = &params.recovery;
@@ -31,7 +31,13 @@ pub fn capture(robot: &Robot, params: &Params, state: &State) -> [f64; 2] {
         return [0.0; 2];
     }
     let time = recovery.capture_gain * (robot.nominal_height / GRAVITY).sqrt();
-    let shift = [0, 1].map(|k| time * (state.v_H_est[k] - state.v_H_des[k]));
+    let error = [0, 1].map(|k| state.v_H_est[k] - state.v_H_des[k]);
+    let speed = (error[0] * error[0] + error[1] * error[1]).sqrt();
+    if speed <= recovery.capture_threshold {
+        return [0.0; 2];
+    }
+    let above = 1.0 - recovery.capture_threshold / speed;
+    let shift = error.map(|v| time * v * above);
     let length = (shift[0] * shift[0] + shift[1] * shift[1]).sqrt();
     if length <= recovery.max_capture { shift } else { shift.map(|x| x * (recovery.max_capture / length)) }
 }

@@ -56,7 +56,8 @@ impl Robot {
     /// no leg; `robot.posture` lacks a joint, violates a joint limit, or has feet at different heights.
     pub fn new(urdf: &str, config: &RobotConfig) -> Result<Self, LoadError> {
         let tree = UrdfTree::parse(urdf, &config.urdf)?;
-        let model = Model::new(&tree, Base::Floating)?;
+        let mut model = Model::new(&tree, Base::Floating)?;
+        config.limit_drives(&mut model)?;
         let wrong = |what: String| LoadError::Robot { robot: config.name.clone(), what };
 
         let mut q_nominal = vec![f64::NAN; model.nj()];

@@ -73,8 +73,16 @@ fn all_stance_time(lift_off: &PerLeg<f64>, T: f64, T_sw: f64) -> f64 {
 }
 
 /// `x` modulo `T`, in `[0, T)`.
+///
+/// The remainder is exact. Within a stride of `[0, T)` a subtraction is exact too, and much faster than `fmod`.
 pub fn cyclic(x: f64, T: f64) -> f64 {
-    let r = libm::fmod(x, T);
+    let r = if x.abs() < T {
+        x
+    } else if T <= x && x < 2.0 * T {
+        x - T
+    } else {
+        libm::fmod(x, T)
+    };
     if r < 0.0 { r + T } else { r }
 }
 
@@ -89,6 +97,24 @@ pub fn time_to_lift_off(state: &State, timing: &Timing, leg: Leg) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn the_remainder_is_that_of_fmod_to_the_bit() {
+        let T: f64 = 1.0 / 0.9;
+        for k in -400..=400 {
+            for x in [
+                f64::from(k) * 0.01,
+                f64::from(k) * 0.01 * T,
+                (f64::from(k) * T).next_up(),
+                (f64::from(k) * T).next_down(),
+            ] {
+                let r = libm::fmod(x, T);
+                let expected = if r < 0.0 { r + T } else { r };
+                assert_eq!(cyclic(x, T).to_bits(), expected.to_bits(), "{x}");
+            }
+        }
+        assert!(cyclic(f64::NAN, T).is_nan() && cyclic(f64::INFINITY, T).is_nan());
+    }
 
     #[test]
     fn timing_is_that_of_the_source() {

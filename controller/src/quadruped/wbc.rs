@@ -1,11 +1,14 @@
 //! The whole-body controller: constraints of a quadruped, the stack of tasks subject to them, and joint torques from the solution.
 //!
 //! ```text
-//! x = [vd; F]:   minimize the tasks of `[stack] formula`, by weight or by priority, subject to C_fb, C_fc, C_acc, C_Fc
+//! x = [vd; F; s]:   minimize the tasks of `[stack] formula`, by weight or by priority, subject to C_fb, C_fc, C_acc, C_Fc, C_tau
 //! ```
 //! Source: Raiola et al. 2020, eqs. (4), (6)-(15). The size of the programs is constant: a foot in swing keeps its columns and rows, with zero force.
 //! Equal lower and upper bounds would leave no interior for an interior-point solver. Therefore the columns of that force are zero except in its
 //! own bounds, which are ±`RELEASED`. The regularization then gives F = 0 up to rounding, and the force is read as 0.
+//!
+//! C_tau is not in the source: each joint torque stays within what its drive can do at the measured velocity. One slack `s` for all joints keeps the program
+//! feasible. Without C_tau in the formula, there is neither its rows nor `s`.
 //!
 //! The tasks are in [`super::tasks`], levels and solvers in [`crate::stack`].
 
@@ -16,6 +19,7 @@ use super::reference::References;
 use super::robot::Robot;
 use super::state::State;
 use super::tasks::Tasks;
+use super::timing::Timing;
 use super::trunk::TrunkReference;
 use crate::error::LoadError;
 use crate::math::quaternion;
@@ -31,6 +35,10 @@ const FORCE_UNIT: f64 = 100.0;
 const RELEASED: f64 = 1.0;
 /// Rows of the friction pyramid of a foot.
 const ROWS_FC: usize = 5;
+/// Weight of the squared torque slack, in units of the largest effort, relative to the largest weight of a task: 1 % of slack costs as much as a contact
+/// acceleration of 1 m/s². A larger weight would let the program plan feet that slip.
+const SLACK_WEIGHT: f64 = 1e4;
+
 /// The quadratic programs of a tick and their solutions. Every tick overwrites all of them.
 pub struct Wbc {
     /// The tasks.
@@ -49,6 +57,10 @@ pub struct Wbc {
     pub f_F_W: PerLeg<Vector3<f64>>,
     /// Joint torques before limits, nj, N m.
     pub tau: DVector<f64>,
+    /// Slack of the torque limits, N m: no torque exceeds its limit by more. 0 without torque limits.
+    pub torque_slack: f64,
+    /// Unit of the slack variable: the largest effort, N m.
+    slack_unit: f64,
     formula: Formula,
 }
 
@@ -63,9 +75,16 @@ impl Wbc {
         let formula = Formula::parse(&params.stack.formula)?;
         let tasks = Tasks::new(robot, params)?;
         let levels = tasks.levels(&formula)?;
-        let unit = |i| if i < nv { 1.0 } else { FORCE_UNIT * FORCE_UNIT };
-        let regularization = DVector::from_fn(nv + 12, |i, _| params.wbc.regularization * unit(i));
-        let pattern = pattern(nv, formula.has(Constraint::JointAcceleration));
+        let pattern = pattern(robot, &formula);
+        let heaviest = formula.terms().fold(0.0_f64, |most, (_, term)| most.max(term.weight));
+        let regularization = DVector::from_fn(pattern.n(), |i, _| match i {
+            _ if i < nv => params.wbc.regularization,
+            _ if i < nv + 12 => params.wbc.regularization * (FORCE_UNIT * FORCE_UNIT),
+            _ => SLACK_WEIGHT * heaviest,
+        });
+        let efforts = robot.model.joints.iter().map(|joint| joint.effort).filter(|effort| effort.is_finite());
+        let slack = formula.has(Constraint::TorqueLimits).then_some(nv + 12);
+        let slack_unit = efforts.fold(0.0, f64::max);
         let each = |of_level: &Qp| params.qp.solver.build(of_level, params.wbc.max_iterations, params.wbc.tolerance);
         let solver = match params.qp.solver {
             Backend::ActiveSet => Solver::Shared(params.wbc.max_iterations),
@@ -73,13 +92,15 @@ impl Wbc {
         };
         let mut wbc = Wbc {
             tasks,
-            stack: Cascade::new(levels, &pattern, regularization, nv, &solver),
+            stack: Cascade::new(levels, &pattern, regularization, nv, slack, &solver),
             info: QpInfo { status: QpStatus::Failed, iterations: 0, n_active: 0, row: None },
-            x: nan(nv + 12),
+            x: nan(pattern.n()),
             f_z_bounds: PerLeg([(f64::NAN, f64::NAN); 4]),
             vd: nan(nv),
             f_F_W: PerLeg([Vector3::from_element(f64::NAN); 4]),
             tau: nan(nj),
+            torque_slack: f64::NAN,
+            slack_unit,
             formula,
         };
         wbc.check_at_home(robot, params)?;
@@ -101,6 +122,7 @@ impl Wbc {
         self.base_dynamics(estimate, state);
         self.friction(params, estimate, state);
         self.bounds(params, state);
+        self.torque_limits(robot, measured, estimate, state);
         self.stack.build(&self.tasks.rows);
     }
 
@@ -118,6 +140,7 @@ impl Wbc {
             self.vd.fill(0.0);
             self.f_F_W = PerLeg::default();
             self.tau.fill(0.0);
+            self.torque_slack = 0.0;
             return;
         };
         self.x.copy_from(&level.x);
@@ -128,6 +151,7 @@ impl Wbc {
             let f = Vector3::new(self.x[at], self.x[at + 1], self.x[at + 2]) * FORCE_UNIT;
             self.f_F_W[leg] = if carries(state, leg) { f } else { Vector3::zeros() };
         }
+        self.torque_slack = self.x.get(nv + 12).map_or(0.0, |slack| slack * self.slack_unit);
         for j in 0..self.tau.len() {
             let row = 6 + j;
             let mut tau = estimate.h[row];
@@ -181,10 +205,17 @@ impl Wbc {
             Leg::ALL.iter().flat_map(|leg| names.iter().map(move |name| format!("{name} of {}", leg.name()))).collect()
         };
         variables.extend(by_foot(&["force x", "force y", "force z"]));
+        let mut inequalities = by_foot(&sides);
+        if self.formula.has(Constraint::TorqueLimits) {
+            variables.push("torque slack".to_owned());
+            let joints = || robot.model.joints.iter().map(|joint| &joint.name);
+            inequalities.extend(joints().map(|name| format!("largest torque of {name}")));
+            inequalities.extend(joints().map(|name| format!("smallest torque of {name}")));
+        }
         let mut equalities = base.map(|row| format!("base dynamics, {row}")).to_vec();
         let above = self.stack.levels.iter().map(|level| level.qp.b.len() - base.len()).max().unwrap_or(0);
         equalities.extend((0..above).map(|row| format!("result of the levels above, direction {row}")));
-        RowNames { equalities, inequalities: by_foot(&sides), variables }
+        RowNames { equalities, inequalities, variables }
     }
 
     /// Checks that every term has an effect while the robot stands in its nominal posture on all feet.
@@ -239,9 +270,10 @@ impl Wbc {
         let n = estimate.n_W;
         let t1 = Vector3::y().cross(&n).normalize();
         let t2 = n.cross(&t1);
+        let timing = Timing::of(state, params);
         for leg in Leg::ALL {
             let (row, col) = (ROWS_FC * leg as usize, nv + 3 * leg as usize);
-            self.f_z_bounds[leg] = force_bounds(state, params, estimate.M[(0, 0)], leg);
+            self.f_z_bounds[leg] = force_bounds(state, params, &timing, estimate.M[(0, 0)], leg);
             let carries = wanted && carries(state, leg);
             let rows = [-n, t1 - n * c, -t1 - n * c, t2 - n * c, -t2 - n * c];
             for (i, direction) in rows.iter().enumerate() {
@@ -280,16 +312,68 @@ impl Wbc {
             }
         }
     }
+
+    /// C_tau: `least ≤ tau ≤ most`, softened by the slack, with `tau = M vd + h - Jᵀ F` at the joints. First the rows of the largest torques, then those of the
+    /// smallest. A joint without limit has rows of zeros.
+    ///
+    /// ```text
+    /// (M vd - Jᵀ F)_j - s ≤ most_j - h_j         -(M vd - Jᵀ F)_j - s ≤ h_j - least_j
+    /// ```
+    fn torque_limits(&mut self, robot: &Robot, measured: &RobotState, estimate: &Estimate, state: &State) {
+        if !self.formula.has(Constraint::TorqueLimits) {
+            return;
+        }
+        let (nv, nj, slack_unit) = (self.vd.len(), self.tau.len(), self.slack_unit);
+        let qp = self.stack.constraints();
+        for (leg, of_leg) in robot.legs.iter() {
+            let carries = carries(state, leg);
+            for j in of_leg.joints {
+                let (upper, lower) = (ROWS_FC * 4 + j, ROWS_FC * 4 + nj + j);
+                let (least, most) = robot.model.joints[j].torque_range(measured.qd[j]);
+                let limited = least.is_finite();
+                let mut write = |col: usize, value: f64| {
+                    let value = if limited { value } else { 0.0 };
+                    qp.C[(upper, col)] = value;
+                    qp.C[(lower, col)] = -value;
+                };
+                for col in (0..6).chain(of_leg.joints.map(|k| 6 + k)) {
+                    write(col, estimate.M[(6 + j, col)]);
+                }
+                for k in 0..3 {
+                    let there = if carries { estimate.legs[leg].J[(k, 6 + j)] } else { 0.0 };
+                    write(nv + 3 * leg as usize + k, -there * FORCE_UNIT);
+                }
+                let h = estimate.h[6 + j];
+                (qp.d[upper], qp.d[lower]) = if limited { (most - h, h - least) } else { (1.0, 1.0) };
+                for row in [upper, lower] {
+                    qp.C[(row, nv + 12)] = if limited { -slack_unit } else { 0.0 };
+                }
+            }
+        }
+    }
 }
 
 /// The elements of the quadratic programs that can be non-zero.
-fn pattern(nv: usize, bounded: bool) -> Qp {
-    let mut qp = Qp::zeros(nv + 12, 6, ROWS_FC * 4);
+fn pattern(robot: &Robot, formula: &Formula) -> Qp {
+    let (nv, nj) = (robot.model.nv(), robot.nj());
+    let limited = formula.has(Constraint::TorqueLimits);
+    let mut qp = Qp::zeros(nv + 12 + usize::from(limited), 6, ROWS_FC * 4 + if limited { 2 * nj } else { 0 });
     qp.H.view_mut((0, 0), (nv, nv)).fill(1.0);
-    qp.A.fill(1.0);
+    qp.A.columns_mut(0, nv + 12).fill(1.0);
+    for (leg, of_leg) in robot.legs.iter().filter(|_| limited) {
+        let forces = (0..3).map(|k| nv + 3 * leg as usize + k);
+        let cols: Vec<usize> = (0..6).chain(of_leg.joints.map(|j| 6 + j)).chain(forces).chain([nv + 12]).collect();
+        for j in of_leg.joints {
+            for &col in &cols {
+                qp.C[(ROWS_FC * 4 + j, col)] = 1.0;
+                qp.C[(ROWS_FC * 4 + nj + j, col)] = 1.0;
+            }
+        }
+    }
     for leg in 0..4 {
         qp.C.view_mut((ROWS_FC * leg, nv + 3 * leg), (ROWS_FC, 3)).fill(1.0);
     }
+    let bounded = formula.has(Constraint::JointAcceleration);
     for i in if bounded { 6 } else { nv }..nv + 12 {
         qp.lower[i] = -1.0;
         qp.upper[i] = 1.0;

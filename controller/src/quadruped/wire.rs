@@ -112,7 +112,7 @@ impl Messages {
             *to = level.info.map_or(WbcSolution::STATUS_NOT_RUN, |info| status(info.status));
         }
         m.n_clamped = n_clamped;
-        m.torque_slack = 0.0;
+        m.torque_slack = wbc.torque_slack;
         (m.residual, m.base_residual) = if wbc.solved() {
             (wbc.tasks.residuals(&wbc.vd, estimate, state), wbc.base_residual())
         } else {

@@ -16,8 +16,8 @@ pub fn check_command(command: &RobotCommand) -> Option<Fault> {
     None
 }
 
-/// Limits the torque that the drives will apply at the measured state, `tau + kp (q_des - q) + kd (qd_des - qd)`, to each joint's effort. This is
-/// the last step before a command is published, in the safe state too.
+/// Limits the torque that the drives will apply at the measured state, `tau + kp (q_des - q) + kd (qd_des - qd)`, to what each joint's
+/// drive can do at its velocity ([`JointInfo::torque_range`]). This is the last step before a command is published, in the safe state too.
 ///
 /// A joint without a plausible measurement is not limited: a limit computed from such a value could remove all damping.
 pub fn limit_command(joints: &[JointInfo], command: &mut RobotCommand, measured: &RobotState) {
@@ -30,8 +30,9 @@ pub fn limit_command(joints: &[JointInfo], command: &mut RobotCommand, measured:
             RobotCommand::MODE_TORQUE => {
                 let feedback = command.kp[j] * (command.q_des[j] - q) + command.kd[j] * (command.qd_des[j] - qd);
                 let total = command.tau[j] + feedback;
-                if total.abs() > joint.effort {
-                    command.tau[j] = total.clamp(-joint.effort, joint.effort) - feedback;
+                let (least, most) = joint.torque_range(qd);
+                if total < least || total > most {
+                    command.tau[j] = total.clamp(least, most) - feedback;
                 }
             }
             RobotCommand::MODE_DAMPING if qd.abs() * command.kd[j] > joint.effort => {

@@ -74,6 +74,7 @@ pub struct Cascade {
     regularization: DVector<f64>,
     basis: Basis,
     n_eq: usize,
+    slack: Option<usize>,
     engine: Engine,
 }
 
@@ -84,11 +85,13 @@ impl Cascade {
     /// - `pattern`: non-zero where the constraints and the Hessian of a level may be non-zero; a finite bound where a variable may have one.
     /// - `regularization`: λ of each variable.
     /// - `nv`: number of leading variables in which tasks may have non-zero entries.
+    /// - `slack`: variable that the first level decides for all levels.
     pub fn new(
         levels: Vec<Vec<Term>>,
         pattern: &Qp,
         regularization: DVector<f64>,
         nv: usize,
+        slack: Option<usize>,
         solver: &Solver<'_>,
     ) -> Self {
         let (n, n_eq) = (pattern.n(), pattern.b.len());
@@ -102,6 +105,9 @@ impl Cascade {
             of_level.C.copy_from(&pattern.C);
             of_level.lower.copy_from(&pattern.lower);
             of_level.upper.copy_from(&pattern.upper);
+            if built.is_empty() {
+                above += usize::from(slack.is_some());
+            }
             above += terms.iter().map(|term| term.taken().count()).sum::<usize>();
             built.push(Level { terms, qp: of_level, info: None, x: DVector::from_element(n, f64::NAN) });
         }
@@ -111,7 +117,7 @@ impl Cascade {
                 Engine::Shared(Box::new(Levels::new(&built[0].qp, &regularization, above, nv, *iterations)))
             }
         };
-        Cascade { levels: built, regularization, basis: Basis::new(n, n_eq + above), n_eq, engine }
+        Cascade { levels: built, regularization, basis: Basis::new(n, n_eq + above), n_eq, slack, engine }
     }
 
     /// The first level's program. The caller writes the constraints of all levels there: `A`, `b`, `C`, `d` and the bounds.
@@ -121,11 +127,11 @@ impl Cascade {
 
     /// Builds the programs from the rows of the tasks, after the constraints were written: those of all levels, or only of the first.
     pub fn build(&mut self, tasks: &[Rows]) {
-        let Cascade { levels, regularization, basis, n_eq, engine } = self;
+        let Cascade { levels, regularization, basis, n_eq, slack, engine } = self;
         let count = if matches!(engine, Engine::Each(_)) { levels.len() } else { 1 };
         basis.clear();
         if count > 1 {
-            add_constraints(basis, &levels[0].qp, *n_eq);
+            add_constraints(basis, &levels[0].qp, *n_eq, *slack);
         }
         for k in 0..count {
             let (above, from_here) = levels.split_at_mut(k);
@@ -153,7 +159,7 @@ impl Cascade {
         }
         let mut basis = self.basis.clone();
         basis.clear();
-        add_constraints(&mut basis, &self.levels[0].qp, self.n_eq);
+        add_constraints(&mut basis, &self.levels[0].qp, self.n_eq, self.slack);
         for level in &self.levels[..k] {
             add_level(&mut basis, &level.terms, tasks);
         }
@@ -185,7 +191,12 @@ impl Cascade {
                 Engine::Shared(shared) => match above {
                     [] => shared.first(&level.qp, &mut level.x),
                     [first] => {
-                        shared.below_first(&rows_of(&first.terms, tasks));
+                        let slack = self.slack;
+                        shared.below_first(&|take| {
+                            rows_of(&first.terms, tasks)(take);
+                            let entries = &mut slack.map(|slack| (slack, 1.0)).into_iter();
+                            take(SquareRow { weight: 1.0, entries, b: 0.0 });
+                        });
                         level.x.copy_from(&first.x);
                         shared.lower(&rows_of(&level.terms, tasks), &mut level.x)
                     }
@@ -258,10 +269,13 @@ impl Cascade {
     }
 }
 
-/// Adds the equality rows of the constraints to the basis.
-fn add_constraints(basis: &mut Basis, constraints: &Qp, n_eq: usize) {
+/// Adds the equality rows of the constraints and the slack to the basis.
+fn add_constraints(basis: &mut Basis, constraints: &Qp, n_eq: usize, slack: Option<usize>) {
     for row in 0..n_eq {
         basis.push(|col| constraints.A[(row, col)]);
+    }
+    if let Some(slack) = slack {
+        basis.push(|col| if col == slack { 1.0 } else { 0.0 });
     }
 }
 

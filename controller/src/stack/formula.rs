@@ -44,16 +44,23 @@ pub enum Constraint {
     JointAcceleration,
     /// Bounds of contact forces.
     ForceBounds,
+    /// Torque limits of the joints, with one slack for all of them.
+    TorqueLimits,
 }
 
 impl Constraint {
     /// All constraints.
-    pub const ALL: [Constraint; 4] =
-        [Constraint::BaseDynamics, Constraint::Friction, Constraint::JointAcceleration, Constraint::ForceBounds];
+    pub const ALL: [Constraint; 5] = [
+        Constraint::BaseDynamics,
+        Constraint::Friction,
+        Constraint::JointAcceleration,
+        Constraint::ForceBounds,
+        Constraint::TorqueLimits,
+    ];
 
     /// Name in a formula.
     pub fn name(self) -> &'static str {
-        ["base_dynamics", "friction", "joint_acceleration", "force_bounds"][self as usize]
+        ["base_dynamics", "friction", "joint_acceleration", "force_bounds", "torque_limits"][self as usize]
     }
 }
 

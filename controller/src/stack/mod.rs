@@ -33,10 +33,10 @@ use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 
 /// The weighted stack of the source, eq. (15). The source requires a ratio of at least 1e3 between the weights of adjacent tasks.
-pub const S1: &str =
-    "1e6 contact + 1e3 trunk + posture << base_dynamics << friction << joint_acceleration << force_bounds";
+pub const S1: &str = "1e6 contact + 1e3 trunk + posture << base_dynamics << friction << joint_acceleration << force_bounds << torque_limits";
 /// The hierarchical stack of the source, eq. (14).
-pub const S3: &str = "contact / trunk / posture << base_dynamics << friction << joint_acceleration << force_bounds";
+pub const S3: &str =
+    "contact / trunk / posture << base_dynamics << friction << joint_acceleration << force_bounds << torque_limits";
 
 /// Parameters `[stack]`.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]

@@ -252,6 +252,7 @@ mod tests {
             effort: 10.0,
             velocity: 20.0,
             damping: 0.0,
+            drive: controller::model::DriveLimits::default(),
         };
         let mut gate = CommandGate::new(vec![knee], robot("a", 1));
         assert_eq!(gate.expect(&robot("a", 5)), None);

@@ -11,6 +11,9 @@ pub struct RecoveryParams {
     pub capture_point: bool,
     /// Factor on that shift.
     pub capture_gain: f64,
+    /// Difference of velocity that causes no shift, m/s; only the part above it does. Keeps a base that sways in every stride of a trot from moving each
+    /// foothold.
+    pub capture_threshold: f64,
     /// Largest shift of a foothold by it, m.
     pub max_capture: f64,
     /// Time constant of the velocity estimate's filter, s.
@@ -31,6 +34,7 @@ impl Default for RecoveryParams {
         RecoveryParams {
             capture_point: true,
             capture_gain: 1.0,
+            capture_threshold: 0.0,
             max_capture: 0.15,
             velocity_time_constant: 0.05,
             step_reflex: false,
@@ -45,6 +49,7 @@ impl RecoveryParams {
     /// Allowed range of each number.
     pub const BOUNDS: &[Bound] = &[
         Bound::new("recovery.capture_gain", range!(0, 5), ""),
+        Bound::new("recovery.capture_threshold", range!(0, 1), "m/s"),
         Bound::new("recovery.max_capture", range!(0, 1), "m"),
         Bound::new("recovery.velocity_time_constant", range!(0.001, 10), "s"),
         Bound::new("recovery.reflex_load", range!(1e-9, 1), "weights"),
