@@ -122,7 +122,8 @@ fn elements_that_other_readers_accept_are_accepted() {
         "</inertial><inertial><mass value=\"7\"/></inertial></link><joint",
     );
     assert_eq!(twice.unwrap().total_mass(), 3.0, "the first of two elements counts");
-    let ignored = |what| vec![ModelWarning::ShapeIgnored { link: "bar".into(), what, line: 3 }];
+    let several = |what, more| vec![ModelWarning::ShapesIgnored { what, link: "bar".into(), line: 3, more }];
+    let ignored = |what| several(what, 0);
     for inside in ["", "<geometry/>", "<geometry><cone/></geometry>", "<geometry><box size=\"1 x 1\"/></geometry>"] {
         assert_eq!(two_links("<link name=\"bar\">", &visual(inside)).unwrap().warnings, ignored("visual"), "{inside}");
     }
@@ -130,6 +131,8 @@ fn elements_that_other_readers_accept_are_accepted() {
         let text = format!("<link name=\"bar\"><collision>{inside}</collision>");
         assert_eq!(two_links("<link name=\"bar\">", &text).unwrap().warnings, ignored("collision"), "{inside}");
     }
+    let many = format!("<link name=\"bar\">{}", "<collision/>".repeat(1000));
+    assert_eq!(two_links("<link name=\"bar\">", &many).unwrap().warnings, several("collision", 999));
     let two =
         "<link name=\"bar\"><collision><geometry><sphere radius=\"2\"/><box size=\"0 0 0\"/></geometry></collision>";
     assert!(two_links("<link name=\"bar\">", two).unwrap().warnings.is_empty());

@@ -74,3 +74,26 @@ fn links_with_meshes_receive_shapes() {
     assert!((Vector3::from(size) - Vector3::new(0.8, 0.4, 0.5)).norm() < 1e-12, "{size:?}");
     assert!((X_LS.p - Vector3::new(0.2, 0.0, 0.25)).norm() < 1e-12, "{}", X_LS.p);
 }
+
+/// A trunk with a thousand meshes: a bounded number of files is read, each once, and the box is that of the largest among them.
+#[test]
+fn few_of_many_meshes_are_read() {
+    let mesh = |i: usize| format!("<collision><geometry><mesh filename=\"{}.stl\"/></geometry></collision>", i / 2);
+    let many: String = (0..1000).map(mesh).collect();
+    let trunk = "<collision>\n      <geometry><box size=\"0.9 0.35 0.2\"/></geometry>\n    </collision>";
+    let text = HYQ.replace("<link name=\"base_link\">", &format!("<link name=\"base_link\">{many}"));
+    let text = text.replace(trunk, "").replace("<geometry><box size=\"0.9 0.35 0.2\"/></geometry>", "<geometry/>");
+    let tree = UrdfTree::parse(&text, "many.urdf").unwrap();
+    let asked = std::cell::RefCell::new(Vec::new());
+    let bounds = |name: &str| {
+        asked.borrow_mut().push(name.to_owned());
+        let size: f64 = name.trim_end_matches(".stl").parse().unwrap();
+        Some([Vector3::zeros(), Vector3::new(1.0, 1.0, 1.0) * size])
+    };
+    let feet = ["lf_foot", "rf_foot", "lh_foot", "rh_foot"].map(str::to_owned);
+    let (shaped, added) = with_shapes(&tree, &feet, 0.02, &bounds);
+    assert_eq!(*asked.borrow(), (0..16).map(|i| format!("{i}.stl")).collect::<Vec<_>>());
+    assert_eq!(added[0], AddedShape { link: "base_link".into(), from_mesh: true });
+    let box_of = &shaped.links[0].collisions.last().unwrap().kind;
+    assert_eq!(*box_of, ShapeKind::Box { size: [15.0; 3] });
+}

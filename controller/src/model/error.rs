@@ -190,15 +190,17 @@ pub enum ModelWarning {
         /// `effort` or `velocity`.
         quantity: &'static str,
     },
-    /// A shape that cannot be read.
-    #[error("link \"{link}\": line {line}: <{what}> has no geometry that can be read; it is ignored")]
-    ShapeIgnored {
-        /// The link.
-        link: String,
+    /// Shapes that cannot be read. One warning for all of a file: it may have many.
+    #[error("link \"{link}\": line {line}: <{what}> has no geometry that can be read; it is ignored{}", and_more(*.more))]
+    ShapesIgnored {
         /// `visual` or `collision`.
         what: &'static str,
-        /// Line, from 1.
+        /// Link of the first one.
+        link: String,
+        /// Line of the first one, from 1.
         line: usize,
+        /// Number of further ones in the file.
+        more: usize,
     },
     /// The parent link of a floating joint: it represents the world.
     #[error(
@@ -270,4 +272,8 @@ mod tests {
         assert!(near_names("wheel", names.into_iter()).is_empty());
         assert_eq!(edit_distance("kitten", "sitting"), 3);
     }
+}
+
+fn and_more(more: usize) -> String {
+    if more == 0 { String::new() } else { format!(", and {more} more") }
 }

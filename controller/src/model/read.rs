@@ -118,15 +118,26 @@ fn read_link(element: Element, file: &str, warnings: &mut Vec<ModelWarning>) -> 
                 Ok(Some(shape)) => shapes.push(shape),
                 // A collision shape with a wrong number would change how the robot touches the ground.
                 Err(error) if what == "collision" && geometry.is_some() => return Err(error),
-                Ok(None) | Err(_) => {
-                    warnings.push(ModelWarning::ShapeIgnored { link: name.clone(), what, line: element.line() })
-                }
+                Ok(None) | Err(_) => ignored(warnings, what, &name, element.line()),
             }
         }
         Ok(shapes)
     };
     let (visuals, collisions) = (shapes("visual")?, shapes("collision")?);
     Ok(RawLink { name, inertial, visuals, collisions })
+}
+
+/// Counts a shape that is left out.
+fn ignored(warnings: &mut Vec<ModelWarning>, what: &'static str, link: &str, line: usize) {
+    for warning in warnings.iter_mut() {
+        if let ModelWarning::ShapesIgnored { what: known, more, .. } = warning
+            && *known == what
+        {
+            *more += 1;
+            return;
+        }
+    }
+    warnings.push(ModelWarning::ShapesIgnored { what, link: link.to_owned(), line, more: 0 });
 }
 
 fn read_joint(element: Element, file: &str) -> Result<RawJoint, ModelError> {

@@ -14,6 +14,8 @@ pub type Bounds = [Vector3<f64>; 2];
 const SLENDER: f64 = 0.1;
 /// Height and least width of a trunk, as fractions of its length.
 const TRUNK: f64 = 0.3;
+/// Largest number of mesh files that are read for a trunk: a URDF may name thousands.
+const MAX_MESHES: usize = 16;
 /// Length below which a limb gets no shape, m.
 const LEAST_LENGTH: f64 = 0.03;
 
@@ -127,15 +129,25 @@ fn is_mesh(kind: &ShapeKind) -> bool {
     matches!(kind, ShapeKind::Mesh { .. })
 }
 
-/// The box around the largest mesh of the trunk that can be read, in the frame of the root link.
+/// The box around the largest mesh of the trunk that can be read, in the frame of the root link. Only the first [`MAX_MESHES`] files are read, each
+/// once.
 fn of_trunk_mesh(tree: &UrdfTree, groups: &LinkGroups, bounds: &dyn Fn(&str) -> Option<Bounds>) -> Option<Shape> {
     let mut best: Option<(f64, Shape)> = None;
+    let mut known: Vec<(&str, Option<Bounds>)> = Vec::new();
     for (i, link) in tree.links.iter().enumerate().filter(|(i, _)| groups.body_of_link[*i] == 0) {
         let shapes =
             if link.collisions.iter().any(|shape| is_mesh(&shape.kind)) { &link.collisions } else { &link.visuals };
         for Shape { X_LS, kind } in shapes {
             let ShapeKind::Mesh { filename, scale } = kind else { continue };
-            let Some([low, high]) = bounds(filename) else { continue };
+            let box_of_file = match known.iter().find(|(name, _)| name == filename) {
+                Some((_, known)) => *known,
+                None if known.len() == MAX_MESHES => continue,
+                None => {
+                    known.push((filename, bounds(filename)));
+                    known[known.len() - 1].1
+                }
+            };
+            let Some([low, high]) = box_of_file else { continue };
             let size = (high - low).component_mul(&Vector3::from(*scale)).abs();
             let center = (low + high).component_mul(&Vector3::from(*scale)) / 2.0;
             let volume = size.x * size.y * size.z;

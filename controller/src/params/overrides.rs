@@ -56,13 +56,14 @@ fn copy(from: &toml::Table, to: &mut toml::Table, key: &str) {
     }
 }
 
-/// Checks that a key names a parameter, for any robot: keys of `[robot]` and of `[stack.tasks]` depend on the robot's file and pass.
+/// Checks that a key names a parameter, for any robot: the joints of `robot.posture` and `robot.lying` and the keys of `[stack.tasks]` depend on the
+/// robot's file and pass.
 ///
 /// # Errors
 /// [`ParamsError::UnknownKey`]
 pub fn check_key(key: &str) -> Result<(), ParamsError> {
     const ANY_ROBOT: &str = "[robot]\nname = \"\"\nurdf = \"\"\nfeet = [\"\", \"\", \"\", \"\"]\nfoot_radius = 1.0\nimu_link = \"\"\nposture = {}\n";
-    if key.starts_with("robot.") || key.starts_with("stack.tasks.") {
+    if ["robot.posture.", "robot.lying.", "stack.tasks."].iter().any(|table| key.starts_with(table)) {
         return Ok(());
     }
     let mut table: toml::Table =
@@ -135,7 +136,23 @@ fn keys_of(table: &toml::Table, path: &[&str]) -> String {
 
 #[cfg(test)]
 mod tests {
-    use super::{apply_changes, apply_overrides};
+    use super::{apply_changes, apply_overrides, check_key};
+
+    #[test]
+    fn keys_of_any_robot_are_known_without_its_file() {
+        for key in [
+            "safety.damping",
+            "robot.foot_radius",
+            "robot.sensors.gyro",
+            "robot.posture.any",
+            "stack.tasks.base.weight",
+        ] {
+            assert!(check_key(key).is_ok(), "{key}");
+        }
+        for key in ["nope", "nope.x", "safety.nope", "robot.nope", "robot.sensors.nope", "robot.posture"] {
+            assert!(check_key(key).is_err(), "{key}");
+        }
+    }
 
     #[test]
     fn changes_one_by_one_or_together_add_only_their_keys() {

@@ -31,7 +31,7 @@ pub(super) fn write(parts: &Parts) -> String {
         let legs = found.legs.iter().flat_map(|leg| leg.joints);
         legs.map(|j| format!("{} = {:?}\n", toml_key(&model.joints[j].name), q[j])).collect()
     };
-    let Scaled { f_z_min, f_max, step_height, step_length, trot, capture } = scaled;
+    let Scaled { f_z_min, f_max, qdd_max, step_height, step_length, trot, capture } = scaled;
     let Gains { swing_kp, swing_kd, stand_stiffness, stand_damping, limp_damping } = gains;
     format!(
         "# Parameters of {name} that its URDF does not contain. A first guess by `hoof robot init`. Keys that are left out have their defaults;\n\
@@ -39,7 +39,8 @@ pub(super) fn write(parts: &Parts) -> String {
          [robot]\nname = {}\nurdf = {}\nfeet = [{feet}]\nfoot_radius = {}\nimu_link = {}\n\n\
          # Hips {:.3} m above the centres of the feet, 85 % of the length of the shortest leg.\n[robot.posture]\n{}\n\
          # On the ground, with the legs folded: the robot stays there without torque.\n[robot.lying]\n{}\n\
-         # HyQ's forces, scaled by mass: {mass:.1} kg.\n[wbc]\nf_z_min = {f_z_min:?}\nf_z_max = {f_max:?}\nf_xy_max = {f_max:?}\n\n\
+         # HyQ's forces, scaled by mass: {mass:.1} kg, and its joint accelerations, by the height of the hips.\n\
+         [wbc]\nf_z_min = {f_z_min:?}\nf_z_max = {f_max:?}\nf_xy_max = {f_max:?}\nqdd_max = {qdd_max:?}\n\n\
          # HyQ's steps, scaled by the height of the hips: {height:.3} m.\n[swing]\nheight = {step_height:?}\n\n\
          [foothold]\nmax_step_length = {step_length:?}\n\n[recovery]\nmax_capture = {capture:?}\n\n\
          [gait.trot]\nduty = 0.55\nswing_frequency = {trot:?}\nlift_off_phase = [0.0, 0.5, 0.5, 0.0]\n\n\

@@ -1,8 +1,9 @@
 //! Robots without hand-tuned parameters: public URDFs, each with the parameter file that `hoof robot init` writes for it.
 
-use crate::bench::{Bench, RunSpec, count};
+use crate::bench::{Bench, RunSpec, Sample, count};
 use crate::experiment::Experiment;
 use crate::row::Row;
+use analysis::Run;
 use anyhow::Context;
 use controller::model::GRAVITY;
 use controller::params::Params;
@@ -10,6 +11,7 @@ use controller::quadruped::robot::Robot;
 use controller::robot_init::{Options, propose};
 use drivers::mesh;
 use drivers::robot_files::{find_shipped, read};
+use lcmtypes::ControllerTick;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
@@ -23,18 +25,27 @@ pub(super) const EXPERIMENT: Experiment = Experiment {
     run: robots,
 };
 
+/// Folder of the first package.
+macro_rules! example {
+    ($file:literal) => {
+        concat!("example-robot-data/robots/", $file)
+    };
+}
+
 /// Name, and URDF below the folder of `scripts/fetch_robots.sh`.
-const ROBOTS: [(&str, &str); 10] = [
-    ("solo12", "solo_description/robots/solo12.urdf"),
-    ("a1", "a1_description/urdf/a1.urdf"),
-    ("go1", "go1_description/urdf/go1.urdf"),
-    ("go2", "go2_description/urdf/go2.urdf"),
-    ("b1", "b1_description/urdf/b1.urdf"),
-    ("b1_z1", "b1_description/urdf/b1-z1.urdf"),
-    ("laikago", "laikago_description/urdf/laikago.urdf"),
-    ("anymal_b", "anymal_b_simple_description/robots/anymal.urdf"),
-    ("anymal_c", "anymal_c_simple_description/urdf/anymal.urdf"),
-    ("hyq", "hyq_description/robots/hyq_no_sensors.urdf"),
+const ROBOTS: [(&str, &str); 12] = [
+    ("solo12", example!("solo_description/robots/solo12.urdf")),
+    ("a1", example!("a1_description/urdf/a1.urdf")),
+    ("go1", example!("go1_description/urdf/go1.urdf")),
+    ("go2", example!("go2_description/urdf/go2.urdf")),
+    ("b1", example!("b1_description/urdf/b1.urdf")),
+    ("b1_z1", example!("b1_description/urdf/b1-z1.urdf")),
+    ("laikago", example!("laikago_description/urdf/laikago.urdf")),
+    ("anymal_b", example!("anymal_b_simple_description/robots/anymal.urdf")),
+    ("anymal_c", example!("anymal_c_simple_description/urdf/anymal.urdf")),
+    ("hyq", example!("hyq_description/robots/hyq_no_sensors.urdf")),
+    ("mini_cheetah", "pybullet_data/mini_cheetah/mini_cheetah.urdf"),
+    ("aliengo", "pybullet_data/aliengo/aliengo.urdf"),
 ];
 
 /// Force of a push as a fraction of the weight, and its duration, s.
@@ -45,6 +56,19 @@ const PHASES: u32 = 12;
 const BETWEEN_PUSHES: f64 = 2.0;
 /// Largest height of a stone, as a fraction of the robot's nominal height.
 const STONE: f64 = 0.07;
+
+/// Part of the commanded distance that a walk on flat ground must cover.
+const FOLLOWED: f64 = 0.8;
+/// Modes of a run that lies, stands up, walks and sits down.
+const GETS_UP: [i8; 7] = [
+    ControllerTick::MODE_IDLE,
+    ControllerTick::MODE_STAND_UP,
+    ControllerTick::MODE_STANCE,
+    ControllerTick::MODE_WALK,
+    ControllerTick::MODE_STANCE,
+    ControllerTick::MODE_SIT,
+    ControllerTick::MODE_IDLE,
+];
 
 /// A robot with the files written for it.
 struct Candidate {
@@ -64,7 +88,7 @@ fn robots(bench: &Bench) -> anyhow::Result<Vec<Row>> {
     let Some(folder) = fetched(bench)? else { return Ok(vec![Row::info("robots fetched", 0.0, "")]) };
     let mut rows = Vec::new();
     for (name, urdf) in ROBOTS {
-        match candidate(bench, name, &folder.join("example-robot-data/robots").join(urdf)) {
+        match candidate(bench, name, &folder.join(urdf)) {
             Ok(candidate) => rows.extend(judged(bench, &candidate)?),
             Err(error) => {
                 bench.note(format!("{name}: {error:#}"));
@@ -128,38 +152,45 @@ fn candidate(bench: &Bench, name: &'static str, urdf: &Path) -> anyhow::Result<C
 fn judged(bench: &Bench, robot: &Candidate) -> anyhow::Result<Vec<Row>> {
     let Candidate { name, height, speeds: [trot, crawl], .. } = robot;
     let spec = |scenario: &str, run: &str| RunSpec::of(scenario).named(format!("{name}_{run}")).robot(&robot.toml);
-    let walk = |run: &str, gait: &str, speed: f64| {
+    let walk = |gait: &str, speed: f64| {
         let operator = format!(
             "[{{ t_s = 0.0, mode = \"stand\", gait = \"{gait}\" }}, {{ t_s = 1.0, mode = \"walk\" }}, {{ t_s = 2.0, v_x = {speed:.4} }}]"
         );
-        spec("flat_trot", run).with("operator", operator).with("duration_s", "12.0")
+        spec("flat_trot", gait).with("operator", operator).with("duration_s", "12.0")
+    };
+    let far = |run: &Sample, way: Option<f64>, least: f64| !run.failed() && way.is_some_and(|way| way >= least);
+    let row = |what: &str, passed: usize, runs: usize| {
+        Row::info(format!("{name}: {what}: passed of {runs}"), count(passed), "").exactly(count(runs))
     };
     let mut rows = Vec::new();
-    let ways = bench.all(
-        name,
-        vec![walk("trot", "trot", *trot), walk("crawl", "crawl", *crawl), spec("lie_stand_walk_sit", "lie")],
-    )?;
-    for (what, way) in ["trot", "crawl", "lie, stand up, walk, sit"].iter().zip(&ways) {
-        rows.push(Row::info(format!("{name}: {what}: failed"), f64::from(u8::from(way.failed())), "").exactly(0.0));
+    for (gait, speed) in [("trot", trot), ("crawl", crawl)] {
+        let run = bench.one(walk(gait, *speed))?;
+        let passed = far(&run, run.metrics.locomotion.displacement_m, FOLLOWED * speed * 10.0);
+        rows.push(row(&format!("{gait} at {speed:.2} m/s"), usize::from(passed), 1));
     }
+    let lies = bench.one_with(spec("lie_stand_walk_sit", "lie"), modes)?;
+    let passed = !lies.failed() && lies.measured == GETS_UP;
+    rows.push(row("lie, stand up, walk, sit", usize::from(passed), 1));
     let pushed = bench.all(&format!("{name} pushes"), Direction::ALL.map(|to| pushes(robot, to)).to_vec())?;
-    let failed = pushed.iter().filter(|run| run.failed()).count();
-    rows.push(
-        Row::info(
-            format!("{name}: pushes at {PHASES} phases: failed of {} directions", pushed.len()),
-            count(failed),
-            "",
-        )
-        .exactly(0.0),
-    );
+    let passed = pushed.iter().filter(|run| !run.failed()).count();
+    rows.push(row(&format!("pushes at {PHASES} phases, directions"), passed, pushed.len()));
     let most = STONE * height;
     let rough = bench.seeds().map(|seed| {
         spec("rough_trot", "rough").with("terrain.height_m", format!("[{:.4}, {most:.4}]", most / 2.0)).seed(seed)
     });
     let rough = bench.all(&format!("{name} rough"), rough.collect())?;
-    let failed = rough.iter().filter(|run| run.failed()).count();
-    rows.push(Row::info(format!("{name}: rough ground: failed of {}", rough.len()), count(failed), "").exactly(0.0));
+    let walked = |run: &&Sample| far(run, run.metrics.locomotion.distance_m, 0.5 * trot * 16.0);
+    let passed = rough.iter().filter(walked).count();
+    rows.push(row("rough ground, seeds", passed, rough.len()));
     Ok(rows)
+}
+
+/// The modes of a run, without repetitions.
+fn modes(run: &Run) -> Vec<i8> {
+    let mut modes: Vec<i8> =
+        run.ticks.iter().filter_map(|tick| tick.status.as_ref()).map(|status| status.mode).collect();
+    modes.dedup();
+    modes
 }
 
 /// Direction of a push in W.
