@@ -41,7 +41,12 @@ fn a_cursor_reproduces_any_tick_in_any_order() {
     let replay = open(&path, |toy| toy);
     let mut cursor = Cursor::open(&replay, &Options::default(), &mut |_| {}).unwrap();
     assert_eq!((cursor.first_tick(), cursor.last_tick()), (0, TICKS - 1));
-    assert_eq!(cursor.snapshots(), (0..10).map(|i| i * SNAPSHOT + SNAPSHOT - 1).collect::<Vec<_>>());
+    let around = |cursor: &mut Cursor, tick| (cursor.state_before(tick).unwrap(), cursor.state_after(tick).unwrap());
+    assert_eq!(around(&mut cursor, 0), (None, Some(SNAPSHOT - 1)));
+    assert_eq!(around(&mut cursor, TICKS - 1), (Some(9 * SNAPSHOT - 1), None));
+    let state = 5 * SNAPSHOT - 1;
+    assert_eq!(around(&mut cursor, state), (Some(state - SNAPSHOT), Some(state + SNAPSHOT)));
+    assert_eq!(around(&mut cursor, state + 1), (Some(state), Some(state + SNAPSHOT)));
     for tick in [0, 999, 555, 554, 99, 100, 555, 1, 998, 300] {
         let moment = cursor.go_to(tick).unwrap();
         assert_eq!((moment.tick, moment.t_ns, moment.divergence.is_none()), (tick, tick * PERIOD_NS, true));

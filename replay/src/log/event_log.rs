@@ -101,6 +101,11 @@ impl EventLogReader {
         EventLogReader { source, at: 0, names: ChannelNames::default(), pending: None, growing }
     }
 
+    /// Continues at the offset of an event.
+    pub fn start_at(&mut self, offset: u64) {
+        (self.at, self.pending) = (offset, None);
+    }
+
     /// Whether an event starts in the first `limit` bytes.
     pub fn looks_like_one(source: &mut ByteSource, limit: u64) -> Result<bool, Error> {
         let event = next_header(source, &ChannelNames::default(), 0)?;

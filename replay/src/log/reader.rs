@@ -60,11 +60,15 @@ impl LogReader {
         Self::new(ByteSource::open(path.as_ref())?, true)
     }
 
-    /// Continues at a chunk of an MCAP with a summary; the offset is from [`super::ChunkIndex`].
+    /// Continues at a chunk of an MCAP with a summary, from [`super::ChunkIndex`], or at an event of an event log.
     pub(crate) fn start_at(&mut self, offset: u64) -> Result<(), Error> {
         match &mut self.reader {
             Some(Reader::Mcap(reader)) => reader.start_at(offset),
-            _ => Ok(()),
+            Some(Reader::EventLog(reader)) => {
+                reader.start_at(offset);
+                Ok(())
+            }
+            None => Ok(()),
         }
     }
 
