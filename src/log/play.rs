@@ -1,6 +1,6 @@
 //! `hoof log play`: publishes the messages of a log over LCM at their recorded times.
 
-use super::{Channels, check_names};
+use super::{Channels, OneRun, check_names};
 use crate::{Outcome, say, say_json};
 use anyhow::{Context, bail};
 use crossterm::event::{Event as TerminalEvent, KeyCode, KeyEvent, KeyEventKind, KeyModifiers};
@@ -40,6 +40,8 @@ use std::time::{Duration, Instant};
 pub struct Args {
     /// LCM event log or MCAP; the format is detected from the content
     log: PathBuf,
+    #[command(flatten)]
+    one_run: OneRun,
     /// LCM network; default: LCM_DEFAULT_URL, else udpm://239.255.76.67:7667?ttl=0
     #[arg(long, value_name = "URL", default_value = "", hide_default_value = true)]
     lcm_url: String,
@@ -120,9 +122,9 @@ const SLEEP: Duration = Duration::from_millis(50);
 const SECOND: i64 = 1_000_000_000;
 
 pub fn run(args: &Args) -> anyhow::Result<Outcome> {
-    let options = options(args)?;
-    Channels { channels: args.channels.clone(), exclude: None }.check(&[&args.log])?;
-    check_names("--rename", &args.log, options.rename.keys().cloned())?;
+    let (log, options) = (args.one_run.of(&args.log), options(args)?);
+    Channels { channels: args.channels.clone(), exclude: None }.check(&[&log])?;
+    check_names("--rename", &log, options.rename.keys().cloned())?;
     let mut bus = LcmBus::open(&args.lcm_url)?;
     if !args.force {
         reject_live_robot(&args.lcm_url, &options)?;
@@ -132,7 +134,7 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
         signal_hook::flag::register(signal, Arc::clone(&stopped)).context("signal handler")?;
     }
     let began = Instant::now();
-    let mut player = Player::open(&args.log, options, 0)?;
+    let mut player = Player::open(&log, options, 0)?;
     let mut lateness = Lateness::default();
     let mut screen = Screen::new()?;
     let now_ns = || i64::try_from(began.elapsed().as_nanos()).unwrap_or(i64::MAX);
@@ -168,7 +170,7 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
     drop(screen);
     let damaged = !player.health().is_good();
     let summary = Summary {
-        log: args.log.clone(),
+        log,
         events: player.played(),
         wall_seconds: began.elapsed().as_secs_f64(),
         lateness: lateness.summary(),
