@@ -51,6 +51,8 @@ pub struct Run {
     pub events: Vec<Event>,
     /// Ticks in the order of time, at least one.
     pub ticks: Vec<Tick>,
+    /// Median time between ticks, ns; computed once, because figures ask for it at every tick.
+    period_ns: i64,
     /// Joint signals of the ticks.
     pub joints: Joints,
     /// Time series of the requested fields, by name such as `ROBOT_STATE.q[3]`.
@@ -110,7 +112,7 @@ impl Run {
 
     /// Median time between ticks, s; 0 for one tick.
     pub fn period_s(&self) -> f64 {
-        read::period_ns(&self.ticks) as f64 / 1e9
+        self.period_ns as f64 / 1e9
     }
 
     /// True if the log has a message on the channel.

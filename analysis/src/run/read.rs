@@ -119,6 +119,7 @@ pub(super) fn read(path: &Path, fields: &[Field], progress: &mut dyn FnMut(Progr
         info,
         robot,
         events,
+        period_ns: period_ns(&ticks),
         ticks,
         joints,
         fields,
@@ -272,7 +273,7 @@ fn nearest<T>(messages: &[T], time: impl Fn(&T) -> i64, t_ns: i64, tolerance_ns:
 }
 
 /// Median step between ticks, ns; 0 for fewer than two ticks.
-pub(super) fn period_ns(ticks: &[Tick]) -> i64 {
+fn period_ns(ticks: &[Tick]) -> i64 {
     let mut steps: Vec<i64> = ticks.windows(2).map(|pair| pair[1].t_ns.saturating_sub(pair[0].t_ns)).collect();
     let middle = steps.len() / 2;
     if steps.is_empty() { 0 } else { *steps.select_nth_unstable(middle).1 }
