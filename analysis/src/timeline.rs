@@ -87,7 +87,9 @@ impl EntryKind {
 pub fn entries(run: &Run) -> Vec<TimelineEntry> {
     let mut all = changes(run);
     all.extend(intervals(run));
-    all.extend(losses(run));
+    if !run.is_thinned() {
+        all.extend(losses(run));
+    }
     let safety = Safety::of_run(run);
     all.extend(safety.fell_at_s.map(|t_s| {
         let at = run.ticks.partition_point(|tick| tick.t_s < t_s);
@@ -149,7 +151,8 @@ fn intervals(run: &Run) -> Vec<TimelineEntry> {
         (t.end_ns > t.deadline_ns).then(|| t.end_ns.saturating_sub(t.deadline_ns) as f64 * 1e-3)
     };
     let mut all = Vec::new();
-    for burst in bursts(run, |tick| late_us(tick).is_some()) {
+    let counts = !run.is_thinned();
+    for burst in bursts(run, |tick| counts && late_us(tick).is_some()) {
         let worst = burst.iter().filter_map(|t| late_us(t)).fold(0.0, f64::max);
         let took = burst.iter().filter_map(|t| t.timing.as_ref().map(tick_us)).fold(0.0, f64::max);
         let n = burst.len();
@@ -159,7 +162,7 @@ fn intervals(run: &Run) -> Vec<TimelineEntry> {
             format!("{n} deadlines missed by at most {worst:.0} µs; longest tick {took:.0} µs"),
         ));
     }
-    for burst in bursts(run, |tick| tick.wbc.is_some_and(|w| is_unsolved(w.status))) {
+    for burst in bursts(run, |tick| counts && tick.wbc.is_some_and(|w| is_unsolved(w.status))) {
         let n = burst.len();
         all.push(entry(&burst, EntryKind::Solver, format!("quadratic program not solved in {n} ticks")));
     }

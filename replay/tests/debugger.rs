@@ -196,3 +196,21 @@ fn differences_in_build_and_parameters_are_reported() {
     assert_eq!(named.len(), 1);
     assert_eq!((&*named[0].what, &*named[0].log, &*named[0].here), ("wbc.friction", "0.6", "0.7"));
 }
+
+/// Places are those of the index of an MCAP, or of the first pass through an event log.
+#[test]
+fn a_cursor_goes_to_any_tick_of_a_long_log() {
+    for name in ["long.mcap", "long.lcmlog"] {
+        let path = path(name);
+        toy::write(&path, &toy::events(12_000));
+        let replay = open(&path, |toy| toy);
+        let mut cursor = Cursor::open(&replay, &Options::default(), &mut |_| {}).unwrap();
+        assert_eq!((cursor.first_tick(), cursor.last_tick()), (0, 11_999), "{name}");
+        for tick in [11_999, 0, 6050, 6049, 100, 99, 9999, 5999] {
+            let moment = cursor.go_to(tick).unwrap();
+            assert_eq!((moment.tick, moment.divergence), (tick, None), "{name}");
+        }
+        assert_eq!(cursor.tick_at(7.0205).unwrap(), 7020, "{name}");
+        assert_eq!(cursor.state_before(7000).unwrap(), Some(6999), "{name}");
+    }
+}

@@ -53,6 +53,11 @@ impl Joints {
         self.commanded.sample(tick.joint_rows[1]?, joint)
     }
 
+    /// Number of joints in the inputs of the controller; 0 before the first.
+    pub(super) fn in_inputs(&self) -> usize {
+        self.measured.joints.unwrap_or(0)
+    }
+
     /// Number of joints in the messages.
     pub(super) fn in_messages(&self) -> usize {
         self.measured.joints.or(self.commanded.joints).unwrap_or(0)
@@ -68,6 +73,18 @@ impl Rows {
     /// Appends a command and returns its row; the error is the reason why it is rejected.
     pub fn push_command(&mut self, m: &RobotCommand) -> Result<u32, String> {
         self.push([&m.q_des, &m.qd_des, &m.tau])
+    }
+
+    /// Keeps these rows only, and writes their new numbers.
+    pub fn keep<'r>(&mut self, rows: impl Iterator<Item = &'r mut u32>) {
+        let width = SIGNALS * self.joints.unwrap_or(0);
+        let mut kept = Vec::new();
+        for row in rows {
+            let begin = width * *row as usize;
+            *row = u32::try_from(kept.len() / width.max(1)).expect("fewer rows than before");
+            kept.extend_from_slice(self.values.get(begin..begin + width).unwrap_or_default());
+        }
+        self.values = kept;
     }
 
     fn push(&mut self, signals: [&[f64]; SIGNALS]) -> Result<u32, String> {

@@ -5,6 +5,7 @@
 
 mod joints;
 mod read;
+mod thin;
 mod tick;
 
 use std::collections::BTreeMap;
@@ -49,8 +50,10 @@ pub struct Run {
     pub robot: Option<Robot>,
     /// Events in the order of the log.
     pub events: Vec<Event>,
-    /// Ticks in the order of time, at least one.
+    /// Ticks in the order of time, at least one. Of a long log every [`Run::stride`]-th, and those in which mode or fault change.
     pub ticks: Vec<Tick>,
+    /// Numbers of the ticks are multiples of this; 1 if all ticks are read. A power of two.
+    pub stride: i64,
     /// Median time between ticks, ns; computed once, because figures ask for it at every tick.
     period_ns: i64,
     /// Joint signals of the ticks.
@@ -78,6 +81,11 @@ impl Run {
     /// As [`Run::read`].
     pub fn read_with(path: &Path, fields: &[Field], progress: &mut dyn FnMut(Progress)) -> Result<Self, Error> {
         read::read(path, fields, progress)
+    }
+
+    /// Whether only a part of the ticks is read: then no metric counts ticks.
+    pub fn is_thinned(&self) -> bool {
+        self.stride > 1
     }
 
     /// File name of the log, without its folder.

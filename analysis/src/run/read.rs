@@ -12,13 +12,14 @@ use replay::log::{Health, LogReader, RunClockFinder};
 use sha2::{Digest, Sha256};
 
 use super::joints::Rows;
+use super::thin::{MAX_EVENTS, MAX_TICKS, Thinning};
 use super::{Consumed, Joints, Run, TICK_CHANNELS, Tick, Truth};
 use crate::fields::{Field, FieldReader};
 use crate::robot::Robot;
 use crate::{Error, Progress, Stage};
 
 /// Result of a message.
-enum Taken {
+pub(super) enum Taken {
     Yes,
     /// The message is the RUN_INFO of another run: reading stops.
     AnotherRun,
@@ -26,17 +27,18 @@ enum Taken {
 
 /// Messages read so far.
 #[derive(Default)]
-struct Gathered {
+pub(super) struct Gathered {
     info: Option<RunInfo>,
     events: Vec<lcmtypes::Event>,
     /// In the order of time.
-    ticks: Vec<Tick>,
+    pub ticks: Vec<Tick>,
     /// Ticks with messages after those of later ticks.
-    stray: Vec<Tick>,
-    truth: Vec<Truth>,
-    joints: Joints,
+    pub stray: Vec<Tick>,
+    pub truth: Vec<Truth>,
+    pub joints: Joints,
+    pub thinning: Thinning,
     /// Joint states by the clock of the driver: time and row. Used for a log without CONTROLLER_INPUT.
-    raw: (Vec<(i64, u32)>, Rows),
+    pub raw: (Vec<(i64, u32)>, Rows),
 }
 
 pub(super) fn read(path: &Path, fields: &[Field], progress: &mut dyn FnMut(Progress)) -> Result<Run, Error> {
@@ -89,6 +91,16 @@ pub(super) fn read(path: &Path, fields: &[Field], progress: &mut dyn FnMut(Progr
         notes.push(format!("{count} messages on {channel} could not be decoded; the first: {why}"));
     }
     let clock = clock.clock();
+    let (stride, events_dropped) = (gathered.thinning.stride, gathered.thinning.events_dropped);
+    if stride > 1 {
+        notes.push(format!(
+            "the log has more than {MAX_TICKS} ticks: every {stride}-th tick is used, contact, timing, qp and clamped torques are left out, and the timeline lists \
+             neither losses nor missed deadlines; a part of the log (hoof log trim) is reported with every tick"
+        ));
+    }
+    if events_dropped > 0 {
+        notes.push(format!("{events_dropped} EVENTs after the first {MAX_EVENTS} are left out"));
+    }
     let (ticks, mut joints, info, events) = gathered.join(clock.first_tick_ns());
     let Some(first_tick_ns) = clock.first_tick_ns().or(ticks.first().map(|tick| tick.t_ns)) else {
         return Err(Error::NothingToReport {
@@ -121,6 +133,7 @@ pub(super) fn read(path: &Path, fields: &[Field], progress: &mut dyn FnMut(Progr
         events,
         period_ns: period_ns(&ticks),
         ticks,
+        stride,
         joints,
         fields,
         channels,
@@ -130,7 +143,10 @@ pub(super) fn read(path: &Path, fields: &[Field], progress: &mut dyn FnMut(Progr
 
 impl Gathered {
     /// Adds a message; the error is the reason why it cannot be decoded.
-    fn take(&mut self, channel: &str, data: &[u8]) -> Result<Taken, String> {
+    pub fn take(&mut self, channel: &str, data: &[u8]) -> Result<Taken, String> {
+        if !self.thinning.takes(channel, data) {
+            return Ok(Taken::Yes);
+        }
         match channel {
             "RUN_INFO" => {
                 let info = decode::<RunInfo>(data)?;
@@ -141,7 +157,8 @@ impl Gathered {
                     _ => self.info = Some(info),
                 }
             }
-            "EVENT" => self.events.push(decode(data)?),
+            "EVENT" if self.events.len() < MAX_EVENTS => self.events.push(decode(data)?),
+            "EVENT" => self.thinning.events_dropped += 1,
             "BASE_TRACKING" => {
                 let m = decode::<BaseTracking>(data)?;
                 let tick = self.at(m.t_ns);
@@ -185,7 +202,11 @@ impl Gathered {
                 let row = self.joints.commanded.push_command(&m)?;
                 self.at(m.t_ns).joint_rows[1] = Some(row);
             }
-            "ROBOT_STATE" => {
+            // Not used beside CONTROLLER_INPUT.
+            "ROBOT_STATE" if self.joints.in_inputs() == 0 => {
+                if self.raw.0.len() >= 2 * self.thinning.max_ticks {
+                    self.thin_raw();
+                }
                 let m = decode::<RobotState>(data)?;
                 let row = self.raw.1.push_state(&m)?;
                 self.raw.0.push((m.t_ns, row));
@@ -193,6 +214,9 @@ impl Gathered {
             "GROUND_TRUTH" => {
                 let message = decode::<GroundTruth>(data)?;
                 let n_feet = message.n_feet;
+                if self.truth.len() >= self.thinning.max_truth {
+                    self.thin_truth();
+                }
                 self.truth.push(Truth::of(&message).ok_or_else(|| format!("{n_feet} feet, expected 4"))?);
             }
             _ => {}
@@ -203,6 +227,9 @@ impl Gathered {
     /// The tick at a time, added if missing.
     fn at(&mut self, t_ns: i64) -> &mut Tick {
         let fresh = || Tick { t_ns, ..Tick::default() };
+        if self.ticks.len() >= self.thinning.max_ticks {
+            self.thin();
+        }
         let last = self.ticks.last().map(|tick| tick.t_ns);
         if last.is_none_or(|last| last < t_ns) {
             self.ticks.push(fresh());
@@ -223,7 +250,7 @@ impl Gathered {
 
     /// Ticks at the times of all messages of the controller, or at the times of ground truth if there are none. Their `t_s` is relative to `first_tick_ns`,
     /// or to the first of them if it is `None`.
-    fn join(mut self, first_tick_ns: Option<i64>) -> (Vec<Tick>, Joints, Option<RunInfo>, Vec<lcmtypes::Event>) {
+    pub fn join(mut self, first_tick_ns: Option<i64>) -> (Vec<Tick>, Joints, Option<RunInfo>, Vec<lcmtypes::Event>) {
         self.truth.sort_by_key(|m| m.t_ns);
         let mut ticks = self.ticks;
         if ticks.is_empty() && self.stray.is_empty() {
@@ -264,9 +291,14 @@ fn decode<M: Message>(data: &[u8]) -> Result<M, String> {
     M::decode(data).map_err(|e| e.to_string())
 }
 
+/// Index of the first message at or after a time, in messages in the order of time.
+pub(super) fn first_from<T>(messages: &[T], time: impl Fn(&T) -> i64, t_ns: i64) -> usize {
+    messages.partition_point(|m| time(m) < t_ns)
+}
+
 /// The message nearest in time, if it is within the tolerance. `messages` are in order of time.
 fn nearest<T>(messages: &[T], time: impl Fn(&T) -> i64, t_ns: i64, tolerance_ns: i64) -> Option<&T> {
-    let after = messages.partition_point(|m| time(m) < t_ns);
+    let after = first_from(messages, &time, t_ns);
     let candidates = messages.get(after.saturating_sub(1)..)?.iter().take(2);
     let distance = |m: &&T| time(m).abs_diff(t_ns);
     candidates.min_by_key(distance).filter(|m| distance(m) <= tolerance_ns.unsigned_abs())

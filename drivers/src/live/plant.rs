@@ -246,7 +246,8 @@ impl<'a> Run<'a> {
             return Err(DriverError::SecondDriver);
         }
         if later.is_some() {
-            self.two_drivers = true;
+            // Before the first command the robot is held still.
+            self.two_drivers |= self.started;
             if std::mem::replace(&mut self.second_driver, later) != later {
                 let text = "a second driver was started: joints damped until the controller damps them".to_owned();
                 out.event(now, newest.tick, Event::LEVEL_ERROR, "driver", text)?;

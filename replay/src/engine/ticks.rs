@@ -294,12 +294,18 @@ impl Ticks {
             return self.account.unused(&event.channel, tick, event.offset, Unused::Undecodable);
         };
         let unused = match self.slot(number, event.offset) {
-            Ok(tick) => match tick.recorded.iter().find(|(channel, _)| *channel == event.channel) {
+            Ok(tick) => match tick.recorded.iter_mut().find(|(channel, _)| *channel == event.channel) {
                 None => {
                     tick.recorded.push((event.channel, event.data));
                     return;
                 }
                 Some((_, first)) if *first == event.data => Unused::Doubled,
+                // Of another program, or damaged.
+                Some(_) if !decodes(&event.data) => Unused::Undecodable,
+                Some((_, first)) if !decodes(first) => {
+                    *first = event.data;
+                    Unused::Undecodable
+                }
                 Some(_) => {
                     // Both are compared, so one of them differs.
                     if tick.recorded.len() < MAX_OF_TICK {
