@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 """Changes one line of the controller, builds the replay, and replays an unchanged log: is the change found in the expected stage and at the expected tick?
 
-    scripts/mutants.py HOOF [--only TEXT] [--markdown docs/mutants.md]
+    scripts/mutants.py HOOF [--only TEXT] [--golden] [--markdown docs/mutants.md]
 
 HOOF records the log, 2 s of HyQ on stones; the mutants are in mutants.toml. Those with `golden = true` are searched with the golden logs. The expected tick of each is computed from the log by rules that use no
 replay. Builds are in $CARGO_TARGET_DIR/mutants (or target/mutants). Exit code 1 if a mutant is not found at the expected place.
@@ -75,6 +75,7 @@ def main():
     arguments = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     arguments.add_argument("hoof", type=Path, help="the command to record with, such as target/release/hoof")
     arguments.add_argument("--only", default="", help="only mutants whose description contains this text")
+    arguments.add_argument("--golden", action="store_true", help="only mutants that are searched with the golden logs")
     arguments.add_argument("--markdown", type=Path, help="write the table of results here")
     args = arguments.parse_args()
     hoof = args.hoof.resolve()
@@ -91,7 +92,7 @@ def main():
     expected = ticks(hoof)
     mutants = tomllib.loads((ROOT / "scripts/mutants.toml").read_text())["mutant"]
     rows, golden_rows, failed = [], [], False
-    for mutant in (m for m in mutants if args.only in m["what"]):
+    for mutant in (m for m in mutants if args.only in m["what"] and (m.get("golden") or not args.golden)):
         file = TREE / mutant["file"]
         text = file.read_text()
         if text.count(mutant["from"]) != 1:

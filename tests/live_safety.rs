@@ -9,8 +9,12 @@ use common::{events, folder, hoof, messages, ran};
 use drivers::live::EndCause;
 use drivers::live::clock::now_ns;
 use lcmtypes::bus::{Bus, LcmBus};
-use lcmtypes::channels::{CONTROLLER_INPUT, CONTROLLER_TICK, EVENT, EXPECTED_ROBOT, ROBOT_COMMAND, ROBOT_STATE};
-use lcmtypes::{ControllerInput, ControllerTick, Event, Message, OperatorCommand, RobotCommand, RobotInfo, enum_names};
+use lcmtypes::channels::{
+    CONTROLLER_INPUT, CONTROLLER_TICK, EVENT, EXPECTED_ROBOT, ROBOT_COMMAND, ROBOT_INFO, ROBOT_STATE,
+};
+use lcmtypes::{
+    ControllerInput, ControllerTick, Event, Message, OperatorCommand, RobotCommand, RobotInfo, RobotState, enum_names,
+};
 use serde_json::Value;
 use std::path::Path;
 use std::process::Command;
@@ -335,4 +339,48 @@ fn a_driver_with_another_robot_is_not_commanded() {
     driver.interrupt();
     let driver = driver.end().json();
     assert_eq!(driver["sim_seconds"], 0.0, "the scenario starts with the first command");
+}
+
+#[test]
+fn of_two_drivers_the_later_one_ends_and_the_first_one_damps_its_joints() {
+    let log = folder("two_drivers").join("run.mcap");
+    let mut run = LiveProcess::run(&url(16), &log, "--seconds 60");
+    run.wait_for(&["controller: ", "STANCE"]);
+    let mut bus = LcmBus::open(&url(16)).unwrap();
+    bus.subscribe(ROBOT_INFO).unwrap();
+    let mut other = loop {
+        let messages = bus.handle(Duration::from_millis(20)).unwrap();
+        if let Some(message) = messages.last() {
+            break RobotInfo::decode(&message.data).unwrap();
+        }
+    };
+    (other.t_ns, other.sender_id, other.t_start_ns) = (now_ns(), 1, i64::MAX);
+    put(&mut bus, ROBOT_INFO, &other);
+    run.wait_for(&["driver: ", "a second driver"]);
+    run.wait_for(&["controller: ", "DAMPING"]);
+    (other.t_ns, other.sender_id, other.t_start_ns) = (now_ns(), 2, 0);
+    put(&mut bus, ROBOT_INFO, &other);
+    run.wait_for(&["driver ended"]);
+    run.interrupt();
+    let ran = run.end().exits(1).json();
+    assert_eq!(ran["driver"]["exit_code"], 2);
+    assert_replays(&log);
+
+    // The first step after the EVENT is damped, before the controller can have commanded that.
+    let (mut before, mut damped, mut is_found) = (RobotState::default(), None, false);
+    for event in events(&log) {
+        match &*event.channel {
+            ROBOT_STATE if is_found => {
+                damped = Some(RobotState::decode(&event.data).unwrap());
+                break;
+            }
+            ROBOT_STATE => before = RobotState::decode(&event.data).unwrap(),
+            EVENT => is_found = is_driver_error(&Event::decode(&event.data).unwrap()),
+            _ => {}
+        }
+    }
+    for (tau, qd) in damped.unwrap().tau.iter().zip(&before.qd) {
+        // `safety.damping` of HyQ.
+        assert!((tau + 20.0 * qd).abs() < 1e-6, "{tau} N m at {qd} rad/s");
+    }
 }

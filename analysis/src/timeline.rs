@@ -87,7 +87,9 @@ impl EntryKind {
 pub fn entries(run: &Run) -> Vec<TimelineEntry> {
     let mut all = changes(run);
     all.extend(intervals(run));
-    all.extend(losses(run));
+    if !run.is_thinned() {
+        all.extend(losses(run));
+    }
     let safety = Safety::of_run(run);
     all.extend(safety.fell_at_s.map(|t_s| {
         let at = run.ticks.partition_point(|tick| tick.t_s < t_s);
@@ -149,7 +151,8 @@ fn intervals(run: &Run) -> Vec<TimelineEntry> {
         (t.end_ns > t.deadline_ns).then(|| t.end_ns.saturating_sub(t.deadline_ns) as f64 * 1e-3)
     };
     let mut all = Vec::new();
-    for burst in bursts(run, |tick| late_us(tick).is_some()) {
+    let counts = !run.is_thinned();
+    for burst in bursts(run, |tick| counts && late_us(tick).is_some()) {
         let worst = burst.iter().filter_map(|t| late_us(t)).fold(0.0, f64::max);
         let took = burst.iter().filter_map(|t| t.timing.as_ref().map(tick_us)).fold(0.0, f64::max);
         let n = burst.len();
@@ -159,7 +162,7 @@ fn intervals(run: &Run) -> Vec<TimelineEntry> {
             format!("{n} deadlines missed by at most {worst:.0} µs; longest tick {took:.0} µs"),
         ));
     }
-    for burst in bursts(run, |tick| tick.wbc.is_some_and(|w| is_unsolved(w.status))) {
+    for burst in bursts(run, |tick| counts && tick.wbc.is_some_and(|w| is_unsolved(w.status))) {
         let n = burst.len();
         all.push(entry(&burst, EntryKind::Solver, format!("quadratic program not solved in {n} ticks")));
     }
@@ -210,10 +213,9 @@ fn losses(run: &Run) -> Vec<TimelineEntry> {
         let [before, after] = pair else { continue };
         if after.t_s - before.t_s > longest {
             let missing = (((after.t_s - before.t_s) / run.period_s()).round() as i64).saturating_sub(1);
-            if after.follows(before, run.stride) {
+            if after.follows(before) {
                 let timings = before.timing.as_ref().zip(after.timing.as_ref());
-                let n_skipped =
-                    timings.map_or(missing, |(t0, t1)| skipped(t0, t1, run.control_period_s() * 1e6) as i64);
+                let n_skipped = timings.map_or(missing, |(t0, t1)| skipped(t0, t1, run.period_s() * 1e6) as i64);
                 let describe = |n: i64| format!("{n} ticks skipped: the previous tick or the wake-up was late");
                 if n_skipped > 0 {
                     add(before, EntryKind::Deadline, n_skipped, &describe, &mut skipped_burst);

@@ -10,6 +10,7 @@ pub use recorded::{RevisionReplay, recorded_revision, replay_with_revision};
 
 use crate::Error;
 use crate::corpus::Corpus;
+use std::fs::File;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
@@ -177,6 +178,8 @@ struct WorkTree<'o> {
     corpus: PathBuf,
     /// Shared target directory, so that each revision compiles only its changes.
     target: PathBuf,
+    /// Keeps other processes out of the directory.
+    _lock: File,
 }
 
 impl<'o> WorkTree<'o> {
@@ -187,6 +190,14 @@ impl<'o> WorkTree<'o> {
         };
         std::fs::create_dir_all(&options.work).map_err(io(&options.work))?;
         let work = options.work.canonicalize().map_err(io(&options.work))?;
+        let lock = locked(&work)?;
+        lock.try_lock().map_err(|_| Error::Bisect {
+            path: options.log.clone(),
+            why: format!(
+                "another process works in {}: wait for its end, or give another directory with --work",
+                work.display()
+            ),
+        })?;
         let [dir, corpus, target] = ["tree", "corpus", "target"].map(|name| work.join(name));
         if options.run.is_none() {
             if corpus.exists() {
@@ -200,7 +211,7 @@ impl<'o> WorkTree<'o> {
             let path = corpus.join("corpus.toml");
             std::fs::write(&path, manifest).map_err(io(&path))?;
         }
-        let tree = WorkTree { options, dir, corpus, target };
+        let tree = WorkTree { options, dir, corpus, target, _lock: lock };
         tree.remove();
         let dir = tree.dir.display().to_string();
         git(&options.repository, &["worktree", "add", "--force", "--detach", &dir, &options.good])?;
@@ -279,6 +290,12 @@ impl<'o> WorkTree<'o> {
         }
         Ok(if causes.is_empty() { kinds } else { causes })
     }
+}
+
+/// The file whose lock a process holds while it works in a directory.
+fn locked(work: &Path) -> Result<File, Error> {
+    let path = work.join("lock");
+    File::create(&path).map_err(|source| Error::Io { path, source })
 }
 
 /// Builds the replay of a work tree. The inner error is the output of a build that fails.

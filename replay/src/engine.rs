@@ -18,6 +18,7 @@ mod builder;
 mod compare;
 mod continuity;
 mod cursor;
+mod expected;
 mod inputs;
 mod judgement;
 mod options;

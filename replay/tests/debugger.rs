@@ -41,7 +41,12 @@ fn a_cursor_reproduces_any_tick_in_any_order() {
     let replay = open(&path, |toy| toy);
     let mut cursor = Cursor::open(&replay, &Options::default(), &mut |_| {}).unwrap();
     assert_eq!((cursor.first_tick(), cursor.last_tick()), (0, TICKS - 1));
-    assert_eq!(cursor.snapshots(), (0..10).map(|i| i * SNAPSHOT + SNAPSHOT - 1).collect::<Vec<_>>());
+    let around = |cursor: &mut Cursor, tick| (cursor.state_before(tick).unwrap(), cursor.state_after(tick).unwrap());
+    assert_eq!(around(&mut cursor, 0), (None, Some(SNAPSHOT - 1)));
+    assert_eq!(around(&mut cursor, TICKS - 1), (Some(9 * SNAPSHOT - 1), None));
+    let state = 5 * SNAPSHOT - 1;
+    assert_eq!(around(&mut cursor, state), (Some(state - SNAPSHOT), Some(state + SNAPSHOT)));
+    assert_eq!(around(&mut cursor, state + 1), (Some(state), Some(state + SNAPSHOT)));
     for tick in [0, 999, 555, 554, 99, 100, 555, 1, 998, 300] {
         let moment = cursor.go_to(tick).unwrap();
         assert_eq!((moment.tick, moment.t_ns, moment.divergence.is_none()), (tick, tick * PERIOD_NS, true));
@@ -190,4 +195,22 @@ fn differences_in_build_and_parameters_are_reported() {
     let named = replay.run(&options, &mut |_| {}).unwrap().deviations;
     assert_eq!(named.len(), 1);
     assert_eq!((&*named[0].what, &*named[0].log, &*named[0].here), ("wbc.friction", "0.6", "0.7"));
+}
+
+/// Places are those of the index of an MCAP, or of the first pass through an event log.
+#[test]
+fn a_cursor_goes_to_any_tick_of_a_long_log() {
+    for name in ["long.mcap", "long.lcmlog"] {
+        let path = path(name);
+        toy::write(&path, &toy::events(12_000));
+        let replay = open(&path, |toy| toy);
+        let mut cursor = Cursor::open(&replay, &Options::default(), &mut |_| {}).unwrap();
+        assert_eq!((cursor.first_tick(), cursor.last_tick()), (0, 11_999), "{name}");
+        for tick in [11_999, 0, 6050, 6049, 100, 99, 9999, 5999] {
+            let moment = cursor.go_to(tick).unwrap();
+            assert_eq!((moment.tick, moment.divergence), (tick, None), "{name}");
+        }
+        assert_eq!(cursor.tick_at(7.0205).unwrap(), 7020, "{name}");
+        assert_eq!(cursor.state_before(7000).unwrap(), Some(6999), "{name}");
+    }
 }

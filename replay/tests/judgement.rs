@@ -138,6 +138,17 @@ fn an_undecodable_message_costs_itself() {
     });
     assert_eq!(first_unused(&report), (channels::CONTROLLER_SNAPSHOT, Some(599), Unused::Undecodable));
     assert_eq!((report.ticks, report.identical, report.complete), (TICKS as u64, true, false));
+    // A cut command of another program with the identity of the run, before or after the run's own one.
+    for after in [0, 1] {
+        let report = replay_of("undecodable_command.mcap", |events| {
+            let at = place(events, ROBOT_COMMAND, 599);
+            let mut cut = events[at].clone();
+            cut.2.truncate(50);
+            events.insert(at + after, cut);
+        });
+        assert_eq!(first_unused(&report), (ROBOT_COMMAND, Some(599), Unused::Undecodable));
+        assert!(report.identical && !report.complete && report.missing_outputs.is_empty(), "{report:?}");
+    }
 }
 
 /// The run stays complete with messages of other programs on any channel.
@@ -257,6 +268,11 @@ fn each_run_of_a_log_is_read_on_its_own() {
     let log = path("two_runs.mcap");
     let mut events = toy::events_of_run(1, 1000, 5_000_000_000);
     let second = toy::events_of_run(2, 700, 0);
+    // A command of another program is no run, and takes no events with it.
+    let at = place(&events, ROBOT_COMMAND, 5500);
+    let mut foreign = events[at].clone();
+    foreign.2[24..32].copy_from_slice(&77_i64.to_be_bytes());
+    events.insert(at, foreign);
     events.extend(second.into_iter().map(|(channel, t_ns, data)| (channel, t_ns + 20_000_000_000, data)));
     toy::write(&log, &events);
     let runs = LogSummary::read(&log).unwrap().runs;

@@ -88,7 +88,7 @@ pub fn next(cursor: &mut Cursor, tick: i64, kind: Option<Kind>, most: u64) -> Re
 pub fn previous(cursor: &mut Cursor, tick: i64) -> Result<Option<Moment>, replay::Error> {
     let mut end = tick;
     while end > cursor.first_tick() {
-        let begin = cursor.snapshots().iter().rev().find(|s| **s + 1 < end).map_or(cursor.first_tick(), |s| s + 1);
+        let begin = cursor.state_before(end - 1)?.map_or(cursor.first_tick(), |state| state + 1);
         let (mut before, mut last) = (Before::default(), None);
         cursor.search(begin, end.abs_diff(begin), &mut |moment| {
             if !found(before, moment).is_empty() {

@@ -63,8 +63,14 @@ impl Session<'_, '_> {
                 KeyCode::PageUp => self.go_to(tick - 100)?,
                 KeyCode::Home => self.go_to(self.cursor.first_tick())?,
                 KeyCode::End => self.go_to(self.cursor.last_tick())?,
-                KeyCode::Char('b') => self.go_to_state(|state| state < tick, true)?,
-                KeyCode::Char('s') => self.go_to_state(|state| state > tick, false)?,
+                KeyCode::Char('b') => {
+                    let state = self.cursor.state_before(tick)?;
+                    self.go_to_state(state, "no recorded state before this tick")?;
+                }
+                KeyCode::Char('s') => {
+                    let state = self.cursor.state_after(tick)?;
+                    self.go_to_state(state, "no recorded state after this tick")?;
+                }
                 KeyCode::Char('n') => self.search(None)?,
                 KeyCode::Char('N') => self.search_back()?,
                 KeyCode::Char('t') => self.search(Some(Kind::Touchdown))?,
@@ -100,13 +106,11 @@ impl Session<'_, '_> {
         Ok(())
     }
 
-    fn go_to_state(&mut self, wanted: impl Fn(i64) -> bool, last: bool) -> anyhow::Result<()> {
-        let mut states = self.cursor.snapshots().iter().copied().filter(|state| wanted(*state));
-        match if last { states.next_back() } else { states.next() } {
+    fn go_to_state(&mut self, state: Option<i64>, none: &str) -> anyhow::Result<()> {
+        match state {
             Some(state) => self.go_to(state),
             None => {
-                if last { "no recorded state before this tick" } else { "no recorded state after this tick" }
-                    .clone_into(&mut self.message);
+                none.clone_into(&mut self.message);
                 Ok(())
             }
         }

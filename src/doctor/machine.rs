@@ -1,8 +1,8 @@
 //! Checks of the machine for a real-time control loop.
 
 use super::Check;
-use super::files::{CAP_IPC_LOCK, CAP_SYS_NICE, System};
-use drivers::live::{LIMITS_FIX, RealtimeParams};
+use super::files::{CAP_SYS_NICE, System};
+use drivers::live::{LIMITS_FIX, RealtimeParams, memory_limit};
 use nix::sys::statvfs::statvfs;
 use std::path::Path;
 
@@ -49,12 +49,11 @@ fn scheduler(system: &System, refused: Option<String>) -> Check {
 
 fn memory(system: &System) -> Check {
     const NAME: &str = "locked memory";
-    match system.limit("Max locked memory") {
-        _ if system.is_capable(CAP_IPC_LOCK) => Check::ok(NAME, "permitted"),
-        Some(u64::MAX) => Check::ok(NAME, "unlimited"),
-        limit => {
-            let found =
-                format!("limit {} kB; a page fault in the control loop can cost a tick", limit.unwrap_or(0) / 1024);
+    let text = |file| system.text(file).unwrap_or_default();
+    match memory_limit(&text("/proc/self/limits"), &text("/proc/self/status")) {
+        None => Check::ok(NAME, "permitted without limit"),
+        Some(limit) => {
+            let found = format!("limit {} kB; a page fault in the control loop can cost a tick", limit / 1024);
             Check::warn(NAME, found, LIMITS_FIX.to_owned())
         }
     }

@@ -1,13 +1,13 @@
 //! `hoof driver`: the simulator in place of a robot, in real time.
 
 use super::{Shared, Stop, refuse_a_second, wait_for_controller};
-use crate::robot::RobotFiles;
+use crate::robot::{RobotFiles, with_overrides};
 use crate::{Outcome, note, say, say_json};
 use anyhow::{Context, bail};
 use controller::model::{Base, Model};
 use controller::params::Params;
 use drivers::live::plant::{self, Plant, Summary};
-use drivers::live::{LcmReceiver, LcmSender, RealtimeParams};
+use drivers::live::{JointRange, LcmReceiver, LcmSender, RealtimeParams};
 use drivers::robot_info::robot_info;
 use drivers::{MujocoSim, Scenario, SimParams, Simulator, Terrain};
 use lcmtypes::channels;
@@ -39,7 +39,7 @@ pub fn run(args: &DriverArgs) -> anyhow::Result<Outcome> {
     };
     let stop = Stop::new(args.shared.parent)?;
     let (files, params_text) = RobotFiles::find_with_params(&file.robot)?;
-    let params = Params::from_toml(&params_text, &file.robot)?;
+    let params = Params::from_toml(&with_overrides(&params_text, &file.set)?, &file.robot)?;
     let scenario = Scenario::load(&simulation.scenario)?;
     let terrain = Terrain::new(&scenario.terrain, scenario.seed);
     let tree = files.tree()?;
@@ -52,7 +52,8 @@ pub fn run(args: &DriverArgs) -> anyhow::Result<Outcome> {
     let stopping = Arc::new(AtomicBool::new(false));
     let stopping_thread = stopping.clone();
     let name = scenario.name.clone();
-    let joints = Model::new(&tree, Base::Floating)?.joints;
+    let joints = JointRange::of(&Model::new(&tree, Base::Floating)?.joints, &params);
+    let damping = params.safety.damping;
     let info = robot_info(&params.robot.name, &files.urdf, sim.joints(), 0);
     let send_operator = simulation.operator;
     let thread = std::thread::Builder::new().name("real-time".to_owned()).spawn(move || {
@@ -62,7 +63,7 @@ pub fn run(args: &DriverArgs) -> anyhow::Result<Outcome> {
         }
         note(format!("driving {} in {name} on {url}: {}", file.robot, granted.held_text()));
         plant::run(
-            Plant { scenario: &scenario, send_operator, sim: &mut sim, sender, receiver, info, joints },
+            Plant { scenario: &scenario, send_operator, sim: &mut sim, sender, receiver, info, joints, damping },
             &stopping_thread,
         )
     })?;

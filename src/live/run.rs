@@ -103,6 +103,7 @@ pub fn run(args: &RunArgs) -> anyhow::Result<Outcome> {
         }
     }
     run.end(&mut network, &stop)?;
+    run.screen.show_rest();
     let Running { processes, screen, .. } = run;
     drop(screen);
     report(args, log, &processes)
@@ -211,11 +212,17 @@ impl Running {
         while let Ok(line) = self.lines.try_recv() {
             self.screen.line(&line);
         }
-        for (process, place) in self.processes.iter_mut().zip(0..) {
-            let had_ended = process.has_ended();
+        let had_ended: Vec<bool> = self.processes.iter().map(Process::has_ended).collect();
+        let (mut running, mut ended) = (Vec::new(), Vec::new());
+        for process in &mut self.processes {
+            let is_running = process.status()?.is_none();
+            if is_running { &mut running } else { &mut ended }.push(process.name);
+        }
+        for ((process, place), had_ended) in self.processes.iter_mut().zip(0..).zip(had_ended) {
             let status = process.status()?;
             if let (Some(status), false, false) = (status, had_ended, self.ending) {
-                self.screen.say(&format!("{} ended, {status}{}", process.name, consequence(process)));
+                let consequence = consequence(process, &running, &ended);
+                self.screen.say(&format!("{} ended, {status}{consequence}", process.name));
             }
             self.screen.show(place, process, status);
         }
@@ -249,13 +256,18 @@ impl Running {
     }
 }
 
-/// Consequence for the run of a process that has ended by itself.
-fn consequence(process: &Process) -> &'static str {
+/// Consequence for the run of a process that has ended by itself, with the names of the processes that are running and that have ended.
+fn consequence(process: &Process, running: &[&str], ended: &[&str]) -> &'static str {
     match process.name {
-        "recorder" => ": the run continues without a log",
-        "driver" => ": the controller damps and waits for another driver (hoof driver)",
+        "recorder" if running.contains(&"controller") => ": the run continues without a log",
+        "driver" if running.contains(&"controller") => {
+            ": the controller damps and waits for another driver (hoof driver RUN_FILE)"
+        }
+        "recorder" | "driver" => "",
         _ if process.is_good() => "",
         _ if process.lost_data() => ": messages were lost, see its result",
-        _ => ": the driver damps the robot",
+        // A robot's own driver is not a process of the run.
+        _ if ended.contains(&"driver") => ": no driver is running that could damp the joints",
+        _ => ": the driver damps the joints when commands time out",
     }
 }

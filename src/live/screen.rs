@@ -2,8 +2,8 @@
 
 use super::process::{Line, Process};
 use crate::note;
-use drivers::live::EventLimit;
 use drivers::live::clock::now_ns;
+use drivers::live::{EventLimit, Suppressed};
 use indicatif::{MultiProgress, ProgressBar, ProgressStyle};
 use lcmtypes::{ControllerTick, Event, Message, enum_names};
 use replay::{printable, printable_path};
@@ -100,7 +100,18 @@ impl Screen {
 
     /// Shows how many EVENTs were not shown.
     pub fn show_suppressed(&mut self) {
-        for suppressed in self.limit.take_suppressed(now_ns()) {
+        let suppressed = self.limit.take_suppressed(now_ns());
+        self.say_suppressed(suppressed);
+    }
+
+    /// [`Screen::show_suppressed`] at the end of the run.
+    pub fn show_rest(&mut self) {
+        let suppressed = self.limit.take_rest();
+        self.say_suppressed(suppressed);
+    }
+
+    fn say_suppressed(&self, suppressed: Vec<Suppressed>) {
+        for suppressed in suppressed {
             self.say(&format!("warning {}: {}", printable(&suppressed.source), suppressed.text()));
         }
     }

@@ -4,7 +4,7 @@ use super::{LogTypes, OneRun, Part, loss};
 use crate::{Outcome, note};
 use anyhow::Context;
 use lcm_idl::{Leaf, Value};
-use replay::log::{EventRef, Health, LogReader, RunClock, Types, Zero};
+use replay::log::{EventRef, EventTimes, Health, LogReader, RunClock, Types, Zero};
 use replay::printable::printable_json;
 use replay::{printable, printable_path};
 use std::fmt::Write as _;
@@ -50,6 +50,8 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
     let mut filter = filter.for_log(&log)?;
     // JSON lines contain t_ns alone, so they need no time zero.
     let clock = (!args.json).then(|| RunClock::read(&log)).transpose()?;
+    // As --from and --to select.
+    let mut times = clock.map(EventTimes::new);
     if let Some(zero) = clock.map(|clock| clock.zero()).filter(|zero| *zero != Zero::FirstTick) {
         note(format!("{}: times are s since {}", printable_path(&args.log), zero.text()));
     }
@@ -66,12 +68,13 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
         };
         let Some(event) = health.note(item) else { continue };
         types.learn(&event);
+        let since_ns = times.as_mut().map(|times| times.of(&event));
         if !filter.accepts(&event) {
             continue;
         }
         line.clear();
-        match clock {
-            Some(clock) => text_line(&event, clock.of_event(&event), &types, &mut line),
+        match since_ns {
+            Some(since_ns) => text_line(&event, since_ns, &types, &mut line),
             None => json_line(&event, &types, &mut line),
         }
         // Text of a foreign log can be anywhere in the line.

@@ -108,9 +108,11 @@ pub fn trim(args: &TrimArgs) -> anyhow::Result<Outcome> {
 #[derive(clap::Args)]
 #[command(after_help = "Example: hoof log merge robot.lcmlog operator.lcmlog --out both.mcap")]
 pub struct MergeArgs {
-    /// Logs to read
+    /// Logs to read; with --run, this run of each
     #[arg(required = true)]
     logs: Vec<PathBuf>,
+    #[command(flatten)]
+    one_run: OneRun,
     /// Log to write, .lcmlog or .mcap
     #[arg(long)]
     out: PathBuf,
@@ -124,7 +126,8 @@ pub struct MergeArgs {
 pub fn merge(args: &MergeArgs) -> anyhow::Result<Outcome> {
     let types = args.types.read()?;
     let bar = Progress::new("merge");
-    let copied = replay::log::merge(&args.logs, &args.out, types, &mut |part| bar.set(part))?;
+    let logs: Vec<PathBuf> = args.logs.iter().map(|log| args.one_run.of(log)).collect();
+    let copied = replay::log::merge(&logs, &args.out, types, &mut |part| bar.set(part))?;
     drop(bar);
     print_copy_report(&copied, args.json)
 }

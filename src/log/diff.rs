@@ -1,6 +1,6 @@
 //! `hoof log diff`: compares two logs channel by channel.
 
-use super::{LogTypes, Part};
+use super::{LogTypes, OneRun, Part};
 use crate::progress::Progress;
 use crate::{Outcome, say, say_json};
 use replay::log::{ChannelDiff, LogDiff};
@@ -8,7 +8,8 @@ use replay::printable;
 use std::path::PathBuf;
 
 #[derive(clap::Args)]
-#[command(after_help = "Example: hoof log diff before.mcap after.mcap --exclude TIMING\n\n\
+#[command(after_help = "Example: hoof log diff before.mcap after.mcap --exclude TIMING\n         \
+    hoof log diff two_runs.mcap#1 two_runs.mcap#2 --exclude TIMING\n\n\
     TIMING contains wall-clock times and differs between any two runs. Exit code 0: identical; 1: different; 3: a log is damaged or \
         cut, and its readable part is identical.")]
 pub struct Args {
@@ -16,6 +17,8 @@ pub struct Args {
     left: PathBuf,
     /// Second log
     right: PathBuf,
+    #[command(flatten)]
+    one_run: OneRun,
     #[command(flatten)]
     part: Part,
     #[command(flatten)]
@@ -27,9 +30,10 @@ pub struct Args {
 
 pub fn run(args: &Args) -> anyhow::Result<Outcome> {
     let (filter, types) = (args.part.filter()?, args.types.read()?);
-    args.part.channels.check(&[&args.left, &args.right])?;
+    let (left, right) = (args.one_run.of(&args.left), args.one_run.of(&args.right));
+    args.part.channels.check(&[&left, &right])?;
     let bar = Progress::new("diff");
-    let diff = replay::log::diff(&args.left, &args.right, &filter, types, &mut |part| bar.set(part))?;
+    let diff = replay::log::diff(&left, &right, &filter, types, &mut |part| bar.set(part))?;
     drop(bar);
     if args.json {
         say_json(&diff)?;

@@ -1,6 +1,6 @@
 //! `hoof log play`: publishes the messages of a log over LCM at their recorded times.
 
-use super::{Channels, check_names};
+use super::{Channels, OneRun, check_names};
 use crate::{Outcome, note, say, say_json};
 use anyhow::{Context, bail};
 use crossterm::event::{Event as TerminalEvent, KeyCode, KeyEvent, KeyEventKind, KeyModifiers};
@@ -44,6 +44,8 @@ use std::time::{Duration, Instant};
 pub struct Args {
     /// LCM event log or MCAP; the format is detected from the content
     log: PathBuf,
+    #[command(flatten)]
+    one_run: OneRun,
     /// LCM network; default: LCM_DEFAULT_URL, else udpm://239.255.76.67:7667?ttl=0
     #[arg(long, value_name = "URL", default_value = "", hide_default_value = true)]
     lcm_url: String,
@@ -128,23 +130,23 @@ const SLEEP: Duration = Duration::from_millis(50);
 const SECOND: i64 = 1_000_000_000;
 
 pub fn run(args: &Args) -> anyhow::Result<Outcome> {
-    let options = options(args)?;
-    Channels { channels: args.channels.clone(), exclude: None }.check(&[&args.log])?;
-    check_names("--rename", &args.log, options.rename.keys().cloned())?;
+    let (log, options) = (args.one_run.of(&args.log), options(args)?);
+    Channels { channels: args.channels.clone(), exclude: None }.check(&[&log])?;
+    check_names("--rename", &log, options.rename.keys().cloned())?;
     let mut bus = LcmBus::open(&args.lcm_url)?;
-    let order = TimeOrder::of(&args.log)?;
+    let order = TimeOrder::of(&log)?;
     if !args.force {
         reject_live_robot(&args.lcm_url, &options, &order)?;
     }
     if let Some(notice) = order.notice() {
-        note(format!("{}: {notice}", printable_path(&args.log)));
+        note(format!("{}: {notice}", printable_path(&log)));
     }
     let stopped = Arc::new(AtomicBool::new(false));
     for signal in [SIGINT, SIGTERM] {
         signal_hook::flag::register(signal, Arc::clone(&stopped)).context("signal handler")?;
     }
     let began = Instant::now();
-    let mut player = Player::open_with(&args.log, options, &order, 0)?;
+    let mut player = Player::open_with(&log, options, &order, 0)?;
     let mut lateness = Lateness::default();
     let mut screen = Screen::new()?;
     let now_ns = || i64::try_from(began.elapsed().as_nanos()).unwrap_or(i64::MAX);
@@ -180,7 +182,7 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
     drop(screen);
     let damaged = !player.health().is_good();
     let summary = Summary {
-        log: args.log.clone(),
+        log,
         events: player.played(),
         wall_seconds: began.elapsed().as_secs_f64(),
         lateness: lateness.summary(),

@@ -9,7 +9,7 @@ use std::path::PathBuf;
     hoof replay bisect field.mcap --good 1a2b3c --bad HEAD --run 'make -s && ./check.sh \"$LOG\"'\n\n\
     Each revision is checked out into a work tree; builds are reused. Exit codes of the --run command: 0 good, 125 skip this revision, any other bad.")]
 pub struct Args {
-    /// Log to replay
+    /// Log to replay; LOG#N selects the N-th run of a log with several
     log: PathBuf,
     /// Revision that replays the log correctly
     #[arg(long, value_name = "REV")]

@@ -6,6 +6,7 @@ use analysis::table::{Column, Table};
 use anyhow::Context;
 use controller::robot_init::{Guess, Options, Proposal, propose};
 use drivers::{mesh, shipped};
+use std::os::unix::fs::MetadataExt;
 use std::path::{Path, PathBuf};
 
 #[derive(clap::Args)]
@@ -75,9 +76,10 @@ fn position(text: &str) -> Result<(String, f64), String> {
     }
 }
 
-/// Whether two folders are the same.
+/// Whether two files or folders exist and are the same, by device and inode: a file may have several names.
 fn same(a: &Path, b: Option<&Path>) -> bool {
-    b.is_some_and(|b| a.canonicalize().ok() == b.canonicalize().ok())
+    let identity = |path: &Path| std::fs::metadata(path).map(|file| (file.dev(), file.ino())).ok();
+    b.is_some_and(|b| identity(a).is_some_and(|a| Some(a) == identity(b)))
 }
 
 /// Writes the parameter file, and the URDF if it is changed or goes into another folder.
@@ -89,8 +91,7 @@ fn write(args: &Args, urdf: &str, proposal: &Proposal) -> anyhow::Result<PathBuf
     let path = folder.join(format!("{}.toml", proposal.name));
     anyhow::ensure!(args.force || !path.exists(), "{} exists; --force replaces it", path.display());
     let copy = folder.join(&proposal.urdf_file);
-    let is_source = replay::Error::check_distinct_files(&args.urdf, &copy).is_err();
-    if is_source {
+    if same(&copy, Some(&args.urdf)) {
         anyhow::ensure!(
             proposal.urdf.is_none(),
             "{} would be replaced by a changed copy; give another --out or --name",

@@ -17,7 +17,7 @@ mod tree;
 mod view;
 
 use crate::live::toml_error;
-use crate::log::{LogTypes, seconds};
+use crate::log::{LogTypes, OneRun, seconds};
 use crate::{Outcome, note, say};
 use anyhow::Context;
 use once::Report;
@@ -65,6 +65,8 @@ pub struct Args {
     #[arg(long, value_name = "FILE")]
     log: Option<PathBuf>,
     #[command(flatten)]
+    one_run: OneRun,
+    #[command(flatten)]
     types: LogTypes,
     /// Alarm condition, such as 'ROBOT_STATE rate<900'; may be repeated
     #[arg(long, value_name = "CONDITION")]
@@ -88,7 +90,9 @@ pub struct Args {
 
 pub fn run(args: &Args) -> anyhow::Result<Outcome> {
     let alarms = alarms(args)?;
-    match &args.log {
+    let log = args.log.as_ref().map(|log| args.one_run.of(log));
+    anyhow::ensure!(log.is_some() || args.one_run.run.is_none(), "--run selects a run of a log: give --log");
+    match &log {
         Some(log) if args.once => once_log(args, log, alarms),
         None if args.once => once_live(args, alarms),
         Some(log) => watch(Source::Log(Box::new(LogPlayback::open(log, args.types.read()?)?)), args, alarms),

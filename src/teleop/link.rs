@@ -19,6 +19,9 @@ pub const TIMEOUT_NS: i64 = 500_000_000;
 /// Time after which an emergency stop that the controller has not confirmed has failed, ns.
 const STOP_TIMEOUT_NS: i64 = 200_000_000;
 
+/// Shortest time between two RUN_INFO that are read, ns: reading one takes milliseconds, and a foreign program may send any number.
+const INFO_EVERY_NS: i64 = 1_000_000_000;
+
 /// Sends commands and receives the controller's messages.
 pub struct Link {
     bus: Box<dyn Bus>,
@@ -26,6 +29,10 @@ pub struct Link {
     sender_id: i64,
     events: EventNumbers,
     bytes: Vec<u8>,
+    /// The last RUN_INFO that was read: a run repeats it.
+    info: Vec<u8>,
+    /// Earliest time to read another one, ns.
+    info_due_ns: i64,
     /// What is known of the controller.
     pub status: Status,
 }
@@ -108,7 +115,8 @@ impl Link {
     fn over(bus: Box<dyn Bus>, channel: &str) -> Self {
         let (bytes, sender_id) = (Vec::new(), new_sender_id());
         let events = EventNumbers::new(sender_id);
-        Link { bus, channel: channel.to_owned(), sender_id, events, bytes, status: Status::default() }
+        let (info, info_due_ns, status) = (Vec::new(), i64::MIN, Status::default());
+        Link { bus, channel: channel.to_owned(), sender_id, events, bytes, info, info_due_ns, status }
     }
 
     /// Channel of the commands.
@@ -155,10 +163,17 @@ impl Link {
         if let Some(Ok(input)) = newest(channels::CONTROLLER_INPUT).map(ControllerInput::decode) {
             self.status.follows = follows(self.sender_id, &input.op);
         }
-        if let Some(Ok(info)) = newest(channels::RUN_INFO).map(RunInfo::decode)
-            && let Ok(params) = Params::from_toml(&info.params, "RUN_INFO")
+        if let Some(bytes) = newest(channels::RUN_INFO)
+            && now_ns >= self.info_due_ns
+            && *bytes != *self.info
         {
-            self.status.robot = Some((info.robot, Limits::of(&params, &info.urdf)));
+            self.info = bytes.to_vec();
+            self.info_due_ns = now_ns.saturating_add(INFO_EVERY_NS);
+            if let Ok(info) = RunInfo::decode(bytes)
+                && let Ok(params) = Params::from_toml(&info.params, "RUN_INFO")
+            {
+                self.status.robot = Some((info.robot, Limits::of(&params, &info.urdf)));
+            }
         }
         let ticks = messages.iter().filter(|m| m.channel == channels::CONTROLLER_TICK).count();
         self.status.count(u32::try_from(ticks).unwrap_or(u32::MAX), now_ns);
@@ -417,11 +432,20 @@ mod tests {
     fn limits_come_from_the_run() {
         let (mut link, mut theirs) = link();
         let (_, params) = crate::robot::RobotFiles::find_with_params("anymal_b").unwrap();
-        let params = crate::robot::with_overrides(&params, &["foothold.max_speed=0.25".to_owned()]).unwrap();
-        put(&mut theirs, channels::RUN_INFO, &RunInfo { robot: "anymal_b".to_owned(), params, ..RunInfo::default() });
-        link.receive(0).unwrap();
-        let (robot, limits) = link.status.robot.unwrap();
-        assert_eq!((&*robot, limits.speed), ("anymal_b", 0.25));
+        let of = |max_speed: f64| {
+            let set = [format!("foothold.max_speed={max_speed}")];
+            let params = crate::robot::with_overrides(&params, &set).unwrap();
+            RunInfo { robot: "anymal_b".to_owned(), params, ..RunInfo::default() }
+        };
+        // A second one within a second is not read, and a repetition is not read again.
+        for (now_ns, max_speed, expected) in
+            [(0, 0.25, 0.25), (1, 0.2, 0.25), (INFO_EVERY_NS, 0.25, 0.25), (INFO_EVERY_NS, 0.2, 0.2)]
+        {
+            put(&mut theirs, channels::RUN_INFO, &of(max_speed));
+            link.receive(now_ns).unwrap();
+            let (robot, limits) = link.status.robot.as_ref().unwrap();
+            assert_eq!((&**robot, limits.speed), ("anymal_b", expected), "at {now_ns} ns");
+        }
         let command = OperatorCommand { seq: -1, ..OperatorCommand::default() };
         assert_eq!(follows(1, &command), Follows::NoOperator);
     }

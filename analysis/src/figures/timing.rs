@@ -41,7 +41,7 @@ fn times(run: &Run, window: Range) -> Result<Vec<Times>, String> {
         Times { name: "QP", stroke: QP_LINE, xs: Rc::clone(&xs), us: of_tick(qp_us) },
     ];
     if is_live(run) {
-        let (at, us) = periods(timeline.ticks, run.stride);
+        let (at, us) = periods(timeline.ticks);
         all.insert(0, Times { name: "period", stroke: PERIOD_LINE, xs: at, us });
     }
     if all.iter().all(|times| times.us.iter().all(|us| us.is_nan())) {
@@ -51,9 +51,9 @@ fn times(run: &Run, window: Range) -> Result<Vec<Times>, String> {
 }
 
 /// Times between the wake-ups of consecutive ticks, µs, at the time of the later tick.
-fn periods(ticks: &[crate::run::Tick], stride: i64) -> (Rc<[f64]>, Vec<f64>) {
+fn periods(ticks: &[crate::run::Tick]) -> (Rc<[f64]>, Vec<f64>) {
     let pairs = ticks.windows(2).filter_map(|pair| {
-        let us = period_us(pair[0].timing.as_ref()?, pair[1].timing.as_ref()?, stride)?;
+        let us = period_us(pair[0].timing.as_ref()?, pair[1].timing.as_ref()?)?;
         (us > 0.0).then_some((pair[1].t_s, us))
     });
     let (xs, us): (Vec<f64>, Vec<f64>) = pairs.unzip();
@@ -66,7 +66,7 @@ fn is_live(run: &Run) -> bool {
 }
 
 fn deadline_us(run: &Run) -> f64 {
-    if run.control_period_s() > 0.0 { run.control_period_s() * 1e6 } else { 1000.0 }
+    if run.period_s() > 0.0 { run.period_s() * 1e6 } else { 1000.0 }
 }
 
 /// Range of all samples and the deadline, µs.
@@ -213,9 +213,7 @@ fn jitter(runs: &[(Named, &Run)]) -> Option<Section> {
         .iter()
         .enumerate()
         .filter(|(_, (_, run))| is_live(run))
-        .map(|(k, (_, run))| {
-            (k, periods(&run.ticks, run.stride).1.into_iter().map(|us| us - deadline_us(run)).collect())
-        })
+        .map(|(k, (_, run))| (k, periods(&run.ticks).1.into_iter().map(|us| us - deadline_us(run)).collect()))
         .collect();
     for (_, errors) in &each {
         let sizes = Distribution::of(errors.iter().map(|e: &f64| e.abs()));

@@ -33,7 +33,7 @@ impl<'a> Timeline<'a> {
         let from = run.ticks.partition_point(|tick| tick.t_s < window.min);
         let to = run.ticks.partition_point(|tick| tick.t_s <= window.max);
         let ticks = &run.ticks[from..to];
-        let longest = |i: usize| if ticks[i].follows(&ticks[i - 1], run.stride) { STILL_PERIODS } else { GAP_PERIODS };
+        let longest = |i: usize| if ticks[i].follows(&ticks[i - 1]) { STILL_PERIODS } else { GAP_PERIODS };
         let is_gap = |i: &usize| ticks[*i].t_s - ticks[i - 1].t_s > longest(*i) * run.period_s();
         let after_gap: Vec<usize> = (1..ticks.len()).filter(is_gap).collect();
         let timeline = Self { ticks, after_gap, xs: Rc::new([]) };

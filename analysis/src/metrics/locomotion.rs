@@ -134,7 +134,7 @@ impl Safety {
             .iter()
             .filter_map(|tick| tick.wbc.as_ref().map(|w| u64::try_from(w.n_clamped).unwrap_or(0)))
             .collect();
-        let logged = !clamps.is_empty();
+        let logged = !clamps.is_empty() && !run.is_thinned();
         Self {
             fell: fell_at_s.is_some(),
             fell_at_s,

@@ -24,7 +24,7 @@ pub use timing::{Qp, QpStatus, StageTime, TimingMetrics};
 pub(crate) use timing::{period_us, qp_us, skipped, tick_us};
 pub use tracking::{FootTracking, Tracking};
 
-use crate::run::Run;
+use crate::run::{Run, TICK_CHANNELS};
 
 /// All metrics of a run.
 #[derive(Clone, Debug, Serialize)]
@@ -41,7 +41,7 @@ pub struct Metrics {
     pub notes: Vec<String>,
     /// Tracking errors of the base and the swing feet.
     pub tracking: Tracking,
-    /// Estimated and true contact; `null` without ground truth or without estimate.
+    /// Estimated and true contact; `null` without ground truth or without estimate, and for a log of which only a part of the ticks is used.
     pub contact: Option<ContactMetrics>,
     /// Speeds and distance.
     pub locomotion: Locomotion,
@@ -51,9 +51,9 @@ pub struct Metrics {
     pub energy: Option<Energy>,
     /// Slip of the feet, in the order LF RF LH RH; `null` without ground truth.
     pub slip: Option<[FootSlip; 4]>,
-    /// Durations of the ticks; `null` without TIMING.
+    /// Durations of the ticks; `null` without TIMING, and for a log of which only a part of the ticks is used.
     pub timing: Option<TimingMetrics>,
-    /// The quadratic program; `null` without WBC_SOLUTION.
+    /// The quadratic program; `null` without WBC_SOLUTION, and for a log of which only a part of the ticks is used.
     pub qp: Option<Qp>,
 }
 
@@ -101,13 +101,13 @@ impl Metrics {
             missing_channels: run.missing(),
             notes: run.notes.clone(),
             tracking: Tracking::of(run, measured_against),
-            contact: ContactMetrics::of(run),
+            contact: if run.is_thinned() { None } else { ContactMetrics::of(run) },
             locomotion: Locomotion::of(run, measured_against),
             safety: Safety::of(run, measured_against),
             energy: Energy::of(run),
             slip: slip::of(run),
-            timing: TimingMetrics::of(run),
-            qp: Qp::of(run),
+            timing: if run.is_thinned() { None } else { TimingMetrics::of(run) },
+            qp: if run.is_thinned() { None } else { Qp::of(run) },
         }
     }
 
@@ -132,7 +132,11 @@ fn summary(run: &Run) -> RunSummary {
         build: info.build,
         host: info.host,
         realtime: info.realtime,
-        ticks: run.ticks.len() as u64,
+        ticks: if run.is_thinned() {
+            TICK_CHANNELS.iter().filter_map(|channel| run.channels.get(*channel)).max().copied().unwrap_or(0)
+        } else {
+            run.ticks.len() as u64
+        },
         duration_s: run.duration_s(),
         period_s: run.period_s(),
     }

@@ -77,11 +77,9 @@ pub(crate) fn qp_us(timing: &Timing) -> f64 {
     timing.stage_ns[QP_STAGE] as f64 * 1e-3
 }
 
-/// Time between the wake-ups of a tick and the next, µs; of ticks with a `stride`, the mean between them. `None` if ticks between them are missing.
-pub(crate) fn period_us(before: &Timing, after: &Timing, stride: i64) -> Option<f64> {
-    let ticks = after.tick.saturating_sub(before.tick);
-    let mean_us = || after.wake_ns.saturating_sub(before.wake_ns) as f64 * 1e-3 / ticks as f64;
-    (1..=stride).contains(&ticks).then(mean_us)
+/// Time between the wake-ups of a tick and the next, µs; `None` if ticks between them are missing.
+pub(crate) fn period_us(before: &Timing, after: &Timing) -> Option<f64> {
+    (before.tick.checked_add(1) == Some(after.tick)).then(|| after.wake_ns.saturating_sub(before.wake_ns) as f64 * 1e-3)
 }
 
 /// Ticks skipped between two consecutive messages; 0 if messages between them are missing in the log.
@@ -97,9 +95,9 @@ impl TimingMetrics {
         if timings.is_empty() {
             return None;
         }
-        let nominal_us = run.control_period_s() * 1e6;
+        let nominal_us = run.period_s() * 1e6;
         let live = timings.iter().any(|t| t.deadline_ns > 0);
-        let periods = timings.windows(2).filter_map(|pair| period_us(pair[0], pair[1], run.stride));
+        let periods = timings.windows(2).filter_map(|pair| period_us(pair[0], pair[1]));
         let period_errors = periods.map(|us| us - nominal_us);
         let stage = |k: usize| StageTime {
             stage: STAGES[k],

@@ -9,7 +9,7 @@ const SIGNALS: usize = 3;
 
 /// Joint signals of all ticks, in the order of the URDF.
 ///
-/// Values are `f32`, which has more bits than an encoder: 600,000 ticks of twelve joints take 170 MB.
+/// Values are `f32`, which has more bits than an encoder: ten minutes of twelve joints take 170 MB.
 #[derive(Clone, Debug, Default)]
 pub struct Joints {
     /// Names from the URDF if it has as many movable joints as the messages, else `joint 0`, `joint 1`, …
@@ -34,7 +34,7 @@ pub struct JointSample {
 pub(super) struct Rows {
     /// Joints per row; `None` before the first row.
     joints: Option<usize>,
-    pub(super) values: Vec<f32>,
+    values: Vec<f32>,
 }
 
 impl Joints {
@@ -53,6 +53,11 @@ impl Joints {
         self.commanded.sample(tick.joint_rows[1]?, joint)
     }
 
+    /// Number of joints in the inputs of the controller; 0 before the first.
+    pub(super) fn in_inputs(&self) -> usize {
+        self.measured.joints.unwrap_or(0)
+    }
+
     /// Number of joints in the messages.
     pub(super) fn in_messages(&self) -> usize {
         self.measured.joints.or(self.commanded.joints).unwrap_or(0)
@@ -60,11 +65,6 @@ impl Joints {
 }
 
 impl Rows {
-    /// Values per row.
-    pub(super) fn width(&self) -> usize {
-        SIGNALS * self.joints.unwrap_or(0)
-    }
-
     /// Appends a state and returns its row; the error is the reason why it is rejected.
     pub fn push_state(&mut self, m: &RobotState) -> Result<u32, String> {
         self.push([&m.q, &m.qd, &m.tau])
@@ -73,6 +73,18 @@ impl Rows {
     /// Appends a command and returns its row; the error is the reason why it is rejected.
     pub fn push_command(&mut self, m: &RobotCommand) -> Result<u32, String> {
         self.push([&m.q_des, &m.qd_des, &m.tau])
+    }
+
+    /// Keeps these rows only, and writes their new numbers.
+    pub fn keep<'r>(&mut self, rows: impl Iterator<Item = &'r mut u32>) {
+        let width = SIGNALS * self.joints.unwrap_or(0);
+        let mut kept = Vec::new();
+        for row in rows {
+            let begin = width * *row as usize;
+            *row = u32::try_from(kept.len() / width.max(1)).expect("fewer rows than before");
+            kept.extend_from_slice(self.values.get(begin..begin + width).unwrap_or_default());
+        }
+        self.values = kept;
     }
 
     fn push(&mut self, signals: [&[f64]; SIGNALS]) -> Result<u32, String> {

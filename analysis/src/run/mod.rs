@@ -50,8 +50,12 @@ pub struct Run {
     pub robot: Option<Robot>,
     /// Events in the order of the log.
     pub events: Vec<Event>,
-    /// Ticks in the order of time, at least one.
+    /// Ticks in the order of time, at least one. Of a long log every [`Run::stride`]-th, and those in which mode or fault change.
     pub ticks: Vec<Tick>,
+    /// Numbers of the ticks are multiples of this; 1 if all ticks are read. A power of two.
+    pub stride: i64,
+    /// Median time between ticks, ns; computed once, because figures ask for it at every tick.
+    period_ns: i64,
     /// Joint signals of the ticks.
     pub joints: Joints,
     /// Time series of the requested fields, by name such as `ROBOT_STATE.q[3]`.
@@ -60,10 +64,6 @@ pub struct Run {
     pub channels: BTreeMap<String, u64>,
     /// Remarks: damage, messages that could not be decoded, a rejected URDF, a second run in the same log.
     pub notes: Vec<String>,
-    /// Step between the ticks, in control periods: 1, or a power of two for a long log.
-    pub stride: i64,
-    /// Control period of a run whose ticks are not all in `ticks`, ns; else 0.
-    pub(crate) control_period_ns: i64,
 }
 
 impl Run {
@@ -81,6 +81,11 @@ impl Run {
     /// As [`Run::read`].
     pub fn read_with(path: &Path, fields: &[Field], progress: &mut dyn FnMut(Progress)) -> Result<Self, Error> {
         read::read(path, fields, progress)
+    }
+
+    /// Whether only a part of the ticks is read: then no metric counts ticks.
+    pub fn is_thinned(&self) -> bool {
+        self.stride > 1
     }
 
     /// File name of the log, without its folder.
@@ -113,14 +118,9 @@ impl Run {
         self.end_s() - self.begin_s()
     }
 
-    /// Median time between the ticks in `ticks`, s; 0 for one tick.
+    /// Median time between ticks, s; 0 for one tick.
     pub fn period_s(&self) -> f64 {
-        read::period_ns(&self.ticks) as f64 / 1e9
-    }
-
-    /// Control period, s; 0 for one tick.
-    pub fn control_period_s(&self) -> f64 {
-        if self.stride > 1 { self.control_period_ns as f64 / 1e9 } else { self.period_s() }
+        self.period_ns as f64 / 1e9
     }
 
     /// True if the log has a message on the channel.

@@ -12,17 +12,14 @@ use replay::log::{Health, LogReader, RunClockFinder};
 use sha2::{Digest, Sha256};
 
 use super::joints::Rows;
-use super::thin::Thinning;
+use super::thin::{MAX_EVENTS, MAX_TICKS, Thinning};
 use super::{Consumed, Joints, Run, TICK_CHANNELS, Tick, Truth};
 use crate::fields::{Field, FieldReader};
 use crate::robot::Robot;
 use crate::{Error, Progress, Stage};
 
-/// Ticks out of order that are kept.
-const MAX_STRAY: usize = 100_000;
-
 /// Result of a message.
-enum Taken {
+pub(super) enum Taken {
     Yes,
     /// The message is the RUN_INFO of another run: reading stops.
     AnotherRun,
@@ -34,14 +31,14 @@ pub(super) struct Gathered {
     info: Option<RunInfo>,
     events: Vec<lcmtypes::Event>,
     /// In the order of time.
-    pub(super) ticks: Vec<Tick>,
+    pub ticks: Vec<Tick>,
     /// Ticks with messages after those of later ticks.
-    pub(super) stray: Vec<Tick>,
-    pub(super) truth: Vec<Truth>,
-    pub(super) joints: Joints,
+    pub stray: Vec<Tick>,
+    pub truth: Vec<Truth>,
+    pub joints: Joints,
+    pub thinning: Thinning,
     /// Joint states by the clock of the driver: time and row. Used for a log without CONTROLLER_INPUT.
-    pub(super) raw: (Vec<(i64, u32)>, Rows),
-    pub(super) thinning: Thinning,
+    pub raw: (Vec<(i64, u32)>, Rows),
 }
 
 pub(super) fn read(path: &Path, fields: &[Field], progress: &mut dyn FnMut(Progress)) -> Result<Run, Error> {
@@ -61,7 +58,6 @@ pub(super) fn read(path: &Path, fields: &[Field], progress: &mut dyn FnMut(Progr
             progress(Progress { stage: Stage::Read, done: event.offset, total });
         }
         clock.see(&event);
-        gathered.bound_memory();
         match gathered.take(event.channel, event.data) {
             Ok(Taken::Yes) => {
                 field_reader.take(&event);
@@ -95,8 +91,16 @@ pub(super) fn read(path: &Path, fields: &[Field], progress: &mut dyn FnMut(Progr
         notes.push(format!("{count} messages on {channel} could not be decoded; the first: {why}"));
     }
     let clock = clock.clock();
-    let stride = gathered.thinning.step.max(1);
-    let control_period_ns = gathered.thinning.period_ns;
+    let (stride, events_dropped) = (gathered.thinning.stride, gathered.thinning.events_dropped);
+    if stride > 1 {
+        notes.push(format!(
+            "the log has more than {MAX_TICKS} ticks: every {stride}-th tick is used, contact, timing, qp and clamped torques are left out, and the timeline lists \
+             neither losses nor missed deadlines; a part of the log (hoof log trim) is reported with every tick"
+        ));
+    }
+    if events_dropped > 0 {
+        notes.push(format!("{events_dropped} EVENTs after the first {MAX_EVENTS} are left out"));
+    }
     let (ticks, mut joints, info, events) = gathered.join(clock.first_tick_ns());
     let Some(first_tick_ns) = clock.first_tick_ns().or(ticks.first().map(|tick| tick.t_ns)) else {
         return Err(Error::NothingToReport {
@@ -105,12 +109,6 @@ pub(super) fn read(path: &Path, fields: &[Field], progress: &mut dyn FnMut(Progr
             expected: TICK_CHANNELS.join(", "),
         });
     };
-    if stride > 1 {
-        let count = ticks.len();
-        notes.push(format!(
-            "a long log: figures and tables use {count} ticks, one in {stride}; extremes between them are not shown"
-        ));
-    }
     let robot = info.as_ref().and_then(|info| {
         if info.urdf.is_empty() {
             return None;
@@ -133,19 +131,22 @@ pub(super) fn read(path: &Path, fields: &[Field], progress: &mut dyn FnMut(Progr
         info,
         robot,
         events,
+        period_ns: period_ns(&ticks),
         ticks,
+        stride,
         joints,
         fields,
         channels,
         notes,
-        stride,
-        control_period_ns,
     })
 }
 
 impl Gathered {
     /// Adds a message; the error is the reason why it cannot be decoded.
-    fn take(&mut self, channel: &str, data: &[u8]) -> Result<Taken, String> {
+    pub fn take(&mut self, channel: &str, data: &[u8]) -> Result<Taken, String> {
+        if !self.thinning.takes(channel, data) {
+            return Ok(Taken::Yes);
+        }
         match channel {
             "RUN_INFO" => {
                 let info = decode::<RunInfo>(data)?;
@@ -156,7 +157,8 @@ impl Gathered {
                     _ => self.info = Some(info),
                 }
             }
-            "EVENT" => self.events.push(decode(data)?),
+            "EVENT" if self.events.len() < MAX_EVENTS => self.events.push(decode(data)?),
+            "EVENT" => self.thinning.events_dropped += 1,
             "BASE_TRACKING" => {
                 let m = decode::<BaseTracking>(data)?;
                 let tick = self.at(m.t_ns);
@@ -200,19 +202,21 @@ impl Gathered {
                 let row = self.joints.commanded.push_command(&m)?;
                 self.at(m.t_ns).joint_rows[1] = Some(row);
             }
-            "ROBOT_STATE" => {
-                let m = decode::<RobotState>(data)?;
-                // Only for a log without CONTROLLER_INPUT.
-                if self.joints.measured.values.is_empty() {
-                    let row = self.raw.1.push_state(&m)?;
-                    self.raw.0.push((m.t_ns, row));
-                } else {
-                    self.raw = Default::default();
+            // Not used beside CONTROLLER_INPUT.
+            "ROBOT_STATE" if self.joints.in_inputs() == 0 => {
+                if self.raw.0.len() >= 2 * self.thinning.max_ticks {
+                    self.thin_raw();
                 }
+                let m = decode::<RobotState>(data)?;
+                let row = self.raw.1.push_state(&m)?;
+                self.raw.0.push((m.t_ns, row));
             }
             "GROUND_TRUTH" => {
                 let message = decode::<GroundTruth>(data)?;
                 let n_feet = message.n_feet;
+                if self.truth.len() >= self.thinning.max_truth {
+                    self.thin_truth();
+                }
                 self.truth.push(Truth::of(&message).ok_or_else(|| format!("{n_feet} feet, expected 4"))?);
             }
             _ => {}
@@ -223,9 +227,8 @@ impl Gathered {
     /// The tick at a time, added if missing.
     fn at(&mut self, t_ns: i64) -> &mut Tick {
         let fresh = || Tick { t_ns, ..Tick::default() };
-        if self.thinning.is_past(&self.ticks, t_ns) && self.ticks.binary_search_by_key(&t_ns, |tick| tick.t_ns).is_err()
-        {
-            return &mut self.thinning.scratch;
+        if self.ticks.len() >= self.thinning.max_ticks {
+            self.thin();
         }
         let last = self.ticks.last().map(|tick| tick.t_ns);
         if last.is_none_or(|last| last < t_ns) {
@@ -237,7 +240,6 @@ impl Gathered {
         }
         match self.ticks.binary_search_by_key(&t_ns, |tick| tick.t_ns) {
             Ok(found) => &mut self.ticks[found],
-            Err(_) if self.stray.len() >= MAX_STRAY => &mut self.thinning.scratch,
             Err(_) => {
                 self.stray.push(fresh());
                 let end = self.stray.len() - 1;
@@ -248,8 +250,7 @@ impl Gathered {
 
     /// Ticks at the times of all messages of the controller, or at the times of ground truth if there are none. Their `t_s` is relative to `first_tick_ns`,
     /// or to the first of them if it is `None`.
-    fn join(mut self, first_tick_ns: Option<i64>) -> (Vec<Tick>, Joints, Option<RunInfo>, Vec<lcmtypes::Event>) {
-        self.thin(0);
+    pub fn join(mut self, first_tick_ns: Option<i64>) -> (Vec<Tick>, Joints, Option<RunInfo>, Vec<lcmtypes::Event>) {
         self.truth.sort_by_key(|m| m.t_ns);
         let mut ticks = self.ticks;
         if ticks.is_empty() && self.stray.is_empty() {
@@ -268,8 +269,7 @@ impl Gathered {
             });
         }
         let t0_ns = first_tick_ns.or(ticks.first().map(|tick| tick.t_ns)).unwrap_or(0);
-        let known = Some(self.thinning.period_ns).filter(|period_ns| *period_ns > 0);
-        let tolerance_ns = known.unwrap_or_else(|| period_ns(&ticks)) / 2;
+        let tolerance_ns = period_ns(&ticks) / 2;
         let consumed = ticks.iter().any(|tick| tick.joint_rows[0].is_some());
         let (mut raw, rows) = self.raw;
         raw.sort_unstable();
@@ -291,16 +291,21 @@ fn decode<M: Message>(data: &[u8]) -> Result<M, String> {
     M::decode(data).map_err(|e| e.to_string())
 }
 
+/// Index of the first message at or after a time, in messages in the order of time.
+pub(super) fn first_from<T>(messages: &[T], time: impl Fn(&T) -> i64, t_ns: i64) -> usize {
+    messages.partition_point(|m| time(m) < t_ns)
+}
+
 /// The message nearest in time, if it is within the tolerance. `messages` are in order of time.
 fn nearest<T>(messages: &[T], time: impl Fn(&T) -> i64, t_ns: i64, tolerance_ns: i64) -> Option<&T> {
-    let after = messages.partition_point(|m| time(m) < t_ns);
+    let after = first_from(messages, &time, t_ns);
     let candidates = messages.get(after.saturating_sub(1)..)?.iter().take(2);
     let distance = |m: &&T| time(m).abs_diff(t_ns);
     candidates.min_by_key(distance).filter(|m| distance(m) <= tolerance_ns.unsigned_abs())
 }
 
 /// Median step between ticks, ns; 0 for fewer than two ticks.
-pub(super) fn period_ns(ticks: &[Tick]) -> i64 {
+fn period_ns(ticks: &[Tick]) -> i64 {
     let mut steps: Vec<i64> = ticks.windows(2).map(|pair| pair[1].t_ns.saturating_sub(pair[0].t_ns)).collect();
     let middle = steps.len() / 2;
     if steps.is_empty() { 0 } else { *steps.select_nth_unstable(middle).1 }

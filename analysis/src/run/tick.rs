@@ -1,6 +1,6 @@
 //! One control tick: the fields of its messages that figures and metrics use.
 //!
-//! A run has up to 600,000 ticks, so fields without a user, such as digests, are omitted.
+//! Ten minutes have 600 000 ticks, so fields without a user, such as digests, are omitted.
 
 use lcmtypes::{BaseTracking, ContactEstimate, ControllerTick, GroundTruth, LegState, Timing, WbcSolution};
 
@@ -239,11 +239,9 @@ impl Tick {
         self.legs.as_ref().map(|l| l.state[leg] == LegState::STATE_STANCE)
     }
 
-    /// True if the number of this tick is at most `stride` after that of `before`, at any time: no tick between them is missing in the log.
-    pub fn follows(&self, before: &Self, stride: i64) -> bool {
-        self.number()
-            .zip(before.number())
-            .is_some_and(|(number, last)| (1..=stride).contains(&number.saturating_sub(last)))
+    /// True if the number of this tick is the next after that of `before`, at any time.
+    pub fn follows(&self, before: &Self) -> bool {
+        self.number().zip(before.number()).is_some_and(|(number, last)| last.checked_add(1) == Some(number))
     }
 
     /// The mode is `STANCE` or `WALK`; true without CONTROLLER_TICK.

@@ -1,7 +1,7 @@
 //! Decides which ROBOT_COMMAND a driver executes: those of one run on this robot, from one sender, with values within the joints' ranges.
 
+use super::joint_range::JointRange;
 use crate::robot_info::difference;
-use controller::model::JointInfo;
 use lcmtypes::{Message, RobotCommand, RobotInfo};
 use std::collections::VecDeque;
 use std::net::SocketAddrV4;
@@ -12,21 +12,6 @@ const RELEASE_NS: i64 = 200_000_000;
 const REPORT_EVERY_NS: i64 = 1_000_000_000;
 /// Runs that are remembered.
 const RUNS: usize = 16;
-/// Largest stiffness, N m/rad: this and [`STIFFNESS_OF_EFFORT`] times the effort of the joint.
-const STIFFNESS: f64 = 1000.0;
-/// 1/rad.
-const STIFFNESS_OF_EFFORT: f64 = 100.0;
-/// Largest damping, N m s/rad: this and [`DAMPING_OF_EFFORT`] times the effort of the joint.
-const DAMPING: f64 = 100.0;
-/// s/rad.
-const DAMPING_OF_EFFORT: f64 = 10.0;
-/// Largest feed-forward torque as a multiple of the effort: it may compensate the joint loop, and the drive limits the sum.
-const TORQUE_OF_EFFORT: f64 = 10.0;
-/// Largest distance of a position reference from the joint's range, rad.
-const POSITION_MARGIN: f64 = 1.0;
-/// Largest velocity reference, rad/s.
-const VELOCITY: f64 = 1000.0;
-
 /// Why a message is refused.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Refused {
@@ -81,7 +66,7 @@ struct Obeyed {
 
 /// Accepts or refuses commands.
 pub struct CommandGate {
-    joints: Vec<JointInfo>,
+    joints: Vec<JointRange>,
     robot: RobotInfo,
     /// Identity of each known run, and whether it controls this robot; oldest first.
     runs: VecDeque<(i64, bool)>,
@@ -97,7 +82,7 @@ pub struct CommandGate {
 
 impl CommandGate {
     /// A gate for a robot with these actuated joints, in URDF order.
-    pub fn new(joints: Vec<JointInfo>, robot: RobotInfo) -> Self {
+    pub fn new(joints: Vec<JointRange>, robot: RobotInfo) -> Self {
         let (counts, reported) = Default::default();
         CommandGate {
             joints,
@@ -199,38 +184,22 @@ impl CommandGate {
 
     /// The first value of the received command that is out of range, with its limits.
     fn out_of_range(&self) -> Option<String> {
-        let RobotCommand { mode, tau, q_des, qd_des, kp, kd, .. } = &self.received;
+        let RobotCommand { mode, tau, .. } = &self.received;
         if !(RobotCommand::MODE_IDLE..=RobotCommand::MODE_DAMPING).contains(mode) {
             return Some(format!("mode {mode}, expected 0 to 2"));
         }
         if tau.len() != self.joints.len() {
             return Some(format!("{} joints, expected {}", tau.len(), self.joints.len()));
         }
-        for (j, JointInfo { name, lower, upper, effort, .. }) in self.joints.iter().enumerate() {
-            let torque = TORQUE_OF_EFFORT * effort;
-            // Without stiffness the position reference has no effect.
-            let (low, high) =
-                if kp[j] == 0.0 { (f64::MIN, f64::MAX) } else { (lower - POSITION_MARGIN, upper + POSITION_MARGIN) };
-            for (field, value, low, high) in [
-                ("tau", tau[j], -torque, torque),
-                ("kp", kp[j], 0.0, STIFFNESS + STIFFNESS_OF_EFFORT * effort),
-                ("kd", kd[j], 0.0, DAMPING + DAMPING_OF_EFFORT * effort),
-                ("q_des", q_des[j], low, high),
-                ("qd_des", qd_des[j], -VELOCITY, VELOCITY),
-            ] {
-                if !(low..=high).contains(&value) {
-                    return Some(format!("{field} of {name} {value}, expected {low} to {high}"));
-                }
-            }
-        }
-        None
+        self.joints.iter().enumerate().find_map(|(j, joint)| joint.check(j, &self.received))
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use controller::model::JointKind;
+    use controller::model::{JointInfo, JointKind};
+    use controller::params::Params;
     use std::net::Ipv4Addr;
 
     const MS: i64 = 1_000_000;
@@ -254,7 +223,8 @@ mod tests {
             damping: 0.0,
             drive: controller::model::DriveLimits::default(),
         };
-        let mut gate = CommandGate::new(vec![knee], robot("a", 1));
+        let params = Params::from_toml(include_str!("../../../robots/hyq/hyq.toml"), "hyq.toml").unwrap();
+        let mut gate = CommandGate::new(JointRange::of(&[knee], &params), robot("a", 1));
         assert_eq!(gate.expect(&robot("a", 5)), None);
         assert_eq!(gate.expect(&robot("a", 6)), None);
         gate
@@ -294,13 +264,13 @@ mod tests {
 
     #[test]
     fn values_out_of_range_are_refused_and_named() {
-        let good = RobotCommand { tau: vec![99.0], kp: vec![10.0], kd: vec![5.0], q_des: vec![-1.0], ..command(5, 0) };
+        let good = RobotCommand { tau: vec![60.0], kp: vec![10.0], kd: vec![5.0], q_des: vec![-1.0], ..command(5, 0) };
         let one = |value: f64| vec![value];
         for (bad, named) in [
             (RobotCommand { kd: one(-1e6), ..good.clone() }, "kd of knee"),
             (RobotCommand { kp: one(1e308), ..good.clone() }, "kp of knee"),
             (RobotCommand { kp: one(f64::NAN), ..good.clone() }, "kp of knee"),
-            (RobotCommand { tau: one(101.0), ..good.clone() }, "tau of knee"),
+            (RobotCommand { tau: one(2000.0), ..good.clone() }, "tau of knee"),
             (RobotCommand { q_des: one(1.0), ..good.clone() }, "q_des of knee"),
             (RobotCommand { qd_des: one(f64::INFINITY), ..good.clone() }, "qd_des of knee"),
             (RobotCommand { mode: 99, ..good.clone() }, "mode 99"),

@@ -83,6 +83,12 @@ impl EventLimit {
         });
         found
     }
+
+    /// Ends all windows, at the end of a run; returns the sources of which EVENTs did not pass.
+    pub fn take_rest(&mut self) -> Vec<Suppressed> {
+        let begun = self.windows.values().map(|window| window.begin_ns).max();
+        begun.map_or_else(Vec::new, |begin_ns| self.take_suppressed(begin_ns.saturating_add(WINDOW_NS)))
+    }
 }
 
 #[cfg(test)]
@@ -106,6 +112,20 @@ mod tests {
             Suppressed { source: "foreign".to_owned(), is_error: false, count: 500 - u64::from(PER_WINDOW) };
         assert_eq!(limit.take_suppressed(1000 + WINDOW_NS), [suppressed]);
         assert!(limit.passes(2000 + WINDOW_NS, &flood), "a new window");
+    }
+
+    #[test]
+    fn at_the_end_the_open_windows_are_reported() {
+        let mut limit = EventLimit::default();
+        for (begin, source, count) in [(5, "a", 21), (WINDOW_NS / 2, "b", 23), (7, "c", 1)] {
+            let flood = of(source, Event::LEVEL_WARNING);
+            let passed = (0..count).filter(|_| limit.passes(begin, &flood)).count();
+            assert_eq!(passed, 20.min(count));
+        }
+        assert_eq!(limit.take_suppressed(WINDOW_NS / 2), []);
+        let rest: Vec<_> = limit.take_rest().into_iter().map(|rest| (rest.source, rest.count)).collect();
+        assert_eq!(rest, [("a".to_owned(), 1), ("b".to_owned(), 3)]);
+        assert_eq!(limit.take_rest(), []);
     }
 
     #[test]

@@ -69,6 +69,14 @@ impl Outgoing {
         }
     }
 
+    /// [`Outgoing::report_suppressed`] at the end of the run.
+    pub fn report_rest(&mut self) {
+        let now_ns = now_ns();
+        for suppressed in self.limit.take_rest() {
+            self.put_numbered(suppressed.event(now_ns));
+        }
+    }
+
     fn put_numbered(&mut self, mut event: Event) {
         self.events.number(&mut event);
         self.put(channels::EVENT, &event);

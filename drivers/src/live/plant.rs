@@ -6,12 +6,12 @@
 use super::clock::{TickSchedule, now_ns, sleep_until};
 use super::command_gate::CommandGate;
 use super::event_limit::EventLimit;
+use super::joint_range::JointRange;
 use super::peers::is_fresh;
 use super::socket::{LcmReceiver, LcmSender};
 use crate::operator_script::OperatorScript;
 use crate::robot_info::ROBOT_INFO_EVERY_NS;
 use crate::{DriverError, FaultInjection, Scenario, Simulator};
-use controller::model::JointInfo;
 use lcmtypes::{
     Event, EventNumbers, GroundTruth, Message, ParameterRequest, RobotCommand, RobotInfo, RobotState, channels,
     new_sender_id,
@@ -23,8 +23,6 @@ use std::sync::atomic::{AtomicBool, Ordering};
 pub const WATCHDOG_NS: i64 = 15_000_000;
 /// Shortest time between two ROBOT_INFO, ns.
 const ANSWER_EVERY_NS: i64 = 100_000_000;
-/// Damping of each joint by the watchdog, N m s/rad.
-const WATCHDOG_KD: f64 = 8.0;
 
 /// Result of a driver process.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -57,8 +55,10 @@ pub struct Plant<'a> {
     pub receiver: LcmReceiver,
     /// Describes the robot; the driver sets sender and times.
     pub info: RobotInfo,
-    /// The actuated joints, in URDF order.
-    pub joints: Vec<JointInfo>,
+    /// Ranges of commands of the actuated joints, in URDF order.
+    pub joints: Vec<JointRange>,
+    /// Damping of each joint when the driver damps by itself, N m s/rad.
+    pub damping: f64,
 }
 
 /// Runs until `stop` is set. After the end of the scenario its last operator command continues to be sent.
@@ -78,6 +78,7 @@ pub fn run(plant: Plant<'_>, stop: &AtomicBool) -> Result<Summary, DriverError> 
         }
         due_ns = next_ns;
     }
+    run.out.report_rest(now_ns())?;
     run.summary.sim_seconds = seconds(run.t_ns);
     Ok(run.summary)
 }
@@ -107,13 +108,17 @@ struct Run<'a> {
     started: bool,
     /// The watchdog damps the joints.
     timed_out: bool,
+    /// The last driver that started later than this one.
+    second_driver: Option<i64>,
+    /// The driver damps the joints until the controller does: both may have acted on its commands.
+    two_drivers: bool,
     arrived_ns: i64,
     summary: Summary,
 }
 
 impl<'a> Run<'a> {
     fn new(plant: Plant<'a>) -> Result<Self, DriverError> {
-        let Plant { scenario, send_operator, sim, sender, receiver, mut info, joints } = plant;
+        let Plant { scenario, send_operator, sim, sender, receiver, mut info, joints, damping } = plant;
         (info.sender_id, info.t_start_ns) = (new_sender_id(), now_ns());
         let sender_id = info.sender_id;
         Ok(Run {
@@ -128,7 +133,7 @@ impl<'a> Run<'a> {
             truth: GroundTruth::default(),
             newest: RobotCommand::default(),
             applied: RobotCommand::default(),
-            damping: RobotCommand::damping(sim.joints().len(), WATCHDOG_KD),
+            damping: RobotCommand::damping(sim.joints().len(), damping),
             scenario,
             sim,
             receiver,
@@ -142,6 +147,8 @@ impl<'a> Run<'a> {
             number: 0,
             started: false,
             timed_out: false,
+            second_driver: None,
+            two_drivers: false,
             arrived_ns: 0,
             summary: Summary::default(),
         })
@@ -168,7 +175,7 @@ impl<'a> Run<'a> {
             let request = ParameterRequest { t_ns: now, sender_id: info.sender_id, ..request };
             self.summary.unsent += out.put(channels::PARAMETER_REQUEST, &request)?;
         }
-        applied.clone_from(if self.timed_out { &self.damping } else { &self.newest });
+        applied.clone_from(if self.timed_out || self.two_drivers { &self.damping } else { &self.newest });
         faults.on_command(*t_ns, applied);
         // The gate has checked size, mode and values; a fault of the scenario only scales them.
         sim.apply(applied)?;
@@ -209,7 +216,7 @@ impl<'a> Run<'a> {
     /// Receives the newest command; damps the joints if commands time out.
     fn receive(&mut self, now: i64) -> Result<(), DriverError> {
         let Run { newest, out, gate, info, info_due_ns, .. } = self;
-        let (mut is_new, mut other_robot, mut is_second) = (false, None, false);
+        let (mut is_new, mut other_robot, mut is_second, mut later) = (false, None, false, None);
         let arrives = self.faults.command_arrives(self.t_ns);
         self.receiver.receive(|from, channel, data| match channel {
             channels::ROBOT_COMMAND if arrives => is_new |= gate.take(from, data, now, newest).is_ok(),
@@ -224,7 +231,11 @@ impl<'a> Run<'a> {
             channels::ROBOT_INFO => {
                 let Ok(other) = RobotInfo::decode(data) else { return };
                 if other.sender_id != info.sender_id && is_fresh(&other, now) {
-                    is_second |= (other.t_start_ns, other.sender_id) < (info.t_start_ns, info.sender_id);
+                    if (other.t_start_ns, other.sender_id) < (info.t_start_ns, info.sender_id) {
+                        is_second = true;
+                    } else {
+                        later = Some(other.sender_id);
+                    }
                     *info_due_ns = (*info_due_ns).min(info.t_ns + ANSWER_EVERY_NS);
                 }
             }
@@ -233,6 +244,16 @@ impl<'a> Run<'a> {
         if is_second {
             out.event(now, -1, Event::LEVEL_ERROR, "driver", DriverError::SecondDriver.to_string())?;
             return Err(DriverError::SecondDriver);
+        }
+        if later.is_some() {
+            // Before the first command the robot is held still.
+            self.two_drivers |= self.started;
+            if std::mem::replace(&mut self.second_driver, later) != later {
+                let text = "a second driver was started: joints damped until the controller damps them".to_owned();
+                out.event(now, newest.tick, Event::LEVEL_ERROR, "driver", text)?;
+            }
+        } else if is_new && newest.mode != RobotCommand::MODE_TORQUE {
+            self.two_drivers = false;
         }
         if let Some(difference) = other_robot {
             let text = format!("a run controls another robot and is not obeyed: {difference}");
@@ -299,6 +320,11 @@ impl Sender {
     /// Sends how many EVENTs were not sent.
     fn report_suppressed(&mut self, t_ns: i64) -> Result<(), DriverError> {
         self.limit.take_suppressed(t_ns).into_iter().try_for_each(|suppressed| self.put_event(suppressed.event(t_ns)))
+    }
+
+    /// [`Sender::report_suppressed`] at the end of the run.
+    fn report_rest(&mut self, t_ns: i64) -> Result<(), DriverError> {
+        self.limit.take_rest().into_iter().try_for_each(|suppressed| self.put_event(suppressed.event(t_ns)))
     }
 
     fn put_event(&mut self, mut event: Event) -> Result<(), DriverError> {

@@ -136,6 +136,7 @@ impl Publisher {
             self.publish_info();
         }
         self.events.report_lateness(true, &mut self.out);
+        self.out.report_rest();
         PublisherReport {
             unpublished: self.out.unpublished(),
             unreadable: self.unreadable.0,

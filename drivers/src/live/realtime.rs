@@ -108,7 +108,7 @@ fn lock_memory() -> Result<(), String> {
 /// The limit of locked memory, bytes; `None` if there is none or it does not apply.
 ///
 /// - `limits`, `status`: texts of /proc/self/limits and /proc/self/status.
-fn memory_limit(limits: &str, status: &str) -> Option<u64> {
+pub fn memory_limit(limits: &str, status: &str) -> Option<u64> {
     let capabilities = status.lines().find_map(|line| line.strip_prefix("CapEff:"));
     let capabilities = capabilities.and_then(|bits| u64::from_str_radix(bits.trim(), 16).ok()).unwrap_or(0);
     if capabilities >> CAP_IPC_LOCK & 1 == 1 {

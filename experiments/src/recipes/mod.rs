@@ -7,6 +7,7 @@ mod base_position;
 mod equivalences;
 mod gait_speeds;
 mod limits;
+mod long_log;
 mod other_robot;
 mod posture_alone;
 mod residual_load;
@@ -42,6 +43,7 @@ pub const ALL: &[Experiment] = &[
     limits::ANYMAL_B,
     walking_limits::HYQ,
     walking_limits::ANYMAL_B,
+    long_log::EXPERIMENT,
     robots::EXPERIMENT,
 ];
 

@@ -1,6 +1,6 @@
 //! Replays a log with the revision that wrote it, in its own build.
 
-use super::{build, git, resolve, run};
+use super::{build, git, locked, resolve, run};
 use crate::Error;
 use crate::log::{CopyOptions, LogReader, copy, split_run};
 use lcmtypes::channels::RUN_INFO;
@@ -77,6 +77,9 @@ pub fn replay_with_revision(
     let builds = work.join("revisions");
     std::fs::create_dir_all(&builds).map_err(io(&builds))?;
     let work = work.canonicalize().map_err(io(work))?;
+    // Until the end: work tree, builds and corpus have fixed names.
+    let lock = locked(&work)?;
+    lock.lock().map_err(io(&work))?;
     let program = work.join("revisions").join(&revision);
     let built = !program.exists();
     if built {

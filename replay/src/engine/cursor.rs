@@ -1,6 +1,7 @@
 //! Random access to a replay: every quantity of any tick.
 
 use super::builder::Builder;
+use super::seek::Places;
 use super::stepper::Stepper;
 use super::ticks::{Beside, Tick, Ticks};
 use super::{Divergence, Options, Replay};
@@ -12,8 +13,10 @@ use lcmtypes::{ControllerInput, ParameterChange};
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
-/// Number of cached pages: about a minute of a log.
-const PAGES: usize = 64;
+/// Number of cached pages: about 16 s of a log.
+const PAGES: usize = 16;
+/// Ticks up to which the reader reads on instead of starting at another place.
+const NEAR: i64 = 5000;
 
 /// One tick of a log and its replay.
 #[derive(Debug, Clone)]
@@ -83,13 +86,13 @@ pub struct Cursor<'r> {
     place: Option<(i64, usize)>,
     first_tick: i64,
     last_tick: i64,
-    snapshots: Vec<i64>,
+    places: Places,
     /// Whether to collect the quantities of a tick.
     dumps: bool,
 }
 
 impl<'r> Cursor<'r> {
-    /// Reads the log once to index it. The position is before the first tick.
+    /// Reads start and end of an MCAP with an index, and a log without index as a whole. The position is before the first tick.
     ///
     /// - `options`: only `set` and `urdf` are used. `progress` receives the fraction of the file that was read.
     ///
@@ -99,22 +102,8 @@ impl<'r> Cursor<'r> {
         let options = Options { set: options.set.clone(), urdf: options.urdf.clone(), ..Options::default() };
         let (builder, keep_state) = (replay.builder(&options)?, options.is_what_if());
         let stepper = Stepper::new(&builder, keep_state)?;
-        let bytes = super::file_length(&replay.path)?.max(1);
-        let mut ticks = Ticks::open(&replay.path, &replay.messages, Beside::Nothing)?;
-        let (mut first, mut last, mut snapshots) = (None, 0, Vec::new());
-        while let Some(tick) = ticks.next()? {
-            if tick.input.is_some() {
-                first.get_or_insert(tick.tick);
-                last = tick.tick;
-            }
-            if tick.snapshot().is_some() {
-                snapshots.push(tick.tick);
-            }
-            if tick.tick % 1024 == 0 {
-                progress(ticks.offset as f64 / bytes as f64);
-            }
-        }
-        let Some(first_tick) = first else { return Err(Error::NoInput { path: replay.path.clone() }) };
+        let mut places = Places::indexed(&replay.path)?;
+        let (first_tick, last_tick) = ends(replay, &mut places, progress)?;
         Ok(Cursor {
             replay,
             stepper,
@@ -124,8 +113,8 @@ impl<'r> Cursor<'r> {
             pages: BTreeMap::new(),
             place: None,
             first_tick,
-            last_tick: last,
-            snapshots,
+            last_tick,
+            places,
             dumps: true,
             builder,
             keep_state,
@@ -142,9 +131,21 @@ impl<'r> Cursor<'r> {
         self.last_tick
     }
 
-    /// Ticks with a snapshot in the log.
-    pub fn snapshots(&self) -> &[i64] {
-        &self.snapshots
+    /// The last tick before `tick` with a snapshot in the log.
+    ///
+    /// # Errors
+    /// Those of reading the log.
+    pub fn state_before(&mut self, tick: i64) -> Result<Option<i64>, Error> {
+        Ok(self.page_from(tick)?.and_then(|page| page.start.as_ref().map(|(tick, _)| *tick)))
+    }
+
+    /// The first tick after `tick` with a snapshot in the log.
+    ///
+    /// # Errors
+    /// Those of reading the log.
+    pub fn state_after(&mut self, tick: i64) -> Result<Option<i64>, Error> {
+        let page = self.page_from(tick.saturating_add(1))?;
+        Ok(page.and_then(|page| page.ticks.last().filter(|last| last.snapshot().is_some()).map(|last| last.tick)))
     }
 
     /// Number of the last tick at or before a time, s since the run's first tick.
@@ -153,7 +154,8 @@ impl<'r> Cursor<'r> {
     /// Those of reading the log.
     pub fn tick_at(&mut self, since_s: f64) -> Result<i64, Error> {
         let since_ns = (since_s * 1e9).round() as i64;
-        let mut ticks = Ticks::open(&self.replay.path, &self.replay.messages, Beside::Nothing)?;
+        let place = self.places.before_time(&self.replay.clock, since_ns)?;
+        let mut ticks = Ticks::open_at(&self.replay.path, &self.replay.messages, Beside::Nothing, place)?;
         let mut found = self.first_tick;
         while let Some(tick) = ticks.next()? {
             match &tick.input {
@@ -268,29 +270,47 @@ impl<'r> Cursor<'r> {
 
     /// The page that contains a tick.
     fn page_of(&mut self, tick: i64) -> Result<Arc<Page>, Error> {
+        let page = self.page_from(tick)?.filter(|page| page.ticks[0].tick <= tick);
+        let (path, first, last) = (&self.replay.path, self.first_tick, self.last_tick);
+        page.ok_or_else(|| Error::NoSuchTick { path: path.clone(), tick, first, last })
+    }
+
+    /// The first page that ends at or after a tick.
+    fn page_from(&mut self, tick: i64) -> Result<Option<Arc<Page>>, Error> {
         let holds = |page: &Arc<Page>| page.ticks.last().is_some_and(|last| last.tick >= tick);
         if let Some((_, page)) = self.pages.range(..=tick).next_back()
             && holds(page)
         {
-            return Ok(Arc::clone(page));
+            return Ok(Some(Arc::clone(page)));
         }
-        // If the reader has passed the page and it is not cached, read again from the start.
-        for again in [false, true] {
-            if again {
-                self.reader = Ticks::open(&self.replay.path, &self.replay.messages, Beside::ByTick)?;
-                self.last_snapshot = None;
-                self.changes.clear();
-            }
-            if self.last_snapshot.as_ref().is_some_and(|(last, _)| *last >= tick) {
-                continue;
-            }
-            while let Some(page) = self.read_page(tick)? {
-                if holds(&page) && page.ticks[0].tick <= tick {
-                    return Ok(page);
-                }
+        let at = self.last_snapshot.as_ref().map(|(last, _)| *last);
+        if !at.is_some_and(|at| (1..=NEAR).contains(&tick.saturating_sub(at))) {
+            let place = self.places.before_tick(tick)?;
+            self.read_from(place)?;
+            // The place is wrong if snapshots are not in the order of their ticks.
+            if place.is_some() && self.last_snapshot.as_ref().is_none_or(|(last, _)| *last >= tick) {
+                self.read_from(None)?;
             }
         }
-        Err(Error::NoSuchTick { path: self.replay.path.clone(), tick, first: self.first_tick, last: self.last_tick })
+        while let Some(page) = self.read_page(tick)? {
+            if holds(&page) {
+                return Ok(Some(page));
+            }
+        }
+        Ok(None)
+    }
+
+    /// Moves the reader to a place and, unless that is the start of the log, to the first snapshot from there on.
+    fn read_from(&mut self, place: Option<u64>) -> Result<(), Error> {
+        self.reader = Ticks::open_at(&self.replay.path, &self.replay.messages, Beside::ByTick, place)?;
+        self.last_snapshot = None;
+        self.changes.clear();
+        while place.is_some() && self.last_snapshot.is_none() {
+            let Some(tick) = self.reader.next()? else { break };
+            self.changes.extend(tick.changes.iter().cloned());
+            self.last_snapshot = tick.snapshot().map(|state| (tick.tick, state.to_vec()));
+        }
+        Ok(())
     }
 
     /// Reads and caches the next page. If the cache is full, removes the page farthest from `wanted`.
@@ -319,4 +339,32 @@ impl<'r> Cursor<'r> {
         }
         Ok(Some(page))
     }
+}
+
+/// First and last tick with an input. A log without index is read as a whole, and its places are noted.
+fn ends(replay: &Replay, places: &mut Places, progress: &mut dyn FnMut(f64)) -> Result<(i64, i64), Error> {
+    let bytes = super::file_length(&replay.path)?.max(1);
+    let last_place = places.before_end()?;
+    let (mut first, mut last) = (None, None);
+    // With an index: the start up to the first input, then the end.
+    let parts: &[_] = if last_place.is_some() { &[(None, true), (last_place, false)] } else { &[(None, false)] };
+    for &(place, is_start) in parts {
+        let mut ticks = Ticks::open_at(&replay.path, &replay.messages, Beside::Nothing, place)?;
+        while let Some(tick) = ticks.next()? {
+            if !places.is_indexed() {
+                places.scan(&replay.path, &tick);
+            }
+            if tick.input.is_some() {
+                first = first.or(Some(tick.tick));
+                last = last.max(Some(tick.tick));
+                if is_start {
+                    break;
+                }
+            }
+            if tick.tick % 1024 == 0 {
+                progress(ticks.offset as f64 / bytes as f64);
+            }
+        }
+    }
+    first.zip(last).ok_or_else(|| Error::NoInput { path: replay.path.clone() })
 }

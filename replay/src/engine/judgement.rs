@@ -2,11 +2,10 @@
 //! replay, so the two agree.
 
 use super::continuity::Continuity;
-use super::outputs::OutputCounts;
+use super::expected::ExpectedOutputs;
 use super::ticks::{Beside, Ticks};
 use super::{Account, MissingOutputs, OtherParameters, Replay};
 use crate::Error;
-use lcmtypes::channels::{CONTROLLER_TICK, ROBOT_COMMAND};
 use std::path::Path;
 
 /// What a replay of the whole log would find, apart from differences.
@@ -28,7 +27,7 @@ pub(crate) struct Judgement {
     pub computable: u64,
     /// Of these, ticks with a recorded output.
     pub outputs: u64,
-    /// Commands and digests that are missing.
+    /// Outputs that are missing.
     pub missing_outputs: Vec<MissingOutputs>,
     /// Messages that a replay does not use.
     pub account: Account,
@@ -71,7 +70,7 @@ impl Judgement {
         let (mut changes, mut digest) = (Vec::new(), builder.digest(&[])?);
         let mut ticks = Ticks::open(log, &replay.messages, Beside::Nothing)?;
         let bytes = super::file_length(log)?.max(1);
-        let (mut continuity, mut outputs) = (Continuity::default(), OutputCounts::default());
+        let (mut continuity, mut outputs) = (Continuity::default(), ExpectedOutputs::default());
         while let Some(tick) = ticks.next()? {
             if tick.tick % 1024 == 0 {
                 progress(ticks.offset as f64 / bytes as f64);
@@ -88,17 +87,15 @@ impl Judgement {
             if continuity.can_compute(&tick, tick.has_parameters(digest)) {
                 self.computable += 1;
                 self.outputs += u64::from(!tick.recorded.is_empty());
-                for channel in [ROBOT_COMMAND, CONTROLLER_TICK] {
-                    let is_recorded = tick.recorded.iter().any(|(recorded, _)| **recorded == *channel);
-                    outputs.count(channel, tick.tick, is_recorded);
-                }
+                let running = tick.input.as_ref().map_or(0, |input| input.running);
+                outputs.take(tick.tick, running, tick.recorded.iter().map(|(channel, _)| channel));
             } else if tick.snapshot().is_some() {
                 continuity.restored(tick.tick);
             }
             self.snapshots += u64::from(tick.snapshot().is_some());
         }
         (self.missing, self.other_parameters) = (continuity.missing, continuity.other_parameters);
-        self.missing_outputs = outputs.missing();
+        self.missing_outputs = outputs.counts().missing();
         self.account = ticks.account()?;
         if self.ticks == 0 {
             return Err(Error::NoInput { path: log.into() });

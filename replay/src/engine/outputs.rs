@@ -26,7 +26,7 @@ impl MissingOutputs {
 pub(super) struct OutputCounts(Vec<Outputs>);
 
 struct Outputs {
-    channel: &'static str,
+    channel: String,
     recorded: u64,
     missing: u64,
     first_missing: Option<i64>,
@@ -34,21 +34,21 @@ struct Outputs {
 
 impl OutputCounts {
     /// Counts an output of a computed tick.
-    pub fn count(&mut self, channel: &'static str, tick: i64, is_recorded: bool) {
-        let outputs = self.of(channel);
-        outputs.recorded += u64::from(is_recorded);
-        outputs.missing += u64::from(!is_recorded);
-        if !is_recorded {
-            outputs.first_missing.get_or_insert(tick);
-        }
+    pub fn count(&mut self, channel: &str, tick: i64, is_recorded: bool) {
+        self.count_all(channel, u64::from(is_recorded), u64::from(!is_recorded), (!is_recorded).then_some(tick));
+    }
+
+    /// Counts outputs of several computed ticks.
+    pub fn count_all(&mut self, channel: &str, recorded: u64, missing: u64, first_missing: Option<i64>) {
+        let ours = self.of(channel);
+        ours.recorded += recorded;
+        ours.missing += missing;
+        ours.first_missing = ours.first_missing.into_iter().chain(first_missing).min();
     }
 
     pub fn add(&mut self, other: OutputCounts) {
         for Outputs { channel, recorded, missing, first_missing } in other.0 {
-            let ours = self.of(channel);
-            ours.recorded += recorded;
-            ours.missing += missing;
-            ours.first_missing = ours.first_missing.into_iter().chain(first_missing).min();
+            self.count_all(&channel, recorded, missing, first_missing);
         }
     }
 
@@ -61,16 +61,16 @@ impl OutputCounts {
     pub fn missing(&self) -> Vec<MissingOutputs> {
         let missing = |outputs: &Outputs| {
             let first_tick = outputs.first_missing.filter(|_| outputs.missing < outputs.recorded)?;
-            Some(MissingOutputs { channel: outputs.channel.to_owned(), count: outputs.missing, first_tick })
+            Some(MissingOutputs { channel: outputs.channel.clone(), count: outputs.missing, first_tick })
         };
         let mut found: Vec<_> = self.0.iter().filter_map(missing).collect();
         found.sort_by(|a, b| (a.first_tick, &a.channel).cmp(&(b.first_tick, &b.channel)));
         found
     }
 
-    fn of(&mut self, channel: &'static str) -> &mut Outputs {
+    fn of(&mut self, channel: &str) -> &mut Outputs {
         let at = self.0.iter().position(|outputs| outputs.channel == channel).unwrap_or_else(|| {
-            self.0.push(Outputs { channel, recorded: 0, missing: 0, first_missing: None });
+            self.0.push(Outputs { channel: channel.to_owned(), recorded: 0, missing: 0, first_missing: None });
             self.0.len() - 1
         });
         &mut self.0[at]

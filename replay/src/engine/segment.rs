@@ -2,6 +2,7 @@
 
 use super::Options;
 use super::run_messages::RunMessages;
+use super::seek::Places;
 use super::ticks::{Beside, Tick, Ticks};
 use crate::Error;
 use crate::log::RunClock;
@@ -35,7 +36,7 @@ impl Segment {
             return Ok(Segment { start: None, chunk: None, to_ns, clock, has_input: false });
         };
         let from_ns = nanoseconds(from_s);
-        let mut chunk = super::seek::chunk_before(path, &clock, from_ns)?;
+        let mut chunk = Places::indexed(path)?.before_time(&clock, from_ns)?;
         let (mut start, mut last_ns) = find(path, messages, &clock, from_ns, chunk)?;
         if start.is_none() && chunk.is_some() {
             chunk = None;

@@ -17,6 +17,8 @@ const WINDOW: usize = 256;
 const MAX_WAITING: usize = 1 << 14;
 /// Largest step between the ticks of a run, hours at any tick rate; a message with a larger step is not used.
 const MAX_STEP: i64 = 1 << 24;
+/// Messages of one tick that are stored beside its outputs, and outputs with a channel that the tick has already; a hostile log may have any number.
+const MAX_OF_TICK: usize = 1000;
 /// Channels and types whose role is remembered; a hostile log may have any number.
 const MAX_KINDS: usize = 1000;
 
@@ -25,7 +27,7 @@ const MAX_KINDS: usize = 1000;
 pub(crate) struct Tick {
     pub tick: i64,
     /// Offset of its first message in the file.
-    offset: u64,
+    pub offset: u64,
     /// Log time of the input, ns.
     pub t_log_ns: i64,
     pub input: Option<ControllerInput>,
@@ -102,10 +104,10 @@ impl Ticks {
         Self::open_at(path, messages, beside, None)
     }
 
-    /// [`Ticks::open`] at a chunk of the log: [`super::seek`].
-    pub fn open_at(path: &Path, messages: &RunMessages, beside: Beside, chunk: Option<u64>) -> Result<Self, Error> {
+    /// [`Ticks::open`] at a place of the log: [`super::seek`].
+    pub fn open_at(path: &Path, messages: &RunMessages, beside: Beside, place: Option<u64>) -> Result<Self, Error> {
         let mut reader = LogReader::open(path)?;
-        chunk.map_or(Ok(()), |chunk| reader.seek(chunk))?;
+        place.map_or(Ok(()), |place| reader.seek(place))?;
         let mut changes = BTreeMap::<_, Vec<_>>::new();
         let known = parameter_changes(path)?.into_iter().filter(|change| messages.is_of_run(change.run_id));
         known.for_each(|change| changes.entry(change.tick).or_default().push(change));
@@ -237,8 +239,10 @@ impl Ticks {
                 let number = integer_at(&event.data, 16);
                 // The outputs of a tick come after its input, apart from the command.
                 match number.and_then(|number| self.waiting.get_mut(&number)) {
-                    Some(tick) => tick.candidates.push((event.channel, event.data)),
-                    None => self.other(event),
+                    Some(tick) if tick.candidates.len() < MAX_OF_TICK => {
+                        tick.candidates.push((event.channel, event.data));
+                    }
+                    _ => self.other(event),
                 }
             }
             Role::Beside => {
@@ -246,7 +250,10 @@ impl Ticks {
                     // Do not store a message whose tick is far ahead of the log.
                     let is_far = |last: i64| number > last.saturating_add(WINDOW as i64);
                     if self.waiting.last_key_value().is_none_or(|(last, _)| !is_far(*last)) {
-                        waiting.entry(number).or_default().push(event);
+                        let of_tick = waiting.entry(number).or_default();
+                        if of_tick.len() < MAX_OF_TICK {
+                            of_tick.push(event);
+                        }
                     }
                 } else {
                     self.other(event);
@@ -287,15 +294,23 @@ impl Ticks {
             return self.account.unused(&event.channel, tick, event.offset, Unused::Undecodable);
         };
         let unused = match self.slot(number, event.offset) {
-            Ok(tick) => match tick.recorded.iter().find(|(channel, _)| *channel == event.channel) {
+            Ok(tick) => match tick.recorded.iter_mut().find(|(channel, _)| *channel == event.channel) {
                 None => {
                     tick.recorded.push((event.channel, event.data));
                     return;
                 }
                 Some((_, first)) if *first == event.data => Unused::Doubled,
+                // Of another program, or damaged.
+                Some(_) if !decodes(&event.data) => Unused::Undecodable,
+                Some((_, first)) if !decodes(first) => {
+                    *first = event.data;
+                    Unused::Undecodable
+                }
                 Some(_) => {
                     // Both are compared, so one of them differs.
-                    tick.recorded.push((Arc::clone(&event.channel), event.data));
+                    if tick.recorded.len() < MAX_OF_TICK {
+                        tick.recorded.push((Arc::clone(&event.channel), event.data));
+                    }
                     Unused::DoubledOtherBytes
                 }
             },

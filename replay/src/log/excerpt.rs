@@ -136,13 +136,14 @@ impl Part {
         }
         let last = last.map_or(i64::MIN, |(_, tick)| tick);
         match (excerpt, snapshot) {
-            (Excerpt::Around { .. }, Some((snapshot_ns, tick))) => {
+            // From tick 0 on the state is known without a snapshot; a copy without its input would lack that tick.
+            (Excerpt::Around { .. }, Some((snapshot_ns, tick))) if tick != 0 || first_of_log != 0 => {
                 Ok(Part { snapshot: Some(tick), first: tick.saturating_add(1), last, from_ns: snapshot_ns, to_ns })
             }
             (Excerpt::Around { .. }, None) if first_of_log != 0 => {
                 Err(Error::NoSnapshot { path: path(), before_s: seconds(from_ns) })
             }
-            (Excerpt::Around { .. }, None) => Ok(Part { snapshot: None, first: 0, last, from_ns: i64::MIN, to_ns }),
+            (Excerpt::Around { .. }, _) => Ok(Part { snapshot: None, first: 0, last, from_ns: i64::MIN, to_ns }),
             (Excerpt::Range { .. }, _) => {
                 let first = first.map_or(i64::MAX, |(_, tick)| tick);
                 Ok(Part { snapshot: None, first, last, from_ns, to_ns })

@@ -55,7 +55,7 @@ pub use excerpt::{Excerpt, copy_excerpt};
 pub use merge::merge;
 pub use reader::{Events, LogReader};
 pub use retype::{FieldChange, FieldDifference, RetypeReport, retype};
-pub use run_clock::{RunClock, RunClockFinder, Zero};
+pub use run_clock::{EventTimes, RunClock, RunClockFinder, Zero};
 pub use run_path::{path_of_run, split_run};
 pub(crate) use runs::run_id;
 pub use runs::{RunSummary, Runs};

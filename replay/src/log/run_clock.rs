@@ -108,13 +108,14 @@ impl RunClock {
 /// An event that is no message of the controller has the time of the last CONTROLLER_INPUT before it, plus the time in between by the clock of the recorder. So
 /// a clock of the recorder that steps moves only the events up to the next input.
 #[derive(Debug, Clone)]
-pub(crate) struct EventTimes {
+pub struct EventTimes {
     clock: RunClock,
     /// The last input: time of its event, and time since the first tick, ns.
     last_input: Option<(i64, i64)>,
 }
 
 impl EventTimes {
+    /// The times of the events of the log of a clock.
     pub fn new(clock: RunClock) -> Self {
         EventTimes { clock, last_input: None }
     }

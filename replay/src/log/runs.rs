@@ -1,7 +1,9 @@
 //! The runs of a log: a recording can contain several, one after the other, and each is replayed and reported on its own.
 //!
-//! A run is known by its `run_id`, which RUN_INFO, inputs, commands, ticks and parameter changes contain. Every other event belongs to the run of the last such
-//! message before it; events before the first one belong to the first run.
+//! A run is known by its `run_id`, which RUN_INFO, inputs, commands, ticks and parameter changes contain. RUN_INFO or an input begins a run. Every event
+//! without `run_id` belongs to the run of the last input before it, or of a first RUN_INFO after that; events before the first run belong to it. An
+//! unknown `run_id` of another message begins no run, since any program can send one: the message belongs to the next run, whose first commands can
+//! be recorded before its RUN_INFO.
 
 use super::EventRef;
 use super::sequence_gaps::sequence_number;
@@ -48,12 +50,20 @@ impl Runs {
     /// Takes the next event; returns the index of its run, from 0.
     pub fn see(&mut self, event: &EventRef<'_>) -> usize {
         let Some(run_id) = run_id(event.channel, event.data) else { return self.current };
-        self.current = match self.ids.iter().position(|known| *known == run_id) {
+        let begins = [RUN_INFO, CONTROLLER_INPUT].contains(&&**event.channel);
+        let index = match self.ids.iter().position(|known| *known == run_id) {
             Some(index) => index,
-            None if self.ids.len() < MAX_RUNS => self.add(run_id),
-            None => MAX_RUNS - 1,
+            None if self.ids.len() == MAX_RUNS => MAX_RUNS - 1,
+            None if begins => {
+                self.current = self.add(run_id);
+                self.current
+            }
+            None => return self.ids.len(),
         };
-        let run = &mut self.summaries[self.current];
+        if **event.channel == *CONTROLLER_INPUT {
+            self.current = index;
+        }
+        let run = &mut self.summaries[index];
         match &**event.channel {
             CONTROLLER_INPUT => {
                 run.ticks += 1;
@@ -69,7 +79,7 @@ impl Runs {
             }
             _ => {}
         }
-        self.current
+        index
     }
 
     fn add(&mut self, run_id: i64) -> usize {

@@ -1,0 +1,123 @@
+//! Ranges of the values that a driver accepts in a ROBOT_COMMAND, computed from the robot description and its parameters.
+
+use controller::model::JointInfo;
+use controller::params::Params;
+use lcmtypes::RobotCommand;
+use std::f64::consts::TAU;
+
+/// Largest stiffness and damping as multiples of the largest ones of the robot's parameters.
+const GAIN_FACTOR: f64 = 10.0;
+/// Largest velocity reference as a multiple of the joint's velocity limit.
+const VELOCITY_FACTOR: f64 = 10.0;
+/// Distance of a position reference from the joint's limits, as a fraction of the joint's range.
+const MARGIN: f64 = 0.25;
+/// Smallest such distance, rad or m.
+const MIN_MARGIN: f64 = 0.1;
+/// Largest position reference of a continuous joint, rad.
+const CONTINUOUS: f64 = 1e6;
+
+/// Ranges of one joint. Each begins at zero or is symmetric, except that of the position reference.
+#[derive(Clone, Debug, PartialEq)]
+pub struct JointRange {
+    name: String,
+    effort: f64,
+    kp: f64,
+    kd: f64,
+    q_des: [f64; 2],
+    qd_des: f64,
+    /// Largest distance between reference and measurement, rad or m.
+    error: f64,
+}
+
+impl JointRange {
+    /// The ranges of each joint of a robot.
+    pub fn of(joints: &[JointInfo], params: &Params) -> Vec<Self> {
+        joints.iter().map(|joint| JointRange::new(joint, params)).collect()
+    }
+
+    fn new(joint: &JointInfo, params: &Params) -> Self {
+        let JointInfo { name, lower, upper, effort, velocity, .. } = joint;
+        let (hold, stand, safety) = (&params.hold, &params.stand, &params.safety);
+        let range = upper - lower;
+        let margin = (MARGIN * range).max(MIN_MARGIN);
+        JointRange {
+            name: name.clone(),
+            effort: *effort,
+            kp: GAIN_FACTOR * hold.kp.max(stand.stiffness * effort),
+            kd: GAIN_FACTOR * hold.kd.max(stand.damping * effort).max(safety.damping),
+            q_des: if range.is_finite() { [lower - margin, upper + margin] } else { [-CONTINUOUS, CONTINUOUS] },
+            qd_des: VELOCITY_FACTOR * velocity,
+            error: if range.is_finite() { range + 2.0 * margin } else { TAU },
+        }
+    }
+
+    /// The first value of joint `j` of a command that is out of range, with its limits.
+    pub fn check(&self, j: usize, command: &RobotCommand) -> Option<String> {
+        let RobotCommand { tau, q_des, qd_des, kp, kd, .. } = command;
+        // Without stiffness the position reference has no effect.
+        let [low, high] = if kp[j] == 0.0 { [f64::MIN, f64::MAX] } else { self.q_des };
+        // The torque may compensate the joint loop: the drive limits the sum.
+        let torque = self.effort + kp[j] * self.error + kd[j] * (qd_des[j].abs() + self.qd_des);
+        let values = [
+            ("kp", kp[j], 0.0, self.kp),
+            ("kd", kd[j], 0.0, self.kd),
+            ("q_des", q_des[j], low, high),
+            ("qd_des", qd_des[j], -self.qd_des, self.qd_des),
+            ("tau", tau[j], -torque, torque),
+        ];
+        let (field, value, low, high) =
+            values.into_iter().find(|(_, value, low, high)| !(low..=high).contains(&value))?;
+        Some(format!("{field} of {} {value}, expected {low} to {high}", self.name))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use controller::model::JointKind;
+
+    const PARAMS: &str = include_str!("../../../robots/hyq/hyq.toml");
+
+    fn joint(effort: f64, lower: f64, upper: f64) -> JointInfo {
+        let (name, kind) = ("knee".to_owned(), JointKind::Revolute);
+        JointInfo { name, kind, lower, upper, effort, velocity: 12.0, damping: 0.0 }
+    }
+
+    fn range(effort: f64, lower: f64, upper: f64) -> JointRange {
+        let mut params = Params::from_toml(PARAMS, "hyq.toml").unwrap();
+        (params.hold.kp, params.hold.kd, params.safety.damping) = (50.0, 1.0, 2.0);
+        (params.stand.stiffness, params.stand.damping) = (3.0, 0.1);
+        JointRange::of(&[joint(effort, lower, upper)], &params).remove(0)
+    }
+
+    #[test]
+    fn ranges_follow_from_effort_limits_and_gains() {
+        let strong = range(150.0, -2.0, 1.0);
+        assert_eq!((strong.kp, strong.kd), (4500.0, 150.0));
+        assert_eq!((strong.q_des, strong.qd_des), ([-2.75, 1.75], 120.0));
+        assert_eq!(strong.error, 4.5);
+        let weak = range(2.5, 0.0, 0.4);
+        assert_eq!((weak.kp, weak.kd), (500.0, 20.0));
+        assert_eq!(weak.q_des, [-0.1, 0.5]);
+        let continuous = range(2.5, f64::NEG_INFINITY, f64::INFINITY);
+        assert_eq!((continuous.error, continuous.q_des), (TAU, [-CONTINUOUS, CONTINUOUS]));
+    }
+
+    #[test]
+    fn a_torque_beyond_the_effort_must_be_explained_by_the_joint_loop() {
+        let range = range(150.0, -2.0, 1.0);
+        let of = |tau: f64, kp: f64, kd: f64| RobotCommand {
+            tau: vec![tau],
+            kp: vec![kp],
+            kd: vec![kd],
+            ..RobotCommand::zeros(1)
+        };
+        assert_eq!(range.check(0, &of(-150.0, 0.0, 0.0)), None);
+        assert!(range.check(0, &of(150.1, 0.0, 0.0)).is_some_and(|text| text.contains("tau of knee 150.1")));
+        // 400 N m/rad over 4.5 rad, and 15 N m s/rad over 120 rad/s.
+        assert_eq!(range.check(0, &of(150.0 + 1800.0 + 1800.0, 400.0, 15.0)), None);
+        assert!(range.check(0, &of(150.0 + 1800.0 + 1801.0, 400.0, 15.0)).is_some());
+        let nan = RobotCommand { qd_des: vec![f64::NAN], ..of(0.0, 1.0, 1.0) };
+        assert!(range.check(0, &nan).is_some_and(|text| text.contains("qd_des of knee")));
+    }
+}
