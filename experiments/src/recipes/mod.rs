@@ -9,6 +9,7 @@ mod gait_speeds;
 mod limits;
 mod other_robot;
 mod posture_alone;
+mod printed;
 mod residual_load;
 mod robots;
 mod rough_terrain;
@@ -36,6 +37,7 @@ pub const ALL: &[Experiment] = &[
     equivalences::EXPERIMENT,
     acceleration_bound::EXPERIMENT,
     residual_load::EXPERIMENT,
+    printed::EXPERIMENT,
     gait_speeds::EXPERIMENT,
     posture_alone::EXPERIMENT,
     limits::HYQ,
