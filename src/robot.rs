@@ -10,7 +10,7 @@ use controller::model::eval::{EvalRequest, RobotInfo, eval};
 use controller::model::untouchable;
 use controller::params::{Params, ParamsError, apply_overrides, bounds};
 use controller::quadruped::{Implausible, implausible};
-pub use drivers::robot_files::{RobotFiles, find_shipped, overrides, read, with_overrides};
+pub use drivers::robot_files::{RobotFiles, find_shipped, overrides, read};
 use std::path::PathBuf;
 
 #[derive(Subcommand)]

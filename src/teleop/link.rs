@@ -417,7 +417,7 @@ mod tests {
     fn limits_come_from_the_run() {
         let (mut link, mut theirs) = link();
         let (_, params) = crate::robot::RobotFiles::find_with_params("anymal_b").unwrap();
-        let params = crate::robot::with_overrides(&params, &["foothold.max_speed=0.25".to_owned()]).unwrap();
+        let params = drivers::robot_files::with_overrides(&params, &["foothold.max_speed=0.25".to_owned()]).unwrap();
         put(&mut theirs, channels::RUN_INFO, &RunInfo { robot: "anymal_b".to_owned(), params, ..RunInfo::default() });
         link.receive(0).unwrap();
         let (robot, limits) = link.status.robot.unwrap();

@@ -51,9 +51,9 @@ use serde::Deserialize;
 
 use crate::Error;
 use crate::run::Run;
+pub use bars::Bars;
 use canvas::Drawing;
 use chart::Chart;
-pub use bars::Bars;
 pub use curve::Curves;
 pub use figure_spec::{FigureSpec, Kind, Named, PAGE_MM, Quantity, Several};
 use style::UNITS_PER_MM;

@@ -23,11 +23,7 @@ pub(super) const EXPERIMENT: Experiment = Experiment {
 /// Judges the rms of every quantity of Table 3, and draws Figure 9.
 ///
 /// - `variant`: changes the run.
-pub(super) fn table3(
-    bench: &Bench,
-    prefix: &str,
-    variant: &dyn Fn(RunSpec) -> RunSpec,
-) -> anyhow::Result<Vec<Row>> {
+pub(super) fn table3(bench: &Bench, prefix: &str, variant: &dyn Fn(RunSpec) -> RunSpec) -> anyhow::Result<Vec<Row>> {
     let spec = variant(RunSpec::of("base_motion"));
     let figure = FigureSpec { name: spec.name.replace("base_motion", "figure9"), ..FigureSpec::new(&FIGURE_9) };
     let sample = bench.one_with(spec, |run| draw(&figure, &[(Named("run".to_owned()), run)]))?;

@@ -18,11 +18,7 @@ pub(super) const EXPERIMENT: Experiment = Experiment {
 /// Judges falls and forward speed over all seeds.
 ///
 /// - `variant`: changes each run.
-pub(super) fn rough(
-    bench: &Bench,
-    prefix: &str,
-    variant: &dyn Fn(RunSpec) -> RunSpec,
-) -> anyhow::Result<Vec<Row>> {
+pub(super) fn rough(bench: &Bench, prefix: &str, variant: &dyn Fn(RunSpec) -> RunSpec) -> anyhow::Result<Vec<Row>> {
     let specs = bench.seeds().map(|seed| variant(RunSpec::of("rough_track")).seed(seed)).collect();
     let samples = bench.all("rough terrain", specs)?;
     let mut rows = vec![falls(prefix, &samples)];
