@@ -10,7 +10,7 @@ use controller::model::eval::{EvalRequest, RobotInfo, eval};
 use controller::model::untouchable;
 use controller::params::{Params, ParamsError, apply_overrides, bounds};
 use controller::quadruped::{Implausible, implausible};
-pub use drivers::robot_files::{RobotFiles, find_shipped, overrides, read, with_overrides};
+pub use drivers::robot_files::{RobotFiles, find_shipped, overrides, read};
 use std::path::PathBuf;
 
 #[derive(Subcommand)]
@@ -23,6 +23,9 @@ pub enum Command {
         /// Print every parameter of the controller with value, allowed range and unit instead, as TOML
         #[arg(long)]
         params: bool,
+        /// With --params: the parameters with this preset, as `hoof sim --preset`
+        #[arg(long, value_name = "NAME", requires = "params")]
+        preset: Option<String>,
         /// Print JSON
         #[arg(long)]
         json: bool,
@@ -51,7 +54,10 @@ pub enum Command {
 
 pub fn run(command: &Command) -> anyhow::Result<Outcome> {
     match command {
-        Command::Info { robot, params, json } => info(robot, *params, *json)?,
+        Command::Info { robot, params: true, preset, .. } => {
+            say(with_bounds(&RobotFiles::find_changed(robot, preset.as_deref(), &[])?.1))?;
+        }
+        Command::Info { robot, json, .. } => info(robot, *json)?,
         Command::Init(args) => return init::run(args),
         Command::Eval { robot, state, json: _ } => {
             let files = RobotFiles::find(robot)?;
@@ -65,10 +71,7 @@ pub fn run(command: &Command) -> anyhow::Result<Outcome> {
     Ok(Outcome::Good)
 }
 
-fn info(robot: &str, params: bool, json: bool) -> anyhow::Result<()> {
-    if params {
-        return say(with_bounds(&RobotFiles::find_with_params(robot)?.1));
-    }
+fn info(robot: &str, json: bool) -> anyhow::Result<()> {
     let files = RobotFiles::find(robot)?;
     let mut info = RobotInfo::new(&files.tree()?)?;
     if let Some(text) = &files.params {

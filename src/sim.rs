@@ -32,6 +32,9 @@ pub struct Args {
     /// Seed of terrain and noise, instead of the scenario's
     #[arg(long)]
     seed: Option<i64>,
+    /// Set of parameters from a file beside the robot's, such as `printed` (robots/hyq/printed.toml): the controller as Raiola et al. 2020 print it
+    #[arg(long, value_name = "NAME")]
+    preset: Option<String>,
     /// Set a parameter of the controller (`hoof robot info ROBOT --params` lists them); can be repeated
     #[arg(long, value_name = "KEY=VALUE")]
     set: Vec<String>,
@@ -71,7 +74,14 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
     }
     let stack = args.stack.map(|stack| format!("stack.formula={}", stack.formula()));
     let set: Vec<String> = stack.into_iter().chain(args.set.iter().cloned()).collect();
-    let job = Job { robot: &args.robot, scenario: &args.scenario, seconds: args.seconds, seed: args.seed, set: &set };
+    let job = Job {
+        robot: &args.robot,
+        scenario: &args.scenario,
+        seconds: args.seconds,
+        seed: args.seed,
+        preset: args.preset.as_deref(),
+        set: &set,
+    };
     let bar = Progress::new(format!("{} on {}", args.robot, args.scenario.display()));
     let setup = Setup { prove: args.prove.then(threads), ..Setup::read(&job)? };
     for warning in implausible(&setup.urdf, &setup.params).into_iter().flatten() {

@@ -32,6 +32,19 @@ pub enum DriverError {
         /// Names below `robots/`.
         known: Vec<String>,
     },
+    /// A robot has no preset of this name.
+    #[error(
+        "robot {robot}: no preset {name:?}, which would be the file {name}.toml beside the robot's; presets of this robot: {}",
+        if known.is_empty() { "none".to_owned() } else { known.join(", ") }
+    )]
+    UnknownPreset {
+        /// The robot, by name or file.
+        robot: String,
+        /// The preset.
+        name: String,
+        /// Names of its presets.
+        known: Vec<String>,
+    },
     /// A URDF file was given where parameters are required.
     #[error("{}: a URDF alone has no feet, posture and gains; give the name of a robot or its TOML file", path.display())]
     UrdfAlone {

@@ -2,7 +2,7 @@
 
 use crate::{DriverError, shipped};
 use controller::model::UrdfTree;
-use controller::params::{Params, ParamsError, apply_overrides};
+use controller::params::{Params, ParamsError, apply_overrides, key_values};
 use std::path::{Path, PathBuf};
 
 /// A robot's files, read.
@@ -43,6 +43,27 @@ impl RobotFiles {
         }
     }
 
+    /// Same as [`RobotFiles::find_with_params`], with changed parameters: first those of a preset, then `set`.
+    ///
+    /// - `preset`: name of a TOML file beside the robot's, with the parameters to change.
+    /// - `set`: parameters to change, each `KEY=VALUE`.
+    ///
+    /// # Errors
+    /// [`DriverError::UnknownPreset`], [`DriverError::ParamsFile`] for a wrong preset; else as [`RobotFiles::find_with_params`] and
+    /// [`with_overrides`].
+    pub fn find_changed(robot: &str, preset: Option<&str>, set: &[String]) -> Result<(Self, String), DriverError> {
+        let (files, mut params) = Self::find_with_params(robot)?;
+        if let Some(name) = preset {
+            let path = preset_file(robot, name)?;
+            let file = path.display().to_string();
+            let table: toml::Table = toml::from_str(&read(&path)?)
+                .map_err(|e| ParamsError::Parse { source_name: file.clone(), error: e.to_string() })?;
+            params = apply_overrides(&params, &key_values(&table))
+                .map_err(|source| DriverError::ParamsFile { file, source })?;
+        }
+        Ok((files, with_overrides(&params, set)?))
+    }
+
     fn with_params(path: &Path) -> Result<Self, DriverError> {
         let params = parse_params(&read(path)?, path)?;
         let urdf_path = path.with_file_name(&params.robot.urdf);
@@ -68,6 +89,20 @@ fn by_name(name: &str) -> Result<PathBuf, DriverError> {
     known.sort();
     known.dedup();
     Err(DriverError::UnknownRobot { name: name.to_owned(), known })
+}
+
+/// Finds a preset beside the TOML file of a robot. The folder contains one other TOML file, that of the robot.
+fn preset_file(robot: &str, name: &str) -> Result<PathBuf, DriverError> {
+    let own = if Path::new(robot).extension().is_some() { PathBuf::from(robot) } else { by_name(robot)? };
+    let entries = std::fs::read_dir(own.with_file_name(".")).into_iter().flatten();
+    let files = entries.filter_map(|entry| entry.ok()?.file_name().into_string().ok());
+    let presets = files.filter(|file| own.file_name().is_none_or(|own| own != file.as_str()));
+    let mut known: Vec<String> = presets.filter_map(|file| Some(file.strip_suffix(".toml")?.to_owned())).collect();
+    known.sort();
+    if known.iter().any(|preset| preset == name) {
+        return Ok(own.with_file_name(format!("{name}.toml")));
+    }
+    Err(DriverError::UnknownPreset { robot: robot.to_owned(), name: name.to_owned(), known })
 }
 
 /// Finds a file that ships with the command, such as `scenarios/flat_trot.toml`; see [`shipped::folders`].

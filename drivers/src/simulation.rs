@@ -1,6 +1,6 @@
 //! A complete lockstep simulation: from the files of a robot and a scenario to a finished log.
 
-use crate::robot_files::{RobotFiles, read, with_overrides};
+use crate::robot_files::{RobotFiles, read};
 use crate::run_info::{self, Run};
 use crate::{DriverError, MujocoSim, Scenario, SimParams, Terrain, lockstep};
 use controller::model::UrdfTree;
@@ -21,6 +21,8 @@ pub struct Job<'a> {
     pub seconds: Option<f64>,
     /// Seed, instead of the scenario's.
     pub seed: Option<i64>,
+    /// Preset of the robot's parameters; see [`RobotFiles::find_changed`].
+    pub preset: Option<&'a str>,
     /// Parameters to change, each `KEY=VALUE`.
     pub set: &'a [String],
 }
@@ -93,8 +95,7 @@ impl Setup {
     /// # Errors
     /// Missing or invalid files and parameters; the message names file and key.
     pub fn read(job: &Job) -> Result<Self, DriverError> {
-        let (files, params_text) = RobotFiles::find_with_params(job.robot)?;
-        let params_text = with_overrides(&params_text, job.set)?;
+        let (files, params_text) = RobotFiles::find_changed(job.robot, job.preset, job.set)?;
         let params = Params::from_toml(&params_text, job.robot)?;
         let (scenario_text, scenario_source) = (read(job.scenario)?, job.scenario.display().to_string());
         let mut scenario = Scenario::parse(&scenario_text, &scenario_source)?;

@@ -39,17 +39,29 @@ pub struct RunSpec {
     pub name: String,
     scenario: String,
     changes: Vec<Change>,
+    preset: Option<String>,
     set: Vec<String>,
     seed: Option<i64>,
     /// Another robot than the bench's.
     robot: Option<String>,
+    /// Delete the log after it was measured, unless its replay differs.
+    discard: bool,
 }
 
 impl RunSpec {
     /// A scenario by its name in `scenarios/`, or by its TOML file.
     pub fn of(scenario: &str) -> Self {
         let name = file_stem(scenario);
-        RunSpec { name, scenario: scenario.to_owned(), changes: Vec::new(), set: Vec::new(), seed: None, robot: None }
+        RunSpec {
+            name,
+            scenario: scenario.to_owned(),
+            changes: Vec::new(),
+            preset: None,
+            set: Vec::new(),
+            seed: None,
+            robot: None,
+            discard: false,
+        }
     }
 
     /// Renames the run.
@@ -60,6 +72,16 @@ impl RunSpec {
     /// Runs another robot than the bench's, by its TOML file.
     pub fn robot(self, toml: &Path) -> Self {
         RunSpec { robot: Some(toml.display().to_string()), ..self }
+    }
+
+    /// Starts from a preset of the robot's parameters.
+    pub fn preset(self, name: &str) -> Self {
+        RunSpec { preset: Some(name.to_owned()), ..self }
+    }
+
+    /// Deletes the log after it was measured, unless its replay differs; for experiments of hundreds of runs.
+    pub fn discard_log(self) -> Self {
+        RunSpec { discard: true, ..self }
     }
 
     /// Changes a key of the scenario; the value is TOML.
@@ -252,6 +274,7 @@ impl Bench {
             scenario: &scenario,
             seconds: None,
             seed: spec.seed.or(self.first_seed),
+            preset: spec.preset.as_deref(),
             set: &spec.set,
         };
         let summary = Setup::read(&job)?.simulate(&log, &self.build, &mut |fraction| progress(0.5 * fraction))?;
@@ -263,6 +286,9 @@ impl Bench {
         }
         let run = Run::read(&log, &mut |_| {})?;
         let (metrics, measured) = (Metrics::of(&run), measure(&run));
+        if spec.discard && replayed.identical {
+            std::fs::remove_file(&log).with_context(|| log.display().to_string())?;
+        }
         progress(1.0);
         Ok(Sample { log, summary, metrics, measured })
     }

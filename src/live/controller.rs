@@ -2,7 +2,7 @@
 
 use super::run_file::{Hardware, RunFile};
 use super::{Length, Shared, Stop, refuse_a_second};
-use crate::robot::{RobotFiles, read, with_overrides};
+use crate::robot::{RobotFiles, read};
 use crate::run_info;
 use crate::{Outcome, note, say, say_json};
 use anyhow::{Context, bail};
@@ -74,8 +74,7 @@ pub fn run(args: &ControllerArgs) -> anyhow::Result<Outcome> {
 
 /// Description and hardware of a run.
 pub(super) fn prepare(file: &RunFile, url: &Url) -> anyhow::Result<(RunInfo, Box<dyn live::Hardware>)> {
-    let (files, params_text) = RobotFiles::find_with_params(&file.robot)?;
-    let params_text = with_overrides(&params_text, &file.set)?;
+    let (files, params_text) = RobotFiles::find_changed(&file.robot, file.preset.as_deref(), &file.set)?;
     let params = Params::from_toml(&params_text, &file.robot)?;
     let (mut scenario, mut scenario_name, mut seed) = (String::new(), String::new(), 0);
     if let Some(simulation) = &file.simulation {

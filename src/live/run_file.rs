@@ -1,7 +1,7 @@
 //! The run file (TOML): robot, network, operators, controllers. Paths of input files are relative to the run file; that of the log is relative to
 //! the working directory.
 
-use crate::robot::{RobotFiles, read, with_overrides};
+use crate::robot::{RobotFiles, read};
 use anyhow::Context;
 use controller::params::Params;
 use drivers::command_mux::{CommandMux, Source, default_sources};
@@ -36,6 +36,8 @@ pub struct RunFile {
     /// The controllers, in the order of execution. The last running one commands the robot.
     #[serde(default = "quadruped_alone", rename = "controller")]
     pub controllers: Vec<Controller>,
+    /// Preset of the robot's parameters, as with `hoof sim --preset`.
+    pub preset: Option<String>,
     /// Parameters to change, as with `hoof sim --set`.
     #[serde(default)]
     pub set: Vec<String>,
@@ -181,12 +183,11 @@ impl RunFile {
         }
         self.lcm.url.parse::<Url>().with_context(|| format!("lcm.url = {:?}", self.lcm.url))?;
         RobotFiles::find_with_params(&self.robot).with_context(|| format!("robot = {:?}", self.robot))?;
-        if !self.set.is_empty() {
-            let (_, params) = RobotFiles::find_with_params(&self.robot)?;
-            let set = || format!("set = {:?}", self.set);
-            let params = with_overrides(&params, &self.set).with_context(set)?;
-            Params::from_toml(&params, &self.robot).with_context(set)?;
-        }
+        let preset = self.preset.as_deref();
+        RobotFiles::find_changed(&self.robot, preset, &[]).with_context(|| format!("preset = {preset:?}"))?;
+        let set = || format!("set = {:?}", self.set);
+        let (_, params) = RobotFiles::find_changed(&self.robot, preset, &self.set).with_context(set)?;
+        Params::from_toml(&params, &self.robot).with_context(set)?;
         anyhow::ensure!(priority <= 99, "realtime.priority is {priority}, expected 0 (no real-time scheduler) to 99");
         Ok(())
     }

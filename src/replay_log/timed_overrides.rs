@@ -3,6 +3,7 @@
 use crate::live::toml_error;
 use crate::robot::read;
 use anyhow::{Context, ensure};
+use controller::params::key_values;
 use replay::engine::{TimedOverride, When};
 use serde::Deserialize;
 use std::path::Path;
@@ -48,20 +49,9 @@ fn changes(file: &File) -> anyhow::Result<Vec<TimedOverride>> {
             "change {number}: time {at}, expected a finite time not before the previous change ({last})"
         );
         last = at;
-        flatten("", &entry.set, &mut |key, value| changes.push(TimedOverride { when, key, value }));
+        changes.extend(key_values(&entry.set).into_iter().map(|(key, value)| TimedOverride { when, key, value }));
     }
     Ok(changes)
-}
-
-/// Accepts nested tables and dotted keys: `set = { wbc.friction = 0.6 }` equals `set = { "wbc.friction" = 0.6 }`.
-fn flatten(prefix: &str, table: &toml::Table, found: &mut dyn FnMut(String, String)) {
-    for (name, value) in table {
-        let key = if prefix.is_empty() { name.clone() } else { format!("{prefix}.{name}") };
-        match value {
-            toml::Value::Table(inner) => flatten(&key, inner, found),
-            value => found(key, value.to_string()),
-        }
-    }
 }
 
 #[cfg(test)]

@@ -434,7 +434,7 @@ mod tests {
         let (_, params) = crate::robot::RobotFiles::find_with_params("anymal_b").unwrap();
         let of = |max_speed: f64| {
             let set = [format!("foothold.max_speed={max_speed}")];
-            let params = crate::robot::with_overrides(&params, &set).unwrap();
+            let params = drivers::robot_files::with_overrides(&params, &set).unwrap();
             RunInfo { robot: "anymal_b".to_owned(), params, ..RunInfo::default() }
         };
         // A second one within a second is not read, and a repetition is not read again.

@@ -16,9 +16,10 @@
 //! | `style`             | colors, line widths, font sizes, legend                       |
 //! | `text`              | the embedded font: widths and pixels                          |
 //! | `figure_spec`       | what to draw, and the window shown                            |
-//! | `curve`, `what_if`  | figures that do not show one run: sweeps, what-if replays     |
+//! | `bars`, `curve`, `what_if` | figures that do not show one run: comparisons, sweeps, what-if replays |
 //! | other modules       | one figure each, or two related ones                          |
 
+mod bars;
 mod base;
 mod canvas;
 mod chart;
@@ -50,6 +51,7 @@ use serde::Deserialize;
 
 use crate::Error;
 use crate::run::Run;
+pub use bars::Bars;
 use canvas::Drawing;
 use chart::Chart;
 pub use curve::Curves;
@@ -140,10 +142,13 @@ impl Format {
 impl Figure {
     /// A figure that does not show one run, as wide as a page.
     fn of_chart(name: &str, title: &str, chart: &Chart) -> Self {
+        Self::of_drawing(name, title, chart.caption.clone(), chart.draw(PAGE_MM * UNITS_PER_MM))
+    }
+
+    fn of_drawing(name: &str, title: &str, caption: String, drawing: Drawing) -> Self {
         let (name, title) = (name.to_owned(), title.to_owned());
-        let drawing = chart.draw(PAGE_MM * UNITS_PER_MM);
-        let metadata = vec![("Title", title.clone()), ("Description", chart.caption.clone()), ("Software", software())];
-        Self { name, title, caption: chart.caption.clone(), drawing, metadata }
+        let metadata = vec![("Title", title.clone()), ("Description", caption.clone()), ("Software", software())];
+        Self { name, title, caption, drawing, metadata }
     }
 
     /// The figure as an SVG document. Equal logs give equal bytes.

@@ -25,6 +25,23 @@ pub fn apply_overrides(text: &str, overrides: &[(String, String)]) -> Result<Str
     Ok(Params::from_toml(&text, "parameters with overrides")?.to_toml())
 }
 
+/// Dotted keys and values of a TOML table, as [`apply_overrides`] expects them. Nested tables and dotted keys are the same:
+/// `{ wbc.friction = 0.6 }` equals `{ "wbc.friction" = 0.6 }`.
+pub fn key_values(table: &toml::Table) -> Vec<(String, String)> {
+    fn flatten(prefix: &str, table: &toml::Table, found: &mut Vec<(String, String)>) {
+        for (name, value) in table {
+            let key = if prefix.is_empty() { name.clone() } else { format!("{prefix}.{name}") };
+            match value {
+                toml::Value::Table(inner) => flatten(&key, inner, found),
+                value => found.push((key, value.to_string())),
+            }
+        }
+    }
+    let mut found = Vec::new();
+    flatten("", table, &mut found);
+    found
+}
+
 /// Sets parameters in a TOML text, as a `parameter_change_t` does, and returns the text with these changes and no others: keys that it omits stay
 /// omitted, except those in the table of a changed key that the text omits. Changes may be applied one by one or together.
 ///

@@ -1,12 +1,10 @@
 //! Foothold planner: the landing position of a swinging foot, in the horizontal frame H.
 //!
-//! No task tracks the base velocity; it results from the footholds. Source: Raiola et al. 2020, eqs. (19)-(25), with two departures:
-//!
-//! - The step of (22) starts at the lift-off position, where the ellipse starts.
-//! - (19) moves the foothold by velocity command times swing time; here it is velocity command times half the stance time, the distance of the
-//!   base until mid-stance. The foot then passes its virtual foothold at mid-stance, and the robot walks at the commanded speed. With the
-//!   swing time it is too fast or too slow, depending on the gait.
+//! No task tracks the base velocity; it results from the footholds. Source: Raiola et al. 2020, eqs. (19)-(25). The step of (22) starts at the lift-off
+//! position, where the ellipse starts. The step time of (19) is chosen by `foothold.step_rule`.
 
+use super::params::{FootholdParams, StepRule};
+use super::timing::Timing;
 use crate::math::atan2;
 use nalgebra::Vector3;
 
@@ -19,8 +17,8 @@ pub struct Query {
     pub capture_H: [f64; 2],
     /// Yaw rate command, rad/s.
     pub yaw_rate: f64,
-    /// Stance time, s.
-    pub T_st: f64,
+    /// Time in which the base moves by the shift that the velocity command causes, s; see [`step_time`].
+    pub T_step: f64,
     /// HAA joint from the base origin, m.
     pub p_hip_H: Vector3<f64>,
     /// Virtual foothold: position of the foot while the robot stands, m.
@@ -40,16 +38,24 @@ pub struct Step {
     pub heading: Option<f64>,
 }
 
-/// Plans the step to the virtual foothold, shifted by the distance of half a stance at the commanded velocity.
+/// Step time by `foothold.step_rule`, s: `T_sw`, as in (19), or `T_st/2`.
+pub fn step_time(timing: &Timing, params: &FootholdParams) -> f64 {
+    match params.step_rule {
+        StepRule::SwingTime => timing.T_sw,
+        StepRule::HalfStance => 0.5 * timing.T_st,
+    }
+}
+
+/// Plans the step to the virtual foothold, shifted by the distance of the step time at the commanded velocity.
 ///
 /// ```text
-/// ΔL = T_st/2 ( (vx, vy) + ψ̇ e_z × x_hip )         D = ΔL + (x_f0 - x_lo)
+/// ΔL = T_step ( (vx, vy) + ψ̇ e_z × x_hip )         D = ΔL + (x_f0 - x_lo)
 /// L_s = |D|,  ψ_s = atan2(D.y, D.x)               xy only
 /// ```
 pub fn plan(query: &Query) -> Step {
-    let Query { v_H, capture_H, yaw_rate, T_st, p_hip_H, p_virtual_H, p_lift_H, max_length } = query;
-    let dx = 0.5 * T_st * (v_H[0] - yaw_rate * p_hip_H.y) + capture_H[0] + p_virtual_H.x - p_lift_H.x;
-    let dy = 0.5 * T_st * (v_H[1] + yaw_rate * p_hip_H.x) + capture_H[1] + p_virtual_H.y - p_lift_H.y;
+    let Query { v_H, capture_H, yaw_rate, T_step, p_hip_H, p_virtual_H, p_lift_H, max_length } = query;
+    let dx = T_step * (v_H[0] - yaw_rate * p_hip_H.y) + capture_H[0] + p_virtual_H.x - p_lift_H.x;
+    let dy = T_step * (v_H[1] + yaw_rate * p_hip_H.x) + capture_H[1] + p_virtual_H.y - p_lift_H.y;
     let length = (dx * dx + dy * dy).sqrt();
     Step { length: length.min(*max_length), heading: (length >= 1e-3).then(|| atan2(dy, dx)) }
 }
@@ -62,7 +68,7 @@ mod tests {
         v_H: [0.0, 0.0],
         capture_H: [0.0, 0.0],
         yaw_rate: 0.0,
-        T_st: 1.0,
+        T_step: 0.5,
         p_hip_H: Vector3::new(0.37, 0.2, 0.0),
         p_virtual_H: Vector3::new(0.37, 0.32, -0.58),
         p_lift_H: Vector3::new(0.37, 0.32, -0.58),

@@ -8,12 +8,12 @@
 //! foot motion due to the rotation of the base, so that swing and trunk do not disturb each other.
 //!
 //! - Swing: `r_d` moves on the ellipse from the lift-off position; `q_d` starts at the measured position.
-//! - Stance: `r_d` moves backward under the base at the commanded velocity, through the virtual foothold at mid-stance. The integral ζ of the height
+//! - Stance, with `posture.stance_sweep`: `r_d` moves backward under the base at the commanded velocity, through the virtual foothold at mid-stance. The integral ζ of the height
 //!   error shifts it up or down, and the sway of the gait shifts it sideways. `q_d` starts at its touchdown value, and the CLIK gain blends
 //!   it to the new reference. `r_d` is integrated from the touchdown on, so that a new velocity or gait causes no jump. This motion moves
 //!   the base: the stance feet are fixed on the ground, so legs that sweep backward carry the base forward. The source does not define the
-//!   stance reference. If it stays at its touchdown value, the base does not follow the command; if it moves to the virtual foothold, the
-//!   base moves jerkily and slower than commanded.
+//!   horizontal stance reference. If it stays at its touchdown value, the base does not follow the command.
+//! - Stance, without it: `r_d` is the virtual foothold, and the base moves jerkily and slower than commanded.
 
 use super::estimation::Estimate;
 use super::foothold::{self, Query};
@@ -102,14 +102,20 @@ impl References {
             }
             if state.leg_state[leg].is_stance() {
                 let p_virtual = virtual_foothold(robot, state, leg);
-                if transitions.touchdown[leg] {
+                if !params.posture.stance_sweep {
+                    state.p_stance_H[leg] = [p_virtual.x, p_virtual.y];
+                } else if transitions.touchdown[leg] {
                     let landed = R_HW * estimate.legs[leg].p_BF_W;
                     state.p_stance_H[leg] = stance_start(robot, params, state, &p_virtual, &landed);
                 } else if state.mode != Mode::Walk {
                     state.p_stance_H[leg] = [p_virtual.x, p_virtual.y];
                 }
                 let [x, y] = state.p_stance_H[leg];
-                let v = if halted { [0.0; 2] } else { velocity_at([x, y], robot, params, state) };
+                let v = if halted || !params.posture.stance_sweep {
+                    [0.0; 2]
+                } else {
+                    velocity_at([x, y], robot, params, state)
+                };
                 state.p_stance_H[leg] = [x - v[0] * dt, y - v[1] * dt];
                 let xy = [0, 1].map(|k| state.p_stance_H[leg][k] - state.sway_H[k]);
                 let vxy = [0, 1].map(|k| -v[k] - sway_dot[k]);
@@ -139,7 +145,7 @@ impl References {
                 v_H: sweep_velocity(robot, params, state),
                 capture_H: recovery::capture(robot, params, state),
                 yaw_rate: state.yaw_rate_des,
-                T_st: timing.T_st,
+                T_step: foothold::step_time(&timing, &params.foothold),
                 p_hip_H: R_HW * estimate.legs[leg].p_hip_W,
                 p_virtual_H,
                 p_lift_H: state.p_lift_H[leg],
@@ -149,7 +155,7 @@ impl References {
             state.step_heading[leg] = step.heading.unwrap_or(state.step_heading[leg]);
         }
         let length = state.step_length[leg];
-        let s = swing_point(t, timing.T_sw, length, state.step_height[leg], params.swing.reach_time);
+        let s = swing_point(t, timing.T_sw, length, state.step_height[leg], &params.swing);
         let held = state.leg_state[leg] == LegPhase::FaultHold;
         let n_H = R_HW * estimate.n_W;
         let forward = Rz(state.step_heading[leg]) * Vector3::x();
@@ -167,7 +173,8 @@ impl References {
             BaseState { p_WB: Vector3::zeros(), R_WB: base.R_WB, v_WB: Vector3::zeros(), w_WB_W: Vector3::zeros() };
         self.kin.update(&robot.model, &at_reference, &state.q_des, &self.zeros);
         let p_FC_W = estimate.n_W * -robot.foot_radius;
-        let blend_in_stance = BLEND_FRACTION * Timing::of(state, params).T_st;
+        let blend_in_stance =
+            if params.posture.stance_sweep { BLEND_FRACTION * Timing::of(state, params).T_st } else { 0.0 };
         let turn_W = Vector3::z() * base.yaw_rate;
         for leg in Leg::ALL {
             let of_robot = &robot.legs[leg];
@@ -274,11 +281,12 @@ fn velocity_at(p_H: [f64; 2], robot: &Robot, params: &Params, state: &State) -> 
     [vx - robot.sweep[0] * turn * p_H[1], vy + robot.sweep[1] * turn * p_H[0]]
 }
 
-/// The part of [`velocity_at`] that is the same for all feet.
+/// The part of [`velocity_at`] that is the same for all feet. Without the sweep it is the velocity of the base.
 fn sweep_velocity(robot: &Robot, params: &Params, state: &State) -> [f64; 2] {
     let row = gait_params(state.gait, params);
     let trim = if row.sway > 0.0 { [0.0; 2] } else { state.v_trim_H };
-    [0, 1].map(|k| row.velocity_gain * robot.sweep[k] * (state.v_H_des[k] + trim[k]))
+    let ratio = if params.posture.stance_sweep { robot.sweep } else { [1.0; 2] };
+    [0, 1].map(|k| row.velocity_gain * ratio[k] * (state.v_H_des[k] + trim[k]))
 }
 
 /// Updates the trim of the commanded velocity: a slow integral of the difference between commanded velocity and the velocity that the legs

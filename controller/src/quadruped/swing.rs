@@ -4,6 +4,7 @@
 //! 10 cm). The vertical error of the foot is then 5 to 10 mm in the first tenth of a swing, and 0.5 mm after it. Here the first half of the swing
 //! starts from rest and takes the same time; path, apex and landing are unchanged.
 
+use super::params::SwingParams;
 use crate::math::{cos, sin};
 use std::f64::consts::PI;
 
@@ -26,14 +27,15 @@ pub struct SwingPoint {
 /// s  = ( L_s/2 (1 - cos(π φ)),  H_s sin(π φ) ),   φ = φ(t/T_sw)         t < T_sw
 /// s  = ( L_s,                   H_s sin(π t/T_sw) )                     up to T_sw (1 + reach), then held
 /// ```
-/// Source: Raiola et al. 2020, eqs. (26), (29), with `progress` for φ. The reach moves straight down, because the ellipse would move the foot backward.
+/// Source: Raiola et al. 2020, eqs. (26), (29), with `progress` for φ if the swing starts from rest, else φ = t/T_sw. The reach moves straight down, because the ellipse would move the foot backward.
 ///
 /// - `length`, `height`: `L_s`, `H_s`, m.
 /// - `T_sw`: swing time, s.
-/// - `reach`: duration of the reach as a multiple of `T_sw`, at most 0.5.
-pub fn swing_point(t: f64, T_sw: f64, length: f64, height: f64, reach: f64) -> SwingPoint {
-    let end = T_sw * (1.0 + reach);
-    let (phase, rate) = progress(t.clamp(0.0, end) / T_sw);
+/// - `params`: `reach_time` and `start_from_rest` are used.
+pub fn swing_point(t: f64, T_sw: f64, length: f64, height: f64, params: &SwingParams) -> SwingPoint {
+    let end = T_sw * (1.0 + params.reach_time);
+    let s = t.clamp(0.0, end) / T_sw;
+    let (phase, rate) = if params.start_from_rest { progress(s) } else { (s, 1.0) };
     let (angle, rate) = (PI * phase, PI * rate / T_sw);
     let (x, xd) =
         if t < T_sw { (0.5 * length * (1.0 - cos(angle)), 0.5 * length * rate * sin(angle)) } else { (length, 0.0) };
@@ -59,13 +61,16 @@ fn progress(s: f64) -> (f64, f64) {
 mod tests {
     use super::*;
 
+    const SWING: SwingParams = SwingParams { height: 0.1, clik_gain: 10.0, reach_time: 0.5, start_from_rest: true };
+    const PRINTED: SwingParams = SwingParams { start_from_rest: false, ..SWING };
+
     #[test]
     fn starts_from_rest_and_lands_without_speed_along_the_ground() {
-        let start = swing_point(0.0, 0.5, 0.2, 0.1, 0.5);
+        let start = swing_point(0.0, 0.5, 0.2, 0.1, &SWING);
         assert_eq!(start, SwingPoint { x: 0.0, z: 0.0, xd: 0.0, zd: 0.0 });
-        let top = swing_point(0.25, 0.5, 0.2, 0.1, 0.5);
+        let top = swing_point(0.25, 0.5, 0.2, 0.1, &SWING);
         assert!((top.x - 0.1).abs() < 1e-12 && (top.z - 0.1).abs() < 1e-12 && top.zd.abs() < 1e-12);
-        let land = swing_point(0.5, 0.5, 0.2, 0.1, 0.5);
+        let land = swing_point(0.5, 0.5, 0.2, 0.1, &SWING);
         assert!((land.x - 0.2).abs() < 1e-12 && land.z.abs() < 1e-12 && land.xd == 0.0 && land.zd < 0.0);
     }
 
@@ -73,8 +78,8 @@ mod tests {
     fn velocity_is_the_derivative_of_the_position_in_swing_and_reach() {
         let d = 1e-7;
         for t in [1e-3, 0.1, 0.249, 0.251, 0.37, 0.499, 0.501, 0.6, 0.74, 0.8] {
-            let (a, b) = (swing_point(t - d, 0.5, 0.2, 0.1, 0.5), swing_point(t + d, 0.5, 0.2, 0.1, 0.5));
-            let at = swing_point(t, 0.5, 0.2, 0.1, 0.5);
+            let (a, b) = (swing_point(t - d, 0.5, 0.2, 0.1, &SWING), swing_point(t + d, 0.5, 0.2, 0.1, &SWING));
+            let at = swing_point(t, 0.5, 0.2, 0.1, &SWING);
             assert!(((b.x - a.x) / (2.0 * d) - at.xd).abs() < 1e-6, "x at {t}");
             assert!(((b.z - a.z) / (2.0 * d) - at.zd).abs() < 1e-6, "z at {t}");
         }
@@ -83,7 +88,7 @@ mod tests {
     #[test]
     fn the_path_is_the_half_ellipse_at_any_time() {
         for t in [0.01, 0.1, 0.2, 0.3, 0.45] {
-            let at = swing_point(t, 0.5, 0.2, 0.1, 0.5);
+            let at = swing_point(t, 0.5, 0.2, 0.1, &SWING);
             let (x, z) = (at.x / 0.1 - 1.0, at.z / 0.1);
             assert!((x * x + z * z - 1.0).abs() < 1e-12, "{t}");
         }
@@ -92,7 +97,7 @@ mod tests {
     #[test]
     fn the_acceleration_is_continuous_in_the_swing() {
         let d = 1e-6;
-        let speed = |t: f64| swing_point(t, 0.5, 0.2, 0.1, 0.5);
+        let speed = |t: f64| swing_point(t, 0.5, 0.2, 0.1, &SWING);
         for at in [0.25, 0.1] {
             let (a, b, c, e) = (speed(at - 2.0 * d), speed(at - d), speed(at + d), speed(at + 2.0 * d));
             assert!(((b.xd - a.xd) - (e.xd - c.xd)).abs() / d < 1e-3, "x at {at}");
@@ -102,8 +107,23 @@ mod tests {
 
     #[test]
     fn reach_ends_a_step_height_below_the_lift_off() {
-        let end = swing_point(2.0, 0.5, 0.2, 0.1, 0.5);
+        let end = swing_point(2.0, 0.5, 0.2, 0.1, &SWING);
         assert!((end.z + 0.1).abs() < 1e-12);
         assert_eq!((end.x, end.xd, end.zd), (0.2, 0.0, 0.0));
+    }
+
+    #[test]
+    fn the_printed_swing_lifts_off_at_full_vertical_speed() {
+        let start = swing_point(0.0, 0.5, 0.2, 0.1, &PRINTED);
+        assert!(start.xd == 0.0 && (start.zd - PI * 2.0 * 0.1).abs() < 1e-12, "{start:?}");
+        // s = ( L_s/2 (1 - cos(π f t)), H_s sin(π f t) ) at t = 0.1 s, f = 2 Hz.
+        let early = swing_point(0.1, 0.5, 0.2, 0.1, &PRINTED);
+        assert!(
+            (early.x - 0.1 * (1.0 - (0.2 * PI).cos())).abs() < 1e-12
+                && (early.z - 0.1 * (0.2 * PI).sin()).abs() < 1e-12
+        );
+        for t in [0.25, 0.3, 0.49, 0.6] {
+            assert_eq!(swing_point(t, 0.5, 0.2, 0.1, &PRINTED), swing_point(t, 0.5, 0.2, 0.1, &SWING));
+        }
     }
 }

@@ -183,8 +183,8 @@ impl Tasks {
     }
 
     /// `qdd = qdd_des + K_P (q_des - q) + K_D (qd_des - qd)`; the gains are premultiplied by the leg's inverse inertia if the parameters say so.
-    /// Source: eq. (9), appendix A, without `qdd_des`. Here it is the acceleration of the swing reference, and 0 in stance; it reduces the
-    /// foot error from 3.5 to 1 mm.
+    /// Source: eq. (9), appendix A. With `posture.feed_forward`, `qdd_des` is the acceleration of the swing reference, and 0 in stance; the
+    /// source has none.
     fn posture(
         &mut self,
         robot: &Robot,
@@ -210,7 +210,7 @@ impl Tasks {
                 u = M_leg.try_inverse().map_or(Vector3::zeros(), |inverse| inverse * u);
             }
             for k in 0..3 {
-                let qdd = u[k] + state.qdd_des[joints[k]];
+                let qdd = if params.posture.feed_forward { u[k] + state.qdd_des[joints[k]] } else { u[k] };
                 self.qdd_posture[joints[k]] = qdd;
                 self.rows[POSTURE].b[joints[k]] = qdd;
             }

@@ -1,6 +1,6 @@
 //! A2: tracking of base and feet while base orientation and height change. Source: Raiola et al. 2020, Table 3 and Figure 9.
 
-use super::shared::{falls, speed};
+use super::shared::{falls, note_departures, speed};
 use crate::bench::{Bench, RunSpec};
 use crate::experiment::Experiment;
 use crate::row::Row;
@@ -14,14 +14,19 @@ pub(super) const EXPERIMENT: Experiment = Experiment {
     robot: "hyq",
     seeds: 1,
     minutes: 0.5,
-    run: |bench| table3(bench, ""),
+    run: |bench| {
+        note_departures(bench)?;
+        table3(bench, "", &|spec| spec)
+    },
 };
 
 /// Judges the rms of every quantity of Table 3, and draws Figure 9.
-pub(super) fn table3(bench: &Bench, prefix: &str) -> anyhow::Result<Vec<Row>> {
-    let sample = bench.one_with(RunSpec::of("base_motion"), |run| {
-        draw(&FigureSpec::new(&FIGURE_9), &[(Named("run".to_owned()), run)])
-    })?;
+///
+/// - `variant`: changes the run.
+pub(super) fn table3(bench: &Bench, prefix: &str, variant: &dyn Fn(RunSpec) -> RunSpec) -> anyhow::Result<Vec<Row>> {
+    let spec = variant(RunSpec::of("base_motion"));
+    let figure = FigureSpec { name: spec.name.replace("base_motion", "figure9"), ..FigureSpec::new(&FIGURE_9) };
+    let sample = bench.one_with(spec, |run| draw(&figure, &[(Named("run".to_owned()), run)]))?;
     let mut rows = Vec::new();
     for row in tracking_rows(&sample.metrics) {
         // Feet that Table 3 does not list have no row.

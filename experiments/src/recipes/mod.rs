@@ -10,6 +10,7 @@ mod limits;
 mod long_log;
 mod other_robot;
 mod posture_alone;
+mod printed;
 mod residual_load;
 mod robots;
 mod rough_terrain;
@@ -37,6 +38,7 @@ pub const ALL: &[Experiment] = &[
     equivalences::EXPERIMENT,
     acceleration_bound::EXPERIMENT,
     residual_load::EXPERIMENT,
+    printed::EXPERIMENT,
     gait_speeds::EXPERIMENT,
     posture_alone::EXPERIMENT,
     limits::HYQ,

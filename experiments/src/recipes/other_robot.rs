@@ -1,12 +1,11 @@
 //! A4: A2, A3 and the speed experiment on another robot.
 
+use super::shared::parameters;
 use super::{base_motion, gait_speeds, rough_terrain};
 use crate::bench::{Bench, count};
 use crate::experiment::Experiment;
 use crate::row::Row;
 use analysis::table::{Column, Table};
-use drivers::robot_files::RobotFiles;
-use std::collections::BTreeMap;
 
 pub(super) const EXPERIMENT: Experiment = Experiment {
     id: "A4",
@@ -20,7 +19,7 @@ pub(super) const EXPERIMENT: Experiment = Experiment {
 
 /// Runs the three experiments, and lists the parameters outside `[robot]` that differ from HyQ's.
 fn run(bench: &Bench) -> anyhow::Result<Vec<Row>> {
-    let (hyq, other) = (parameters("hyq")?, parameters(bench.robot())?);
+    let (hyq, other) = (parameters("hyq", None)?, parameters(bench.robot(), None)?);
     let differing: Vec<_> = hyq.iter().filter(|(key, value)| other.get(*key) != Some(value)).collect();
     let mut table =
         Table::new([Column::left("parameters that differ"), Column::right("hyq"), Column::right(bench.robot())]);
@@ -28,28 +27,9 @@ fn run(bench: &Bench) -> anyhow::Result<Vec<Row>> {
         table.row([key.as_str(), value.as_str(), other.get(*key).map_or("-", String::as_str)]);
     }
     bench.note(table.to_string());
-    let mut rows = base_motion::table3(bench, "A2: ")?;
-    rows.extend(rough_terrain::rough(bench, "A3: ")?);
+    let mut rows = base_motion::table3(bench, "A2: ", &|spec| spec)?;
+    rows.extend(rough_terrain::rough(bench, "A3: ", &|spec| spec)?);
     rows.extend(gait_speeds::speeds(bench, "speed: ")?);
     rows.push(Row::info("parameters that differ from HyQ's", count(differing.len()), ""));
     Ok(rows)
-}
-
-/// Every parameter outside `[robot]`, by its dotted key.
-fn parameters(robot: &str) -> anyhow::Result<BTreeMap<String, String>> {
-    fn collect(prefix: &str, value: &toml::Value, into: &mut BTreeMap<String, String>) {
-        match value {
-            toml::Value::Table(table) => {
-                for (key, value) in table {
-                    collect(&format!("{prefix}.{key}"), value, into);
-                }
-            }
-            value => drop(into.insert(prefix.trim_start_matches('.').to_owned(), value.to_string())),
-        }
-    }
-    let mut table: toml::Table = RobotFiles::find_with_params(robot)?.1.parse()?;
-    table.remove("robot");
-    let mut all = BTreeMap::new();
-    collect("", &toml::Value::Table(table), &mut all);
-    Ok(all)
 }

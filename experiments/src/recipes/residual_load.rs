@@ -48,7 +48,7 @@ fn run(bench: &Bench) -> anyhow::Result<Vec<Row>> {
 }
 
 /// For each swing of a crawl, the smallest true vertical force on the opposite leg during the swing, N.
-fn opposite_loads(run: &Run) -> Vec<f64> {
+pub(super) fn opposite_loads(run: &Run) -> Vec<f64> {
     let mut least = Vec::new();
     for leg in 0..4 {
         let mut swing: Option<f64> = None;

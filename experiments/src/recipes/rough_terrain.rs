@@ -12,12 +12,14 @@ pub(super) const EXPERIMENT: Experiment = Experiment {
     robot: "hyq",
     seeds: 20,
     minutes: 4.0,
-    run: |bench| rough(bench, ""),
+    run: |bench| rough(bench, "", &|spec| spec),
 };
 
 /// Judges falls and forward speed over all seeds.
-pub(super) fn rough(bench: &Bench, prefix: &str) -> anyhow::Result<Vec<Row>> {
-    let specs = bench.seeds().map(|seed| RunSpec::of("rough_track").seed(seed)).collect();
+///
+/// - `variant`: changes each run.
+pub(super) fn rough(bench: &Bench, prefix: &str, variant: &dyn Fn(RunSpec) -> RunSpec) -> anyhow::Result<Vec<Row>> {
+    let specs = bench.seeds().map(|seed| variant(RunSpec::of("rough_track")).seed(seed)).collect();
     let samples = bench.all("rough terrain", specs)?;
     let mut rows = vec![falls(prefix, &samples)];
     let distance = mean(samples.iter().map(|s| s.summary.distance_m));

@@ -1,6 +1,6 @@
 //! A5: orientation error of a trot with noisy sensors, lagging drives, a torque error and pushes, as on the real robot.
 
-use super::shared::falls;
+use super::shared::{falls, note_departures};
 use crate::bench::{Bench, RunSpec, mean};
 use crate::experiment::Experiment;
 use crate::row::Row;
@@ -20,6 +20,7 @@ pub(super) const EXPERIMENT: Experiment = Experiment {
 
 /// The source does not say whether "2 Hz" is the frequency of strides or of swings. Both are run; strides are judged.
 fn run(bench: &Bench) -> anyhow::Result<Vec<Row>> {
+    note_departures(bench)?;
     let mut rows = Vec::new();
     // Strides at 2 Hz: T_sw = (1 - 0.55) 0.5 s.
     for (name, frequency, judged) in [("2 Hz strides", "4.444", true), ("2 Hz swings", "2.0", false)] {
@@ -44,7 +45,7 @@ fn run(bench: &Bench) -> anyhow::Result<Vec<Row>> {
 }
 
 /// Angle between reference and true orientation of the base, rad, in the ticks in which the controller balances.
-fn orientation_error(run: &Run) -> Option<ErrorStats> {
+pub(super) fn orientation_error(run: &Run) -> Option<ErrorStats> {
     ErrorStats::of(run.ticks.iter().filter(|tick| tick.balances()).filter_map(|tick| {
         let (base, truth) = (tick.base.as_ref()?, tick.truth.as_ref()?);
         Some(log(&(rotation_of_rpy(base.rpy_des) * rotation_of_rpy(truth.rpy).transpose())).norm())

