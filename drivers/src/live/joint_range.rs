@@ -74,13 +74,13 @@ impl JointRange {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use controller::model::JointKind;
+    use controller::model::{DriveLimits, JointKind};
 
     const PARAMS: &str = include_str!("../../../robots/hyq/hyq.toml");
 
     fn joint(effort: f64, lower: f64, upper: f64) -> JointInfo {
         let (name, kind) = ("knee".to_owned(), JointKind::Revolute);
-        JointInfo { name, kind, lower, upper, effort, velocity: 12.0, damping: 0.0 }
+        JointInfo { name, kind, lower, upper, effort, velocity: 12.0, drive: DriveLimits::default(), damping: 0.0 }
     }
 
     fn range(effort: f64, lower: f64, upper: f64) -> JointRange {
