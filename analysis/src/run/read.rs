@@ -28,8 +28,8 @@ pub(super) enum Taken {
 /// Messages read so far.
 #[derive(Default)]
 pub(super) struct Gathered {
-    info: Option<RunInfo>,
-    events: Vec<lcmtypes::Event>,
+    pub info: Option<RunInfo>,
+    pub events: Vec<lcmtypes::Event>,
     /// In the order of time.
     pub ticks: Vec<Tick>,
     /// Ticks with messages after those of later ticks.
