@@ -86,8 +86,8 @@ impl EventLimit {
 
     /// Ends all windows, at the end of a run; returns the sources of which EVENTs did not pass.
     pub fn take_rest(&mut self) -> Vec<Suppressed> {
-        let begun = self.windows.values().map(|window| window.begin_ns).max();
-        begun.map_or_else(Vec::new, |begin_ns| self.take_suppressed(begin_ns.saturating_add(WINDOW_NS)))
+        let newest = self.windows.values().map(|window| window.begin_ns).max();
+        newest.map_or_else(Vec::new, |begin_ns| self.take_suppressed(begin_ns.saturating_add(WINDOW_NS)))
     }
 }
 
