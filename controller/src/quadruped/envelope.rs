@@ -22,7 +22,7 @@ use nalgebra::Vector3;
 const VOLUME_STANDING: f64 = 0.02;
 /// Smallest volume of a leg of a walking robot, relative to that of the nominal posture: steps on uneven ground and after a push need more length of
 /// the leg.
-const VOLUME_WALKING: f64 = 0.48;
+const VOLUME_WALKING: f64 = 0.44;
 /// Volume of a stance leg below which a walking base stops.
 const VOLUME_STOP: f64 = 0.1;
 /// Largest ratio of a joint torque to its effort limit, unless [`TORQUE_GROWTH`] allows more.
