@@ -380,7 +380,7 @@ fn of_two_drivers_the_later_one_ends_and_the_first_one_damps_its_joints() {
         }
     }
     for (tau, qd) in damped.unwrap().tau.iter().zip(&before.qd) {
-        // `safety.damping` of HyQ; torques and velocities of ROBOT_STATE have the resolution of the sensors.
-        assert!((tau + 20.0 * qd).abs() < 0.01, "{tau} N m at {qd} rad/s");
+        // `safety.damping` of HyQ; both are measured with the resolution of their sensors.
+        assert!((tau + 20.0 * qd).abs() < 0.05, "{tau} N m at {qd} rad/s");
     }
 }
