@@ -205,6 +205,10 @@ fn errors_name_the_joints_or_links() {
         ("lower=\"-1\" upper=\"4\"", "lower=\"-1\" upper=\"-0.5\""),
     ];
     refuses("stiff.urdf", &stiff, &["front_left_toe", "front_left_abduct", "front_left_bend"]);
+    // A joint without a range, as some exporters write it, and one without torque.
+    let stuck = ("lower=\"0.9\" upper=\"2.7\"", "lower=\"1.5\" upper=\"1.5\"");
+    refuses("stuck.urdf", &[stuck], &["front_left_toe", "front_left_bend"]);
+    refuses("idle.urdf", &[("effort=\"33\"", "effort=\"0\"")], &["effort limit", "_abduct"]);
 }
 
 #[test]

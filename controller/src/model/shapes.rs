@@ -16,6 +16,8 @@ const SLENDER: f64 = 0.1;
 const TRUNK: f64 = 0.3;
 /// Largest number of mesh files that are read for a trunk: a URDF may name thousands.
 const MAX_MESHES: usize = 16;
+/// Largest dimension of a trunk's mesh, as a multiple of the distance of the hips.
+const LARGEST_MESH: f64 = 5.0;
 /// Length below which a limb gets no shape, m.
 const LEAST_LENGTH: f64 = 0.03;
 
@@ -112,7 +114,7 @@ pub fn with_shapes(
         }
         let first = groups.first_links[body];
         // Only a trunk receives the box of its mesh: the corners of such a box around a limb would touch the ground before the foot.
-        let mesh = if body == 0 { of_trunk_mesh(tree, &groups, bounds) } else { None };
+        let mesh = if body == 0 { of_trunk_mesh(tree, &groups, between_hips, bounds) } else { None };
         let from_mesh = mesh.is_some();
         let shape = mesh
             .or_else(|| if body == 0 { trunk(&ends[0]) } else { limb(&ends[body], carries_foot[body], foot_radius) });
@@ -130,8 +132,13 @@ fn is_mesh(kind: &ShapeKind) -> bool {
 }
 
 /// The box around the largest mesh of the trunk that can be read, in the frame of the root link. Only the first [`MAX_MESHES`] files are read, each
-/// once.
-fn of_trunk_mesh(tree: &UrdfTree, groups: &LinkGroups, bounds: &dyn Fn(&str) -> Option<Bounds>) -> Option<Shape> {
+/// once. A mesh much larger than the distance of the hips is left out: it is often in mm, without a scale.
+fn of_trunk_mesh(
+    tree: &UrdfTree,
+    groups: &LinkGroups,
+    between_hips: f64,
+    bounds: &dyn Fn(&str) -> Option<Bounds>,
+) -> Option<Shape> {
     let mut best: Option<(f64, Shape)> = None;
     let mut known: Vec<(&str, Option<Bounds>)> = Vec::new();
     for (i, link) in tree.links.iter().enumerate().filter(|(i, _)| groups.body_of_link[*i] == 0) {
@@ -150,6 +157,9 @@ fn of_trunk_mesh(tree: &UrdfTree, groups: &LinkGroups, bounds: &dyn Fn(&str) -> 
             let Some([low, high]) = box_of_file else { continue };
             let size = (high - low).component_mul(&Vector3::from(*scale)).abs();
             let center = (low + high).component_mul(&Vector3::from(*scale)) / 2.0;
+            if between_hips > 0.0 && size.max() > LARGEST_MESH * between_hips {
+                continue;
+            }
             let volume = size.x * size.y * size.z;
             if volume > best.as_ref().map_or(0.0, |(best, _)| *best) && volume.is_finite() {
                 let X_LS = groups.X_BL[i].then(X_LS).then(&Pose { p: center, R: Matrix3::identity() });

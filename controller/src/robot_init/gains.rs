@@ -76,7 +76,7 @@ impl Gains {
             swing_kd: std::array::from_fn(|k| two_digits(swing_kd[k] * scale(k))),
             stand_stiffness: two_digits(stiffness * by_step),
             stand_damping: two_digits(damping * by_step),
-            limp_damping: two_digits((LIMP * size).min(largest)),
+            limp_damping: two_digits((LIMP * size).min(largest)).clamp(0.001, 200.0),
         }
     }
 }

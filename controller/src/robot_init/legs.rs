@@ -36,7 +36,8 @@ pub struct FoundLegs {
 }
 
 /// The movable joints that are not part of a leg, as indices in [`UrdfTree::joints`]. A leg is the first three joints of one of the four
-/// lowest chains. The joints below the third one, such as that of a wheel, and all other chains, such as an arm, are outside.
+/// lowest chains, not counting those of the body. The joints below the third one, such as that of a wheel, all other chains, such as an arm, and
+/// the joints of the body, such as a waist, are outside.
 ///
 /// # Errors
 /// Fewer than four chains.
@@ -45,7 +46,7 @@ pub(super) fn outside(tree: &UrdfTree, model: &Model) -> Result<Vec<usize>, Robo
     let links = Links::new(tree);
     let mut chains: Vec<(bool, f64, Vec<usize>)> = Vec::new();
     let mut is_known = vec![false; tree.joints.len()];
-    for joints in links.chains(tree) {
+    for joints in without_body(&links.chains(tree)) {
         let third = joints[joints.len().min(3) - 1];
         // Chains that fork below the third joint are one leg.
         if std::mem::replace(&mut is_known[third], true) {
@@ -107,6 +108,16 @@ pub(super) fn find(tree: &UrdfTree, model: &Model) -> Result<FoundLegs, RobotIni
     let (foot_radius, radius_because) = radius(tree, &legs, &mut look_at);
     let (imu, imu_because) = imu(tree, &mut look_at);
     Ok(FoundLegs { legs, foot_radius, imu, imu_because, radius_because, look_at })
+}
+
+/// The chains without the joints of the body: those that two chains share before each goes on with the three joints of a leg.
+fn without_body(chains: &[Vec<usize>]) -> Vec<Vec<usize>> {
+    let body_of = |chain: &[usize]| {
+        let shared = chains.iter().map(|other| chain.iter().zip(other).take_while(|(a, b)| a == b).count());
+        let goes_on = |(n, other): (usize, &Vec<usize>)| (chain.len().min(other.len()) >= n + 3).then_some(n);
+        shared.zip(chains).filter_map(goes_on).max().unwrap_or(0)
+    };
+    chains.iter().map(|chain| chain[body_of(chain)..].to_vec()).collect()
 }
 
 /// The joints below each link, and whether a movable joint is among all joints below it.
@@ -264,5 +275,21 @@ mod tests {
         let outside = outside(&tree, &Model::new(&tree, Base::Floating).unwrap()).unwrap();
         let names: Vec<_> = outside.into_iter().map(|j| tree.joints[j].name.as_str()).collect();
         assert_eq!(names, ["left_joint", "right_joint"]);
+    }
+
+    /// The front legs are behind a waist: it is outside, and they keep their first joints.
+    #[test]
+    fn a_joint_that_two_legs_share_is_part_of_the_body() {
+        let hyq = include_str!("../../../robots/hyq/hyq.urdf");
+        let waist = "<link name=\"front\"/><joint name=\"waist\" type=\"continuous\"><parent link=\"trunk\"/><child link=\"front\"/></joint>";
+        let mut text = hyq.replace(ROBOT, &format!("{ROBOT}{waist}"));
+        for leg in ["lf", "rf"] {
+            let joint = format!("<joint name=\"{leg}_haa_joint\"");
+            let (before, after) = text.split_once(&joint).unwrap();
+            text = format!("{before}{joint}{}", after.replacen("parent link=\"trunk\"", "parent link=\"front\"", 1));
+        }
+        let tree = UrdfTree::parse(&text, "waist.urdf").unwrap();
+        let outside = outside(&tree, &Model::new(&tree, Base::Floating).unwrap()).unwrap();
+        assert_eq!(outside.into_iter().map(|j| tree.joints[j].name.as_str()).collect::<Vec<_>>(), ["waist"]);
     }
 }

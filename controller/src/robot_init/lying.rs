@@ -12,12 +12,15 @@ const AT_LIMIT: f64 = 0.25;
 const NEARLY: f64 = 0.33;
 /// Number of positions of each joint in the search for a folded leg.
 const GRID: [u32; 3] = [10, 16, 16];
+/// Step of a leg that is turned outward, rad, and the number of steps.
+const TURN: f64 = 0.02;
+const TURNS: u32 = 60;
 /// Radius that is assumed for a knee, m.
 const KNEE: f64 = 0.02;
 
-/// The posture, in the order of the model, rad. The feet are vertically above their standing positions if the trunk then touches the ground, or if
-/// the knees are at their limits and the trunk is near the ground. Otherwise the legs are folded and spread within their limits until the trunk is as
-/// low as possible. The robot keeps either posture without torque.
+/// The posture, in the order of the model, rad. The feet are vertically above their standing positions if the trunk then touches the ground. If the
+/// knees reach their limits before, the folded legs are turned outward. If the trunk is still not near the ground, the legs are folded and spread within
+/// their limits until it is as low as possible. The robot keeps each of these postures without torque.
 ///
 /// - `stand`: the standing posture.
 pub(super) fn lie(tree: &UrdfTree, model: &Model, plans: &[Plan], stand: &[f64], foot_radius: f64) -> Vec<f64> {
@@ -57,7 +60,8 @@ fn bottom(tree: &UrdfTree) -> f64 {
     -lowest
 }
 
-/// The leg with its foot lifted until it is level with the bottom of the trunk, or nearly; `None` if a limit is reached before.
+/// The leg with its foot lifted until it is level with the bottom of the trunk. If it cannot fold so far, it is turned outward too; `None` if the
+/// trunk is then not even near the ground.
 fn lifted(body: &mut Body, plan: &Plan, from: [f64; 3], bottom: f64, foot_radius: f64) -> Option<[f64; 3]> {
     let ranges = plan.leg.joints.map(|joint| body.range(joint));
     body.at_leg(plan.leg, &from);
@@ -67,14 +71,39 @@ fn lifted(body: &mut Body, plan: &Plan, from: [f64; 3], bottom: f64, foot_radius
     let mut q = from;
     while goal.z < level {
         let folded = (q[2] - knee.lower).abs().min((q[2] - knee.upper).abs()) < AT_LIMIT;
-        if folded {
-            // What remains is the distance of the trunk from the ground.
-            return (level - goal.z <= -NEARLY * standing).then_some(q);
-        }
         goal.z = (goal.z + STEP).min(level);
-        q = plan.descend(body, &goal, q, &ranges)?;
+        let next = if folded { None } else { plan.descend(body, &goal, q, &ranges) };
+        let Some(next) = next else {
+            let (gap, q) = turned_outward(body, plan, q, level, ranges[0]);
+            return (gap <= -NEARLY * standing).then_some(q);
+        };
+        q = next;
     }
     Some(q)
+}
+
+/// The leg turned outward by its first joint until its foot is at `level` in the base, or as near as the limits of the joint allow; and the distance
+/// that remains, m. Without torque a robot on folded legs sinks in this way.
+fn turned_outward(body: &mut Body, plan: &Plan, from: [f64; 3], level: f64, range: (f64, f64)) -> (f64, [f64; 3]) {
+    let mut best = (f64::INFINITY, from);
+    let mut width = 0.0;
+    for i in 0..=TURNS {
+        // The present angle comes first, then the nearest ones.
+        for side in [-1.0, 1.0] {
+            let q = [from[0] + side * TURN * f64::from(i), from[1], from[2]];
+            body.at_leg(plan.leg, &q);
+            let [foot, knee] = [plan.foot, plan.knee].map(|frame| body.kin.p_WF(body.model, frame));
+            let outward = foot.y * plan.p_hip.y.signum();
+            if i == 0 {
+                width = outward;
+            }
+            let gap = (level - foot.z).max(0.0);
+            if (range.0..=range.1).contains(&q[0]) && outward >= width && knee.z >= foot.z && gap < best.0 {
+                best = (gap, q);
+            }
+        }
+    }
+    best
 }
 
 /// The leg with its foot as level with the bottom of the trunk as the limits allow, and no knee below the foot; of similar postures, the one with

@@ -21,7 +21,7 @@ pub use error::RobotInitError;
 pub use legs::{FoundLeg, FoundLegs};
 pub use posture::Posture;
 
-use crate::model::{AddedShape, Base, Bounds, GRAVITY, Model, UrdfTree, with_shapes};
+use crate::model::{AddedShape, Base, Bounds, GRAVITY, Model, UrdfTree, check_runnable, with_shapes};
 use crate::params::Params;
 use crate::quadruped::Quadruped;
 use crate::quadruped::leg::Leg;
@@ -99,6 +99,7 @@ pub fn propose(urdf: &str, source: &str, options: &Options) -> Result<Proposal, 
     }
     fix_others(&mut tree, options.fixed, &mut changes)?;
     let model = Model::new(&tree, Base::Floating)?;
+    check_runnable(&model, &vec![0.0; model.nj()])?;
     let found = legs::find(&tree, &model)?;
     for leg in &found.legs {
         if let Some((_, offset)) = legs::sphere(&tree, leg.foot).filter(|(_, offset)| offset.norm() > 1e-6) {
@@ -164,7 +165,7 @@ pub fn propose(urdf: &str, source: &str, options: &Options) -> Result<Proposal, 
         found.look_at.push("robot.posture: the knees can bend either way; here they point to the middle".to_owned());
     }
     found.look_at.extend(changes);
-    found.look_at.extend(tree.warnings.iter().chain(&model.warnings).map(ToString::to_string));
+    found.look_at.extend(model.warnings.iter().map(ToString::to_string));
     let joint = |&j: &usize| (model.joints[j].name.clone(), stance.q[j]);
     let posture = Leg::ALL.into_iter().zip(&found.legs).map(|(leg, of)| (leg, of.joints.iter().map(joint).collect()));
     Ok(Proposal {

@@ -1,7 +1,7 @@
 //! A standing posture for legs of three joints: feet level and below the hips, knees bent as the joint limits allow.
 
 use super::{FoundLeg, RobotInitError};
-use crate::model::{BaseState, FrameId, Kinematics, Model, UrdfTree, point_jacobian_linear};
+use crate::model::{BaseState, FrameId, JointInfo, Kinematics, Model, UrdfTree, point_jacobian_linear};
 use nalgebra::{DMatrix, Matrix3, Vector3};
 use std::f64::consts::PI;
 
@@ -120,10 +120,14 @@ impl<'m> Body<'m> {
         self.kin.update(self.model, &BaseState::identity(), &self.q, &self.rest);
     }
 
-    /// Range of a joint without the margin at its limits, rad.
+    /// Range of a joint without the margin at its limits, rad. Limits that leave no room for the margin, or lie beyond a half turn, are used as far as
+    /// they go.
     pub(super) fn range(&self, joint: usize) -> (f64, f64) {
-        let joint = &self.model.joints[joint];
-        (joint.lower.max(-PI) + MARGIN, joint.upper.min(PI) - MARGIN)
+        let JointInfo { lower, upper, .. } = self.model.joints[joint];
+        let (low, high) = (lower.max(-PI), upper.min(PI));
+        let (low, high) = if low <= high { (low, high) } else { (lower, upper) };
+        let margin = MARGIN.min((high - low) / 4.0);
+        (low + margin, high - margin)
     }
 }
 
@@ -145,7 +149,7 @@ pub(super) struct Plan<'l> {
     hip: FrameId,
     pub(super) knee: FrameId,
     pub(super) foot: FrameId,
-    p_hip: Vector3<f64>,
+    pub(super) p_hip: Vector3<f64>,
     p_foot: Vector3<f64>,
     length: f64,
 }

@@ -9,7 +9,7 @@ const HYQ_HEIGHT: f64 = 0.6;
 /// Swing frequency of HyQ's trot, Hz.
 const HYQ_TROT: f64 = 4.0;
 
-/// Parameters of HyQ, scaled by mass and size.
+/// Parameters of HyQ, scaled by mass and size, within their allowed ranges.
 pub(super) struct Scaled {
     /// N.
     pub(super) f_z_min: f64,
@@ -40,10 +40,10 @@ impl Scaled {
             // At equal speeds of the feet, accelerations of the joints grow as legs become shorter. With HyQ's limit the torques of a leg that lands do
             // not push its foot to the ground: mini cheetah falls on stones in 3 of 4 runs, with this one in 0 of 6.
             qdd_max: two_digits(wbc.qdd_max / size.min(1.0)),
-            step_height: two_digits(SwingParams::default().height * size),
-            step_length: two_digits(FootholdParams::default().max_step_length * size),
+            step_height: two_digits(SwingParams::default().height * size).clamp(0.01, 0.25),
+            step_length: two_digits(FootholdParams::default().max_step_length * size).min(1.0),
             // The time constant of an inverted pendulum grows with the square root of its height.
-            trot: two_digits(HYQ_TROT / size.sqrt()),
+            trot: two_digits(HYQ_TROT / size.sqrt()).min(10.0),
             capture: two_digits(RecoveryParams::default().max_capture * size.min(1.0)),
         }
     }

@@ -23,7 +23,6 @@ pub(super) struct Parts<'a> {
 /// Writes the file.
 pub(super) fn write(parts: &Parts) -> String {
     let Parts { name, urdf, tree, model, found, stance, lying, scaled, gains } = parts;
-    let quoted = |text: &str| toml::Value::String(text.to_owned()).to_string();
     let link = |link: usize| quoted(&tree.links[link].name);
     let feet = found.legs.iter().map(|leg| link(leg.foot)).collect::<Vec<_>>().join(", ");
     let (mass, height) = (model.total_mass(), stance.hip_height + found.foot_radius);
@@ -60,5 +59,23 @@ pub(super) fn write(parts: &Parts) -> String {
 /// A TOML key, quoted if it must be.
 fn toml_key(name: &str) -> String {
     let bare = !name.is_empty() && name.chars().all(|c| c.is_ascii_alphanumeric() || "_-".contains(c));
-    if bare { name.to_owned() } else { toml::Value::String(name.to_owned()).to_string() }
+    if bare { name.to_owned() } else { quoted(name) }
+}
+
+/// A basic string: the only form that is valid for any key. Names have no control characters.
+fn quoted(text: &str) -> String {
+    format!("\"{}\"", text.replace('\\', "\\\\").replace('"', "\\\""))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::toml_key;
+
+    #[test]
+    fn any_name_is_a_key() {
+        for name in ["a_1", "", "l'r \"q\" \\ .#=[x]", "左前", "'' \"\""] {
+            let table: toml::Table = format!("{} = 1", toml_key(name)).parse().unwrap();
+            assert_eq!(table.keys().collect::<Vec<_>>(), [name]);
+        }
+    }
 }
