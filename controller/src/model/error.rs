@@ -260,6 +260,10 @@ fn edit_distance(a: &str, b: &str) -> usize {
     row[b.len()]
 }
 
+fn and_more(more: usize) -> String {
+    if more == 0 { String::new() } else { format!(", and {more} more") }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -272,8 +276,4 @@ mod tests {
         assert!(near_names("wheel", names.into_iter()).is_empty());
         assert_eq!(edit_distance("kitten", "sitting"), 3);
     }
-}
-
-fn and_more(more: usize) -> String {
-    if more == 0 { String::new() } else { format!(", and {more} more") }
 }

@@ -118,10 +118,7 @@ mod tests {
         assert!(start.xd == 0.0 && (start.zd - PI * 2.0 * 0.1).abs() < 1e-12, "{start:?}");
         // s = ( L_s/2 (1 - cos(π f t)), H_s sin(π f t) ) at t = 0.1 s, f = 2 Hz.
         let early = swing_point(0.1, 0.5, 0.2, 0.1, &PRINTED);
-        assert!(
-            (early.x - 0.1 * (1.0 - (0.2 * PI).cos())).abs() < 1e-12
-                && (early.z - 0.1 * (0.2 * PI).sin()).abs() < 1e-12
-        );
+        assert!((early.x - 0.1 * (1.0 - cos(0.2 * PI))).abs() < 1e-12 && (early.z - 0.1 * sin(0.2 * PI)).abs() < 1e-12);
         for t in [0.25, 0.3, 0.49, 0.6] {
             assert_eq!(swing_point(t, 0.5, 0.2, 0.1, &PRINTED), swing_point(t, 0.5, 0.2, 0.1, &SWING));
         }

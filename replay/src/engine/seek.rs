@@ -12,7 +12,7 @@ const MARGIN: usize = 5;
 /// Places of a log at which reading can start, in the order of the log.
 pub(super) enum Places {
     /// The chunks of an MCAP that contain a snapshot.
-    Chunks(ChunkIndex, Vec<u64>),
+    Chunks(Box<ChunkIndex>, Vec<u64>),
     /// Snapshots of a log without index that has been read: tick, `t_ns`, and offset of the tick's first message.
     Scanned(Vec<(i64, i64, u64)>),
 }
@@ -26,7 +26,7 @@ impl Places {
         Ok(match ChunkIndex::read(path)? {
             Some(index) => {
                 let chunks = index.chunks_with(CONTROLLER_SNAPSHOT);
-                Places::Chunks(index, chunks)
+                Places::Chunks(Box::new(index), chunks)
             }
             None => Places::Scanned(Vec::new()),
         })
