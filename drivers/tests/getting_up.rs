@@ -4,7 +4,7 @@
 mod common;
 
 use common::{ROBOTS, assert_torques_bounded, run, scenario};
-use lcmtypes::ControllerTick as Tick;
+use lcmtypes::{ControllerTick as Tick, GroundTruth};
 use test_support::replace_once;
 
 const FLAT: &str = "kind = \"flat\"";
@@ -40,6 +40,13 @@ fn both_robots_get_up_and_sit_down_on_flat_and_slightly_rough_ground() {
                 // Down again at the initial height without a fall: a free fall of 0.13 m ends at 1.6 m/s.
                 let (before, after) = (seen.truth[999].p_WB[2], seen.truth.last().unwrap().p_WB[2]);
                 assert!(after < before + 0.04, "{what}: base at {before} m before and {after} m after");
+                // The base stays where it is, along the ground, while the feet move out to where they lie.
+                let at = |truth: &GroundTruth| [truth.p_WB[0], truth.p_WB[1]];
+                let ([x, y], [x_end, y_end]) = (at(&seen.truth[7400]), at(seen.truth.last().unwrap()));
+                let slid = (x_end - x).hypot(y_end - y);
+                eprintln!("{what}: slid {slid} x {} y {}", x_end - x, y_end - y);
+                let most = if ground == FLAT { 0.05 } else { 0.12 };
+                assert!(slid < most, "{what}: the base slid {slid} m");
                 let fastest = seen.truth.iter().fold(0.0_f64, |most, truth| most.min(truth.v_WB[2]));
                 assert!(fastest > -0.6, "{what}: base velocity {fastest} m/s");
                 assert!(seen.fastest(Tick::MODE_SIT) < 4.5, "{what}: {} rad/s", seen.fastest(Tick::MODE_SIT));

@@ -31,6 +31,7 @@ pub mod foothold;
 pub mod gait;
 pub mod ground;
 pub mod leg;
+mod leg_postures;
 mod leg_reach;
 pub mod modes;
 mod operator;

@@ -5,13 +5,16 @@
 //! | gather | joints, from the present posture to folded legs | motion complete | rise |
 //! | rise | feet, straight down from folded to standing | motion complete, four feet in contact (three after half of `stand.patience`), joints at rest | stance |
 //! | lower | feet, straight up to folded | motion complete | spread |
-//! | spread | joints, to the lying posture | motion complete | release |
+//! | spread | feet, one diagonal pair after the other, out to where they lie; then joints, to the lying posture | motion complete | release |
 //! | release | none; the joint stiffness decreases | joints at rest | lie |
 //! | lie | none; the joints are damped | | |
 //!
 //! The reference of a phase follows the minimum-jerk profile `σ(u) = 10u³ - 15u⁴ + 6u⁵`. It waits for the robot: it slows down when a joint error
 //! exceeds half of `stand.max_error`, and stops at `stand.max_error`, so a blocked leg stops all four. A motion that has waited for
 //! `stand.patience` is aborted; the controller enters the safe state, and the fault names the joint or foot.
+//!
+//! If all feet slid outward at once, those with less load would slide alone, and the base would move to their side. So one pair holds the base while
+//! the other, without load, moves.
 //!
 //! ```text
 //! tau = support (h_joint - J_legᵀ f) ,  command = tau + kp (q_des - q) + kd (qd_des - qd)
@@ -22,24 +25,17 @@
 
 use super::estimation::Estimate;
 use super::leg::{Leg, PerLeg};
+use super::leg_postures::{WAYPOINT, folding, widened};
 use super::robot::Robot;
 use super::state::{Mode, MovePhase, State};
 use crate::error::LoadError;
 use crate::math::ramp;
-use crate::model::{BaseState, GRAVITY, Kinematics, com, point_jacobian_linear};
+use crate::model::{GRAVITY, com};
 use crate::params::Params;
 use crate::safety::{Fault, fault};
 use lcmtypes::{ControllerTick, RobotState};
-use nalgebra::{DMatrix, Matrix3, Vector3};
+use nalgebra::{Matrix3, Vector3};
 
-/// Height between two postures of the path, m.
-const WAYPOINT: f64 = 0.01;
-/// Distance of the path from the joint limits, rad.
-const LIMIT_MARGIN: f64 = 0.03;
-/// Distance of a foot from its waypoint at which the waypoint counts as reached, m.
-const REACHED: f64 = 1e-6;
-/// Largest change of a joint in an iteration towards a waypoint, rad.
-const MAX_NEWTON_STEP: f64 = 0.2;
 /// Rate of change of `support`, 1/s.
 const SUPPORT_RATE: f64 = 2.0;
 /// Shortest duration of a phase, s.
@@ -52,6 +48,10 @@ pub const REST_SPEED: f64 = 0.3;
 const REST_TIME: f64 = 0.3;
 /// Fraction of its full pace below which a motion counts as waiting.
 const STANDSTILL: f64 = 0.1;
+/// Rate at which a leg unloads with the progress of its step: it is unloaded after a seventh.
+const UNLOADING: f64 = 8.0;
+/// Part of its load that a stepping leg does not carry.
+const UNLOADED: f64 = 0.98;
 /// Ratio of peak to mean speed of the minimum-jerk profile.
 const PEAK: f64 = 1.875;
 
@@ -64,6 +64,8 @@ pub struct StandSit {
     standing_height: f64,
     /// Posture in which the robot lies without torque, nj.
     q_lying: Vec<f64>,
+    /// The folded posture with the feet below where they lie; the folded posture if they are near there. nj.
+    q_wide: Vec<f64>,
 }
 
 impl StandSit {
@@ -95,7 +97,8 @@ impl StandSit {
                 }
             }
         }
-        Ok(StandSit { path, folded_height, standing_height: robot.nominal_height, q_lying })
+        let q_wide = widened(robot, &path[0], &q_lying);
+        Ok(StandSit { path, folded_height, standing_height: robot.nominal_height, q_lying, q_wide })
     }
 
     /// Starts to stand up from the present posture.
@@ -120,7 +123,12 @@ impl StandSit {
         state.support = if from_stance { 1.0 } else { support };
         let range = self.standing_height - self.folded_height;
         state.move_start = ((state.height - self.folded_height) / range).clamp(0.0, 1.0);
-        begin(state, if phase == MovePhase::Gather { MovePhase::Spread } else { MovePhase::Lower });
+        if phase == MovePhase::Gather {
+            begin(state, MovePhase::Spread);
+            state.move_start = 0.0;
+        } else {
+            begin(state, MovePhase::Lower);
+        }
     }
 
     /// Computes a tick: updates the joint references and the feed-forward torques, before effort limits. When the robot stands, the phase becomes
@@ -146,12 +154,12 @@ impl StandSit {
 
         let target = match state.move_phase {
             MovePhase::Gather | MovePhase::Rise | MovePhase::Lower => 1.0,
-            MovePhase::Spread => 1.0 - state.move_progress,
+            MovePhase::Spread => 1.0 - self.spread(params, state).lowered(state.move_progress),
             _ => 0.0,
         };
         state.support = ramp(state.support, target, SUPPORT_RATE * dt);
-        self.references(state, dt);
-        self.torques(robot, estimate, state);
+        self.references(robot, params, state, dt);
+        self.torques(robot, params, estimate, state);
 
         if state.t_held > stand.timeout {
             let without_contact = Leg::ALL.into_iter().find(|&leg| !state.contact[leg]);
@@ -167,7 +175,10 @@ impl StandSit {
                 state.move_phase = MovePhase::None
             }
             MovePhase::Gather if done => begin(state, MovePhase::Rise),
-            MovePhase::Lower if done => begin(state, MovePhase::Spread),
+            MovePhase::Lower if done => {
+                begin(state, MovePhase::Spread);
+                state.move_start = 1.0;
+            }
             MovePhase::Spread if done => begin(state, MovePhase::Release),
             MovePhase::Release if done && state.t_still >= REST_TIME => begin(state, MovePhase::Lie),
             _ => {}
@@ -199,20 +210,47 @@ impl StandSit {
     /// Duration of the present phase, s.
     fn time(&self, params: &Params, state: &State) -> f64 {
         let range = self.standing_height - self.folded_height;
-        let by_joints = |to: &[f64]| largest_difference(&state.move_q, to).1.abs() * PEAK / params.stand.joint_speed;
+        let by_joints = |to: &[f64]| time_between(params, &state.move_q, to);
         let by_height = |part: f64| part * range * PEAK / params.stand.rise_speed;
         let time = match state.move_phase {
             MovePhase::Gather => by_joints(&self.path[0]),
             MovePhase::Rise => by_height(1.0),
             MovePhase::Lower => by_height(state.move_start),
-            MovePhase::Spread => by_joints(&self.q_lying),
+            MovePhase::Spread => self.spread(params, state).time(),
             _ => RELEASE_TIME,
         };
         time.max(MIN_TIME)
     }
 
+    /// Times of the spread phase. Only a robot that has lowered itself steps.
+    fn spread(&self, params: &Params, state: &State) -> Spread {
+        let steps = state.move_start > 0.0 && self.q_wide != self.path[0];
+        Spread {
+            step: if steps { time_between(params, &state.move_q, &self.q_wide).max(MIN_TIME) } else { 0.0 },
+            // Not less with the feet further out, from where the joints move less: the base descends as far.
+            lower: time_between(params, &state.move_q, &self.q_lying).max(MIN_TIME),
+        }
+    }
+
+    /// Position of a joint in the spread phase at the progress `u`, rad.
+    fn spread_at(&self, spread: &Spread, u: f64, from: f64, joint: usize, leg: Leg) -> f64 {
+        let wide = if spread.step > 0.0 { self.q_wide[joint] } else { from };
+        let lowered = least_jerk(spread.lowered(u));
+        from + (wide - from) * least_jerk(spread.stepped(u, leg)) + (self.q_lying[joint] - wide) * lowered
+    }
+
     /// Computes the joint references at the present progress; velocities are differences of positions.
-    fn references(&self, state: &mut State, dt: f64) {
+    fn references(&self, robot: &Robot, params: &Params, state: &mut State, dt: f64) {
+        if state.move_phase == MovePhase::Spread {
+            let spread = self.spread(params, state);
+            for leg in Leg::ALL {
+                for joint in robot.legs[leg].joints {
+                    let to = self.spread_at(&spread, state.move_progress, state.move_q[joint], joint, leg);
+                    set_reference(state, joint, to, dt);
+                }
+            }
+            return;
+        }
         let (phase, u, start) = (state.move_phase, state.move_progress, state.move_start);
         let sigma = least_jerk(u);
         // The distance of the start posture from the path decreases to zero in the first half.
@@ -223,11 +261,9 @@ impl StandSit {
                 MovePhase::Gather => from + (self.path[0][joint] - from) * sigma,
                 MovePhase::Rise => self.at(sigma, joint) + (from - self.path[0][joint]) * fading,
                 MovePhase::Lower => self.at(start * (1.0 - sigma), joint) + (from - self.at(start, joint)) * fading,
-                MovePhase::Spread => from + (self.q_lying[joint] - from) * sigma,
                 _ => from,
             };
-            state.qd_des[joint] = if dt > 0.0 { (to - state.q_des[joint]) / dt } else { 0.0 };
-            state.q_des[joint] = to;
+            set_reference(state, joint, to, dt);
         }
     }
 
@@ -243,8 +279,13 @@ impl StandSit {
         self.path[below][joint] + (self.path[below + 1][joint] - self.path[below][joint]) * part
     }
 
-    fn torques(&self, robot: &Robot, estimate: &Estimate, state: &mut State) {
-        let f_z = shares(robot, estimate);
+    fn torques(&self, robot: &Robot, params: &Params, estimate: &Estimate, state: &mut State) {
+        let mut carries = PerLeg([1.0; 4]);
+        if state.move_phase == MovePhase::Spread {
+            let spread = self.spread(params, state);
+            carries = PerLeg(Leg::ALL.map(|leg| spread.carries(state.move_progress, leg)));
+        }
+        let f_z = shares(robot, estimate, &carries);
         let support = state.support;
         for joint in 0..state.tau_last.len() {
             let row = 6 + joint;
@@ -252,6 +293,45 @@ impl StandSit {
             state.tau_last[joint] = support * (estimate.h[row] - feet);
         }
     }
+}
+
+/// Times of the spread phase, s: two steps of a diagonal pair, then the motion to the lying posture.
+struct Spread {
+    step: f64,
+    lower: f64,
+}
+
+impl Spread {
+    fn time(&self) -> f64 {
+        2.0 * self.step + self.lower
+    }
+
+    /// Progress of a leg's step at the progress `u` of the phase, 0 to 1.
+    fn stepped(&self, u: f64, leg: Leg) -> f64 {
+        let before = if matches!(leg, Leg::LF | Leg::RH) { 0.0 } else { self.step };
+        if self.step > 0.0 { ((u * self.time() - before) / self.step).clamp(0.0, 1.0) } else { 1.0 }
+    }
+
+    /// Progress of the motion to the lying posture at the progress `u` of the phase, 0 to 1.
+    fn lowered(&self, u: f64) -> f64 {
+        if self.step > 0.0 { ((u * self.time() - 2.0 * self.step) / self.lower).clamp(0.0, 1.0) } else { u }
+    }
+
+    /// Fraction of its load that a leg carries: less while it steps.
+    fn carries(&self, u: f64, leg: Leg) -> f64 {
+        let stepped = self.stepped(u, leg);
+        1.0 - (UNLOADING * stepped * (1.0 - stepped)).min(1.0) * UNLOADED
+    }
+}
+
+/// Time of a motion from one posture to another, s.
+fn time_between(params: &Params, from: &[f64], to: &[f64]) -> f64 {
+    largest_difference(from, to).1.abs() * PEAK / params.stand.joint_speed
+}
+
+fn set_reference(state: &mut State, joint: usize, to: f64, dt: f64) {
+    state.qd_des[joint] = if dt > 0.0 { (to - state.q_des[joint]) / dt } else { 0.0 };
+    state.q_des[joint] = to;
 }
 
 fn begin(state: &mut State, phase: MovePhase) {
@@ -275,18 +355,19 @@ fn largest_difference(a: &[f64], b: &[f64]) -> (usize, f64) {
     found
 }
 
-/// Vertical foot forces with the least sum of squares that balance the weight, limited to 0 to the weight, N.
+/// Vertical foot forces with the least weighted sum of squares that balance the weight, limited to 0 to the weight, N.
 ///
 /// ```text
-/// f_i = a + b x_i + c y_i ,   Σ f_i = m g ,  Σ f_i (x_i, y_i) = m g (x_C, y_C)
+/// f_i = w_i (a + b x_i + c y_i) ,   Σ f_i = m g ,  Σ f_i (x_i, y_i) = m g (x_C, y_C)
 /// ```
-fn shares(robot: &Robot, estimate: &Estimate) -> PerLeg<f64> {
+/// - `carries`: w, greater than 0.
+fn shares(robot: &Robot, estimate: &Estimate, carries: &PerLeg<f64>) -> PerLeg<f64> {
     let weight = robot.mass() * GRAVITY;
     let p_WB = estimate.kin.base().p_WB;
     let mut A = Matrix3::zeros();
-    for (_, of_leg) in estimate.legs.iter() {
+    for (leg, of_leg) in estimate.legs.iter() {
         let row = Vector3::new(1.0, of_leg.p_BF_W.x, of_leg.p_BF_W.y);
-        A += row * row.transpose();
+        A += row * row.transpose() * carries[leg];
     }
     let p_BC_W = com(&estimate.kin) - p_WB;
     let b = Vector3::new(1.0, p_BC_W.x, p_BC_W.y) * weight;
@@ -294,62 +375,8 @@ fn shares(robot: &Robot, estimate: &Estimate) -> PerLeg<f64> {
     let mut shares = PerLeg::default();
     for (leg, of_leg) in estimate.legs.iter() {
         let share = plane.x + plane.y * of_leg.p_BF_W.x + plane.z * of_leg.p_BF_W.y;
+        let share = share * carries[leg];
         shares[leg] = share.clamp(0.0, weight);
     }
     shares
-}
-
-/// Postures with the feet above their virtual footholds, in steps of [`WAYPOINT`], until the base height would be below `height` or a joint is at its
-/// limit. The first is the standing posture.
-fn folding(robot: &Robot, height: f64) -> Vec<Vec<f64>> {
-    let mut kin = Kinematics::new(&robot.model);
-    let mut J = DMatrix::zeros(3, robot.model.nv());
-    let mut path: Vec<Vec<f64>> = Vec::new();
-    let mut q = robot.q_nominal.clone();
-    let mut raised = 0.0;
-    while robot.nominal_height - raised >= height {
-        for leg in Leg::ALL {
-            let target = robot.legs[leg].p_nominal_H + Vector3::z() * raised;
-            if !reach(robot, leg, &target, &mut q, &mut kin, &mut J) {
-                return path;
-            }
-        }
-        path.push(q.clone());
-        raised += WAYPOINT;
-    }
-    path
-}
-
-/// Moves the joints of a leg in `q` until its contact point is at `target` below a level base; returns false if it cannot reach it.
-fn reach(
-    robot: &Robot,
-    leg: Leg,
-    target: &Vector3<f64>,
-    q: &mut [f64],
-    kin: &mut Kinematics,
-    J: &mut DMatrix<f64>,
-) -> bool {
-    let of_robot = &robot.legs[leg];
-    let zero = Vector3::zeros();
-    let level = BaseState { p_WB: zero, R_WB: Matrix3::identity(), v_WB: zero, w_WB_W: zero };
-    let rest = vec![0.0; q.len()];
-    for _ in 0..100 {
-        kin.update(&robot.model, &level, q, &rest);
-        let off = target - (kin.p_WF(&robot.model, of_robot.foot) - Vector3::z() * robot.foot_radius);
-        if off.norm() < REACHED {
-            return true;
-        }
-        point_jacobian_linear(&robot.model, kin, of_robot.foot, &zero, J.as_view_mut());
-        let J_leg = Matrix3::from_fn(|row, k| J[(row, 6 + of_robot.joints[k])]);
-        let damped = J_leg * J_leg.transpose() + Matrix3::identity() * 1e-6;
-        let Some(inverse) = damped.try_inverse() else { return false };
-        let step = J_leg.transpose() * (inverse * off);
-        for (k, &joint) in of_robot.joints.iter().enumerate() {
-            let limits = &robot.model.joints[joint];
-            let (lower, upper) = (limits.lower + LIMIT_MARGIN, limits.upper - LIMIT_MARGIN);
-            let moved = q[joint] + step[k].clamp(-MAX_NEWTON_STEP, MAX_NEWTON_STEP);
-            q[joint] = moved.min(upper).max(lower);
-        }
-    }
-    false
 }
