@@ -60,8 +60,8 @@ fn bottom(tree: &UrdfTree) -> f64 {
     -lowest
 }
 
-/// The leg with its foot lifted until it is level with the bottom of the trunk. If it cannot fold so far, it is turned outward too; `None` if the
-/// trunk is then not even near the ground.
+/// The leg with its foot lifted until it is level with the bottom of the trunk. If the knee reaches its limit before, the leg is turned outward too. `None`
+/// if the trunk is then not even near the ground, or if another limit is reached.
 fn lifted(body: &mut Body, plan: &Plan, from: [f64; 3], bottom: f64, foot_radius: f64) -> Option<[f64; 3]> {
     let ranges = plan.leg.joints.map(|joint| body.range(joint));
     body.at_leg(plan.leg, &from);
@@ -71,13 +71,12 @@ fn lifted(body: &mut Body, plan: &Plan, from: [f64; 3], bottom: f64, foot_radius
     let mut q = from;
     while goal.z < level {
         let folded = (q[2] - knee.lower).abs().min((q[2] - knee.upper).abs()) < AT_LIMIT;
-        goal.z = (goal.z + STEP).min(level);
-        let next = if folded { None } else { plan.descend(body, &goal, q, &ranges) };
-        let Some(next) = next else {
+        if folded {
             let (gap, q) = turned_outward(body, plan, q, level, ranges[0]);
             return (gap <= -NEARLY * standing).then_some(q);
-        };
-        q = next;
+        }
+        goal.z = (goal.z + STEP).min(level);
+        q = plan.descend(body, &goal, q, &ranges)?;
     }
     Some(q)
 }
