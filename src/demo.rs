@@ -25,7 +25,7 @@ const SCENARIO: &str = "scenarios/rough_trot.toml";
 pub fn run(args: &Args) -> anyhow::Result<Outcome> {
     let scenario = find_shipped(SCENARIO)?;
     let (log, report_dir) = (args.out.join("hyq_rough_trot.mcap"), args.out.join("report"));
-    let job = Job { robot: "hyq", scenario: &scenario, seconds: None, seed: None, preset: None, set: &[] };
+    let job = Job { robot: "hyq", scenario: &scenario, seconds: None, seed: None, preset: None, gaits: &[], set: &[] };
     let say_unless_json = |text: String| if args.json { Ok(()) } else { say(text) };
 
     let bar = Progress::new("HyQ trots over stones");

@@ -55,7 +55,7 @@ pub enum Command {
 pub fn run(command: &Command) -> anyhow::Result<Outcome> {
     match command {
         Command::Info { robot, params: true, preset, .. } => {
-            say(with_bounds(&RobotFiles::find_changed(robot, preset.as_deref(), &[])?.1))?;
+            say(with_bounds(&RobotFiles::find_changed(robot, preset.as_deref(), &[], &[])?.1))?;
         }
         Command::Info { robot, json, .. } => info(robot, *json)?,
         Command::Init(args) => return init::run(args),

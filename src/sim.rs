@@ -10,7 +10,8 @@ use std::path::PathBuf;
 #[derive(clap::Args)]
 #[command(
     after_help = "Example: hoof sim --robot hyq --scenario scenarios/rough_trot.toml --seed 3 --log run.mcap\n         \
-    hoof sim --robot hyq --scenario scenarios/flat_trot.toml --log run.lcmlog --set gait.trot.swing_frequency=3.5\n\n\
+    hoof sim --robot hyq --scenario scenarios/flat_trot.toml --log run.lcmlog --set gait.trot.swing_frequency=3.5\n         \
+    hoof sim --robot hyq --gait gaits/crawl_orders.toml --scenario scenarios/further_gaits.toml --log gaits.mcap\n\n\
     Exit code 1 if the robot falls or the controller enters its safe state, or if --prove finds a difference."
 )]
 pub struct Args {
@@ -35,6 +36,9 @@ pub struct Args {
     /// Set of parameters from a file beside the robot's, such as `printed` (robots/hyq/printed.toml): the controller as Raiola et al. 2020 print it
     #[arg(long, value_name = "NAME")]
     preset: Option<String>,
+    /// File with further gaits, such as gaits/pace.toml; the scenario changes to them by name. Can be repeated
+    #[arg(long, value_name = "FILE", value_parser = drivers::shipped::argument)]
+    gait: Vec<PathBuf>,
     /// Set a parameter of the controller (`hoof robot info ROBOT --params` lists them); can be repeated
     #[arg(long, value_name = "KEY=VALUE")]
     set: Vec<String>,
@@ -80,6 +84,7 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
         seconds: args.seconds,
         seed: args.seed,
         preset: args.preset.as_deref(),
+        gaits: &args.gait,
         set: &set,
     };
     let bar = Progress::new(format!("{} on {}", args.robot, args.scenario.display()));

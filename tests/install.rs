@@ -37,6 +37,7 @@ fn the_installed_command_uses_the_installed_files() {
         "share/zsh/site-functions/_hoof",
         "share/fish/vendor_completions.d/hoof.fish",
         "share/hoofprint/robots/hyq/hyq.urdf",
+        "share/hoofprint/gaits/pace.toml",
         "share/hoofprint/runs/hyq_sim.toml",
     ] {
         assert!(prefix.join(file).metadata().unwrap().len() > 0, "{file}");

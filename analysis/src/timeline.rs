@@ -124,6 +124,8 @@ pub fn entries(run: &Run) -> Vec<TimelineEntry> {
 /// Changes of mode and gait.
 fn changes(run: &Run) -> Vec<TimelineEntry> {
     let mut all = Vec::new();
+    let gaits = run.gaits();
+    let name_of = |number| gaits.gait(number).map_or("?", |gait| gaits.name(gait));
     let (mut mode, mut gait) = (None, None);
     for tick in &run.ticks {
         let mut changed =
@@ -136,7 +138,7 @@ fn changes(run: &Run) -> Vec<TimelineEntry> {
         }
         if let Some(now) = tick.legs.map(|l| l.gait) {
             if gait.is_some_and(|before| before != now) {
-                changed(EntryKind::Gait, format!("gait {}", enum_names::gait(now)));
+                changed(EntryKind::Gait, format!("gait {}", name_of(now)));
             }
             gait = Some(now);
         }

@@ -19,7 +19,7 @@ mod tables;
 
 pub use digest::parameters_digest;
 pub use error::ParamsError;
-pub use overrides::{apply_changes, apply_overrides, check_key, key_values};
+pub use overrides::{add_gaits, apply_changes, apply_overrides, check_key, key_values};
 pub use range::Bound;
 pub use robot::{RobotConfig, SensorParams};
 pub use tables::{Params, bounds};

@@ -102,7 +102,11 @@ fn invalid_snapshots_are_rejected_or_handled() {
     };
     let refused = |edit: &dyn Fn(&mut QuadrupedState)| restored(edit).err().unwrap();
     assert!(matches!(refused(&|s| s.mode = 6), RestoreError::Value { field: "mode", found: 6, .. }));
-    assert!(matches!(refused(&|s| s.gait = -1), RestoreError::Value { field: "gait", found: -1, .. }));
+    for unknown in [-1, 2] {
+        let error = refused(&|s| s.gait = unknown);
+        let expected = (i64::from(unknown), 1);
+        assert!(matches!(error, RestoreError::Value { field: "gait", found, last } if (found, last) == expected));
+    }
     assert!(matches!(refused(&|s| s.leg_state[3] = 5), RestoreError::Value { field: "leg_state", found: 5, .. }));
     assert!(matches!(refused(&|s| s.move_phase = 7), RestoreError::Value { field: "move_phase", found: 7, .. }));
     let fewer = |s: &mut QuadrupedState| {

@@ -1,6 +1,7 @@
 //! Operator of a scenario: keyframes over time. Commands are sent on every change and 50 times a second, as a joystick does.
 
 use crate::checks::{BadKey, check_range, to_ns};
+use controller::quadruped::params::{Gait, GaitParams};
 use lcmtypes::OperatorCommand;
 use serde::Deserialize;
 
@@ -13,7 +14,7 @@ pub const HEARTBEAT_NS: i64 = 20_000_000;
 pub(crate) struct OperatorKey {
     pub t_s: f64,
     mode: Option<Mode>,
-    gait: Option<Gait>,
+    gait: Option<String>,
     v_x: Option<f64>,
     v_y: Option<f64>,
     yaw_rate: Option<f64>,
@@ -35,15 +36,13 @@ enum Mode {
     Idle,
 }
 
-#[derive(Clone, Copy, Debug, PartialEq, Deserialize)]
-#[serde(rename_all = "snake_case")]
-enum Gait {
-    Trot,
-    Crawl,
-}
-
 impl OperatorKey {
-    pub(crate) fn check(&self) -> Result<(), BadKey> {
+    /// Checks the values; `gaits` are those of the run.
+    pub(crate) fn check(&self, gaits: &GaitParams) -> Result<(), BadKey> {
+        if let Some(name) = self.gait.as_ref().filter(|name| gaits.named(name).is_none()) {
+            let expected = gaits.names().collect::<Vec<_>>().join(", ");
+            return Err(BadKey { key: "gait", found: format!("{name:?}"), expected });
+        }
         let keys = [
             ("v_x", self.v_x, 5.0),
             ("v_y", self.v_y, 5.0),
@@ -77,7 +76,8 @@ impl OperatorScript {
         OperatorScript { commands, reached: 0, next_seq: 0, next_heartbeat_ns: i64::MIN, recorded: true }
     }
 
-    pub(crate) fn new(keys: &[OperatorKey]) -> Self {
+    /// The commands of checked entries.
+    pub(crate) fn new(keys: &[OperatorKey], gaits: &GaitParams) -> Self {
         let mut command = OperatorCommand {
             t_ns: 0,
             seq: 0,
@@ -109,11 +109,8 @@ impl OperatorScript {
                 Some(Mode::Idle) => OperatorCommand::MODE_IDLE,
                 None => command.mode,
             };
-            command.gait = match key.gait {
-                Some(Gait::Trot) => OperatorCommand::GAIT_TROT,
-                Some(Gait::Crawl) => OperatorCommand::GAIT_CRAWL,
-                None => command.gait,
-            };
+            let gait = key.gait.as_ref().and_then(|name| gaits.named(name));
+            command.gait = gait.map_or(command.gait, Gait::number);
             set(&mut command.v_H[0], key.v_x);
             set(&mut command.v_H[1], key.v_y);
             set(&mut command.yaw_rate, key.yaw_rate);
@@ -158,7 +155,7 @@ mod tests {
         let send = |script: &mut OperatorScript| -> Vec<OperatorCommand> {
             (0..90).filter_map(|ms| script.operator_at(ms * 1_000_000)).collect()
         };
-        let sent = send(&mut Scenario::parse(text, "t.toml").unwrap().operator);
+        let sent = send(&mut Scenario::parse(text, "t.toml", &GaitParams::default()).unwrap().operator);
         assert_eq!(sent.len(), 5);
         assert_eq!(send(&mut OperatorScript::recorded(sent.clone())), sent);
     }
@@ -169,7 +166,7 @@ mod tests {
             [[operator]]\nt_s = 0.01\nmode = \"stand\"\nroll = 0.1\n\
             [[operator]]\nt_s = 0.035\nmode = \"walk\"\ngait = \"crawl\"\nv_x = 0.2\n\
             [[operator]]\nt_s = 0.06\nv_y = -0.1\n";
-        let mut script = Scenario::parse(text, "t.toml").unwrap().operator;
+        let mut script = Scenario::parse(text, "t.toml", &GaitParams::default()).unwrap().operator;
         let sent: Vec<OperatorCommand> = (0..90).filter_map(|ms| script.operator_at(ms * 1_000_000)).collect();
 
         let times: Vec<i64> = sent.iter().map(|command| command.t_ns / 1_000_000).collect();

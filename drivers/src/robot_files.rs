@@ -2,7 +2,7 @@
 
 use crate::{DriverError, shipped};
 use controller::model::UrdfTree;
-use controller::params::{Params, ParamsError, apply_overrides, key_values};
+use controller::params::{Params, ParamsError, add_gaits, apply_overrides, key_values};
 use std::path::{Path, PathBuf};
 
 /// A robot's files, read.
@@ -43,15 +43,21 @@ impl RobotFiles {
         }
     }
 
-    /// Same as [`RobotFiles::find_with_params`], with changed parameters: first those of a preset, then `set`.
+    /// Same as [`RobotFiles::find_with_params`], with changed parameters: first those of a preset, then further gaits, then `set`.
     ///
     /// - `preset`: name of a TOML file beside the robot's, with the parameters to change.
+    /// - `gaits`: gait files, each with `[gait.NAME]` tables.
     /// - `set`: parameters to change, each `KEY=VALUE`.
     ///
     /// # Errors
-    /// [`DriverError::UnknownPreset`], [`DriverError::ParamsFile`] for a wrong preset; else as [`RobotFiles::find_with_params`] and
+    /// [`DriverError::UnknownPreset`], [`DriverError::ParamsFile`] for a wrong preset or gait file; else as [`RobotFiles::find_with_params`] and
     /// [`with_overrides`].
-    pub fn find_changed(robot: &str, preset: Option<&str>, set: &[String]) -> Result<(Self, String), DriverError> {
+    pub fn find_changed(
+        robot: &str,
+        preset: Option<&str>,
+        gaits: &[PathBuf],
+        set: &[String],
+    ) -> Result<(Self, String), DriverError> {
         let (files, mut params) = Self::find_with_params(robot)?;
         if let Some(name) = preset {
             let path = preset_file(robot, name)?;
@@ -60,6 +66,10 @@ impl RobotFiles {
                 .map_err(|e| ParamsError::Parse { source_name: file.clone(), error: e.to_string() })?;
             params = apply_overrides(&params, &key_values(&table))
                 .map_err(|source| DriverError::ParamsFile { file, source })?;
+        }
+        for path in gaits {
+            let file = path.display().to_string();
+            params = add_gaits(&params, &read(path)?, &file).map_err(|source| in_file(source, file))?;
         }
         Ok((files, with_overrides(&params, set)?))
     }
@@ -141,11 +151,16 @@ pub fn overrides(set: &[String]) -> Result<Vec<(String, String)>, DriverError> {
 /// Parses parameters; every error names the file.
 fn parse_params(text: &str, path: &Path) -> Result<Params, DriverError> {
     let file = path.display().to_string();
-    Params::from_toml(text, &file).map_err(|source| match source {
+    Params::from_toml(text, &file).map_err(|source| in_file(source, file))
+}
+
+/// An error of a file, with its name.
+fn in_file(source: ParamsError, file: String) -> DriverError {
+    match source {
         // This text contains the file name already.
         ParamsError::Parse { .. } => source.into(),
         _ => DriverError::ParamsFile { file, source },
-    })
+    }
 }
 
 /// Reads a text file.

@@ -19,6 +19,7 @@
 //! [[operator]]
 //! t_s = 1.0
 //! mode = "walk"
+//! gait = "crawl"        # trot, crawl, or another gait of the run
 //! v_x = 0.2
 //!
 //! [[push]]
@@ -69,6 +70,7 @@ use crate::operator_script::OperatorScript;
 use crate::sensors::NoiseParams;
 use crate::start::StartParams;
 use crate::terrain::TerrainParams;
+use controller::quadruped::params::GaitParams;
 use lcmtypes::ParameterRequest;
 use std::path::Path;
 
@@ -119,23 +121,26 @@ pub struct Push {
 impl Scenario {
     /// Reads and checks a file.
     ///
+    /// - `gaits`: the gaits of the run, to which operator commands may change.
+    ///
     /// # Errors
     /// The file cannot be read, is not TOML, has an unknown key, or a value of the wrong type or out of range. The message names file,
     /// line and key.
-    pub fn load(path: &Path) -> Result<Self, DriverError> {
+    pub fn load(path: &Path, gaits: &GaitParams) -> Result<Self, DriverError> {
         let text =
             std::fs::read_to_string(path).map_err(|source| DriverError::Read { path: path.to_owned(), source })?;
-        Self::parse(&text, &path.display().to_string())
+        Self::parse(&text, &path.display().to_string(), gaits)
     }
 
     /// Reads and checks a text.
     ///
     /// - `source_name`: name of the text in errors.
+    /// - `gaits`: the gaits of the run, to which operator commands may change.
     ///
     /// # Errors
     /// As [`Scenario::load`], without I/O errors.
-    pub fn parse(text: &str, source_name: &str) -> Result<Self, DriverError> {
-        file::parse(text, source_name)
+    pub fn parse(text: &str, source_name: &str, gaits: &GaitParams) -> Result<Self, DriverError> {
+        file::parse(text, source_name, gaits)
     }
 
     /// Length of the run, ns.
@@ -183,7 +188,7 @@ mod tests {
 
     /// The error of a text with an invalid value: line, key, value found, values expected.
     fn value_error(text: &str) -> (usize, String, String, String) {
-        match Scenario::parse(text, "small.toml").unwrap_err() {
+        match Scenario::parse(text, "small.toml", &GaitParams::default()).unwrap_err() {
             DriverError::Value { file, line, key, found, expected } if file == "small.toml" => {
                 (line, key, found, expected)
             }
@@ -193,7 +198,7 @@ mod tests {
 
     /// The error of a text that does not parse: line, and the text of that line.
     fn parse_error(text: &str) -> (usize, String, String) {
-        match Scenario::parse(text, "small.toml").unwrap_err() {
+        match Scenario::parse(text, "small.toml", &GaitParams::default()).unwrap_err() {
             DriverError::Parse { file, line, text, error } if file == "small.toml" => (line, text, error),
             error => panic!("{error}"),
         }
@@ -208,7 +213,7 @@ mod tests {
 
     #[test]
     fn defaults_are_as_documented() {
-        let scenario = Scenario::parse(SMALL, "small.toml").unwrap();
+        let scenario = Scenario::parse(SMALL, "small.toml", &GaitParams::default()).unwrap();
         assert_eq!((scenario.seed, scenario.friction, scenario.duration_ns()), (0, 0.8, 2_000_000_000));
         assert!(scenario.pushes.is_empty() && scenario.faults.is_empty());
     }
@@ -246,7 +251,10 @@ mod tests {
         }
         // Whether the robot's file has these, and whether the value fits, is found when the run starts.
         for key in ["trunk.kp", "wbc.friction", "stack.tasks.hand.kp", "robot.posture.knee"] {
-            assert_eq!(Scenario::parse(&text(key), "small.toml").unwrap().parameters[0].key, key);
+            assert_eq!(
+                Scenario::parse(&text(key), "small.toml", &GaitParams::default()).unwrap().parameters[0].key,
+                key
+            );
         }
     }
 
@@ -256,7 +264,7 @@ mod tests {
         bad_value(&format!("{SMALL}[drives]\ngain = {{ knee = 20.0 }}\n"), 9, "drives.gain", "20");
         bad_value(&format!("{SMALL}[drives]\ngain_in_air = true\n"), 9, "drives.gain_in_air", "true");
         let floor = "[[floor]]\nt_s = 1.0\nleg = \"LF\"\nheight_m = -0.05\n";
-        let scenario = Scenario::parse(&format!("{SMALL}{floor}"), "small.toml").unwrap();
+        let scenario = Scenario::parse(&format!("{SMALL}{floor}"), "small.toml", &GaitParams::default()).unwrap();
         assert_eq!(scenario.floors, [FloorMove { t_ns: 1_000_000_000, leg: Leg::LF, height: -0.05 }]);
         let text = &scenario.timeline()[0].1;
         assert!(text.contains("LF") && text.contains("-0.05 m"), "{text}");
@@ -301,7 +309,7 @@ mod tests {
             "{SMALL}[[push]]\nt_s = 0.5\nduration_s = 0.1\nforce_W = [0.0, 60.0, 0.0]\n\
              [[fault]]\nt_s = 0.25\nduration_s = 1.0\nkind = \"drop_state\"\n"
         );
-        let scenario = Scenario::parse(&text, "small.toml").unwrap();
+        let scenario = Scenario::parse(&text, "small.toml", &GaitParams::default()).unwrap();
         let pushes = |t_ns| scenario.pushes_at(t_ns).count();
         assert_eq!([499_999_999, 500_000_000, 599_999_999, 600_000_000].map(pushes), [0, 1, 1, 0]);
         let times: Vec<i64> = scenario.timeline().iter().map(|event| event.0 / 1_000_000).collect();

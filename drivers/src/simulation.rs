@@ -23,6 +23,8 @@ pub struct Job<'a> {
     pub seed: Option<i64>,
     /// Preset of the robot's parameters; see [`RobotFiles::find_changed`].
     pub preset: Option<&'a str>,
+    /// Gait files: further gaits of the run.
+    pub gaits: &'a [PathBuf],
     /// Parameters to change, each `KEY=VALUE`.
     pub set: &'a [String],
 }
@@ -95,10 +97,10 @@ impl Setup {
     /// # Errors
     /// Missing or invalid files and parameters; the message names file and key.
     pub fn read(job: &Job) -> Result<Self, DriverError> {
-        let (files, params_text) = RobotFiles::find_changed(job.robot, job.preset, job.set)?;
+        let (files, params_text) = RobotFiles::find_changed(job.robot, job.preset, job.gaits, job.set)?;
         let params = Params::from_toml(&params_text, job.robot)?;
         let (scenario_text, scenario_source) = (read(job.scenario)?, job.scenario.display().to_string());
-        let mut scenario = Scenario::parse(&scenario_text, &scenario_source)?;
+        let mut scenario = Scenario::parse(&scenario_text, &scenario_source, &params.gait)?;
         scenario.duration_s = job.seconds.unwrap_or(scenario.duration_s);
         scenario.seed = job.seed.unwrap_or(scenario.seed);
         Ok(Setup {

@@ -17,9 +17,8 @@ pub mod script;
 
 use controller::params::Params;
 use controller::quadruped::envelope;
-use controller::quadruped::params::{FootholdParams, TrunkParams};
+use controller::quadruped::params::{FootholdParams, GaitParams, TrunkParams};
 use controller::quadruped::robot::Robot;
-use controller::quadruped::state::Gait;
 use lcmtypes::{ControllerTick, OperatorCommand, channels};
 use pad::PadState;
 
@@ -76,18 +75,25 @@ const POSE_STEP: f64 = 0.1;
 const PACE_STEP: f64 = 0.1;
 
 /// Largest commands, in each direction. The controller applies the same limits, and further ones to combinations of them.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct Limits {
-    /// Speed in the plane in a trot, m/s.
-    pub speed: f64,
-    /// Turning in a trot, rad/s.
-    pub yaw_rate: f64,
-    /// The same two in a crawl, whose steps are as long but less frequent.
-    pub crawl: (f64, f64),
+    /// The gaits, by their number; at least one.
+    pub gaits: Vec<GaitLimits>,
     /// Roll and pitch, rad.
     pub orientation: f64,
     /// Height above or below the nominal one, m.
     pub height: f64,
+}
+
+/// Name and limits of a gait.
+#[derive(Clone, Debug, PartialEq)]
+pub struct GaitLimits {
+    /// Its name.
+    pub name: String,
+    /// Speed in the plane, m/s.
+    pub speed: f64,
+    /// Turning, rad/s.
+    pub yaw_rate: f64,
 }
 
 /// Default limits, for an unknown robot.
@@ -95,7 +101,8 @@ impl Default for Limits {
     fn default() -> Self {
         let FootholdParams { max_speed: speed, max_yaw_rate: yaw_rate, .. } = FootholdParams::default();
         let TrunkParams { max_orientation: orientation, max_height_offset: height, .. } = TrunkParams::default();
-        Limits { speed, yaw_rate, crawl: (speed, yaw_rate), orientation, height }
+        let of_gait = |name: &str| GaitLimits { name: name.to_owned(), speed, yaw_rate };
+        Limits { gaits: GaitParams::default().names().map(of_gait).collect(), orientation, height }
     }
 }
 
@@ -104,10 +111,18 @@ impl Limits {
     pub fn of(params: &Params, urdf: &str) -> Self {
         let of_parameters = (params.foothold.max_speed, params.foothold.max_yaw_rate);
         let robot = Robot::new(urdf, &params.robot).ok();
-        let pace = |gait| robot.as_ref().map_or(of_parameters, |robot| envelope::pace(robot, params, gait));
-        let (speed, yaw_rate) = pace(Gait::Trot);
+        let of_gait = |name: &str| {
+            let found = robot.as_ref().zip(params.gait.named(name));
+            let (speed, yaw_rate) = found.map_or(of_parameters, |(robot, gait)| envelope::pace(robot, params, gait));
+            GaitLimits { name: name.to_owned(), speed, yaw_rate }
+        };
         let (orientation, height) = (params.trunk.max_orientation, params.trunk.max_height_offset);
-        Limits { speed, yaw_rate, crawl: pace(Gait::Crawl), orientation, height }
+        Limits { gaits: params.gait.names().map(of_gait).collect(), orientation, height }
+    }
+
+    /// The largest of a number of all gaits.
+    fn largest(&self, of: fn(&GaitLimits) -> f64) -> f64 {
+        self.gaits.iter().map(of).fold(0.0, f64::max)
     }
 }
 
@@ -120,7 +135,7 @@ pub enum Press {
     Pose(Pose, Sign),
     /// Increase or decrease the velocity of later presses.
     Pace(Sign),
-    /// Switch to the other gait.
+    /// Switch to the next gait.
     Gait,
     /// Start or stop walking.
     Walk,
@@ -180,7 +195,8 @@ pub struct OperatorInput {
     mode: Option<i8>,
     /// Time of the first command after the mode was requested; `None` before that command.
     t_mode_ns: Option<i64>,
-    gait: i8,
+    /// Number of the gait, below that of `limits.gaits`.
+    gait: usize,
     /// Forward and left, m/s, and turn, rad/s; zero after `moves_until_ns`.
     moves: [f64; 3],
     moves_until_ns: i64,
@@ -207,7 +223,7 @@ impl OperatorInput {
             limits,
             mode: None,
             t_mode_ns: None,
-            gait: OperatorCommand::GAIT_TROT,
+            gait: 0,
             moves: [0.0; 3],
             moves_until_ns: i64::MIN,
             last_move: None,
@@ -224,18 +240,22 @@ impl OperatorInput {
         }
     }
 
-    /// Largest commands; `speed` and `yaw_rate` are those of the present gait.
-    pub fn limits(&self) -> Limits {
-        if self.gait != OperatorCommand::GAIT_CRAWL {
-            return self.limits;
-        }
-        let (speed, yaw_rate) = self.limits.crawl;
-        Limits { speed, yaw_rate, ..self.limits }
+    /// Largest commands.
+    pub fn limits(&self) -> &Limits {
+        &self.limits
     }
 
-    /// Sets the limits, once the robot is known.
-    pub fn set_limits(&mut self, limits: Limits) {
-        self.limits = limits;
+    /// The present gait and its limits.
+    pub fn gait(&self) -> &GaitLimits {
+        &self.limits.gaits[self.gait]
+    }
+
+    /// Sets the limits, once the robot is known. The gait stays the one of the same name; without one, it is the first.
+    pub fn set_limits(&mut self, limits: &Limits) {
+        if self.limits != *limits {
+            self.gait = limits.gaits.iter().position(|gait| gait.name == self.gait().name).unwrap_or(0);
+            self.limits.clone_from(limits);
+        }
     }
 
     /// Velocity of a key press as a fraction of the limit.
@@ -288,8 +308,7 @@ impl OperatorInput {
             (Press::Posture, _) => self.set_mode(Op::MODE_STAND),
             (Press::Pose(pose, sign), _) => self.lean(pose, sign),
             (Press::Pace(sign), _) => self.pace = (self.pace + sign.factor() * PACE_STEP).clamp(PACE_STEP, 1.0),
-            (Press::Gait, _) if self.gait == Op::GAIT_TROT => self.gait = Op::GAIT_CRAWL,
-            (Press::Gait, _) => self.gait = Op::GAIT_TROT,
+            (Press::Gait, _) => self.gait = (self.gait + 1) % self.limits.gaits.len(),
         }
         Ok(())
     }
@@ -338,7 +357,7 @@ impl OperatorInput {
             sender_id: 0,
             t_mode_ns: *self.t_mode_ns.get_or_insert(t_ns),
             mode,
-            gait: self.gait,
+            gait: i8::try_from(self.gait).unwrap_or(OperatorCommand::GAIT_TROT),
             v_H: [forward, left],
             yaw_rate: turn,
             roll: self.roll,
@@ -354,7 +373,7 @@ impl OperatorInput {
 
     /// Forward and left, m/s, turn, rad/s.
     fn velocities(&self, t_ns: i64) -> [f64; 3] {
-        let Limits { speed, yaw_rate, .. } = self.limits();
+        let GaitLimits { speed, yaw_rate, .. } = *self.gait();
         if self.mode != Some(OperatorCommand::MODE_WALK) {
             return [0.0; 3];
         }
@@ -375,7 +394,7 @@ impl OperatorInput {
         if !held {
             self.moves = [0.0; 3];
         }
-        let limit = if axis == Axis::Turn { self.limits().yaw_rate } else { self.limits().speed };
+        let limit = if axis == Axis::Turn { self.gait().yaw_rate } else { self.gait().speed };
         let moves = &mut self.moves[axis as usize];
         // The first press against the present direction stops the axis; the next one reverses it.
         *moves = if *moves * sign.factor() < 0.0 { 0.0 } else { sign.factor() * self.pace * limit };

@@ -2,6 +2,7 @@
 #![allow(clippy::unwrap_used, missing_docs)]
 
 use controller::handover::Parameters;
+use controller::quadruped::params::GaitParams;
 use controller::sequence::Sequence;
 use controller::{Controller, Outbox, Probe, RestoreError};
 use drivers::Scenario;
@@ -328,7 +329,7 @@ fn faults_of_a_scenario_are_injected_into_the_hardware() {
         [[fault]]\nt_s = 0.4\nduration_s = 0.2\nkind = \"nan_sensor\"\njoint = \"knee\"\n\
         [[fault]]\nt_s = 0.7\nduration_s = 0.2\nkind = \"clock_jump\"\njump_s = 5.0\n\
         [[fault]]\nt_s = 1.0\nduration_s = 0.2\nkind = \"late_process\"\n";
-    let faults = Scenario::parse(text, "t.toml").unwrap().faults;
+    let faults = Scenario::parse(text, "t.toml", &GaitParams::default()).unwrap().faults;
     let hardware = Faulty::new(Box::new(Dummy::new(vec![0.5])), &faults, &["knee".to_owned()]).unwrap();
     let controllers: &[(&'static str, Work)] = &[("only", |_| ())];
     let (executor, mut bus) = start_with(controllers, i64::MAX, Box::new(hardware));

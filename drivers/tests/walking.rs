@@ -42,7 +42,8 @@ fn walk_commanded(
     let text = apply_overrides(&read(format!("robots/{robot}/{robot}.toml")), &set).unwrap();
     let params = Params::from_toml(&text, robot).unwrap();
     let urdf = read(format!("robots/{robot}/{}", params.robot.urdf));
-    let scenario = Scenario::parse(&edit(read(format!("scenarios/{scenario}.toml"))), scenario).unwrap();
+    let scenario = edit(read(format!("scenarios/{scenario}.toml")));
+    let scenario = Scenario::parse(&scenario, "test", &params.gait).unwrap();
     let info = RunInfo {
         controller: "quadruped".to_owned(),
         robot: robot.to_owned(),

@@ -275,6 +275,7 @@ impl Bench {
             seconds: None,
             seed: spec.seed.or(self.first_seed),
             preset: spec.preset.as_deref(),
+            gaits: &[],
             set: &spec.set,
         };
         let summary = Setup::read(&job)?.simulate(&log, &self.build, &mut |fraction| progress(0.5 * fraction))?;

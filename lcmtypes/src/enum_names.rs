@@ -30,15 +30,6 @@ pub fn operator_mode(mode: i8) -> &'static str {
     }
 }
 
-/// Name of an `operator_command_t` GAIT_*: `trot`, `crawl`; `?` for an unknown number.
-pub fn gait(gait: i8) -> &'static str {
-    match gait {
-        OperatorCommand::GAIT_TROT => "trot",
-        OperatorCommand::GAIT_CRAWL => "crawl",
-        _ => "?",
-    }
-}
-
 /// Name of a `request_reply_t` CODE_*, as in JSON output: `done`, `unknown_name`, …; `?` for an unknown number.
 pub fn reply_code(code: i8) -> &'static str {
     match code {

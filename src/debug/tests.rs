@@ -31,7 +31,7 @@ fn overview() -> Overview {
     };
     let term = |task: &str, weight, residual| TermSummary { task: task.to_owned(), weight, residual };
     Overview {
-        gait: Some(GaitSummary { name: "Crawl", clock: 0.417 }),
+        gait: Some(GaitSummary { name: "crawl".to_owned(), clock: 0.417 }),
         contacts: (0..4).map(contact).collect(),
         base: vec![
             named("rpy", "rad", Value::Numbers(vec![-0.0101, 0.0202, -3.1303])),

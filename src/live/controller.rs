@@ -2,12 +2,13 @@
 
 use super::run_file::{Hardware, RunFile};
 use super::{Length, Shared, Stop, refuse_a_second};
-use crate::robot::{RobotFiles, read};
+use crate::robot::read;
 use crate::run_info;
 use crate::{Outcome, note, say, say_json};
 use anyhow::{Context, bail};
 use controller::model::JointKind;
 use controller::params::Params;
+use controller::quadruped::params::GaitParams;
 use drivers::Scenario;
 use drivers::command_mux::CommandMux;
 use drivers::live::{self, Dummy, EndCause, Executor, Faulty, LcmRobot, Plan, Summary};
@@ -74,12 +75,12 @@ pub fn run(args: &ControllerArgs) -> anyhow::Result<Outcome> {
 
 /// Description and hardware of a run.
 pub(super) fn prepare(file: &RunFile, url: &Url) -> anyhow::Result<(RunInfo, Box<dyn live::Hardware>)> {
-    let (files, params_text) = RobotFiles::find_changed(&file.robot, file.preset.as_deref(), &file.set)?;
+    let (files, params_text) = file.robot_files()?;
     let params = Params::from_toml(&params_text, &file.robot)?;
     let (mut scenario, mut scenario_name, mut seed) = (String::new(), String::new(), 0);
     if let Some(simulation) = &file.simulation {
         scenario = read(&simulation.scenario)?;
-        let parsed = Scenario::parse(&scenario, &simulation.scenario.display().to_string())?;
+        let parsed = Scenario::parse(&scenario, &simulation.scenario.display().to_string(), &params.gait)?;
         (scenario_name, seed) = (parsed.name, parsed.seed);
     }
     let info = describe(
@@ -107,7 +108,7 @@ pub(super) fn prepare(file: &RunFile, url: &Url) -> anyhow::Result<(RunInfo, Box
         }
     };
     let hardware = match &file.faults {
-        Some(path) => faulty(hardware, path, &joints).with_context(|| path.display().to_string())?,
+        Some(path) => faulty(hardware, path, &joints, &params.gait).with_context(|| path.display().to_string())?,
         None => hardware,
     };
     Ok((info, hardware))
@@ -118,8 +119,9 @@ fn faulty(
     hardware: Box<dyn live::Hardware>,
     path: &Path,
     joints: &[String],
+    gaits: &GaitParams,
 ) -> anyhow::Result<Box<dyn live::Hardware>> {
-    let faults = Scenario::load(path)?.faults;
+    let faults = Scenario::load(path, gaits)?.faults;
     if let Some(fault) = faults.iter().find(|fault| !Faulty::supports(&fault.kind)) {
         bail!("fault {} is injected by the simulator: move it to the scenario of [simulation]", fault.kind);
     }

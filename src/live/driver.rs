@@ -1,7 +1,6 @@
 //! `hoof driver`: the simulator in place of a robot, in real time.
 
 use super::{Shared, Stop, refuse_a_second, wait_for_controller};
-use crate::robot::RobotFiles;
 use crate::{Outcome, note, say, say_json};
 use anyhow::{Context, bail};
 use controller::model::{Base, Model};
@@ -38,9 +37,9 @@ pub fn run(args: &DriverArgs) -> anyhow::Result<Outcome> {
         bail!("{file}: no [simulation]; the robot's own driver is expected on the network");
     };
     let stop = Stop::new(args.shared.parent)?;
-    let (files, params_text) = RobotFiles::find_changed(&file.robot, file.preset.as_deref(), &file.set)?;
+    let (files, params_text) = file.robot_files()?;
     let params = Params::from_toml(&params_text, &file.robot)?;
-    let scenario = Scenario::load(&simulation.scenario)?;
+    let scenario = Scenario::load(&simulation.scenario, &params.gait)?;
     let terrain = Terrain::new(&scenario.terrain, scenario.seed);
     let tree = files.tree()?;
     let mut sim = MujocoSim::new(&tree, &params.robot, terrain, SimParams::of(&scenario))?;

@@ -2,11 +2,13 @@
 
 use super::controller::prepare;
 use super::process::{Line, Process};
+use super::run_file::Simulation;
 use super::screen::Screen;
 use super::stop::END_TIMEOUT;
 use super::{Length, Shared, Stop, refuse_a_second};
 use crate::{Outcome, say, say_json};
 use anyhow::{Context, bail};
+use controller::params::Params;
 use drivers::Scenario;
 use lcmtypes::bus::{Bus, LcmBus};
 use lcmtypes::{Event, Message, channels};
@@ -64,7 +66,9 @@ pub fn run(args: &RunArgs) -> anyhow::Result<Outcome> {
     if let Some(folder) = log.parent() {
         std::fs::create_dir_all(folder).with_context(|| folder.display().to_string())?;
     }
-    let scenario = file.simulation.as_ref().map(|simulation| Scenario::load(&simulation.scenario)).transpose()?;
+    let gaits = Params::from_toml(&info.params, &file.robot)?.gait;
+    let load = |simulation: &Simulation| Scenario::load(&simulation.scenario, &gaits);
+    let scenario = file.simulation.as_ref().map(load).transpose()?;
     let screen = Screen::new(log.clone());
     let mut network = LcmBus::open(&url.to_string())?;
     network.subscribe(channels::EVENT)?;

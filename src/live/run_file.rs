@@ -4,6 +4,7 @@
 use crate::robot::{RobotFiles, read};
 use anyhow::Context;
 use controller::params::Params;
+use drivers::DriverError;
 use drivers::command_mux::{CommandMux, Source, default_sources};
 use drivers::live::RealtimeParams;
 use drivers::live::clock::TickSchedule;
@@ -38,6 +39,9 @@ pub struct RunFile {
     pub controllers: Vec<Controller>,
     /// Preset of the robot's parameters, as with `hoof sim --preset`.
     pub preset: Option<String>,
+    /// Gait files, as with `hoof sim --gait`.
+    #[serde(default)]
+    pub gait: Vec<PathBuf>,
     /// Parameters to change, as with `hoof sim --set`.
     #[serde(default)]
     pub set: Vec<String>,
@@ -151,8 +155,17 @@ impl RunFile {
             simulation.scenario = folder.join(&simulation.scenario);
         }
         file.faults = file.faults.map(|faults| folder.join(faults));
+        file.gait = file.gait.iter().map(|gait| folder.join(gait)).collect();
         file.check().with_context(|| path.display().to_string())?;
         Ok(file)
+    }
+
+    /// The robot's files, and its parameters with all changes of this file.
+    ///
+    /// # Errors
+    /// See [`RobotFiles::find_changed`].
+    pub fn robot_files(&self) -> Result<(RobotFiles, String), DriverError> {
+        RobotFiles::find_changed(&self.robot, self.preset.as_deref(), &self.gait, &self.set)
     }
 
     fn check(&self) -> anyhow::Result<()> {
@@ -184,9 +197,10 @@ impl RunFile {
         self.lcm.url.parse::<Url>().with_context(|| format!("lcm.url = {:?}", self.lcm.url))?;
         RobotFiles::find_with_params(&self.robot).with_context(|| format!("robot = {:?}", self.robot))?;
         let preset = self.preset.as_deref();
-        RobotFiles::find_changed(&self.robot, preset, &[]).with_context(|| format!("preset = {preset:?}"))?;
+        RobotFiles::find_changed(&self.robot, preset, &[], &[]).with_context(|| format!("preset = {preset:?}"))?;
+        RobotFiles::find_changed(&self.robot, preset, &self.gait, &[]).context("gait")?;
         let set = || format!("set = {:?}", self.set);
-        let (_, params) = RobotFiles::find_changed(&self.robot, preset, &self.set).with_context(set)?;
+        let (_, params) = self.robot_files().with_context(set)?;
         Params::from_toml(&params, &self.robot).with_context(set)?;
         anyhow::ensure!(priority <= 99, "realtime.priority is {priority}, expected 0 (no real-time scheduler) to 99");
         Ok(())
@@ -244,6 +258,7 @@ mod tests {
             (controller(""), "[[controller]] name = \"\""),
             (format!("{minimal}controller = []\n"), "[[controller]]"),
             (format!("{minimal}faults = \"nope.toml\"\n"), "nope.toml"),
+            (format!("{minimal}gait = [\"nope.toml\"]\n"), "nope.toml"),
             (format!("{minimal}set = [\"trunk.kpp=3\"]\n"), "\"trunk.kpp\""),
             (format!("{minimal}set = [\"wbc.friction=-1\"]\n"), "wbc.friction is -1"),
             (format!("{minimal}set = [\"trunk.kp\"]\n"), "\"trunk.kp\": "),

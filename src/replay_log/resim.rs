@@ -5,6 +5,7 @@ use crate::{Outcome, run_info, say, say_json, sim};
 use analysis::table::{Column, Table};
 use analysis::{Metrics, Run};
 use anyhow::{Context, ensure};
+use controller::params::Params;
 use drivers::Scenario;
 use drivers::operator_script::OperatorScript;
 use drivers::simulation::Setup;
@@ -24,7 +25,8 @@ pub fn run(log: &Path, options: &Options, out: &Path, json: bool) -> anyhow::Res
         log.display()
     );
     replay::Error::check_distinct_files(log, out).context("--resim")?;
-    let mut scenario = Scenario::parse(&recorded.scenario, &format!("scenario of {}", log.display()))?;
+    let gaits = Params::from_toml(&recorded.params, &format!("parameters of {}", log.display()))?.gait;
+    let mut scenario = Scenario::parse(&recorded.scenario, &format!("scenario of {}", log.display()), &gaits)?;
     // A live run has monotonic clock times, and operators on several channels.
     let live = recorded.realtime.starts_with("live");
     let Requests { commands, parameters, duration_s } = Requests::of(log, live)?;

@@ -99,7 +99,7 @@ mod tests {
     #[test]
     fn buttons_and_sticks_make_a_command() {
         let limits = Limits::default();
-        let mut input = OperatorInput::new(limits);
+        let mut input = OperatorInput::new(limits.clone());
         input.set_robot_mode(ControllerTick::MODE_STANCE);
         let mut state = PadState { bumper: true, ..PadState::default() };
         note_axis(&mut state, Axis::RightStickX, 1.0);
@@ -109,7 +109,7 @@ mod tests {
         input.apply_pad(&state, 0).unwrap();
         let command = input.command(0).unwrap();
         assert_eq!((command.mode, command.gait), (OperatorCommand::MODE_WALK, OperatorCommand::GAIT_CRAWL));
-        assert_eq!(command.yaw_rate, -limits.yaw_rate);
+        assert_eq!(command.yaw_rate, -limits.gaits[1].yaw_rate);
         assert!(command.height_offset > 0.0);
 
         note_button(&mut state, gilrs::Button::East, true);

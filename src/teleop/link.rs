@@ -444,7 +444,7 @@ mod tests {
             put(&mut theirs, channels::RUN_INFO, &of(max_speed));
             link.receive(now_ns).unwrap();
             let (robot, limits) = link.status.robot.as_ref().unwrap();
-            assert_eq!((&**robot, limits.speed), ("anymal_b", expected), "at {now_ns} ns");
+            assert_eq!((&**robot, limits.gaits[0].speed), ("anymal_b", expected), "at {now_ns} ns");
         }
         let command = OperatorCommand { seq: -1, ..OperatorCommand::default() };
         assert_eq!(follows(1, &command), Follows::NoOperator);

@@ -73,7 +73,7 @@ Keys:    Esc x   EMERGENCY STOP            Enter    stand up, sit down
          w s     forward, backward         o l      higher, lower
          q e     left, right               u j      nose up, down
          a d     turn left, right          h k      roll left, right
-         + -     faster, slower            g        switch gait
+         + -     faster, slower            g        next gait
          Ctrl-C  end
 
 Gamepad: left stick moves, right stick turns and pitches, L1 or R1 held: walk (released: stand), cross/A gait, circle/B EMERGENCY STOP,
@@ -190,7 +190,7 @@ impl Session {
             return Ok(());
         }
         self.link.receive(now_ns)?;
-        if let Some((_, limits)) = self.link.status.robot {
+        if let Some((_, limits)) = &self.link.status.robot {
             self.input.set_limits(limits);
         }
         if let Some(mode) = self.link.status.mode(now_ns) {

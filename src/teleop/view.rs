@@ -1,7 +1,7 @@
 //! The screen: emergency stop, command, state of the controller, events. It fits a terminal of 80 by 24.
 
 use super::link::{Follows, Status, Stop, TIMEOUT_NS};
-use drivers::teleop::{Limits, OperatorInput};
+use drivers::teleop::{GaitLimits, Limits, OperatorInput};
 use lcmtypes::{ControllerTick, Event, OperatorCommand, enum_names};
 use ratatui::Frame;
 use ratatui::layout::{Constraint, Layout, Rect};
@@ -79,10 +79,12 @@ impl Screen<'_> {
                 "Enter requests STAND without waiting.".into(),
             ];
         };
-        let Limits { speed, yaw_rate, orientation, height, .. } = self.input.limits();
+        let Limits { orientation, height, .. } = *self.input.limits();
+        let GaitLimits { name, speed, yaw_rate } = self.input.gait();
+        let (speed, yaw_rate) = (*speed, *yaw_rate);
         let state = vec![
             Span::styled(enum_names::operator_mode(c.mode), bold(mode_colour(c.mode))),
-            Span::raw(format!("   {}   pace {:.0} %", enum_names::gait(c.gait), self.input.pace() * 100.0)),
+            Span::raw(format!("   {name}   pace {:.0} %", self.input.pace() * 100.0)),
         ];
         vec![
             Line::from(state),
@@ -238,7 +240,9 @@ mod tests {
 
     #[test]
     fn a_walk_is_shown_with_its_limits() {
-        let mut input = OperatorInput::new(Limits { speed: 0.6, yaw_rate: 0.8, ..Limits::default() });
+        let mut limits = Limits::default();
+        (limits.gaits[0].speed, limits.gaits[0].yaw_rate) = (0.6, 0.8);
+        let mut input = OperatorInput::new(limits);
         input.set_robot_mode(ControllerTick::MODE_STANCE);
         input.press(Press::Walk, 0).unwrap();
         input.press(Press::Move(Axis::Turn, Sign::Minus), 900_000_000).unwrap();

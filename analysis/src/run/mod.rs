@@ -8,6 +8,7 @@ mod read;
 mod thin;
 mod tick;
 
+use controller::quadruped::params::GaitParams;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
@@ -131,6 +132,16 @@ impl Run {
     /// Channels of a full report that are not in the log.
     pub fn missing(&self) -> Vec<&'static str> {
         ["RUN_INFO"].into_iter().chain(TICK_CHANNELS).filter(|channel| !self.has(channel)).collect()
+    }
+
+    /// The gaits in the parameters of RUN_INFO; without valid ones, the default gaits.
+    pub fn gaits(&self) -> GaitParams {
+        let read = || {
+            let table: toml::Table = self.info.as_ref()?.params.parse().ok()?;
+            let gaits: GaitParams = table.get("gait")?.clone().try_into().ok()?;
+            gaits.check().ok().map(|()| gaits)
+        };
+        read().unwrap_or_default()
     }
 
     /// A number in the parameters of RUN_INFO, by dotted key.

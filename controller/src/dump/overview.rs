@@ -22,7 +22,7 @@ pub struct Overview {
 #[derive(Clone, Debug, PartialEq)]
 pub struct GaitSummary {
     /// Its name.
-    pub name: &'static str,
+    pub name: String,
     /// Time in the gait cycle, s.
     pub clock: f64,
 }

@@ -35,6 +35,18 @@ pub enum ParamsError {
     /// The formula of the stack is invalid.
     #[error(transparent)]
     Stack(#[from] StackError),
+    /// A gait cannot be walked, or has an invalid name.
+    #[error("gait {gait:?}: {key} is {found}, expected {expected}")]
+    Gait {
+        /// Name of the gait.
+        gait: String,
+        /// Key of its table, or `name`.
+        key: &'static str,
+        /// Its value.
+        found: String,
+        /// What was expected.
+        expected: String,
+    },
     /// A value is out of its range.
     #[error("parameter {key} is {found}, expected {expected}")]
     OutOfRange {

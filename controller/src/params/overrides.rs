@@ -2,6 +2,8 @@
 
 use super::error::ParamsError;
 use super::tables::Params;
+use crate::quadruped::params::GaitTiming;
+use std::collections::BTreeMap;
 
 /// Sets parameters in a full or partial TOML text, and returns the full text.
 ///
@@ -23,6 +25,33 @@ pub fn apply_overrides(text: &str, overrides: &[(String, String)]) -> Result<Str
     }
     let text = toml::to_string(&table).expect("a table that was read can be written");
     Ok(Params::from_toml(&text, "parameters with overrides")?.to_toml())
+}
+
+/// Adds the gaits of a gait file, which contains `[gait.NAME]` tables and nothing else, and returns the full text.
+///
+/// - `text`: full or partial TOML text of the parameters.
+/// - `source_name`: the gait file, for errors.
+///
+/// # Errors
+/// The errors of [`Params::from_toml`] for either text, or a gait that the parameters have already.
+pub fn add_gaits(text: &str, gaits: &str, source_name: &str) -> Result<String, ParamsError> {
+    #[derive(serde::Deserialize)]
+    #[serde(deny_unknown_fields)]
+    struct File {
+        gait: BTreeMap<String, GaitTiming>,
+    }
+    let mut params = Params::from_toml(text, "parameters")?;
+    let file: File = toml::from_str(gaits)
+        .map_err(|e| ParamsError::Parse { source_name: source_name.to_owned(), error: e.to_string() })?;
+    for (gait, timing) in file.gait {
+        if params.gait.named(&gait).is_some() {
+            let (key, found, expected) = ("name", format!("{gait:?}"), "a name that no other gait has".to_owned());
+            return Err(ParamsError::Gait { gait, key, found, expected });
+        }
+        params.gait.further.insert(gait, timing);
+    }
+    params.gait.check()?;
+    Ok(params.to_toml())
 }
 
 /// Dotted keys and values of a TOML table, as [`apply_overrides`] expects them. Nested tables and dotted keys are the same:
@@ -74,7 +103,7 @@ fn copy(from: &toml::Table, to: &mut toml::Table, key: &str) {
 }
 
 /// Checks that a key names a parameter, for any robot: the joints of `robot.posture` and `robot.lying` and the keys of `[stack.tasks]` depend on the
-/// robot's file and pass.
+/// robot's file and pass, and so does the name of a further gait.
 ///
 /// # Errors
 /// [`ParamsError::UnknownKey`]
@@ -83,10 +112,14 @@ pub fn check_key(key: &str) -> Result<(), ParamsError> {
     if ["robot.posture.", "robot.lying.", "stack.tasks."].iter().any(|table| key.starts_with(table)) {
         return Ok(());
     }
+    let of_gait = match key.split('.').collect::<Vec<_>>()[..] {
+        ["gait", name, parameter] if name != "trot" && name != "crawl" => format!("gait.trot.{parameter}"),
+        _ => key.to_owned(),
+    };
     let mut table: toml::Table =
         Params::from_toml(ANY_ROBOT, "defaults")?.to_toml().parse().expect("to_toml writes TOML");
-    match set(&mut table, key, "0") {
-        Err(error @ ParamsError::UnknownKey { .. }) => Err(error),
+    match set(&mut table, &of_gait, "0") {
+        Err(ParamsError::UnknownKey { hint, .. }) => Err(ParamsError::UnknownKey { key: key.to_owned(), hint }),
         // The value does not matter here.
         _ => Ok(()),
     }
@@ -153,7 +186,35 @@ fn keys_of(table: &toml::Table, path: &[&str]) -> String {
 
 #[cfg(test)]
 mod tests {
-    use super::{apply_changes, apply_overrides, check_key};
+    use super::{ParamsError, add_gaits, apply_changes, apply_overrides, check_key};
+
+    #[test]
+    fn a_gait_file_adds_gaits_and_nothing_else() {
+        let text = include_str!("../../../robots/hyq/hyq.toml");
+        let pace = "[gait.pace]\nduty = 0.55\nswing_frequency = 4\nlift_off_phase = [0.0, 0.5, 0.0, 0.5]\n";
+        let with = add_gaits(text, pace, "pace.toml").unwrap();
+        let changed = ("gait.pace.sway".to_owned(), "0.25".to_owned());
+        let params = crate::params::Params::from_toml(&apply_overrides(&with, &[changed]).unwrap(), "test").unwrap();
+        let pace_of = &params.gait.further["pace"];
+        assert_eq!((pace_of.swing_frequency, pace_of.sway, pace_of.ramp), (4.0, 0.25, 0.5));
+        // Every other line of the text is the same.
+        let full = apply_overrides(text, &[]).unwrap();
+        let added: Vec<&str> = with.lines().filter(|line| !full.lines().any(|other| other == *line)).collect();
+        assert!(added.contains(&"[gait.pace]") && with.lines().count() == full.lines().count() + 9, "{added:?}");
+        for name in ["trot", "crawl", "pace"] {
+            let error = add_gaits(&with, &pace.replace("pace", name), "x.toml").unwrap_err();
+            assert!(matches!(&error, ParamsError::Gait { gait, key: "name", .. } if gait == name), "{error}");
+        }
+        for bad in
+            ["", "[gait]\nduty = 0.5\n", "[wbc]\nfriction = 0.5\n", "[gait.x]\nduty = 0.6\n", &format!("{pace}x = 1\n")]
+        {
+            let error = add_gaits(text, bad, "x.toml").unwrap_err();
+            assert!(
+                matches!(&error, ParamsError::Parse { source_name, .. } if source_name == "x.toml"),
+                "{bad:?}: {error}"
+            );
+        }
+    }
 
     #[test]
     fn keys_of_any_robot_are_known_without_its_file() {
@@ -163,10 +224,20 @@ mod tests {
             "robot.sensors.gyro",
             "robot.posture.any",
             "stack.tasks.base.weight",
+            "gait.pace.duty",
         ] {
             assert!(check_key(key).is_ok(), "{key}");
         }
-        for key in ["nope", "nope.x", "safety.nope", "robot.nope", "robot.sensors.nope", "robot.posture"] {
+        for key in [
+            "nope",
+            "nope.x",
+            "safety.nope",
+            "robot.nope",
+            "robot.sensors.nope",
+            "robot.posture",
+            "gait.pace",
+            "gait.pace.x",
+        ] {
             assert!(check_key(key).is_err(), "{key}");
         }
     }

@@ -95,7 +95,8 @@ impl Params {
                 return Err(ParamsError::OutOfRange { key: bound.key, found, expected: bound.text() });
             }
         }
-        let Params { robot, wbc, contact, .. } = self;
+        let Params { robot, gait, wbc, contact, .. } = self;
+        gait.check()?;
         for (joint, drive) in &robot.drives {
             let (rated, no_load) = (drive.rated_velocity, drive.no_load_velocity);
             let relation = format!("{joint:?}: rated_velocity less than no_load_velocity");

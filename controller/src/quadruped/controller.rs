@@ -34,7 +34,7 @@ pub const NAME: &str = "quadruped";
 
 /// The controller: parameters, robot, state and scratch memory.
 pub struct Quadruped {
-    params: Params,
+    pub(super) params: Params,
     digest_parameters: i64,
     pub(super) robot: Robot,
     stand_sit: StandSit,
@@ -332,6 +332,10 @@ impl Controller for Quadruped {
     fn restore(&mut self, bytes: &[u8]) -> Result<(), RestoreError> {
         let message = self.snapshot_buffer.get_mut();
         message.decode_into(bytes)?;
+        if self.params.gait.gait(message.gait).is_none() {
+            let (found, last) = (message.gait.into(), self.params.gait.last().into());
+            return Err(RestoreError::Value { field: "gait", found, last });
+        }
         self.state.read(message)
     }
 

@@ -107,7 +107,8 @@ impl Quadruped {
                 .with_unit("v_BF_H_des", "m/s", &references.v_BF_H[leg])
                 .into()
         });
-        state.dump_joints(Part::Gait, state.dump(Part::Gait, Group::new()).with("legs", legs))
+        let robot = Group::new().with("gait", self.params.gait.name(state.gait));
+        state.dump_joints(Part::Gait, state.dump(Part::Gait, robot).with("legs", legs))
     }
 
     /// Whether the robot stands up or sits down: then the stage `gait` computes no gait.
@@ -122,7 +123,8 @@ impl Quadruped {
             overview.base.push(named("move_progress", "", state.move_progress));
             return;
         }
-        overview.gait = Some(GaitSummary { name: state.gait.name(), clock: state.gait_clock });
+        overview.gait =
+            Some(GaitSummary { name: self.params.gait.name(state.gait).to_owned(), clock: state.gait_clock });
         for (leg, contact) in Leg::ALL.into_iter().zip(&mut overview.contacts) {
             contact.phase = Some(phase(state.leg_state[leg]));
             contact.t_phase = Some(state.t_leg[leg]).filter(|t| t.is_finite());

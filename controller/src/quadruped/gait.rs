@@ -19,8 +19,9 @@
 //! is always the same, and a late foot is never in the air together with the feet of the next step.
 
 use super::leg::{Leg, LegPhase, PerLeg};
+use super::params::Gait;
 use super::recovery::ContactEvents;
-use super::state::{Cadence, Gait, Mode, State};
+use super::state::{Cadence, Mode, State};
 use super::timing::{Timing, cyclic, gait_params};
 use crate::params::Params;
 
@@ -126,10 +127,10 @@ pub fn update(
 /// Lift-off phase of the leg that has stood longest; of several, the one whose phase is first. A gait begins with it, so that every leg steps even if the
 /// gait changes often.
 fn phase_of_longest_stance(state: &State, params: &Params) -> f64 {
-    let phases = PerLeg(gait_params(state.gait, params).lift_off_phase);
+    let row = gait_params(state.gait, params);
     let (mut longest, mut first) = (0.0, 1.0);
-    for leg in Leg::ALL {
-        let (t, phase) = (state.t_leg[leg], phases[leg]);
+    for leg in Leg::ALL.into_iter().filter(|leg| row.steps(*leg)) {
+        let (t, phase) = (state.t_leg[leg], row.lift_off_phase[leg as usize]);
         if t > longest || (t == longest && phase < first) {
             (longest, first) = (t, phase);
         }
@@ -220,14 +221,14 @@ mod tests {
 
     #[test]
     fn trot_lifts_diagonals_in_turn_and_crawl_one_leg_at_a_time() {
-        let (_, lifts) = walk(&params(), Gait::Trot, -0.01, 1600);
+        let (_, lifts) = walk(&params(), Gait::TROT, -0.01, 1600);
         let legs: Vec<Leg> = lifts.iter().map(|l| l.1).collect();
         assert_eq!(legs, [Leg::LF, Leg::RH, Leg::RF, Leg::LH, Leg::LF, Leg::RH]);
         assert_eq!(lifts[0].0, lifts[1].0);
         let half = lifts[2].0 - lifts[0].0;
         assert!((half - 556).abs() <= 1, "half a stride is {half} ticks");
 
-        let (_, lifts) = walk(&params(), Gait::Crawl, -0.01, 3700);
+        let (_, lifts) = walk(&params(), Gait::CRAWL, -0.01, 3700);
         let legs: Vec<Leg> = lifts.iter().map(|l| l.1).collect();
         assert_eq!(legs, [Leg::LF, Leg::RH, Leg::RF, Leg::LH, Leg::LF]);
     }
@@ -235,7 +236,7 @@ mod tests {
     #[test]
     fn the_clock_waits_for_a_late_foot_and_keeps_the_order() {
         // 0.1 s late is more than the 0.056 s in which all feet stand: the other pair is due and must wait.
-        let (_, lifts) = walk(&params(), Gait::Trot, 0.1, 1700);
+        let (_, lifts) = walk(&params(), Gait::TROT, 0.1, 1700);
         let legs: Vec<Leg> = lifts.iter().map(|l| l.1).collect();
         assert_eq!(legs[..4], [Leg::LF, Leg::RH, Leg::RF, Leg::LH]);
         let half = lifts[2].0 - lifts[0].0;
@@ -249,7 +250,7 @@ mod tests {
         state.mode = Mode::Stance;
         let mut lifts = [0; 4];
         for tick in 0..20_000 {
-            let gait = if tick / 1000 % 2 == 0 { Gait::Trot } else { Gait::Crawl };
+            let gait = if tick / 1000 % 2 == 0 { Gait::TROT } else { Gait::CRAWL };
             for leg in Leg::ALL {
                 state.contact[leg] = state.leg_state[leg].is_stance() || state.t_leg[leg] >= 0.49;
             }
@@ -272,7 +273,7 @@ mod tests {
         state.leg_state[Leg::LF] = LegPhase::SwingUp;
         state.t_leg = PerLeg::default();
         state.contact = PerLeg([true; 4]);
-        let request = GaitRequest { walk: true, gait: Gait::Trot, cadence: Cadence::default(), step_height: 0.1 };
+        let request = GaitRequest { walk: true, gait: Gait::TROT, cadence: Cadence::default(), step_height: 0.1 };
         let mut landed_at = None;
         for tick in 0..400 {
             if update(&mut state, &params, request, &ContactEvents::default(), 1e-3).touchdown[Leg::LF] {
@@ -286,7 +287,7 @@ mod tests {
 
     #[test]
     fn a_foot_without_ground_contact_is_held_and_the_gait_stops() {
-        let (state, lifts) = walk(&params(), Gait::Trot, 10.0, 3000);
+        let (state, lifts) = walk(&params(), Gait::TROT, 10.0, 3000);
         assert_eq!(state.leg_state[Leg::LF], LegPhase::FaultHold);
         assert_eq!(lifts.len(), 2);
     }
@@ -294,7 +295,7 @@ mod tests {
     #[test]
     fn after_a_request_to_stand_the_steps_are_completed() {
         let params = params();
-        let (mut state, _) = walk(&params, Gait::Trot, -0.01, 200);
+        let (mut state, _) = walk(&params, Gait::TROT, -0.01, 200);
         assert!(!state.leg_state[Leg::LF].is_stance());
         for _ in 0..600 {
             for leg in Leg::ALL {
@@ -303,7 +304,7 @@ mod tests {
             let transitions = update(
                 &mut state,
                 &params,
-                GaitRequest { walk: false, gait: Gait::Trot, cadence: Cadence::default(), step_height: 0.1 },
+                GaitRequest { walk: false, gait: Gait::TROT, cadence: Cadence::default(), step_height: 0.1 },
                 &ContactEvents::default(),
                 1e-3,
             );
@@ -317,7 +318,7 @@ mod tests {
         let params = params();
         let mut state = State::new(12);
         state.mode = Mode::Stance;
-        let request = GaitRequest { walk: true, gait: Gait::Trot, cadence: Cadence::default(), step_height: 0.1 };
+        let request = GaitRequest { walk: true, gait: Gait::TROT, cadence: Cadence::default(), step_height: 0.1 };
         let mut last = 1000.0;
         let step = 1000.0 / 27.0;
         for _ in 0..1000 {

@@ -4,9 +4,9 @@ use super::envelope::{self, Followed, advance, is_reachable, step_factor};
 use super::estimation::Estimate;
 use super::gait::GaitRequest;
 use super::modes::{ModeRequest, OperatorRequest};
-use super::params::{DUTY, STEP_HEIGHT, SWING_FREQUENCY};
+use super::params::{DUTY, Gait, MOST_SWINGING, STEP_HEIGHT, SWING_FREQUENCY};
 use super::robot::Robot;
-use super::state::{Cadence, Gait, State};
+use super::state::{Cadence, State};
 use super::timing::Timing;
 use crate::math::{low_pass, ramp, wrap_angle};
 use crate::params::Params;
@@ -17,6 +17,8 @@ use lcmtypes::{ControllerTick, OperatorCommand};
 const MAX_HEADING_LEAD: f64 = 0.3;
 /// Relative excess of the present velocity over the limit of a gait up to which the robot may change to that gait.
 const SPEED_TOLERANCE: f64 = 0.05;
+/// Speed below which the robot may change to a gait that stays in place, m/s.
+const AT_REST: f64 = 1e-3;
 /// Difference of a number from its request or limit that is not reported, in its own unit.
 const LIMITED: f64 = 1e-6;
 
@@ -37,8 +39,9 @@ pub fn update_references(
 ) -> GaitRequest {
     let none = OperatorCommand::default();
     let op = if request.mode == ModeRequest::None { &none } else { op };
-    let (timing_range, pose_range) = (timing_out_of_range(op), pose_out_of_range(params, op));
-    let requested = gait_request(params, state, op, request, timing_range.is_some());
+    let gait = params.gait.gait(op.gait).unwrap_or(state.gait);
+    let (timing_range, pose_range) = (timing_out_of_range(params, gait, op), pose_out_of_range(params, op));
+    let requested = gait_request(params, state, gait, op, request, timing_range.is_some());
 
     let next = Timing::at(requested.gait, requested.cadence, params);
     let timing = if state.gait_running { Timing::of(state, params) } else { next };
@@ -75,15 +78,11 @@ pub fn update_references(
 fn gait_request(
     params: &Params,
     state: &State,
+    gait: Gait,
     op: &OperatorCommand,
     request: &OperatorRequest,
     keeps_timing: bool,
 ) -> GaitRequest {
-    let gait = match op.gait {
-        OperatorCommand::GAIT_TROT => Gait::Trot,
-        OperatorCommand::GAIT_CRAWL => Gait::Crawl,
-        _ => state.gait,
-    };
     let walk = request.mode == ModeRequest::Walk;
     if keeps_timing {
         return GaitRequest { walk, gait, cadence: state.cadence(), step_height: 0.0 };
@@ -99,7 +98,8 @@ fn admitted(robot: &Robot, params: &Params, state: &State, requested: &GaitReque
         return *requested;
     }
     let now = Followed::of(state);
-    let is_slow = step_factor(robot, params, next, now.v_H, now.yaw_rate) * (1.0 + SPEED_TOLERANCE) >= 1.0;
+    let is_slow = step_factor(robot, params, next, now.v_H, now.yaw_rate) * (1.0 + SPEED_TOLERANCE) >= 1.0
+        || envelope::fastest(robot, now.v_H, now.yaw_rate) < AT_REST;
     if is_slow && can_begin(robot, params, next, &now) {
         *requested
     } else {
@@ -198,10 +198,15 @@ fn limited(first: usize, asked: [f64; 3], followed: [f64; 3]) -> Option<Fault> {
     fault(ControllerTick::FAULT_OPERATOR_LIMITED, Some(first + k), followed[k])
 }
 
-/// The first of swing frequency, duty factor and step height that is out of its range. 0 means "not commanded" and is in range.
-fn timing_out_of_range(op: &OperatorCommand) -> Option<Fault> {
+/// The first of swing frequency, duty factor and step height that is out of its range. 0 means "not commanded" and is in range. A duty factor with
+/// which fewer than two legs stand at some moment of the gait is out of range too.
+fn timing_out_of_range(params: &Params, gait: Gait, op: &OperatorCommand) -> Option<Fault> {
     let numbers = [(op.swing_frequency, SWING_FREQUENCY), (op.duty, DUTY), (op.step_height, STEP_HEIGHT)];
-    let index = numbers.iter().position(|(x, range)| *x != 0.0 && !(range.contains)(*x))?;
+    let unsupported = |k: usize, x: f64| k == 1 && params.gait.timing(gait).most_swinging(x).1 > MOST_SWINGING;
+    let index = (0..3).find(|&k| {
+        let (x, range) = &numbers[k];
+        *x != 0.0 && (!(range.contains)(*x) || unsupported(k, *x))
+    })?;
     fault(ControllerTick::FAULT_OPERATOR_RANGE, Some(index), numbers[index].0)
 }
 

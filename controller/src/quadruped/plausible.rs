@@ -13,6 +13,8 @@ const LARGEST_FOOT: f64 = 0.25;
 const RADIUS_TOLERANCE: f64 = 0.2;
 /// Largest plausible distance of a foot's sphere from the origin of its link, m.
 const LARGEST_OFFSET: f64 = 1e-3;
+/// Part of the stride on the legs of one side or end up to which it is not reported.
+const SHORTEST_ONE_SIDED: f64 = 1e-6;
 
 /// A property that is probably a mistake.
 #[derive(Clone, Debug, PartialEq)]
@@ -57,6 +59,15 @@ pub enum Implausible {
         /// Name in the URDF.
         urdf: String,
     },
+    /// A gait stands on the two legs of one side or end only.
+    OneSided {
+        /// The gait.
+        gait: String,
+        /// The two legs.
+        legs: [Leg; 2],
+        /// Part of the stride.
+        part: f64,
+    },
     /// Links that cannot touch anything: they have only meshes or no shape.
     TouchNothing {
         /// The links.
@@ -84,6 +95,13 @@ impl fmt::Display for Implausible {
                 other.name()
             ),
             Self::Name { found, urdf } => write!(f, "robot.name is \"{found}\", the URDF is of \"{urdf}\""),
+            Self::OneSided { gait, legs: [a, b], part } => write!(
+                f,
+                "gait {gait}: only {} and {} stand for {:.0} % of the stride; the robot tips to the other side meanwhile",
+                a.name(),
+                b.name(),
+                100.0 * part
+            ),
             Self::TouchNothing { links } => write!(
                 f,
                 "links without a primitive shape: {}; in a simulation, links with a mesh receive a shape from joint to joint (all links, if the trunk has \
@@ -99,7 +117,7 @@ impl fmt::Display for Implausible {
 /// # Errors
 /// No controller can be built: see [`Robot::new`].
 pub fn implausible(urdf: &str, params: &str) -> Result<Vec<Implausible>, LoadError> {
-    let config = Params::from_toml(params, "parameters")?.robot;
+    let Params { robot: config, gait: gaits, .. } = Params::from_toml(params, "parameters")?;
     let robot = Robot::new(urdf, &config)?;
     let tree = UrdfTree::parse(urdf, &config.urdf)?;
     let RobotConfig { name, feet, foot_radius, .. } = &config;
@@ -126,6 +144,15 @@ pub fn implausible(urdf: &str, params: &str) -> Result<Vec<Implausible>, LoadErr
     let limit = LARGEST_FOOT * (robot.nominal_height - foot_radius).abs();
     let is_large = *foot_radius > limit;
     found.extend(other_radius.or(is_large.then_some(Implausible::LargeFootRadius { found: *foot_radius, limit })));
+    for number in 0..=gaits.last() {
+        let Some(gait) = gaits.gait(number) else { continue };
+        for legs in [[Leg::LF, Leg::LH], [Leg::RF, Leg::RH], [Leg::LF, Leg::RF], [Leg::LH, Leg::RH]] {
+            let part = gaits.timing(gait).part_on(legs);
+            if part > SHORTEST_ONE_SIDED {
+                found.push(Implausible::OneSided { gait: gaits.name(gait).to_owned(), legs, part });
+            }
+        }
+    }
     let place = |leg: Leg| robot.legs[leg].p_nominal_H;
     for (first, second, axis, expected) in [
         (Leg::LF, Leg::LH, 0, "in front of"),

@@ -19,6 +19,7 @@ use super::estimation::Estimate;
 use super::foothold::{self, Query};
 use super::gait::Transitions;
 use super::leg::{Leg, LegPhase, PerLeg};
+use super::params::GaitTiming;
 use super::recovery;
 use super::robot::Robot;
 use super::state::{Mode, State};
@@ -136,8 +137,9 @@ impl References {
         let t = state.t_leg[leg];
         let R_HW = estimate.base.R_WH.transpose();
         let mut p_virtual_H = virtual_foothold(robot, state, leg);
-        // Sway of the base at the planned touchdown.
-        let sway = sway::at_clock(robot, params, state, timing.lift_off[leg] + timing.T_sw);
+        // Sway of the base at the planned touchdown; now for a leg that never lifts off and searches for the ground.
+        let touchdown = if timing.steps(leg) { timing.lift_off[leg] + timing.T_sw } else { state.gait_clock };
+        let sway = sway::at_clock(robot, params, state, touchdown);
         p_virtual_H.x -= sway[0];
         p_virtual_H.y -= sway[1];
         if t < timing.T_sw * (1.0 - params.foothold.freeze_fraction) {
@@ -284,16 +286,21 @@ fn velocity_at(p_H: [f64; 2], robot: &Robot, params: &Params, state: &State) -> 
 /// The part of [`velocity_at`] that is the same for all feet. Without the sweep it is the velocity of the base.
 fn sweep_velocity(robot: &Robot, params: &Params, state: &State) -> [f64; 2] {
     let row = gait_params(state.gait, params);
-    let trim = if row.sway > 0.0 { [0.0; 2] } else { state.v_trim_H };
+    let trim = if trims(row) { state.v_trim_H } else { [0.0; 2] };
     let ratio = if params.posture.stance_sweep { robot.sweep } else { [1.0; 2] };
     [0, 1].map(|k| row.velocity_gain * ratio[k] * (state.v_H_des[k] + trim[k]))
 }
 
+/// Whether the commanded velocity is trimmed: not in gaits with planned sway, where it causes falls, and not in a gait in which a leg never lifts
+/// off, which stays in place.
+fn trims(row: &GaitTiming) -> bool {
+    row.sway == 0.0 && row.all_step()
+}
+
 /// Updates the trim of the commanded velocity: a slow integral of the difference between commanded velocity and the velocity that the legs
-/// measure. It compensates losses at the feet and on the ground. It is off in gaits with planned sway, where it causes falls.
+/// measure. It compensates losses at the feet and on the ground.
 fn trim(params: &Params, state: &mut State, dt: f64) {
-    let sways = gait_params(state.gait, params).sway > 0.0;
-    if state.mode != Mode::Walk || state.gait_clock < 0.0 || sways {
+    if state.mode != Mode::Walk || state.gait_clock < 0.0 || !trims(gait_params(state.gait, params)) {
         return;
     }
     let limit = params.foothold.max_speed_trim;

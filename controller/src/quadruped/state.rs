@@ -2,8 +2,9 @@
 
 use super::fields::{self, Field, Part, enum_field, state_fields};
 use super::leg::{Leg, LegPhase, PerLeg};
+use super::params::Gait;
 use crate::digest::Digest;
-use crate::dump::Group;
+use crate::dump::{Group, Value};
 use crate::error::RestoreError;
 use crate::safety::Fault;
 use lcmtypes::{QuadrupedState, RobotState, enum_names};
@@ -37,23 +38,40 @@ impl Mode {
     }
 }
 
-/// The order in which legs swing.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Gait {
-    /// Diagonal pairs.
-    #[default]
-    Trot,
-    /// One leg at a time.
-    Crawl,
-}
+/// A snapshot may contain any number: [`super::params::GaitParams::gait`] checks it against the parameters.
+impl Field for Gait {
+    type Message = i8;
 
-impl Gait {
-    /// All gaits, by their number in `operator_command_t`.
-    pub const ALL: [Gait; 2] = [Gait::Trot, Gait::Crawl];
+    #[inline(always)]
+    fn to_message(self) -> i8 {
+        self.number()
+    }
 
-    /// Name, as in dumps.
-    pub fn name(self) -> &'static str {
-        ["Trot", "Crawl"][self as usize]
+    fn from_message(field: &'static str, message: i8) -> Result<Self, RestoreError> {
+        let number = u8::try_from(message).map_err(|_| RestoreError::Value {
+            field,
+            found: message.into(),
+            last: i8::MAX.into(),
+        })?;
+        Ok(Gait::numbered(number))
+    }
+
+    fn all(self, _: fn(f64) -> bool) -> bool {
+        true
+    }
+
+    #[inline(always)]
+    fn digest(self, digest: &mut Digest) {
+        digest.word(u64::from(self.number().cast_unsigned()));
+    }
+
+    fn value(self) -> Value {
+        i32::from(self.number()).into()
+    }
+
+    #[cfg(test)]
+    fn example(n: u8) -> Self {
+        Gait::numbered(1 + n % 100)
     }
 }
 
@@ -106,7 +124,6 @@ impl MovePhase {
 
 enum_field! {
     Mode, mode => mode.name();
-    Gait, gait => gait.name();
     LegPhase, phase => phase.name();
     MovePhase, phase => phase.name();
 }
@@ -136,7 +153,7 @@ state_fields! {
         sway_rate_H: [f64; 2], unit "m/s", digest [], dump [];
         sway_rest_H: [f64; 2], unit "m", digest [], dump [];
         sway_rest_rate_H: [f64; 2], unit "m/s", digest [], dump [];
-        gait: Gait, digest [Gait], dump [Gait];
+        gait: Gait, digest [Gait], dump [];
         gait_running: bool, digest [], dump [Gait];
         mode: Mode, digest [Gait, StandSit], dump [Output];
         fault: i32, digest [], dump [Output as "fault_code"];
@@ -271,7 +288,7 @@ mod tests {
         ];
         assert_eq!(Mode::ALL.map(|mode| mode as i8), modes);
         let gaits = [OperatorCommand::GAIT_TROT, OperatorCommand::GAIT_CRAWL];
-        assert_eq!(Gait::ALL.map(|gait| gait as i8), gaits);
+        assert_eq!([Gait::TROT, Gait::CRAWL].map(Gait::number), gaits);
         let moves = [
             QuadrupedState::MOVE_NONE,
             QuadrupedState::MOVE_GATHER,
@@ -341,7 +358,7 @@ mod tests {
         };
         assert_eq!(value(|m| m.leg_state[2] = 9), ("leg_state", 9, 4));
         assert_eq!(value(|m| m.mode = -1), ("mode", -1, 5));
-        assert_eq!(value(|m| m.gait = 2), ("gait", 2, 1));
+        assert_eq!(value(|m| m.gait = -1), ("gait", -1, 127));
         assert_eq!(value(|m| m.move_phase = 7), ("move_phase", 7, 6));
         let not_finite = |change| match read(change).unwrap_err() {
             RestoreError::NotFinite { field } => field,

@@ -74,7 +74,7 @@ pub fn at_clock(robot: &Robot, params: &Params, state: &State, clock: f64) -> [f
     let risen = (1.0 + clock / timing.lead_in).clamp(0.0, 1.0);
     let risen = risen * risen * (3.0 - 2.0 * risen);
     let mut sway = [0.0; 2];
-    for leg in Leg::ALL {
+    for leg in Leg::ALL.into_iter().filter(|leg| timing.steps(*leg)) {
         let since = cyclic(clock - timing.lift_off[leg] + timing.T_ramp, timing.T);
         let weight = 0.5 * part * risen * response(since, until_next(&timing.lift_off, leg, timing.T), timing.T, k);
         let [from, to] = [leg, leg.opposite()].map(|leg| robot.legs[leg].p_nominal_H);

@@ -74,7 +74,7 @@ impl Messages {
     pub fn legs(&mut self, params: &Params, estimate: &Estimate, references: &References, wbc: &Wbc, state: &State) {
         let m = &mut self.legs;
         (m.t_ns, m.tick) = (state.t_ns, state.tick);
-        m.gait = state.gait as i8;
+        m.gait = state.gait.number();
         let T = Timing::of(state, params).T;
         m.gait_phase = cyclic(state.gait_clock / T + state.first_phase, 1.0);
         let R_HW = estimate.base.R_WH.transpose();

@@ -11,7 +11,7 @@ use controller::quadruped::Quadruped;
 use controller::quadruped::estimation::Estimate;
 use controller::quadruped::leg::Leg;
 use controller::quadruped::robot::Robot;
-use controller::quadruped::state::{Cadence, Gait};
+use controller::quadruped::state::Cadence;
 use controller::quadruped::timing::Timing;
 use controller::{Controller, Outbox};
 use lcmtypes::{
@@ -227,7 +227,7 @@ impl Puppet {
 
     /// The weight, shared by the feet on the ground. Most feet touch down a little early, some late, the third one very late.
     fn forces(&mut self, legs: &LegState) -> [Vector3<f64>; 4] {
-        let gait = Gait::ALL[usize::try_from(legs.gait).unwrap()];
+        let gait = self.params.gait.gait(legs.gait).unwrap();
         let T_sw = Timing::at(gait, Cadence::default(), &self.params).T_sw;
         let mut loaded = [true; 4];
         for (i, loaded) in loaded.iter_mut().enumerate() {

@@ -12,10 +12,11 @@ use crate::sensors::NoiseParams;
 use crate::start::StartParams;
 use crate::terrain::TerrainParams;
 use controller::params::exact::array;
+use controller::quadruped::params::GaitParams;
 use serde::Deserialize;
 
 /// Reads and checks a text; see [`Scenario::parse`].
-pub(super) fn parse(text: &str, source_name: &str) -> Result<Scenario, DriverError> {
+pub(super) fn parse(text: &str, source_name: &str, gaits: &GaitParams) -> Result<Scenario, DriverError> {
     let file: ScenarioFile = toml::from_str(text).map_err(|error| parse_error(text, source_name, &error))?;
     let at = |table: &'static str, number: usize| Place { text, file: source_name, table, number };
 
@@ -31,7 +32,7 @@ pub(super) fn parse(text: &str, source_name: &str) -> Result<Scenario, DriverErr
     for (index, key) in file.operator.iter().enumerate() {
         let place = at("operator", index + 1);
         place.check(check_range("t_s", &[key.t_s], last_t_s..=36_000.0))?;
-        place.check(key.check())?;
+        place.check(key.check(gaits))?;
         last_t_s = key.t_s;
     }
     let mut pushes = Vec::with_capacity(file.push.len());
@@ -64,7 +65,7 @@ pub(super) fn parse(text: &str, source_name: &str) -> Result<Scenario, DriverErr
         noise: file.noise,
         drives: file.drives,
         start: file.start,
-        operator: OperatorScript::new(&file.operator),
+        operator: OperatorScript::new(&file.operator, gaits),
         pushes,
         floors,
         faults,

@@ -73,7 +73,9 @@ impl OperatorInput {
     }
 
     fn set(&mut self, key: &str, value: &str) -> Result<(), ScriptError> {
-        let Limits { speed, yaw_rate, orientation, height, .. } = self.limits;
+        let Limits { orientation, height, .. } = self.limits;
+        // A line may set the velocity before the gait.
+        let [speed, yaw_rate] = [self.limits.largest(|gait| gait.speed), self.limits.largest(|gait| gait.yaw_rate)];
         let within = |limit: f64| number(key, value, |x| x.abs() <= limit, || format!("-{limit} to {limit}"));
         // 0 selects the value of the parameters, as in the message.
         let fits = |Range { contains, expected }: Range| {
@@ -95,14 +97,12 @@ impl OperatorInput {
             "duty" => self.duty = fits(DUTY)?,
             "step_height" => self.step_height = fits(STEP_HEIGHT)?,
             "gait" => {
-                self.gait = match value {
-                    "trot" => OperatorCommand::GAIT_TROT,
-                    "crawl" => OperatorCommand::GAIT_CRAWL,
-                    _ => {
-                        let (key, found, expected) = (key.to_owned(), value.to_owned(), "trot or crawl".to_owned());
-                        return Err(ScriptError::Value { key, found, expected });
-                    }
-                }
+                let names: Vec<&str> = self.limits.gaits.iter().map(|gait| &*gait.name).collect();
+                let Some(gait) = names.iter().position(|name| *name == value) else {
+                    let (key, found, expected) = (key.to_owned(), value.to_owned(), names.join(", "));
+                    return Err(ScriptError::Value { key, found, expected });
+                };
+                self.gait = gait;
             }
             _ => return Err(ScriptError::Key { key: key.to_owned() }),
         }

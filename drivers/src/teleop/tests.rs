@@ -9,7 +9,12 @@ type Op = OperatorCommand;
 type Tick = ControllerTick;
 
 const MS: i64 = 1_000_000;
-const LIMITS: Limits = Limits { speed: 0.6, yaw_rate: 0.8, crawl: (0.1, 0.2), orientation: 0.35, height: 0.12 };
+/// A robot that also has a gait in which it stays in place.
+fn limits() -> Limits {
+    let gaits = [("trot", 0.6, 0.8), ("crawl", 0.1, 0.2), ("single_leg", 0.0, 0.0)];
+    let gaits = gaits.map(|(name, speed, yaw_rate)| GaitLimits { name: name.to_owned(), speed, yaw_rate });
+    Limits { gaits: gaits.into(), orientation: 0.35, height: 0.12 }
+}
 const FORWARD: Press = Press::Move(Axis::Forward, Sign::Plus);
 const BACK: Press = Press::Move(Axis::Forward, Sign::Minus);
 const TURN: Press = Press::Move(Axis::Turn, Sign::Plus);
@@ -21,7 +26,7 @@ const NOT_STANDING: &str = "not standing: press Enter first";
 const NOT_STANDING_PAD: &str = "not standing: press Start first";
 
 fn walking() -> OperatorInput {
-    let mut input = OperatorInput::new(LIMITS);
+    let mut input = OperatorInput::new(limits());
     input.set_robot_mode(Tick::MODE_STANCE);
     input.press(Press::Walk, 0).unwrap();
     input
@@ -42,7 +47,7 @@ fn a_new_operator_starts_with_the_mode_of_the_robot() {
         (Tick::MODE_STANCE, Op::MODE_STAND),
         (Tick::MODE_WALK, Op::MODE_STAND),
     ] {
-        let mut input = OperatorInput::new(LIMITS);
+        let mut input = OperatorInput::new(limits());
         assert_eq!(input.command(0), None, "the mode of the robot is unknown");
         input.set_robot_mode(robot);
         assert_eq!(input.command(0).map(|c| (c.mode, c.seq)), Some((first, 0)));
@@ -51,7 +56,7 @@ fn a_new_operator_starts_with_the_mode_of_the_robot() {
 
 #[test]
 fn a_new_operator_of_a_damped_robot_sends_nothing() {
-    let mut input = OperatorInput::new(LIMITS);
+    let mut input = OperatorInput::new(limits());
     input.set_robot_mode(Tick::MODE_DAMPING);
     assert_eq!(input.command(0), None);
     assert_eq!(input.press(Press::Posture, 0), Err(STOPPED));
@@ -156,7 +161,7 @@ fn poses_stay_within_their_limits_and_are_reset() {
 
 #[test]
 fn keys_lead_from_lying_to_walking_and_back() {
-    let mut input = OperatorInput::new(LIMITS);
+    let mut input = OperatorInput::new(limits());
     input.set_robot_mode(Tick::MODE_IDLE);
     assert_eq!(input.press(Press::Walk, 0), Err(NOT_STANDING));
     let mut modes = Vec::new();
@@ -177,7 +182,7 @@ fn keys_lead_from_lying_to_walking_and_back() {
 
 #[test]
 fn reset_requests_idle_while_sitting() {
-    let mut input = OperatorInput::new(LIMITS);
+    let mut input = OperatorInput::new(limits());
     input.set_robot_mode(Tick::MODE_STANCE);
     input.press(Press::Posture, 0).unwrap();
     assert_eq!(input.mode(), Some(Op::MODE_SIT));
@@ -201,7 +206,7 @@ fn an_emergency_stop_stays_until_it_is_cleared() {
     assert_eq!(sent(&mut input, 4).2, Op::MODE_IDLE);
     input.press(Press::Posture, 5 * MS).unwrap();
     assert_eq!(sent(&mut input, 5).2, Op::MODE_STAND);
-    let untouched = OperatorInput::new(LIMITS).press(Press::Stop, 0);
+    let untouched = OperatorInput::new(limits()).press(Press::Stop, 0);
     assert_eq!(untouched, Ok(()), "while the mode of the robot is unknown");
 }
 
@@ -223,7 +228,7 @@ fn leaving_stands_a_walking_robot_and_clears_no_stop() {
     for (mode, left) in
         [("walk", Op::MODE_STAND), ("sit", Op::MODE_SIT), ("idle", Op::MODE_IDLE), ("estop", Op::MODE_DAMPING)]
     {
-        let mut input = OperatorInput::new(LIMITS);
+        let mut input = OperatorInput::new(limits());
         input.apply_line(mode).unwrap();
         input.leave();
         assert_eq!(sent(&mut input, 0), ([0.0; 2], 0.0, left));
@@ -239,7 +244,7 @@ fn messages_are_numbered() {
 
 #[test]
 fn the_robot_walks_while_the_bumper_is_held() {
-    let mut input = OperatorInput::new(LIMITS);
+    let mut input = OperatorInput::new(limits());
     input.set_robot_mode(Tick::MODE_STANCE);
     let mut pad = PadState { forward: 1.0, left: 1.0, turn: -0.5, pitch: 1.0, ..PadState::default() };
     input.apply_pad(&pad, 0).unwrap();
@@ -260,7 +265,7 @@ fn the_robot_walks_while_the_bumper_is_held() {
 #[test]
 fn the_bumper_does_not_make_a_lying_robot_stand() {
     for robot in [Tick::MODE_IDLE, Tick::MODE_SIT, Tick::MODE_DAMPING] {
-        let mut input = OperatorInput::new(LIMITS);
+        let mut input = OperatorInput::new(limits());
         input.set_robot_mode(robot);
         let before = input.mode();
         let pad = PadState { bumper: true, forward: 1.0, ..PadState::default() };
@@ -272,7 +277,7 @@ fn the_bumper_does_not_make_a_lying_robot_stand() {
 
 #[test]
 fn buttons_act_when_pressed_and_the_stop_overrides_all() {
-    let mut input = OperatorInput::new(LIMITS);
+    let mut input = OperatorInput::new(limits());
     input.set_robot_mode(Tick::MODE_IDLE);
     let mut pad = PadState::default();
     pad.set(Button::Start, true);
@@ -303,7 +308,7 @@ fn sticks_have_a_dead_zone_and_full_range() {
 
 #[test]
 fn lines_are_commands() {
-    let mut input = OperatorInput::new(LIMITS);
+    let mut input = OperatorInput::new(limits());
     assert_eq!(input.apply_line("vx=0.2 walk gait=crawl  # slowly"), Ok(Duration::ZERO));
     assert_eq!(sent(&mut input, 1_000_000), ([0.1, 0.0], 0.0, Op::MODE_WALK), "until another value is set");
     assert_eq!(input.apply_line("wait 2.5"), Ok(Duration::from_millis(2500)));
@@ -349,4 +354,32 @@ fn in_a_crawl_a_key_press_asks_for_a_part_of_what_a_crawl_allows() {
     assert_eq!(sent(&mut input, 20).0, [0.05, 0.0]);
     input.press(TURN, 20 * MS).unwrap();
     assert_eq!(sent(&mut input, 20).1, 0.1);
+    input.press(Press::Gait, 30 * MS).unwrap();
+    input.press(FORWARD, 30 * MS).unwrap();
+    assert_eq!(sent(&mut input, 30).0, [0.0; 2], "a gait that stays in place");
+}
+
+#[test]
+fn the_gait_key_goes_through_all_gaits_and_lines_name_them() {
+    let mut input = walking();
+    let gaits = [(); 4].map(|()| {
+        input.press(Press::Gait, 0).unwrap();
+        input.command(0).unwrap().gait
+    });
+    assert_eq!(gaits, [1, 2, 0, 1]);
+    input.apply_line("gait=single_leg").unwrap();
+    assert_eq!((input.command(0).unwrap().gait, &*input.gait().name), (2, "single_leg"));
+    // The gaits of another run: the same name has another number.
+    let mut other = limits();
+    other.gaits.insert(2, GaitLimits { name: "pace".to_owned(), speed: 0.5, yaw_rate: 0.5 });
+    input.set_limits(&other);
+    assert_eq!(input.command(0).unwrap().gait, 3);
+    input.set_limits(&Limits::default());
+    assert_eq!(input.command(0).unwrap().gait, Op::GAIT_TROT, "a gait that the run does not have");
+    let unknown = |found: &str, expected: &str| ScriptError::Value {
+        key: "gait".to_owned(),
+        found: found.to_owned(),
+        expected: expected.to_owned(),
+    };
+    assert_eq!(input.apply_line("gait=pace"), Err(unknown("pace", "trot, crawl")));
 }

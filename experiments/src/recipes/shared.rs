@@ -30,7 +30,7 @@ pub(super) fn speed<T>(name: &str, samples: &[Sample<T>]) -> Vec<Row> {
 
 /// Every parameter outside `[robot]`, by its dotted key.
 pub(super) fn parameters(robot: &str, preset: Option<&str>) -> anyhow::Result<BTreeMap<String, String>> {
-    let mut table: toml::Table = RobotFiles::find_changed(robot, preset, &[])?.1.parse()?;
+    let mut table: toml::Table = RobotFiles::find_changed(robot, preset, &[], &[])?.1.parse()?;
     table.remove("robot");
     Ok(key_values(&table).into_iter().collect())
 }

@@ -11,7 +11,7 @@ mod tasks;
 mod wbc;
 
 pub use contact::{ContactParams, TerrainParams};
-pub use gait::{DUTY, GaitParams, GaitTiming, SWING_FREQUENCY};
+pub use gait::{DUTY, Gait, GaitParams, GaitTiming, MOST_SWINGING, NEVER, SWING_FREQUENCY};
 pub use recovery::RecoveryParams;
 pub use stand::StandParams;
 pub use swing::{FootholdParams, STEP_HEIGHT, StepRule, SwingParams};
