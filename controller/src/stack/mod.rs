@@ -32,9 +32,9 @@ pub use rows::Rows;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 
-/// The weighted stack of the source, eq. (15). The source requires a ratio of at least 1e3 between the weights of adjacent tasks.
+/// The weighted stack of the source, eq. (15), and the torque limits, which the source does not have. The source requires a ratio of at least 1e3 between the weights of adjacent tasks.
 pub const S1: &str = "1e6 contact + 1e3 trunk + posture << base_dynamics << friction << joint_acceleration << force_bounds << torque_limits";
-/// The hierarchical stack of the source, eq. (14).
+/// The hierarchical stack of the source, eq. (14), and the torque limits.
 pub const S3: &str =
     "contact / trunk / posture << base_dynamics << friction << joint_acceleration << force_bounds << torque_limits";
 

@@ -51,6 +51,7 @@ const DEPARTURES: &[Departure] = &[
     },
     Departure { name: "feed-forward", keys: &["posture.feed_forward"] },
     Departure { name: "friction margin", keys: &["wbc.friction"] },
+    Departure { name: "torque limits", keys: &["stack.formula"] },
 ];
 
 /// A controller to compare: its name, and how it changes a run.
