@@ -44,7 +44,6 @@ fn both_robots_get_up_and_sit_down_on_flat_and_slightly_rough_ground() {
                 let at = |truth: &GroundTruth| [truth.p_WB[0], truth.p_WB[1]];
                 let ([x, y], [x_end, y_end]) = (at(&seen.truth[7400]), at(seen.truth.last().unwrap()));
                 let slid = (x_end - x).hypot(y_end - y);
-                eprintln!("{what}: slid {slid} x {} y {}", x_end - x, y_end - y);
                 let most = if ground == FLAT { 0.05 } else { 0.12 };
                 assert!(slid < most, "{what}: the base slid {slid} m");
                 let fastest = seen.truth.iter().fold(0.0_f64, |most, truth| most.min(truth.v_WB[2]));

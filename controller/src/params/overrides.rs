@@ -102,14 +102,14 @@ fn copy(from: &toml::Table, to: &mut toml::Table, key: &str) {
     }
 }
 
-/// Checks that a key names a parameter, for any robot: the joints of `robot.posture` and `robot.lying` and the keys of `[stack.tasks]` depend on the
-/// robot's file and pass, and so does the name of a further gait.
+/// Checks that a key names a parameter, for any robot: the joints of `robot.posture`, `robot.lying` and `robot.drives`, the keys of `[stack.tasks]` and the
+/// names of further gaits depend on the robot's file and are not checked.
 ///
 /// # Errors
 /// [`ParamsError::UnknownKey`]
 pub fn check_key(key: &str) -> Result<(), ParamsError> {
     const ANY_ROBOT: &str = "[robot]\nname = \"\"\nurdf = \"\"\nfeet = [\"\", \"\", \"\", \"\"]\nfoot_radius = 1.0\nimu_link = \"\"\nposture = {}\n";
-    if ["robot.posture.", "robot.lying.", "stack.tasks."].iter().any(|table| key.starts_with(table)) {
+    if ["robot.posture.", "robot.lying.", "robot.drives.", "stack.tasks."].iter().any(|table| key.starts_with(table)) {
         return Ok(());
     }
     let of_gait = match key.split('.').collect::<Vec<_>>()[..] {
@@ -223,6 +223,7 @@ mod tests {
             "robot.foot_radius",
             "robot.sensors.gyro",
             "robot.posture.any",
+            "robot.drives.any.power",
             "stack.tasks.base.weight",
             "gait.pace.duty",
         ] {

@@ -74,7 +74,8 @@ pub fn update_references(
     admitted(robot, params, state, &requested, &next)
 }
 
-/// The gait that the operator requests. If a number of its timing is out of range, the timing is the present one.
+/// The gait that the operator requests. If a number of its timing is out of range, the timing is the present one, and so is the gait if the requested
+/// one does not keep two legs on the ground with that timing.
 fn gait_request(
     params: &Params,
     state: &State,
@@ -85,7 +86,9 @@ fn gait_request(
 ) -> GaitRequest {
     let walk = request.mode == ModeRequest::Walk;
     if keeps_timing {
-        return GaitRequest { walk, gait, cadence: state.cadence(), step_height: 0.0 };
+        let cadence = state.cadence();
+        let gait = if keeps_two_legs(params, gait, cadence.duty) { gait } else { state.gait };
+        return GaitRequest { walk, gait, cadence, step_height: 0.0 };
     }
     let step_height = if op.step_height > 0.0 { op.step_height } else { params.swing.height };
     GaitRequest { walk, gait, cadence: Cadence { swing_frequency: op.swing_frequency, duty: op.duty }, step_height }
@@ -198,14 +201,18 @@ fn limited(first: usize, asked: [f64; 3], followed: [f64; 3]) -> Option<Fault> {
     fault(ControllerTick::FAULT_OPERATOR_LIMITED, Some(first + k), followed[k])
 }
 
+/// Whether two legs stand at every moment of a gait with a commanded duty factor; 0 is the duty factor of the parameters, which have been checked.
+fn keeps_two_legs(params: &Params, gait: Gait, duty: f64) -> bool {
+    duty == 0.0 || params.gait.timing(gait).most_swinging(duty).1 <= MOST_SWINGING
+}
+
 /// The first of swing frequency, duty factor and step height that is out of its range. 0 means "not commanded" and is in range. A duty factor with
 /// which fewer than two legs stand at some moment of the gait is out of range too.
 fn timing_out_of_range(params: &Params, gait: Gait, op: &OperatorCommand) -> Option<Fault> {
     let numbers = [(op.swing_frequency, SWING_FREQUENCY), (op.duty, DUTY), (op.step_height, STEP_HEIGHT)];
-    let unsupported = |k: usize, x: f64| k == 1 && params.gait.timing(gait).most_swinging(x).1 > MOST_SWINGING;
     let index = (0..3).find(|&k| {
         let (x, range) = &numbers[k];
-        *x != 0.0 && (!(range.contains)(*x) || unsupported(k, *x))
+        *x != 0.0 && (!(range.contains)(*x) || (k == 1 && !keeps_two_legs(params, gait, *x)))
     })?;
     fault(ControllerTick::FAULT_OPERATOR_RANGE, Some(index), numbers[index].0)
 }
@@ -220,4 +227,35 @@ fn pose_out_of_range(params: &Params, op: &OperatorCommand) -> Option<Fault> {
     ];
     let index = numbers.iter().position(|(x, limit)| x.abs() > limit + LIMITED)?;
     fault(ControllerTick::FAULT_OPERATOR_RANGE, Some(POSE + index), numbers[index].0)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::params::{add_gaits, apply_overrides};
+
+    const FURTHER: &str = "[gait.quick]\nduty = 0.85\nswing_frequency = 4.0\nlift_off_phase = [0.0, 0.1, 0.2, 0.3]\n";
+
+    #[test]
+    fn no_command_leaves_fewer_than_two_legs_on_the_ground() {
+        let hyq = include_str!("../../../robots/hyq/hyq.toml");
+        let text = apply_overrides(&add_gaits(hyq, FURTHER, "quick.toml").unwrap(), &[]).unwrap();
+        let params = Params::from_toml(&text, "test").unwrap();
+        let quick = params.gait.named("quick").unwrap();
+        let walk = OperatorRequest { mode: ModeRequest::Walk, rejected: None };
+        let mut state = State::new(12);
+        let requested = |state: &State, swing_frequency: f64, duty: f64| {
+            let op = OperatorCommand { gait: quick.number(), swing_frequency, duty, ..OperatorCommand::default() };
+            let rejected = timing_out_of_range(&params, quick, &op);
+            let request = gait_request(&params, state, quick, &op, &walk, rejected.is_some());
+            (rejected.map(|fault| fault.index), request.gait, request.cadence.duty)
+        };
+        assert_eq!(requested(&state, 0.0, 0.0), (None, quick, 0.0));
+        assert_eq!(requested(&state, 0.0, 0.8), (None, quick, 0.8), "two legs swing");
+        assert_eq!(requested(&state, 0.0, 0.6), (Some(1), quick, 0.0), "four legs would swing");
+        // With a rejected frequency the present duty factor stays, with which the gait cannot be walked.
+        assert_eq!(requested(&state, 99.0, 0.0), (Some(0), quick, 0.0));
+        state.duty = 0.6;
+        assert_eq!(requested(&state, 99.0, 0.0), (Some(0), Gait::TROT, 0.6));
+    }
 }

@@ -8,9 +8,9 @@
 //! foot motion due to the rotation of the base, so that swing and trunk do not disturb each other.
 //!
 //! - Swing: `r_d` moves on the ellipse from the lift-off position; `q_d` starts at the measured position.
-//! - Stance, with `posture.stance_sweep`: `r_d` moves backward under the base at the commanded velocity, through the virtual foothold at mid-stance. The integral ζ of the height
-//!   error shifts it up or down, and the sway of the gait shifts it sideways. `q_d` starts at its touchdown value, and the CLIK gain blends
-//!   it to the new reference. `r_d` is integrated from the touchdown on, so that a new velocity or gait causes no jump. This motion moves
+//! - Stance, with `posture.stance_sweep`: `r_d` moves backward under the base at the commanded velocity, through the virtual foothold at mid-stance.
+//!   The integral ζ of the height error shifts it up or down, and the sway of the gait shifts it sideways. `q_d` starts at its touchdown value, and
+//!   the CLIK gain blends it to the new reference. `r_d` is integrated from the touchdown on, so that a new velocity or gait causes no jump. This motion moves
 //!   the base: the stance feet are fixed on the ground, so legs that sweep backward carry the base forward. The source does not define the
 //!   horizontal stance reference. If it stays at its touchdown value, the base does not follow the command.
 //! - Stance, without it: `r_d` is the virtual foothold, and the base moves jerkily and slower than commanded.

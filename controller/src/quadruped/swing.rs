@@ -27,7 +27,8 @@ pub struct SwingPoint {
 /// s  = ( L_s/2 (1 - cos(π φ)),  H_s sin(π φ) ),   φ = φ(t/T_sw)         t < T_sw
 /// s  = ( L_s,                   H_s sin(π t/T_sw) )                     up to T_sw (1 + reach), then held
 /// ```
-/// Source: Raiola et al. 2020, eqs. (26), (29), with `progress` for φ if the swing starts from rest, else φ = t/T_sw. The reach moves straight down, because the ellipse would move the foot backward.
+/// Source: Raiola et al. 2020, eqs. (26), (29), with `progress` for φ if the swing starts from rest, else φ = t/T_sw. The reach moves straight down,
+/// because the ellipse would move the foot backward.
 ///
 /// - `length`, `height`: `L_s`, `H_s`, m.
 /// - `T_sw`: swing time, s.

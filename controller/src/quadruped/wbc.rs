@@ -7,8 +7,8 @@
 //! Equal lower and upper bounds would leave no interior for an interior-point solver. Therefore the columns of that force are zero except in its
 //! own bounds, which are ±`RELEASED`. The regularization then gives F = 0 up to rounding, and the force is read as 0.
 //!
-//! C_tau is not in the source: each joint torque stays within what its drive can do at the measured velocity. One slack `s` for all joints keeps the program
-//! feasible. Without C_tau in the formula, there is neither its rows nor `s`.
+//! C_tau is not in the source: each joint torque stays within what its drive can do at the measured velocity. One slack `s` for all joints keeps
+//! the program feasible. Without C_tau in the formula, the program has neither these rows nor `s`.
 //!
 //! The tasks are in [`super::tasks`], levels and solvers in [`crate::stack`].
 
@@ -35,8 +35,8 @@ const FORCE_UNIT: f64 = 100.0;
 const RELEASED: f64 = 1.0;
 /// Rows of the friction pyramid of a foot.
 const ROWS_FC: usize = 5;
-/// Weight of the squared torque slack, in units of the largest effort, relative to the largest weight of a task: 1 % of slack costs as much as a contact
-/// acceleration of 1 m/s². A larger weight would let the program plan feet that slip.
+/// Weight of the squared torque slack, in units of the largest effort, relative to the largest weight of a task: 1 % of slack costs as much as a
+/// contact acceleration of 1 m/s². A larger weight would let the program plan feet that slip.
 const SLACK_WEIGHT: f64 = 1e4;
 
 /// The quadratic programs of a tick and their solutions. Every tick overwrites all of them.
@@ -59,7 +59,7 @@ pub struct Wbc {
     pub tau: DVector<f64>,
     /// Slack of the torque limits, N m: no torque exceeds its limit by more. 0 without torque limits.
     pub torque_slack: f64,
-    /// Unit of the slack variable: the largest effort, N m.
+    /// Unit of the slack variable: the largest finite effort, N m; without one, [`FORCE_UNIT`].
     slack_unit: f64,
     formula: Formula,
 }
@@ -84,7 +84,8 @@ impl Wbc {
         });
         let efforts = robot.model.joints.iter().map(|joint| joint.effort).filter(|effort| effort.is_finite());
         let slack = formula.has(Constraint::TorqueLimits).then_some(nv + 12);
-        let slack_unit = efforts.fold(0.0, f64::max);
+        let largest = efforts.fold(0.0, f64::max);
+        let slack_unit = if largest > 0.0 { largest } else { FORCE_UNIT };
         let each = |of_level: &Qp| params.qp.solver.build(of_level, params.wbc.max_iterations, params.wbc.tolerance);
         let solver = match params.qp.solver {
             Backend::ActiveSet => Solver::Shared(params.wbc.max_iterations),
@@ -313,8 +314,8 @@ impl Wbc {
         }
     }
 
-    /// C_tau: `least ≤ tau ≤ most`, softened by the slack, with `tau = M vd + h - Jᵀ F` at the joints. First the rows of the largest torques, then those of the
-    /// smallest. A joint without limit has rows of zeros.
+    /// C_tau: `least ≤ tau ≤ most`, softened by the slack, with `tau = M vd + h - Jᵀ F` at the joints. First the rows of the largest torques, then
+    /// those of the smallest. An infinite limit has a row of zeros.
     ///
     /// ```text
     /// (M vd - Jᵀ F)_j - s ≤ most_j - h_j         -(M vd - Jᵀ F)_j - s ≤ h_j - least_j
@@ -330,11 +331,10 @@ impl Wbc {
             for j in of_leg.joints {
                 let (upper, lower) = (ROWS_FC * 4 + j, ROWS_FC * 4 + nj + j);
                 let (least, most) = robot.model.joints[j].torque_range(measured.qd[j]);
-                let limited = least.is_finite();
+                let (above, below) = (most.is_finite(), least.is_finite());
                 let mut write = |col: usize, value: f64| {
-                    let value = if limited { value } else { 0.0 };
-                    qp.C[(upper, col)] = value;
-                    qp.C[(lower, col)] = -value;
+                    qp.C[(upper, col)] = if above { value } else { 0.0 };
+                    qp.C[(lower, col)] = if below { -value } else { 0.0 };
                 };
                 for col in (0..6).chain(of_leg.joints.map(|k| 6 + k)) {
                     write(col, estimate.M[(6 + j, col)]);
@@ -344,8 +344,8 @@ impl Wbc {
                     write(nv + 3 * leg as usize + k, -there * FORCE_UNIT);
                 }
                 let h = estimate.h[6 + j];
-                (qp.d[upper], qp.d[lower]) = if limited { (most - h, h - least) } else { (1.0, 1.0) };
-                for row in [upper, lower] {
+                for (row, limited, side) in [(upper, above, most - h), (lower, below, h - least)] {
+                    qp.d[row] = if limited { side } else { 1.0 };
                     qp.C[(row, nv + 12)] = if limited { -slack_unit } else { 0.0 };
                 }
             }

@@ -15,6 +15,8 @@ const MARGIN: f64 = 0.25;
 const MIN_MARGIN: f64 = 0.1;
 /// Largest position reference of a continuous joint, rad.
 const CONTINUOUS: f64 = 1e6;
+/// Effort and velocity limit of a joint without limits, the largest number of a URDF: with infinite ranges, infinite values would be accepted.
+const UNLIMITED: f64 = 1e9;
 
 /// Ranges of one joint. Each begins at zero or is symmetric, except that of the position reference.
 #[derive(Clone, Debug, PartialEq)]
@@ -36,13 +38,14 @@ impl JointRange {
     }
 
     fn new(joint: &JointInfo, params: &Params) -> Self {
-        let JointInfo { name, lower, upper, effort, velocity, .. } = joint;
+        let JointInfo { name, lower, upper, .. } = joint;
+        let (effort, velocity) = (joint.effort.min(UNLIMITED), joint.velocity.min(UNLIMITED));
         let (hold, stand, safety) = (&params.hold, &params.stand, &params.safety);
         let range = upper - lower;
         let margin = (MARGIN * range).max(MIN_MARGIN);
         JointRange {
             name: name.clone(),
-            effort: *effort,
+            effort,
             kp: GAIN_FACTOR * hold.kp.max(stand.stiffness * effort),
             kd: GAIN_FACTOR * hold.kd.max(stand.damping * effort).max(safety.damping),
             q_des: if range.is_finite() { [lower - margin, upper + margin] } else { [-CONTINUOUS, CONTINUOUS] },
@@ -101,6 +104,27 @@ mod tests {
         assert_eq!(weak.q_des, [-0.1, 0.5]);
         let continuous = range(2.5, f64::NEG_INFINITY, f64::INFINITY);
         assert_eq!((continuous.error, continuous.q_des), (TAU, [-CONTINUOUS, CONTINUOUS]));
+    }
+
+    #[test]
+    fn a_joint_without_limits_accepts_finite_values_only() {
+        let params = Params::from_toml(PARAMS, "hyq.toml").unwrap();
+        let (lower, upper) = (f64::NEG_INFINITY, f64::INFINITY);
+        let wheel = JointInfo { velocity: f64::INFINITY, ..joint(f64::INFINITY, lower, upper) };
+        let range = JointRange::of(&[wheel], &params).remove(0);
+        let good = RobotCommand { tau: vec![1e3], ..RobotCommand::zeros(1) };
+        assert_eq!(range.check(0, &good), None);
+        for change in [
+            (|c: &mut RobotCommand| &mut c.tau) as fn(&mut RobotCommand) -> &mut Vec<f64>,
+            |c| &mut c.kp,
+            |c| &mut c.kd,
+            |c| &mut c.qd_des,
+            |c| &mut c.q_des,
+        ] {
+            let mut bad = good.clone();
+            change(&mut bad)[0] = f64::INFINITY;
+            assert!(range.check(0, &bad).is_some(), "{bad:?}");
+        }
     }
 
     #[test]

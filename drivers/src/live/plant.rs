@@ -317,7 +317,7 @@ impl Sender {
         if self.limit.passes(t_ns, &event) { self.put_event(event) } else { Ok(()) }
     }
 
-    /// Sends how many EVENTs were not sent.
+    /// Sends the number of EVENTs that were not sent, by source.
     fn report_suppressed(&mut self, t_ns: i64) -> Result<(), DriverError> {
         self.limit.take_suppressed(t_ns).into_iter().try_for_each(|suppressed| self.put_event(suppressed.event(t_ns)))
     }

@@ -1,4 +1,4 @@
-//! The controller as the paper prints it beside ours, and what each departure buys.
+//! The controller as the paper prints it beside ours, and the effect of each departure.
 
 use super::residual_load::opposite_loads;
 use super::sensor_noise::orientation_error;
@@ -196,7 +196,7 @@ fn ablation(bench: &Bench) -> anyhow::Result<Vec<Row>> {
         series: vec!["added to the printed controller".to_owned(), "removed from ours".to_owned()],
         rows: names.map(str::to_owned).zip(values).collect(),
     };
-    bench.write(&bars.figure("raiola_as_printed", "What each departure buys"))?;
+    bench.write(&bars.figure("raiola_as_printed", "Effect of each departure"))?;
     let row = |o: &Outcome| Row::info(format!("{}: runs that fail", o.name), o.failed_percent(), "%");
     Ok(outcomes.iter().map(row).collect())
 }

@@ -4,6 +4,7 @@ use crate::bench::{Bench, Sample, count, mean};
 use crate::row::Row;
 use analysis::table::{Column, Table};
 use controller::params::key_values;
+use drivers::DriverError;
 use drivers::robot_files::RobotFiles;
 use std::collections::BTreeMap;
 
@@ -37,7 +38,11 @@ pub(super) fn parameters(robot: &str, preset: Option<&str>) -> anyhow::Result<BT
 
 /// Lists the parameters of the bench's robot that differ from those of its preset `printed`. A robot without this preset has no list.
 pub(super) fn note_departures(bench: &Bench) -> anyhow::Result<()> {
-    let Ok(printed) = parameters(bench.robot(), Some(PRINTED)) else { return Ok(()) };
+    let printed = match parameters(bench.robot(), Some(PRINTED)) {
+        Ok(printed) => printed,
+        Err(error) if matches!(error.downcast_ref(), Some(DriverError::UnknownPreset { .. })) => return Ok(()),
+        Err(error) => return Err(error),
+    };
     let mut table = Table::new([Column::left("parameter"), Column::right("printed"), Column::right("here")]);
     for (key, value) in &parameters(bench.robot(), None)? {
         if let Some(of_paper) = printed.get(key).filter(|of_paper| *of_paper != value) {
