@@ -213,7 +213,12 @@ impl Frames {
 
 /// Names of the files of channels: without separators, never equal.
 #[derive(Debug, Default)]
-pub(crate) struct FileNames(BTreeSet<String>);
+pub(crate) struct FileNames {
+    /// Names in use, in lower case.
+    used: BTreeSet<String>,
+    /// By name in lower case: the number after the last one given, so that many channels with one name do not try all numbers again.
+    next: BTreeMap<String, u64>,
+}
 
 impl FileNames {
     /// The file name of a channel. A second channel that would get the same name gets a number.
@@ -224,10 +229,12 @@ impl FileNames {
         while base.len() > 200 {
             base.pop();
         }
-        let numbered = (2..).map(|n| format!("{base}_{n}"));
-        let name = std::iter::once(base.clone()).chain(numbered).find(|name| !self.0.contains(&name.to_lowercase()));
-        let name = name.unwrap_or_default();
-        self.0.insert(name.to_lowercase());
+        let next = self.next.entry(base.to_lowercase()).or_insert(2);
+        let mut name = base.clone();
+        while !self.used.insert(name.to_lowercase()) {
+            name = format!("{base}_{next}");
+            *next += 1;
+        }
         format!("{name}.{ending}")
     }
 }
@@ -305,4 +312,24 @@ fn nearest_rows(grid: &[i64], times: &[i64]) -> Vec<Option<u32>> {
         candidates.min_by_key(|row| distance(row, t)).filter(|row| distance(row, t) <= tolerance)
     };
     grid.iter().map(nearest).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn file_names_differ_on_every_file_system() {
+        let mut names = FileNames::default();
+        let found = ["A/b", "a:B", "a_b_2", "A\\B", "../x"].map(|channel| names.of(channel, "csv"));
+        assert_eq!(found, ["A_b.csv", "a_B_2.csv", "a_b_2_2.csv", "A_B_3.csv", ".._x.csv"]);
+    }
+
+    /// As many channels as a log can have, all with one name.
+    #[test]
+    fn many_channels_with_one_name_get_different_files() {
+        let mut names = FileNames::default();
+        let found: BTreeSet<String> = (0..65_000).map(|n| names.of(&format!("{:300}{n}", ""), "csv")).collect();
+        assert_eq!(found.len(), 65_000);
+    }
 }
