@@ -4,12 +4,14 @@
 //! output is the *outcome* of the revision; a revision with another outcome than the good one is bad. Parameters and inputs are those of
 //! the log, so only the revision can change a bit.
 
+mod commands;
 mod recorded;
 
 pub use recorded::{RevisionReplay, recorded_revision, replay_with_revision};
 
 use crate::Error;
 use crate::corpus::Corpus;
+use commands::{build, git, locked, remove_tree, resolve, run};
 use std::fs::File;
 use std::path::{Path, PathBuf};
 use std::process::Command;
@@ -93,7 +95,7 @@ pub fn bisect(options: &Options, progress: &mut dyn FnMut(&Outcome, usize)) -> R
     let (good, bad) = (resolved(&options.good)?, resolved(&options.bad)?);
     let tree = WorkTree::new(options)?;
     let found = search(options, &tree, &good, &bad, progress);
-    tree.remove();
+    remove_tree(&options.repository, &tree.dir);
     found
 }
 
@@ -212,17 +214,10 @@ impl<'o> WorkTree<'o> {
             std::fs::write(&path, manifest).map_err(io(&path))?;
         }
         let tree = WorkTree { options, dir, corpus, target, _lock: lock };
-        tree.remove();
+        remove_tree(&options.repository, &tree.dir);
         let dir = tree.dir.display().to_string();
         git(&options.repository, &["worktree", "add", "--force", "--detach", &dir, &options.good])?;
         Ok(tree)
-    }
-
-    /// Removes the work tree; errors are ignored because it may not exist.
-    fn remove(&self) {
-        let dir = self.dir.display().to_string();
-        let _ = git(&self.options.repository, &["worktree", "remove", "--force", &dir]);
-        let _ = git(&self.options.repository, &["worktree", "prune"]);
     }
 
     /// Checks out a revision and compares its outcome with the good one's.
@@ -292,41 +287,6 @@ impl<'o> WorkTree<'o> {
     }
 }
 
-/// The file whose lock a process holds while it works in a directory.
-fn locked(work: &Path) -> Result<File, Error> {
-    let path = work.join("lock");
-    File::create(&path).map_err(|source| Error::Io { path, source })
-}
-
-/// Builds the replay of a work tree. The inner error is the output of a build that fails.
-fn build(dir: &Path, target: &Path) -> Result<Result<PathBuf, String>, Error> {
-    let mut build = Command::new("cargo");
-    build.args(["build", "--quiet", "--release", "--package", "replay", "--example", "replay_golden"]);
-    build.arg("--target-dir").arg(target).current_dir(dir);
-    // Build with the revision's own settings, not those of the environment.
-    for variable in ["CARGO_TARGET_DIR", "RUSTFLAGS", "CARGO_ENCODED_RUSTFLAGS", "CARGO_BUILD_RUSTFLAGS"] {
-        build.env_remove(variable);
-    }
-    let (code, said) = run(&mut build)?;
-    Ok(if code == Some(0) { Ok(target.join("release/examples/replay_golden")) } else { Err(said) })
-}
-
-/// The commit of a revision.
-///
-/// # Errors
-/// [`Error::Bisect`] if the repository has no such revision.
-fn resolve(log: &Path, repository: &Path, name: &str) -> Result<String, Error> {
-    git(repository, &["rev-parse", "--verify", "--quiet", "--end-of-options", &format!("{name}^{{commit}}")]).map_err(
-        |error| match error {
-            Error::Command { output, .. } if output.is_empty() => Error::Bisect {
-                path: log.into(),
-                why: format!("revision \"{}\" does not exist in {}", crate::printable(name), repository.display()),
-            },
-            other => other,
-        },
-    )
-}
-
 /// All outputs, so that a difference is reported by field and not only by digest.
 const ALL_OUTPUTS: [&str; 5] = {
     use lcmtypes::channels::{BASE_TRACKING, CONTACT_ESTIMATE, LEG_STATE, ROBOT_COMMAND, WBC_SOLUTION};
@@ -356,33 +316,6 @@ fn reports_missing_input(said: &str) -> bool {
     ["another type version", "no RUN_INFO", "no CONTROLLER_INPUT", "lacks inputs"]
         .iter()
         .any(|text| said.contains(text))
-}
-
-fn git(dir: &Path, args: &[&str]) -> Result<String, Error> {
-    let mut command = Command::new("git");
-    // Ignore the git environment of a calling hook or alias.
-    command
-        .arg("-C")
-        .arg(dir)
-        .args(args)
-        .env_remove("GIT_DIR")
-        .env_remove("GIT_WORK_TREE")
-        .env_remove("GIT_INDEX_FILE");
-    match run(&mut command)? {
-        (Some(0), said) => Ok(said),
-        (_, output) => Err(Error::Command { command: format!("git {}", args.join(" ")), output }),
-    }
-}
-
-/// Runs a command. Returns its exit code and output.
-fn run(command: &mut Command) -> Result<(Option<i32>, String), Error> {
-    let name = command.get_program().to_string_lossy().into_owned();
-    let output = command
-        .stdin(std::process::Stdio::null())
-        .output()
-        .map_err(|source| Error::Command { command: name, output: source.to_string() })?;
-    let text = if output.stdout.is_empty() { &output.stderr } else { &output.stdout };
-    Ok((output.status.code(), String::from_utf8_lossy(text).trim().to_owned()))
 }
 
 #[cfg(test)]

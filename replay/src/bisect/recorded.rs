@@ -1,6 +1,6 @@
 //! Replays a log with the revision that wrote it, in its own build.
 
-use super::{build, git, locked, resolve, run};
+use super::commands::{build, git, locked, remove_tree, resolve, run};
 use crate::Error;
 use crate::log::{CopyOptions, LogReader, copy, split_run};
 use lcmtypes::channels::RUN_INFO;
@@ -84,10 +84,10 @@ pub fn replay_with_revision(
     let built = !program.exists();
     if built {
         let tree = work.join("tree");
-        remove(repository, &tree);
+        remove_tree(repository, &tree);
         git(repository, &["worktree", "add", "--force", "--detach", &tree.display().to_string(), &revision])?;
         let done = build(&tree, &work.join("target"));
-        remove(repository, &tree);
+        remove_tree(repository, &tree);
         let made = done?.map_err(|said| failed(format!("revision {revision} does not build: {said}")))?;
         // Only a complete copy has the final name.
         let partial = program.with_extension("partial");
@@ -100,12 +100,6 @@ pub fn replay_with_revision(
         Some(code @ (0 | 1)) => Ok(RevisionReplay { revision, built, identical: code == 0, said }),
         _ => Err(failed(format!("revision {revision} cannot replay it: {said}"))),
     }
-}
-
-/// Removes a work tree; errors are ignored because it may not exist.
-fn remove(repository: &Path, tree: &Path) {
-    let _ = git(repository, &["worktree", "remove", "--force", &tree.display().to_string()]);
-    let _ = git(repository, &["worktree", "prune"]);
 }
 
 /// A corpus that contains only the log. Its manifest has the keys that the manifest had in all revisions.
