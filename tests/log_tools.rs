@@ -163,6 +163,7 @@ fn a_run_that_a_log_lacks_is_an_error() {
         assert!(["no run 2", "runs in the log: 1"].iter().all(|part| stderr.contains(part)), "{command}: {stderr}");
     }
     hoof(&format!("log filter {} {} --run 2", GOLDEN[0], out.display())).exits(2);
+    hoof(&format!("log convert {} {} --to-types lcmtypes --run 2", GOLDEN[0], out.display())).exits(2);
 }
 
 #[test]

@@ -4,7 +4,9 @@
 mod common;
 
 use lcm_idl::{TypeSet, Value};
+use mcap::records::MessageHeader;
 use replay::log::{EventFilter, FieldChange, LogReader, LogWriter, Types, retype};
+use std::collections::BTreeMap;
 
 const OLD: &str =
     "package p; struct in_t { float f; } struct a_t { int32_t n; double x[n]; boolean b; int16_t gone; in_t in[2]; }";
@@ -62,4 +64,26 @@ fn fields_are_matched_by_name_and_differences_listed() {
     let bytes = std::fs::read(&out).unwrap();
     let first = mcap::MessageStream::new(&bytes).unwrap().next().unwrap().unwrap();
     assert!(String::from_utf8_lossy(&first.channel.schema.as_ref().unwrap().data).contains("int64_t added"));
+}
+
+#[test]
+fn rewritten_messages_keep_their_publish_time() {
+    let types = TypeSet::parse([("old.lcm", OLD)]).unwrap();
+    let ty = types.by_name("p.in_t").unwrap();
+    let (folder, log, out) = (common::path("times_types"), common::path("times.mcap"), common::path("times_new.mcap"));
+    std::fs::create_dir_all(&folder).unwrap();
+    std::fs::write(folder.join("new.lcm"), NEW).unwrap();
+    let mut writer = mcap::Writer::new(std::io::BufWriter::new(std::fs::File::create(&log).unwrap())).unwrap();
+    let schema = writer.add_schema("p.in_t", "lcm", OLD.as_bytes()).unwrap();
+    let channel_id = writer.add_channel(schema, "IN", "lcm", &BTreeMap::new()).unwrap();
+    let header = MessageHeader { channel_id, sequence: 0, log_time: 5, publish_time: 3 };
+    writer.write_to_known_channel(&header, &ty.encode(&ty.default_value()).unwrap()).unwrap();
+    writer.finish().unwrap();
+
+    let report = retype(&log, &out, &[folder], &EventFilter::default(), Types::default(), &mut |_| ()).unwrap();
+    assert_eq!(report.converted, 1);
+    let bytes = std::fs::read(&out).unwrap();
+    let message = mcap::MessageStream::new(&bytes).unwrap().next().unwrap().unwrap();
+    assert_eq!((message.log_time, message.publish_time), (5, 3));
+    assert!(String::from_utf8_lossy(&message.channel.schema.as_ref().unwrap().data).contains("int32_t more"));
 }

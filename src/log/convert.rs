@@ -104,7 +104,7 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
         );
         let bar = Progress::new("convert");
         let new = std::slice::from_ref(new);
-        let report = replay::log::retype(&args.log, &out, new, &filter, types, &mut |part| bar.set(part))?;
+        let report = replay::log::retype(&log, &out, new, &filter, types, &mut |part| bar.set(part))?;
         drop(bar);
         return say_retyped(&report, args.json);
     }

@@ -97,7 +97,9 @@ pub fn retype(
         match converted(&event, &types, &new, &mut changes) {
             Some(Some(data)) => {
                 report.converted += 1;
-                output.write(&EventRef { data: &data, source: None, ..event })?;
+                // The schema of another channel in the file would not be that of the new type.
+                let source = event.source.filter(|source| source.channel.is_plain_lcm());
+                output.write(&EventRef { data: &data, source, ..event })?;
             }
             Some(None) => output.write(&event)?,
             None => {

@@ -18,8 +18,8 @@ pub struct Types {
     of_log: Vec<Texts>,
     /// Schemas of the file by fingerprint.
     schemas: BTreeMap<u64, Arc<FileSchema>>,
-    /// Schemas that were processed, valid or not.
-    seen: Vec<Arc<FileSchema>>,
+    /// Schemas that were processed, valid or not, by address: a file can have any number.
+    seen: BTreeMap<usize, Arc<FileSchema>>,
     /// Hashes of the RUN_INFO texts that were processed.
     runs: Vec<u64>,
     warnings: Vec<String>,
@@ -83,20 +83,18 @@ impl Types {
         self.learn_run_info(event.channel, event.data);
     }
 
-    /// Adds the texts of a RUN_INFO; ignores messages of other channels.
+    /// Adds the texts of a RUN_INFO; `false` if they are already known, or for a message of another channel.
     #[inline]
-    pub fn learn_run_info(&mut self, channel: &str, data: &[u8]) {
-        if channel == channels::RUN_INFO {
-            self.run_info(data);
-        }
+    pub fn learn_run_info(&mut self, channel: &str, data: &[u8]) -> bool {
+        channel == channels::RUN_INFO && self.run_info(data)
     }
 
     #[cold]
-    fn run_info(&mut self, data: &[u8]) {
-        let Ok(info) = RunInfo::decode(data) else { return };
+    fn run_info(&mut self, data: &[u8]) -> bool {
+        let Ok(info) = RunInfo::decode(data) else { return false };
         let ours = lcmtypes::SOURCES.iter().copied();
         if info.lcm_types.iter().map(|file| (&*file.name, &*file.text)).eq(ours) {
-            return;
+            return false;
         }
         let sources: Vec<_> = info.lcm_types.into_iter().map(|file| (file.name, file.text)).collect();
         // A live run repeats its RUN_INFO; each text is parsed once.
@@ -104,16 +102,17 @@ impl Types {
         sources.hash(&mut hasher);
         let hash = hasher.finish();
         if self.runs.contains(&hash) || self.runs.len() == MAX_RUNS {
-            return;
+            return false;
         }
         self.runs.push(hash);
         self.of_log.insert(0, Texts::of_valid(&sources).0);
+        true
     }
 
     /// Adds a schema of the file; `false` if it was already processed.
     #[inline]
     pub fn learn_schema(&mut self, schema: &Arc<FileSchema>) -> bool {
-        let is_new = !self.seen.iter().any(|seen| Arc::ptr_eq(seen, schema));
+        let is_new = !self.seen.contains_key(&(Arc::as_ptr(schema) as usize));
         if is_new {
             self.schema_of_file(schema);
         }
@@ -122,7 +121,7 @@ impl Types {
 
     #[cold]
     fn schema_of_file(&mut self, schema: &Arc<FileSchema>) {
-        self.seen.push(Arc::clone(schema));
+        self.seen.insert(Arc::as_ptr(schema) as usize, Arc::clone(schema));
         let Some(text) = schema.lcm_text() else { return };
         let (texts, _) = Texts::of_valid(&[(schema.name.clone(), text.to_owned())]);
         let Some(ty) = texts.types.by_name(&schema.name) else { return };

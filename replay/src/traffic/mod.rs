@@ -30,16 +30,12 @@ use crate::log::{EventRef, Types};
 use crate::record::{MessageDecoder, SenderCounts};
 use crate::udpm::Datagram;
 use channel::{Arrival, Channel};
-use lcmtypes::channels;
 use std::collections::{BTreeMap, VecDeque};
-use std::hash::{DefaultHasher, Hash, Hasher};
 
 /// Largest number of channels; messages of further channels are counted together.
 const MAX_CHANNELS: usize = 1000;
 /// Largest size of the stored last messages of all channels, bytes.
 const MAX_KEPT: usize = 1 << 26;
-/// Largest number of different RUN_INFO messages from which types are read.
-const MAX_RUNS: usize = 16;
 /// Time between two checks for lost messages, ns.
 const SETTLE_NS: i64 = 500_000_000;
 /// Largest number of stored network events.
@@ -53,7 +49,6 @@ pub struct Traffic {
     types: Types,
     /// Incremented when types are added.
     types_version: u64,
-    runs: Vec<u64>,
     traces: Vec<Trace>,
     kept: usize,
     /// Messages of channels beyond [`MAX_CHANNELS`].
@@ -92,9 +87,7 @@ impl Traffic {
         let Arrival { t_ns, name, data, .. } = *arrival;
         self.first_ns.get_or_insert(t_ns);
         self.last_ns = t_ns;
-        if name == channels::RUN_INFO {
-            self.learn(data);
-        }
+        self.types_version += u64::from(self.types.learn_run_info(name, data));
         if self.channels.len() >= MAX_CHANNELS && !self.channels.contains_key(name) {
             self.ignored += 1;
             return;
@@ -113,19 +106,6 @@ impl Traffic {
         {
             trace::trace(&mut self.traces, name, ty, data, t_ns);
         }
-    }
-
-    /// Reads the types of a RUN_INFO. A run repeats it; each content is read once.
-    fn learn(&mut self, run_info: &[u8]) {
-        let mut hasher = DefaultHasher::new();
-        run_info.hash(&mut hasher);
-        let hash = hasher.finish();
-        if self.runs.contains(&hash) || self.runs.len() == MAX_RUNS {
-            return;
-        }
-        self.runs.push(hash);
-        self.types.learn_run_info(channels::RUN_INFO, run_info);
-        self.types_version += 1;
     }
 
     /// Counts overdue messages as lost. Call it a few times per second. `now_ns`: time now in the clock of the receive times.
@@ -155,10 +135,9 @@ impl Traffic {
 
     /// Resets all counts; types and traced fields stay.
     pub fn clear(&mut self) {
-        let (types, types_version) = (std::mem::take(&mut self.types), self.types_version);
-        let (runs, mut traces) = (std::mem::take(&mut self.runs), std::mem::take(&mut self.traces));
+        let (types, mut traces) = (std::mem::take(&mut self.types), std::mem::take(&mut self.traces));
         traces.iter_mut().for_each(Trace::clear);
-        *self = Traffic { types, types_version, runs, traces, ..Traffic::default() };
+        *self = Traffic { types, types_version: self.types_version, traces, ..Traffic::default() };
     }
 
     /// Starts to trace a field. Returns false for an invalid path.
