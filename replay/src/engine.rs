@@ -26,6 +26,7 @@ mod origin;
 mod out;
 mod outputs;
 mod parallel;
+mod parameter_changes;
 mod report;
 mod run_messages;
 mod seek;

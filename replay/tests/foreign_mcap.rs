@@ -136,6 +136,44 @@ fn missing_bytes_cost_their_chunk_alone() {
     }
 }
 
+/// Heads of damaged chunks, each of which states that its records include all later heads. `added`: bytes by which the stated length of the record
+/// exceeds that of the chunk; `between`: bytes before each head.
+fn nest(added: u64, between: &[u8]) -> Vec<u8> {
+    const HEAD: usize = 49;
+    let (heads, padding) = (40_000, 16_000_000);
+    let total = (HEAD + between.len()) * heads + padding;
+    let mut out = Vec::with_capacity(total);
+    for _ in 0..heads {
+        out.extend(between);
+        // Not at the end of the padding: a record follows there.
+        let inner = (total - out.len() - HEAD - 100) as u64;
+        let sizes = [0, 100, inner].map(u64::to_le_bytes).concat();
+        let body = [&sizes, &1_u32.to_le_bytes()[..], &text(""), &inner.to_le_bytes()].concat();
+        out.extend([&[6][..], &(body.len() as u64 + inner + added).to_le_bytes(), &body].concat());
+    }
+    out.resize(total, 0xaa);
+    out
+}
+
+/// Reading every chunk of a nest to its end would take hours.
+#[test]
+fn nested_chunks_are_read_in_bounded_time() {
+    let good = |sequence| chunk(&[channel(1, "/pose", b""), message(1, sequence, 5, b"a")].concat(), b"");
+    for nest in [nest(0, b""), nest(5, &good(2))] {
+        let bytes = file(&[good(0), nest, good(1)], b"");
+        let mut reader = LogReader::from_bytes("nest.mcap", bytes).unwrap();
+        let (mut numbers, mut damaged) = (Vec::new(), 0);
+        while let Some(item) = reader.read().unwrap() {
+            match item {
+                ItemRef::Event(event) => numbers.push(event.number),
+                _ => damaged += 1,
+            }
+        }
+        assert_eq!((numbers.first(), numbers.last()), (Some(&0), Some(&1)));
+        assert!(damaged > 0);
+    }
+}
+
 /// The front of a file is gone, more than any fixed limit.
 #[test]
 fn a_destroyed_front_is_searched_past() {

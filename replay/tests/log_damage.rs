@@ -324,6 +324,27 @@ fn an_event_can_contain_a_log() {
     assert_eq!((items.len(), common::events(&items).len()), (3, 3));
 }
 
+/// Inside a message, 20,000 events lead to one sequence of 200,000. Following the sequence from each of them would take many minutes.
+#[test]
+fn sequences_inside_a_message_are_followed_once() {
+    let event = |number: i64, length: usize| {
+        let lengths = [1, length as u32].map(u32::to_be_bytes).concat();
+        [&0xEDA1_DA01_u32.to_be_bytes()[..], &number.to_be_bytes(), &[0; 8], &lengths, b"A"].concat()
+    };
+    let (starts, sequence) = (20_000, 200_000);
+    let one = event(0, 0).len();
+    let inner: Vec<u8> = (1..=starts)
+        .flat_map(|n| event(6, one * (starts - n)))
+        .chain((0..sequence).flat_map(|n| event(7 + n, 0)))
+        .chain([0; 100])
+        .collect();
+    let bytes = [event(5, inner.len()), inner, event(100, 0)].concat();
+    let items = read(bytes).unwrap();
+    let numbers: Vec<i64> =
+        items.iter().filter_map(|i| if let Item::Event(e) = i { Some(e.number) } else { None }).collect();
+    assert_eq!((numbers, items.len()), (vec![5, 100], 2));
+}
+
 #[test]
 fn concatenated_logs_are_read_as_one() {
     for sample in samples() {

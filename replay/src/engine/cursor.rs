@@ -365,6 +365,9 @@ fn ends(replay: &Replay, places: &mut Places, progress: &mut dyn FnMut(f64)) -> 
                 progress(ticks.offset as f64 / bytes as f64);
             }
         }
+        if ticks.is_joined() {
+            *places = Places::none();
+        }
     }
     first.zip(last).ok_or_else(|| Error::NoInput { path: replay.path.clone() })
 }

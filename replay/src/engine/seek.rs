@@ -28,8 +28,13 @@ impl Places {
                 let chunks = index.chunks_with(CONTROLLER_SNAPSHOT);
                 Places::Chunks(Box::new(index), chunks)
             }
-            None => Places::Scanned(Vec::new()),
+            None => Places::none(),
         })
+    }
+
+    /// No place: a log is read from its start.
+    pub fn none() -> Self {
+        Places::Scanned(Vec::new())
     }
 
     /// Whether the log has an index.

@@ -1,9 +1,10 @@
 //! Groups the messages of a log by tick.
 
 use super::account::{Account, Unused};
+use super::parameter_changes::parameter_changes;
 use super::run_messages::{Role, RunMessages};
 use crate::Error;
-use crate::log::{ChunkIndex, Event, EventRef, Events, Health, LogReader};
+use crate::log::{Event, Events, Health, LogReader};
 use lcmtypes::channels::{self, Class};
 use lcmtypes::{ControllerInput, Message, ParameterChange, RunInfo};
 use std::collections::{BTreeMap, BTreeSet};
@@ -131,6 +132,11 @@ impl Ticks {
 
     pub fn health(&self) -> &Health {
         self.events.health()
+    }
+
+    /// As [`LogReader::is_joined`].
+    pub fn is_joined(&self) -> bool {
+        self.events.is_joined()
     }
 
     /// Events after the last input.
@@ -351,31 +357,6 @@ impl Ticks {
         }
         role
     }
-}
-
-/// All parameter changes of a log, each once, in the order of the log: a live run repeats them, so a change is known even if its first message
-/// is lost.
-fn parameter_changes(path: &Path) -> Result<Vec<ParameterChange>, Error> {
-    let (mut found, mut known) = (Vec::new(), BTreeSet::new());
-    let mut take = |event: &EventRef<'_>| {
-        if **event.channel == *channels::PARAMETER_CHANGE
-            && let Ok(change) = ParameterChange::decode(event.data)
-            && known.insert(event.data.to_vec())
-        {
-            found.push(change);
-        }
-    };
-    if let Some(mut index) = ChunkIndex::read(path)? {
-        for chunk in index.chunks_with(channels::PARAMETER_CHANGE) {
-            index.events(chunk, &mut take)?;
-        }
-        return Ok(found);
-    }
-    let (mut reader, mut health) = (LogReader::open(path)?, Health::default());
-    while let Some(item) = reader.read()? {
-        health.note(item).iter().for_each(&mut take);
-    }
-    Ok(found)
 }
 
 /// Checks that a message has the type of its channel in this build.

@@ -1,7 +1,7 @@
 //! Copies a log event by event to another file, of the same or the other format. Convert, filter, trim and recover are such copies.
 //!
-//! From MCAP to MCAP, everything that the file says is copied: schemas, encodings, metadata, publish times, attachments. An LCM event log
-//! holds only channel, time, number and bytes; what else there was is counted in [`CopyReport::not_kept`].
+//! A copy from MCAP to MCAP includes schemas, encodings, metadata, publish times and attachments. An LCM event log contains only channel, time,
+//! number and bytes of each event; everything else is counted in [`CopyReport::not_kept`].
 
 use super::mcap_reader::{McapReader, SideRecord};
 use super::mcap_records::{Parts, metadata};
@@ -44,7 +44,7 @@ pub struct CopyReport {
 }
 
 impl CopyReport {
-    /// Every selected event is in the copy, unchanged, with everything that the input says about it.
+    /// Every selected event is in the copy, unchanged, with everything that the input contains about it.
     pub fn is_lossless(&self) -> bool {
         self.damaged == 0 && !self.cut && self.refused == 0 && self.times_rounded == 0 && self.not_kept.is_empty()
     }

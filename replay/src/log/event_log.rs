@@ -15,6 +15,7 @@ use super::writer::Output;
 use super::{Cut, Damaged, EventRef, ItemRef, MAX_CHANNEL_IN_LOG, MAX_MESSAGE};
 use crate::Error;
 use crate::names::name_bytes;
+use std::collections::BTreeSet;
 use std::io::{BufWriter, Write};
 use std::sync::Arc;
 
@@ -226,12 +227,15 @@ impl EventLogReader {
     #[cold]
     fn swallowed(&mut self, at: u64, header: Header, next_number: Option<i64>) -> Result<Option<u64>, Error> {
         let end = at + header.length() as u64;
-        let mut from = at + 1;
+        let (mut from, mut is_first) = (at + 1, true);
+        // A sequence that begins inside another one ends where that does, so it is not walked again.
+        let mut walked = BTreeSet::new();
         while let Some(inside) = next_header(&mut self.source, &self.names, from)?.filter(|&inside| inside < end) {
             let (mut place, mut number) = (inside, header.number.wrapping_add(1));
             while place < end
                 && let Found::Event(next) = found_at(&mut self.source, &self.names, place)?
                 && next.number == number
+                && walked.insert(place)
             {
                 place += next.length() as u64;
                 number = number.wrapping_add(1);
@@ -239,7 +243,7 @@ impl EventLogReader {
             let leads_on = match next_number {
                 Some(next) if place == end => number == next,
                 // A log inside the message can also end there, but its first event is not the successor of this one.
-                None if place == end => inside == self.first_inside(at)?,
+                None if place == end => is_first,
                 _ if place > end => match found_at(&mut self.source, &self.names, place)? {
                     Found::Event(next) => next.number == number,
                     _ => place == self.source.len(),
@@ -249,14 +253,9 @@ impl EventLogReader {
             if leads_on {
                 return Ok(Some(inside));
             }
-            from = inside + 1;
+            (from, is_first) = (inside + 1, false);
         }
         Ok(None)
-    }
-
-    /// Offset of the first event inside the event at `at`.
-    fn first_inside(&mut self, at: u64) -> Result<u64, Error> {
-        Ok(next_header(&mut self.source, &self.names, at + 1)?.unwrap_or(u64::MAX))
     }
 
     fn damaged(&mut self, from: u64, to: u64, why: &str) -> Step {

@@ -7,13 +7,14 @@
 //! detected only by the CRC of all the data.
 
 mod chunk_messages;
+mod records;
 mod resync;
 
 use super::byte_source::ByteSource;
 use super::channel_names::ChannelNames;
-use super::chunk::{ChunkDecoder, ChunkHeader, Decoded, HEADER, MAX_RECORD, MessageHeader, PREFIX, plausible};
-use super::mcap_records::{self, Parts};
-use super::mcap_summary::{DATA_END, FOOTER, STRETCH, ends_with_magic, parts_end, prefix};
+use super::chunk::{ChunkDecoder, ChunkHeader, Decoded, HEADER, MAX_RECORD, MessageHeader, PREFIX};
+use super::mcap_records;
+use super::mcap_summary::{STRETCH, ends_with_magic, prefix};
 use super::mcap_writer::split_named;
 use super::{Cut, Damaged, EventRef, FileChannel, FileSchema, ItemRef, McapSource};
 use crate::Error;
@@ -52,6 +53,8 @@ pub(super) struct McapReader {
     section: Section,
     /// Start of the current MCAP: a file can contain several, one after the other.
     base: u64,
+    /// Number of MCAPs so far.
+    parts: usize,
     names: ChannelNames,
     /// By channel id.
     channels: Vec<Option<Channel>>,
@@ -66,7 +69,7 @@ pub(super) struct McapReader {
     /// After damage, also search for messages outside chunks: until the first chunk, and after each message outside chunks.
     loose: bool,
     pub side_records: SideRecords,
-    /// Bytes inside damaged chunks that were searched for a chunk.
+    /// Bytes that were read again in search of chunks.
     read_again: u64,
     /// Channel of the last message in a channel for further names.
     named: Arc<str>,
@@ -131,6 +134,7 @@ impl McapReader {
             last_certain_end: 0,
             section: Section::BeforeOpeningMagic,
             base: 0,
+            parts: 0,
             names: ChannelNames::default(),
             channels: Vec::new(),
             schemas: BTreeMap::new(),
@@ -190,27 +194,36 @@ impl McapReader {
         Ok(None)
     }
 
+    /// Several MCAPs were read, one after the other. Each has its own channel ids, so [`McapReader::seek`] is not possible.
+    pub fn is_joined(&self) -> bool {
+        self.parts > 1
+    }
+
     /// Continues at the chunk or message at this offset, that of an event of the same file.
     pub fn seek(&mut self, offset: u64) -> Result<(), Error> {
         self.read_summary()?;
-        (self.at, self.last_certain_end, self.section) = (offset, offset, Section::InRecords);
-        self.chunk.records.clear();
-        self.chunk.at = 0;
-        self.pending.clear();
-        self.crc = None;
+        self.go_to(offset, Section::InRecords);
+        self.in_data = true;
         Ok(())
     }
 
     /// Continues at the start of the file.
     pub fn rewind(&mut self) {
-        (self.at, self.last_certain_end, self.section) = (0, 0, Section::BeforeOpeningMagic);
-        self.chunk.records.clear();
-        self.chunk.at = 0;
-        self.pending.clear();
+        self.go_to(0, Section::BeforeOpeningMagic);
+        self.parts = 0;
         self.side_records = SideRecords::default();
     }
 
-    /// Reads the profile of the header ahead, which is usually the first record.
+    fn go_to(&mut self, offset: u64, section: Section) {
+        (self.at, self.last_certain_end, self.section) = (offset, offset, section);
+        // Damage of the current chunk is still returned.
+        self.chunk.records.clear();
+        self.chunk.at = 0;
+        self.pending.clear();
+        (self.read_again, self.crc) = (0, None);
+    }
+
+    /// Reads the profile in the header; empty if the first record is no header.
     pub fn read_profile(&mut self) -> Result<String, Error> {
         let at = MAGIC.len() as u64;
         let length = match prefix(&mut self.source, at)? {
@@ -308,7 +321,7 @@ impl McapReader {
             self.section = Section::BeforeOpeningMagic;
             return Ok(Step::Bad(magic, "bytes before the start of the log".into()));
         }
-        self.base = at;
+        (self.base, self.parts) = (at, self.parts + 1);
         self.last_certain_end = end;
         self.channels.clear();
         self.schemas.clear();
@@ -333,136 +346,6 @@ impl McapReader {
             from = at + 1;
         }
         Ok(None)
-    }
-
-    fn record(&mut self, at: u64) -> Result<Step, Error> {
-        let Some((opcode, length)) = prefix(&mut self.source, at)? else {
-            return Ok(if self.growing { Step::Wait } else { Step::Lost("record is incomplete") });
-        };
-        let (body, left) = (at + PREFIX, self.source.len() - at - PREFIX);
-        if length > left {
-            let wait = self.growing && plausible(opcode, length);
-            return Ok(if wait { Step::Wait } else { Step::Lost("record longer than the rest of the file") });
-        }
-        let next = body + length;
-        let is_chunk =
-            ChunkHeader::parse(self.source.bytes(body, HEADER.min(length as usize))?).filter(|h| h.fits(length));
-        match (opcode, is_chunk) {
-            (op::CHUNK, Some(head)) => return self.chunk(at, &head, length),
-            (op::CHUNK, None) => {
-                // The records of a chunk can be followed by fields of a later version of the format.
-                let head = ChunkHeader::parse(self.source.bytes(body, HEADER.min(length as usize))?);
-                let Some(head) = head.filter(|head| head.has_crc() && head.end() < length) else {
-                    return Ok(Step::Lost("chunk header is damaged"));
-                };
-                if self.decode(at, &head, head.end())? == Decoded::Complete && self.follows(next)? {
-                    (self.loose, self.last_certain_end) = (false, next);
-                    return Ok(Step::Next(next));
-                }
-                self.chunk.records.clear();
-                return Ok(Step::Lost("chunk header is damaged"));
-            }
-            (_, Some(head)) if head.has_crc() && self.decode(at, &head, length)? == Decoded::Complete => {
-                self.chunk.records.clear();
-                return Ok(Step::Lost("chunk with the opcode of another record"));
-            }
-            (op::DATA_END, _) if length < DATA_END => {
-                return Ok(Step::Lost("data-end record has a wrong length"));
-            }
-            (op::FOOTER, _) if length < FOOTER => {
-                return Ok(Step::Lost("footer has a wrong length"));
-            }
-            (op::FOOTER, _) if length == FOOTER || self.source.bytes(next, MAGIC.len())? == MAGIC => {
-                self.section = Section::BeforeClosingMagic;
-                return Ok(Step::Next(next));
-            }
-            (0 | op::FOOTER, _) => return Ok(Step::Lost("no record follows this record")),
-            _ => {}
-        }
-        // A record without a checksum is accepted if another record follows it; a message also must not contain a sequence of records.
-        let is_followed = if opcode == op::MESSAGE && self.loose {
-            match self.next_start(at + 1)?.filter(|&inside| inside < next) {
-                None => true,
-                Some(inside) => self.begins_with_length(next)? && self.end_of_records(inside, next)? != next,
-            }
-        } else if opcode == op::MESSAGE {
-            self.begins_with_length(at)? && self.begins_or_ends(next)? && !self.is_message_index(body, next)?
-        } else {
-            self.follows(next)?
-        };
-        if !is_followed {
-            return Ok(Step::Lost("no record follows this record"));
-        }
-        match parts_end(&mut self.source, opcode, body)? {
-            Some(end) if end > next => return Ok(Step::Lost("record ends inside one of its parts")),
-            // Bytes after the known parts are fields of a later version of the format, unless they are records.
-            Some(end) if end < next && self.end_of_records(end, next)? >= next => {
-                return Ok(Step::Lost("length of a record includes the records after it"));
-            }
-            _ => {}
-        }
-        self.small_record(opcode, body, next)
-    }
-
-    /// Whether a record between chunks is a message index with a damaged opcode: entries of time and offset in a chunk fill it.
-    fn is_message_index(&mut self, body: u64, next: u64) -> Result<bool, Error> {
-        let mut parts = Parts(self.source.bytes(body, MessageHeader::LENGTH)?);
-        let (_, entries, _, offset) = (parts.u16(), parts.u32(), parts.u64(), parts.u64());
-        let fills = entries.is_some_and(|n| n.is_multiple_of(16) && body + 6 + u64::from(n) == next);
-        Ok(fills && offset.is_some_and(|offset| offset < MAX_RECORD))
-    }
-
-    /// Processes a record that is neither a chunk nor a footer.
-    fn small_record(&mut self, opcode: u8, body: u64, next: u64) -> Result<Step, Error> {
-        let length = next - body;
-        if opcode == op::DATA_END {
-            self.in_data = false;
-            return self.end_of_data(body, next);
-        }
-        match opcode {
-            op::SCHEMA | op::CHANNEL | op::MESSAGE if self.in_data => {}
-            op::MESSAGE => return Ok(Step::Bad(next, "message after the end of the data".into())),
-            op::ATTACHMENT | op::METADATA | 0x10..=0xff if self.in_data => {
-                if self.side_records.list.len() < MAX_SIDE_RECORDS {
-                    self.side_records.list.push(SideRecord { opcode, body, end: next });
-                } else {
-                    self.side_records.others += 1;
-                }
-                return Ok(Step::Next(next));
-            }
-            _ => return Ok(Step::Next(next)),
-        }
-        if length > MAX_RECORD {
-            return Ok(Step::Bad(next, format!("record of {length} bytes, limit {MAX_RECORD}")));
-        }
-        let bytes = self.source.bytes(body, length as usize)?;
-        if opcode == op::MESSAGE {
-            self.loose = true;
-            return Ok(match MessageHeader::parse(bytes) {
-                Some(head) => Step::Message(next, head, body + MessageHeader::LENGTH as u64..next),
-                None => Step::Bad(next, "message is too short".into()),
-            });
-        }
-        let bytes = bytes.to_vec();
-        // This record has no checksum; the summary has one and takes precedence.
-        self.read_summary()?;
-        if !self.learn(opcode, &bytes, false) {
-            return Ok(Step::Bad(next, "schema or channel is too short".into()));
-        }
-        Ok(Step::Next(next))
-    }
-
-    /// At the end of the data, checks its CRC, which may show damage that no other check found.
-    fn end_of_data(&mut self, body: u64, next: u64) -> Result<Step, Error> {
-        let expected = self.source.bytes(body, DATA_END as usize)?.first_chunk().map_or(0, |b| u32::from_le_bytes(*b));
-        let found = self.crc.take().map(crc32fast::Hasher::finalize);
-        let (base, end) = (self.base, body - PREFIX);
-        if expected != 0 && found.is_some_and(|found| found != expected) {
-            let why =
-                format!("between here and byte {end}: CRC of all the data is wrong, CRCs of the chunks are correct");
-            self.pending.push_back(ItemRef::Damaged(Damaged { offset: base, bytes: 0, why }));
-        }
-        Ok(Step::Next(next))
     }
 
     /// Moves to `to` over undamaged bytes.

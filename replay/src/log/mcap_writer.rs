@@ -39,7 +39,7 @@ const MAX_CHANNELS: usize = 65_000;
 const FURTHER: &str = "LCM_FURTHER_CHANNELS";
 
 impl FileChannel {
-    /// Whether all that the file says of the channel also follows from its name and its LCM messages.
+    /// Whether the channel in the file contains no information beyond its name and the type of its LCM messages.
     pub fn is_plain_lcm(&self) -> bool {
         self.message_encoding == "lcm"
             && self.schema.as_ref().is_none_or(|schema| schema.encoding == "lcm")

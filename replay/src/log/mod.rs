@@ -130,11 +130,11 @@ pub struct EventRef<'a> {
     pub number: i64,
     pub data: &'a [u8],
     pub offset: u64,
-    /// What an MCAP file says besides; `None` in an LCM event log.
+    /// Channel and publish time in an MCAP file; `None` in an LCM event log.
     pub source: Option<McapSource<'a>>,
 }
 
-/// What an MCAP file says about a message beyond the fields of [`EventRef`].
+/// Information about a message that only an MCAP file contains.
 #[derive(Debug, Clone, Copy)]
 pub struct McapSource<'a> {
     /// Its channel.

@@ -22,7 +22,7 @@ pub struct LogReader {
     selected: Option<SelectedRun>,
 }
 
-/// An event, and what an MCAP says besides: its channel and publish time.
+/// An event; for an MCAP also its channel in the file and its publish time, ns.
 type Selected = (Event, Option<(Arc<FileChannel>, u64)>);
 
 /// The selection of one run.
@@ -93,6 +93,11 @@ impl LogReader {
     /// Whether the file is known to be complete: an MCAP read through its closing magic. An event log has no end mark.
     pub fn is_complete(&self) -> bool {
         matches!(&self.reader, Some(Reader::Mcap(reader)) if reader.is_complete())
+    }
+
+    /// Whether the part that was read consists of several MCAPs, one after the other: then [`LogReader::seek`] finds wrong channels.
+    pub(crate) fn is_joined(&self) -> bool {
+        matches!(&self.reader, Some(Reader::Mcap(reader)) if reader.is_joined())
     }
 
     /// Continues at the record at this offset: [`super::EventRef::offset`] of an event of the same file, or 0.
@@ -207,6 +212,10 @@ impl Events {
     /// Damage found in the part of the log that has been read.
     pub fn health(&self) -> &Health {
         &self.health
+    }
+
+    pub(crate) fn is_joined(&self) -> bool {
+        self.reader.is_joined()
     }
 }
 

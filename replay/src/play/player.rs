@@ -83,7 +83,7 @@ impl Player {
     /// Opens a log and goes to the start position. `now_ns`: the caller's time.
     ///
     /// # Errors
-    /// Those of [`crate::log::LogReader::open`]; [`Error::NoTicks`] if the pace is that of the ticks and there are none.
+    /// As [`crate::log::LogReader::open`]; [`Error::NoTicks`] if [`PlayOptions::base`] is the time of the ticks and the log has no tick.
     pub fn open(path: impl AsRef<Path>, options: PlayOptions, now_ns: i64) -> Result<Self, Error> {
         let order = TimeOrder::of(path.as_ref())?;
         Self::open_with(path.as_ref(), options, &order, now_ns)
@@ -193,7 +193,7 @@ impl Player {
     /// Seeks to a log time within the played part: the next event is the first due at or after it.
     ///
     /// # Errors
-    /// Those of [`crate::log::LogReader`].
+    /// As [`crate::log::LogReader::read`].
     pub fn seek(&mut self, to_ns: i64, now_ns: i64) -> Result<(), Error> {
         let mut to_ns = to_ns.max(self.from_ns);
         if to_ns < self.position_ns(now_ns) || self.next.is_none() {

@@ -1,8 +1,8 @@
 //! Order of a log's times, and its events in the order of time.
 //!
 //! Most logs are in the order of time. A file in which channels stand one after the other is read in blocks that are sorted; at any time
-//! only the blocks that contain the current time are in memory. If the clock of a recording jumped back, the order of the file is the order
-//! in which things happened.
+//! only the blocks that contain the current time are in memory. If the clock of a recording jumped back, events are returned in
+//! the order of the file.
 
 use crate::Error;
 use crate::log::{Event, Health, LogReader};
@@ -27,7 +27,7 @@ pub enum OrderKind {
     Ordered,
     /// Each channel is in the order of time, the file is not.
     ByChannel,
-    /// The clock jumped back.
+    /// The clock jumped back, or the file consists of several MCAPs whose times overlap.
     JumpsBack,
 }
 
@@ -85,6 +85,10 @@ impl TimeOrder {
             }
         }
         order.channels = latest.into_keys().collect();
+        if reader.is_joined() && !order.is_ordered {
+            // Blocks of joined files cannot be read in another order.
+            order.jumps_back = order.jumps_back.max(1);
+        }
         Ok(order)
     }
 
@@ -103,7 +107,7 @@ impl TimeOrder {
         }
     }
 
-    /// What a user has to know about the order.
+    /// Message for the user; `None` if the log is in the order of time.
     pub fn notice(&self) -> Option<String> {
         match self.kind() {
             OrderKind::Ordered => None,
@@ -227,5 +231,24 @@ mod tests {
             assert_eq!(times(&path), (OrderKind::JumpsBack, 1, expected.clone()), "{name}");
             std::fs::remove_file(path).unwrap();
         }
+    }
+
+    /// In each part of a joined file, other channels have the same ids.
+    #[test]
+    fn every_event_of_joined_files_keeps_its_channel() {
+        let parts = [("A", 0), ("B", 10)]
+            .map(|(channel, from)| log(&format!("part_{channel}.mcap"), (0..1000).map(|i| (channel, 20 * i + from))));
+        let path = std::env::temp_dir().join(format!("hoof_order_{}_joined.mcap", std::process::id()));
+        std::fs::write(&path, parts.each_ref().map(|part| std::fs::read(part).unwrap()).concat()).unwrap();
+        let order = TimeOrder::of(&path).unwrap();
+        assert_eq!((order.kind(), order.jumps_back), (OrderKind::JumpsBack, 1));
+        let mut events = OrderedEvents::open(&path, &order).unwrap();
+        for n in 0..2000 {
+            let event = events.next().unwrap().unwrap();
+            let expected = if n < 1000 { ("A", 20 * n) } else { ("B", 20 * (n - 1000) + 10) };
+            assert_eq!((&*event.channel, event.t_ns / 1_000_000), expected);
+        }
+        assert!(events.next().unwrap().is_none() && events.health().is_good());
+        parts.iter().chain([&path]).for_each(|path| std::fs::remove_file(path).unwrap());
     }
 }

@@ -8,7 +8,7 @@ use crate::log::{Cut, Damaged, ItemRef};
 use mcap::MAGIC;
 use mcap::records::op;
 
-/// Length of a file by which the bytes that are searched inside damaged chunks may exceed it: a hostile file can nest chunks without end.
+/// Limit of the bytes that are read again in search of chunks, in lengths of the file: a hostile file can nest chunks without end.
 const MAX_READ_AGAIN: u64 = 4;
 
 impl McapReader {
@@ -16,8 +16,8 @@ impl McapReader {
     #[cold]
     pub(super) fn resynchronise(&mut self, why: &str) -> Result<(), Error> {
         self.section = Section::InRecords;
-        let next = match self.next_start(self.last_certain_end.min(self.at))? {
-            Some(at) if at == self.at => self.next_start(at + 1)?,
+        let next = match self.next_start(self.last_certain_end.min(self.at), u64::MAX)? {
+            Some(at) if at == self.at => self.next_start(at + 1, u64::MAX)?,
             next => next,
         };
         let from = next.map_or(self.at, |next| if next < self.at { self.last_certain_end } else { self.at });
@@ -67,13 +67,11 @@ impl McapReader {
             return Ok(stated);
         }
         let mut from = at + 1;
-        while let Some(inside) = self.next_chunk(from)?.filter(|&inside| inside < stated) {
+        while let Some(inside) = self.next_of(from, stated, false)? {
             let end = self.end_of_records(inside, stated)?;
-            let read_again = self.read_again.saturating_add(end - inside);
-            if read_again > MAX_READ_AGAIN.saturating_mul(self.source.len()).max(MAX_RECORD) {
+            if !self.may_read_again(end - inside) {
                 break;
             }
-            self.read_again = read_again;
             if end >= stated {
                 return Ok(inside);
             }
@@ -82,22 +80,33 @@ impl McapReader {
         Ok(stated)
     }
 
-    /// Offset of the next chunk.
-    pub(super) fn next_chunk(&mut self, from: u64) -> Result<Option<u64>, Error> {
-        self.next_of(from, false)
+    /// Counts bytes that are read again; `false` if they are too many.
+    pub(super) fn may_read_again(&mut self, bytes: u64) -> bool {
+        let read_again = self.read_again.saturating_add(bytes);
+        let limit = MAX_READ_AGAIN.saturating_mul(self.source.len()).max(MAX_RECORD);
+        let is_allowed = read_again <= limit;
+        if is_allowed {
+            self.read_again = read_again;
+        }
+        is_allowed
     }
 
-    /// Offset of the next chunk or, in a file with messages outside chunks, of the next message.
-    pub(super) fn next_start(&mut self, from: u64) -> Result<Option<u64>, Error> {
+    /// Offset of the next chunk.
+    pub(super) fn next_chunk(&mut self, from: u64) -> Result<Option<u64>, Error> {
+        self.next_of(from, u64::MAX, false)
+    }
+
+    /// Offset before `to` of the next chunk or, in a file with messages outside chunks, of the next message.
+    pub(super) fn next_start(&mut self, from: u64, to: u64) -> Result<Option<u64>, Error> {
         if self.loose {
             self.read_summary()?;
         }
         let loose = self.loose && !self.channels.is_empty();
-        self.next_of(from, loose)
+        self.next_of(from, to, loose)
     }
 
-    fn next_of(&mut self, mut from: u64, loose: bool) -> Result<Option<u64>, Error> {
-        while let Some(at) = self.next_opcode(from, loose)? {
+    fn next_of(&mut self, mut from: u64, to: u64, loose: bool) -> Result<Option<u64>, Error> {
+        while let Some(at) = self.next_opcode(from, to, loose)? {
             if let Some((opcode, length)) = prefix(&mut self.source, at)?
                 && length <= (self.source.len() - at - PREFIX).min(MAX_RECORD)
             {
@@ -118,20 +127,19 @@ impl McapReader {
         Ok(None)
     }
 
-    fn next_opcode(&mut self, mut from: u64, loose: bool) -> Result<Option<u64>, Error> {
-        if !loose {
-            return self.source.find(&[op::CHUNK], from);
-        }
-        loop {
-            let bytes = self.source.bytes(from, STRETCH as usize)?;
+    /// Offset before `to` of the next byte that can be the opcode of a chunk or, if `loose`, of a message.
+    fn next_opcode(&mut self, mut from: u64, to: u64, loose: bool) -> Result<Option<u64>, Error> {
+        while from < to {
+            let bytes = self.source.bytes(from, STRETCH.min(to - from) as usize)?;
             if bytes.is_empty() {
-                return Ok(None);
+                break;
             }
-            if let Some(at) = bytes.iter().position(|&byte| byte == op::CHUNK || byte == op::MESSAGE) {
+            if let Some(at) = bytes.iter().position(|&byte| byte == op::CHUNK || loose && byte == op::MESSAGE) {
                 return Ok(Some(from + at as u64));
             }
             from += bytes.len() as u64;
         }
+        Ok(None)
     }
 
     /// Whether a complete record of the specification, with consistent lengths, is at `at`.
