@@ -14,11 +14,11 @@
 
 use super::estimation::Estimate;
 use super::foot_load::{carries, force_bounds};
-use super::leg::{Leg, PerLeg};
+use super::leg::{Leg, LegPhase, PerLeg};
 use super::reference::References;
 use super::robot::Robot;
 use super::state::State;
-use super::tasks::Tasks;
+use super::tasks::{TaskInput, Tasks};
 use super::timing::Timing;
 use super::trunk::TrunkReference;
 use crate::error::LoadError;
@@ -73,7 +73,7 @@ impl Wbc {
         let (nv, nj) = (robot.model.nv(), robot.nj());
         let nan = |n| DVector::from_element(n, f64::NAN);
         let formula = Formula::parse(&params.stack.formula)?;
-        let tasks = Tasks::new(robot, params)?;
+        let tasks = Tasks::new(robot, params, &formula)?;
         let levels = tasks.levels(&formula)?;
         let pattern = pattern(robot, &formula);
         let heaviest = formula.terms().fold(0.0_f64, |most, (_, term)| most.max(term.weight));
@@ -119,7 +119,7 @@ impl Wbc {
         references: &References,
         state: &State,
     ) {
-        self.tasks.update(robot, params, measured, estimate, trunk, references, state);
+        self.tasks.update(&TaskInput { robot, params, measured, estimate, references, state }, trunk);
         self.base_dynamics(estimate, state);
         self.friction(params, estimate, state);
         self.bounds(params, state);
@@ -219,7 +219,7 @@ impl Wbc {
         RowNames { equalities, inequalities, variables }
     }
 
-    /// Checks that every term has an effect while the robot stands in its nominal posture on all feet.
+    /// Checks that every term has an effect in the nominal posture, on all feet or with a diagonal pair in swing.
     fn check_at_home(&mut self, robot: &Robot, params: &Params) -> Result<(), StackError> {
         let mut estimate = Estimate::new(robot);
         let nj = robot.nj();
@@ -229,13 +229,16 @@ impl Wbc {
         let trunk = TrunkReference { R_WB: Matrix3::identity(), w_WB_W: Vector3::zeros() };
         let mut references = References::new(robot);
         references.qd_des.fill(0.0);
-        let state = State::new(nj);
-        self.build(robot, params, &measured, &estimate, &trunk, &references, &state);
-        let free = self.stack.free_rows(&self.tasks.rows);
-        for (k, (term, free)) in
-            self.formula.terms().zip(free.iter().flatten()).map(|((k, term), free)| (k, (term, free)))
-        {
-            if *free == 0 {
+        let mut state = State::new(nj);
+        let mut free = [const { Vec::new() }; 2];
+        for (phase, free) in [LegPhase::Stance, LegPhase::SwingUp].into_iter().zip(&mut free) {
+            (state.leg_state[Leg::LF], state.leg_state[Leg::RH]) = (phase, phase);
+            self.build(robot, params, &measured, &estimate, &trunk, &references, &state);
+            *free = self.stack.free_rows(&self.tasks.rows).concat();
+        }
+        let [standing, swinging] = free;
+        for (((k, term), standing), swinging) in self.formula.terms().zip(standing).zip(swinging) {
+            if standing == 0 && swinging == 0 {
                 let rows = term.rows.as_ref().map_or_else(|| self.tasks.len_of(&term.task), Vec::len);
                 return Err(StackError::NeverActs { column: term.column, task: term.task.clone(), level: k + 1, rows });
             }

@@ -65,6 +65,11 @@ impl Rows {
         }
     }
 
+    /// Whether a block is switched on.
+    pub fn is_on(&self, block: usize) -> bool {
+        self.blocks[block].on
+    }
+
     /// Calls `give` for every row that is switched on and has `takes`, with its right side and its entries (variable, number).
     pub(super) fn each(&self, takes: &[bool], mut give: impl FnMut(f64, &mut dyn Iterator<Item = (usize, f64)>)) {
         for block in self.blocks.iter().filter(|block| block.on) {
