@@ -33,6 +33,8 @@ pub struct Robot {
     pub model: Model,
     /// Weight, N.
     pub weight: f64,
+    /// Rotational inertia of the trunk about its centre of mass, in B, kg m².
+    pub trunk_inertia: Matrix3<f64>,
     /// The four legs.
     pub legs: PerLeg<LegModel>,
     /// Nominal posture, nj.
@@ -139,7 +141,8 @@ impl Robot {
         }
         let R_IB = kin.R_WF(&model, imu).transpose();
         let weight = model.total_mass() * GRAVITY;
-        Ok(Robot { model, weight, legs, q_nominal, nominal_height, sweep, R_IB, foot_radius: config.foot_radius })
+        let trunk_inertia = model.base_inertia();
+        Ok(Robot { model, weight, trunk_inertia, legs, q_nominal, nominal_height, sweep, R_IB, foot_radius: config.foot_radius })
     }
 
     /// Number of joints.

@@ -138,7 +138,7 @@ impl Tasks {
     pub fn update(&mut self, input: &TaskInput<'_>, trunk: &TrunkReference) {
         let TaskInput { robot, params, estimate, state, .. } = *input;
         self.contact(estimate, state);
-        self.trunk(params, estimate, trunk, state);
+        self.trunk(robot, params, estimate, trunk, state);
         self.posture(input);
         let (further, cartesian) = self.rows[BUILT_IN.len()..].split_at_mut(self.further.len());
         for (task, rows) in self.further.iter_mut().zip(further) {
@@ -188,11 +188,19 @@ impl Tasks {
     }
 
     /// `wd = K_P e_o + K_D (w_des - w)`, `e_o = log(R_des Rᵀ)`, in W axes. Source: eq. (8).
-    fn trunk(&mut self, params: &Params, estimate: &Estimate, trunk: &TrunkReference, state: &State) {
+    fn trunk(
+        &mut self,
+        robot: &Robot,
+        params: &Params,
+        estimate: &Estimate,
+        trunk: &TrunkReference,
+        state: &State,
+    ) {
+        let kd = trunk_damping(robot, params, &estimate.base.R_WB);
         self.e_o_W = log(&(trunk.R_WB * estimate.base.R_WB.transpose()));
         let e_w = trunk.w_WB_W - estimate.base.w_WB_W;
         for k in 0..3 {
-            self.wd_trunk[k] = params.trunk.kp[k] * self.e_o_W[k] + params.trunk.kd[k] * e_w[k];
+            self.wd_trunk[k] = params.trunk.kp[k] * self.e_o_W[k] + kd[k] * e_w[k];
             let rows = &mut self.rows[TRUNK];
             rows.switch(k, !is_airborne(state));
             if !is_airborne(state) {
@@ -235,4 +243,10 @@ impl Tasks {
             }
         }
     }
+}
+
+/// Damping of the trunk task about the axes of W, 1/s: that of the parameters, as far as it does not exceed `trunk.max_damping` as a torque.
+pub fn trunk_damping(robot: &Robot, params: &Params, R_WB: &Matrix3<f64>) -> [f64; 3] {
+    let I_W = R_WB * robot.trunk_inertia * R_WB.transpose();
+    [0, 1, 2].map(|k| params.trunk.kd[k].min(params.trunk.max_damping / I_W[(k, k)]))
 }

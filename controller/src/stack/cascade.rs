@@ -151,6 +151,11 @@ impl Cascade {
         if matches!(self.engine, Engine::Each(_)) { &self.levels } else { &self.levels[..1] }
     }
 
+    /// Writes the Hessian and the gradient of a level into a program of its size, as [`Cascade::build`] does. For measuring the time.
+    pub fn cost(&self, k: usize, tasks: &[Rows], qp: &mut Qp) {
+        cost(qp, &self.levels[k].terms, tasks, &self.regularization);
+    }
+
     /// The complete program of a level, after all levels above were solved. Allocates: not for use in a tick.
     pub fn program(&self, k: usize, tasks: &[Rows]) -> Qp {
         let mut qp = self.levels[k].qp.clone();

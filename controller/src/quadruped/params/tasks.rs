@@ -14,6 +14,9 @@ pub struct TrunkParams {
     /// Damping about the same axes, 1/s.
     #[serde(deserialize_with = "array")]
     pub kd: [f64; 3],
+    /// Largest damping as a torque, N m s/rad: the damping about an axis is at most this divided by the trunk's inertia about the axis. Raiola, section 4.4,
+    /// has 400 on the real robot, against instabilities of its torque loop; the default limits no robot.
+    pub max_damping: f64,
     /// Gain of the height integrator, 1/s. Raiola has 10; with it the base oscillates vertically where feet land at different heights.
     pub height_gain: f64,
     /// Limit of the height integral, m.
@@ -33,6 +36,7 @@ impl Default for TrunkParams {
         TrunkParams {
             kp: [1000.0; 3],
             kd: [100.0; 3],
+            max_damping: 1e6,
             height_gain: 2.0,
             max_height_correction: 0.1,
             max_orientation_rate: 0.5,
@@ -48,6 +52,7 @@ impl TrunkParams {
     pub const BOUNDS: &[Bound] = &[
         Bound::new("trunk.kp", range!(0, 10000), "1/s²"),
         Bound::new("trunk.kd", range!(0, 1000), "1/s"),
+        Bound::new("trunk.max_damping", range!(1, 1000000), "N m s/rad"),
         Bound::new("trunk.height_gain", range!(0, 100), "1/s"),
         Bound::new("trunk.max_height_correction", range!(0, 0.5), "m"),
         Bound::new("trunk.max_orientation_rate", range!(0, 5), "rad/s"),
