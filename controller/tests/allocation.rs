@@ -116,7 +116,8 @@ fn a_hierarchy_allocates_only_in_clarabel() {
 #[test]
 fn the_further_tasks_allocate_nothing() {
     let constraints = controller::stack::S1.split_once("<<").unwrap().1;
-    let formula = format!("1e6 contact + 1e3 trunk + swing + posture <<{constraints}");
+    let formula =
+        format!("1e6 relative_feet + 1e3 trunk + swing + posture + cone_center / internal_forces <<{constraints}");
     for (tick, wbc, n) in counted(hyq_with(&[("stack.formula", &formula)]), 600, |_| ()) {
         assert_eq!((wbc.status, n), (WbcSolution::STATUS_SOLVED, 0), "tick {}, mode {}", tick.tick, tick.mode);
     }

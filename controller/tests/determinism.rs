@@ -98,8 +98,14 @@ fn poisoned_workspace_changes_no_bit_with_a_hierarchy_or_another_solver() {
 }
 
 /// Formulas with each task that is not in the default.
-const FURTHER: [&str; 2] =
-    ["1e6 contact + 1e3 trunk + swing + posture", "contact / trunk / swing + posture"];
+const FURTHER: [&str; 6] = [
+    "1e6 contact + 1e3 trunk + swing + posture",
+    "contact / trunk / swing + posture",
+    "1e6 relative_feet + 1e3 trunk + posture",
+    "1e6 contact + 1e3 trunk + posture + 0.1 cone_center",
+    "1e6 contact + 1e3 trunk + posture + 0.1 internal_forces",
+    "relative_feet / trunk / swing + posture / cone_center + internal_forces",
+];
 
 #[test]
 fn a_run_with_each_further_task_replays_bit_for_bit() {

@@ -27,6 +27,15 @@ pub struct LegModel {
     pub reach: LegReach,
 }
 
+impl LegModel {
+    /// Columns in which the Jacobian of the foot may be non-zero, ascending: those of the base, then those of the leg's joints.
+    pub fn columns(&self) -> Vec<usize> {
+        let mut columns: Vec<usize> = (0..6).chain(self.joints.map(|j| 6 + j)).collect();
+        columns.sort_unstable();
+        columns
+    }
+}
+
 /// The rigid-body model and what is derived from it.
 pub struct Robot {
     /// Rigid-body model, floating base.
@@ -142,7 +151,17 @@ impl Robot {
         let R_IB = kin.R_WF(&model, imu).transpose();
         let weight = model.total_mass() * GRAVITY;
         let trunk_inertia = model.base_inertia();
-        Ok(Robot { model, weight, trunk_inertia, legs, q_nominal, nominal_height, sweep, R_IB, foot_radius: config.foot_radius })
+        Ok(Robot {
+            model,
+            weight,
+            trunk_inertia,
+            legs,
+            q_nominal,
+            nominal_height,
+            sweep,
+            R_IB,
+            foot_radius: config.foot_radius,
+        })
     }
 
     /// Number of joints.

@@ -96,9 +96,10 @@ mod tests {
     #[test]
     fn velocity_and_acceleration_are_the_derivatives_in_swing_and_reach() {
         let d = 1e-7;
-        for (params, t) in [SWING, PRINTED].iter().flat_map(|params| {
-            [1e-3, 0.1, 0.249, 0.251, 0.37, 0.499, 0.501, 0.6, 0.74, 0.8].map(|t| (params, t))
-        }) {
+        for (params, t) in [SWING, PRINTED]
+            .iter()
+            .flat_map(|params| [1e-3, 0.1, 0.249, 0.251, 0.37, 0.499, 0.501, 0.6, 0.74, 0.8].map(|t| (params, t)))
+        {
             let (a, b) = (swing_point(t - d, 0.5, 0.2, 0.1, params), swing_point(t + d, 0.5, 0.2, 0.1, params));
             let at = swing_point(t, 0.5, 0.2, 0.1, params);
             assert!(((b.x - a.x) / (2.0 * d) - at.xd).abs() < 1e-6, "x at {t}");

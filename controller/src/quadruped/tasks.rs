@@ -5,22 +5,31 @@
 //! | contact | 12   | acceleration of the contact points, x y z of LF RF LH RH, in W         |
 //! | trunk   | 3    | angular acceleration of the base about x y z, in W                     |
 //! | posture | nj   | joint accelerations, in URDF order                                     |
-//! | swing   | 12   | acceleration of the feet in swing relative to the base, x y z of LF RF LH RH, in W |
+//! | relative_feet   | 12 | as contact, with feedback on the positions of the standing feet relative to each other |
+//! | swing           | 12 | acceleration of the feet in swing relative to the base, x y z of LF RF LH RH, in W    |
+//! | cone_center     | 8  | tangential contact forces, two of LF RF LH RH, N                       |
+//! | internal_forces | 12 | contact forces without net force and moment, x y z of LF RF LH RH, N   |
 //! | others  | 6    | tasks of `[stack.tasks]`: [`crate::stack::CartesianConfig`]            |
 //!
 //! Contact, trunk and posture are computed in every tick, because messages contain their errors. A further task is one file in `tasks/` and one line in
 //! `FURTHER`; it is computed if the formula names it.
 
+mod cone_center;
+mod forces;
+mod internal_forces;
+mod relative_feet;
 mod swing;
 mod task;
 
+pub use forces::{FORCE_UNIT, force_column};
+pub use internal_forces::net_wrench;
 pub use task::{NewTask, Task, TaskInput};
 
 use super::estimation::Estimate;
 use super::foot_load::{carries, is_airborne};
 use super::leg::{Leg, PerLeg};
 use super::params::PostureParams;
-use super::robot::{LegModel, Robot};
+use super::robot::Robot;
 use super::state::State;
 use super::trunk::TrunkReference;
 use crate::error::LoadError;
@@ -32,7 +41,12 @@ use nalgebra::{DVector, Matrix3, Vector3};
 
 const BUILT_IN: [&str; 3] = ["contact", "trunk", "posture"];
 /// Further tasks: the name in a formula, and how it is built.
-const FURTHER: [(&str, NewTask); 1] = [(SWING, swing::new)];
+const FURTHER: [(&str, NewTask); 4] = [
+    ("relative_feet", relative_feet::new),
+    (SWING, swing::new),
+    ("cone_center", cone_center::new),
+    ("internal_forces", internal_forces::new),
+];
 /// Name of the Cartesian swing task.
 const SWING: &str = "swing";
 const CONTACT: usize = 0;
@@ -63,12 +77,7 @@ impl Tasks {
     /// A task in the parameters has an invalid name, an unknown link, or a gain out of range.
     pub fn new(robot: &Robot, params: &Params, formula: &Formula) -> Result<Self, LoadError> {
         let (model, nv, nj) = (&robot.model, robot.model.nv(), robot.nj());
-        let of_foot = |leg: &LegModel| {
-            let mut cols: Vec<usize> = (0..6).chain(leg.joints.map(|j| 6 + j)).collect();
-            cols.sort_unstable();
-            (3, cols)
-        };
-        let contact = Rows::new(nv, robot.legs.0.iter().map(of_foot));
+        let contact = Rows::new(nv, robot.legs.0.iter().map(|leg| (3, leg.columns())));
         let mut rows = vec![contact, Rows::selection(nv, 3..6), Rows::selection(nv, 6..nv)];
         let mut names: Vec<String> = BUILT_IN.map(str::to_owned).to_vec();
         let mut further = Vec::new();
@@ -127,6 +136,11 @@ impl Tasks {
     /// Names of the tasks, in the order of [`Tasks::rows`].
     pub fn names(&self) -> impl Iterator<Item = &str> {
         self.names.iter().map(String::as_str)
+    }
+
+    /// Number of leading variables in which the rows may have non-zero entries: accelerations, and forces if the formula names a task of forces.
+    pub fn columns(&self) -> usize {
+        self.rows.iter().map(|rows| rows.A.ncols()).fold(0, usize::max)
     }
 
     /// Number of rows of a task; 0 for an unknown name.
@@ -188,14 +202,7 @@ impl Tasks {
     }
 
     /// `wd = K_P e_o + K_D (w_des - w)`, `e_o = log(R_des Rᵀ)`, in W axes. Source: eq. (8).
-    fn trunk(
-        &mut self,
-        robot: &Robot,
-        params: &Params,
-        estimate: &Estimate,
-        trunk: &TrunkReference,
-        state: &State,
-    ) {
+    fn trunk(&mut self, robot: &Robot, params: &Params, estimate: &Estimate, trunk: &TrunkReference, state: &State) {
         let kd = trunk_damping(robot, params, &estimate.base.R_WB);
         self.e_o_W = log(&(trunk.R_WB * estimate.base.R_WB.transpose()));
         let e_w = trunk.w_WB_W - estimate.base.w_WB_W;

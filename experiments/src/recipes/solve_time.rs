@@ -83,7 +83,9 @@ fn damping(bench: &Bench, states: &States) -> anyhow::Result<Vec<Row>> {
     let sample = bench.one_with(spec, orientation_error)?;
     let of = "A5 with trunk.max_damping = 400: ";
     rows.push(falls(of, std::slice::from_ref(&sample)));
-    let error = |what, value, limit| Row::info(format!("{of}orientation error, {what}"), value, "rad").published(limit).at_most(limit);
+    let error = |what, value, limit| {
+        Row::info(format!("{of}orientation error, {what}"), value, "rad").published(limit).at_most(limit)
+    };
     let found = |value: fn(&ErrorStats) -> f64| sample.measured.as_ref().map_or(f64::NAN, value);
     rows.push(error("mean", found(|e| e.mean), 0.0101));
     rows.push(error("std", found(|e| e.std), 0.0102));
@@ -103,7 +105,13 @@ pub(super) struct Times {
 /// Times of every tick with a formula.
 ///
 /// - `set`: further parameters, keys and values.
-pub(super) fn time(bench: &Bench, states: &States, title: &str, formula: &str, set: &[(&str, &str)]) -> anyhow::Result<Times> {
+pub(super) fn time(
+    bench: &Bench,
+    states: &States,
+    title: &str,
+    formula: &str,
+    set: &[(&str, &str)],
+) -> anyhow::Result<Times> {
     let bar = bench.bar(format!("{title}, {PASSES} passes"));
     let mut fastest: Vec<[f64; 3]> = vec![[f64::INFINITY; 3]; states.ticks.len()];
     for pass in 0..PASSES {

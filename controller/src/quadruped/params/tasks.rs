@@ -59,6 +59,8 @@ impl TrunkParams {
         Bound::new("trunk.max_orientation", range!(0, 0.8), "rad"),
         Bound::new("trunk.max_height_rate", range!(0, 2), "m/s"),
         Bound::new("trunk.max_height_offset", range!(0, 0.5), "m"),
+        Bound::new("relative_feet.kp", range!(0, 10000), "1/s²"),
+        Bound::new("relative_feet.kd", range!(0, 1000), "1/s"),
         Bound::new("posture.swing_kp", range!(0, 10000), ""),
         Bound::new("posture.swing_kd", range!(0, 1000), ""),
         Bound::new("posture.stance_kp", range!(0, 10000), ""),
@@ -66,6 +68,22 @@ impl TrunkParams {
         Bound::new("posture.max_stance_lead", range!(0.001, 10), "rad"),
         Bound::new("posture.blend_time_constant", range!(0.001, 100), "s"),
     ];
+}
+
+/// The `[relative_feet]` table: gains of the task `relative_feet`, which replaces the task `contact` in a formula. Source: Raiola, section 6.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct RelativeFeetParams {
+    /// Stiffness on the distances between the standing feet, 1/s².
+    pub kp: f64,
+    /// Damping of their rates, 1/s.
+    pub kd: f64,
+}
+
+impl Default for RelativeFeetParams {
+    fn default() -> Self {
+        RelativeFeetParams { kp: 100.0, kd: 20.0 }
+    }
 }
 
 /// The `[posture]` table: posture task. Source: Raiola, eq. (9), section 5; gains of the leg joints HAA HFE KFE.

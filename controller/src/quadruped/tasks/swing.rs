@@ -28,11 +28,7 @@ struct Swing {
 /// Builds the task.
 pub fn new(robot: &Robot) -> (Rows, Box<dyn Task>) {
     let nv = robot.model.nv();
-    let of_foot = |leg: Leg| {
-        let mut cols: Vec<usize> = (3..6).chain(robot.legs[leg].joints.map(|j| 6 + j)).collect();
-        cols.sort_unstable();
-        (3, cols)
-    };
+    let of_foot = |leg: Leg| (3, robot.legs[leg].columns().split_off(3));
     (Rows::new(nv, Leg::ALL.map(of_foot)), Box::new(Swing { J: DMatrix::from_element(3, nv, f64::NAN) }))
 }
 
@@ -54,9 +50,8 @@ impl Task for Swing {
             let r_des_W = base.R_WH * references.p_BF_H[leg];
             let v_H_W = base.R_WH * references.v_BF_H[leg];
             let v_des_W = turn_W.cross(&r_des_W) + v_H_W;
-            let a_des_W = turn_W.cross(&turn_W.cross(&r_des_W))
-                + turn_W.cross(&v_H_W) * 2.0
-                + base.R_WH * references.a_BF_H[leg];
+            let a_des_W =
+                turn_W.cross(&turn_W.cross(&r_des_W)) + turn_W.cross(&v_H_W) * 2.0 + base.R_WH * references.a_BF_H[leg];
             let e = r_des_W - estimate.legs[leg].p_BF_W;
             let ed = v_des_W - kin.v_BF_W(&robot.model, of_robot.foot);
             let (kp, kd) = (&params.swing.kp, &params.swing.kd);
