@@ -2,7 +2,7 @@
 
 use super::shared::falls;
 use super::solve_time;
-use crate::bench::{Bench, RunSpec, Sample, count, mean};
+use crate::bench::{Bench, RunSpec, mean};
 use crate::experiment::Experiment;
 use crate::row::Row;
 use crate::states::States;
