@@ -4,7 +4,7 @@
 mod common;
 
 use common::{folder, hoof, messages};
-use lcmtypes::{LegState, channels};
+use lcmtypes::{ControllerTick, LegState, channels};
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
 
@@ -45,6 +45,69 @@ fn trot_a_gait_of_a_file_and_crawl_follow_each_other_while_walking_and_replay_bi
     assert_eq!(gaits, [0, 4, 8, 1]);
     let replayed = hoof(&format!("replay {} --jobs 2 --json", log.display())).exits(0).json();
     assert_eq!((&replayed["identical"], &replayed["ticks"]), (&json!(true), &json!(12_000)));
+
+    // The timeline of the report and the debugger have the names, from the parameters in the log.
+    let plots = file(&folder, "plots.toml", "formats = [\"svg\"]\n[[figure]]\nkind = \"gait\"\n");
+    let out = folder.join("report");
+    let command = format!("report {} --plots {} --out {}", log.display(), plots.display(), out.display());
+    hoof(&command).exits(0);
+    let timeline = std::fs::read_to_string(out.join("happenings.json")).unwrap();
+    let timeline: Value = serde_json::from_str(&timeline).unwrap();
+    let changes = changes_of_gait(&timeline);
+    let names: Vec<&str> = changes.iter().filter_map(|(_, text)| text.split_whitespace().last()).collect();
+    assert_eq!(names, ["crawl_lf_rf_lh_rh", "single_lf", "crawl"], "{timeline}");
+    let page = std::fs::read_to_string(out.join("report.html")).unwrap();
+    for ((tick, _), name) in changes.iter().zip(names) {
+        assert!(page.contains(name), "{name}");
+        let shown = hoof(&format!("replay {} --break {tick} --json", log.display())).exits(0).json();
+        assert_eq!(shown["gait"]["gait"], name, "tick {tick}");
+    }
+}
+
+/// Tick and text of every change of the gait in the timeline of a report.
+fn changes_of_gait(timeline: &Value) -> Vec<(i64, String)> {
+    match timeline {
+        Value::Array(values) => values.iter().flat_map(changes_of_gait).collect(),
+        Value::Object(entry) if entry.get("what").is_some_and(|what| what == "gait") => {
+            vec![(entry["tick"].as_i64().unwrap(), entry["text"].as_str().unwrap().to_owned())]
+        }
+        Value::Object(entry) => entry.values().flat_map(changes_of_gait).collect(),
+        _ => Vec::new(),
+    }
+}
+
+/// With the commanded duty factor of 0.5 three legs of this gait would swing at phase 0; 0.6 leaves two. The gait file has 0.88.
+#[test]
+fn a_commanded_duty_factor_that_a_gait_does_not_allow_is_rejected_and_the_walk_goes_on() {
+    let folder = folder("gait_duty");
+    let amble = "[gait.amble]\nduty = 0.88\nswing_frequency = 3.0\nlift_off_phase = [0.0, 0.55, 0.8, 0.3]\nsway = 0.25\n\
+                 residual_load = 0.05\n";
+    let gaits = file(&folder, "amble.toml", amble);
+    let keys = [
+        (0.0, "mode = \"stand\"\ngait = \"amble\""),
+        (0.5, "mode = \"walk\""),
+        (4.0, "duty = 0.5"),
+        (6.0, "duty = 0.86"),
+    ];
+    let walk = file(&folder, "walk.toml", &scenario(9.0, &keys));
+    let log = folder.join("walk.mcap");
+    let command = format!("{SIM} --gait {} --scenario {} --log {}", gaits.display(), walk.display(), log.display());
+    let run = hoof(&command).exits(0).json();
+    assert_eq!((&run["fell"], &run["safe_state"]), (&json!(false), &Value::Null));
+    let ticks: Vec<ControllerTick> = messages(&log, channels::CONTROLLER_TICK);
+    let rejected = |tick: &&ControllerTick| tick.fault == ControllerTick::FAULT_OPERATOR_RANGE;
+    let numbers: Vec<i64> = ticks.iter().filter(rejected).map(|tick| tick.tick).collect();
+    // Operator commands arrive within 0.1 s.
+    assert!(numbers.first().is_some_and(|first| (4000..4110).contains(first)), "{:?}", numbers.first());
+    assert!(numbers.last().is_some_and(|last| (5990..6110).contains(last)), "{:?}", numbers.last());
+    for tick in ticks.iter().filter(rejected) {
+        assert_eq!((tick.fault_index, tick.fault_value, tick.mode), (1, 0.5, ControllerTick::MODE_WALK));
+    }
+    // The duty factor of the gait stays: one leg swings at a time, and the gait is still this one.
+    for legs in messages::<LegState>(&log, channels::LEG_STATE).into_iter().filter(|legs| legs.tick >= 500) {
+        assert!(legs.state.iter().filter(|state| **state != LegState::STATE_STANCE).count() <= 1, "tick {}", legs.tick);
+        assert_eq!(legs.gait, 2);
+    }
 }
 
 /// A gait, and the velocity at which it walks in the test, m/s; `None` if it falls, as its file says.

@@ -114,6 +114,16 @@ fn a_hierarchy_allocates_only_in_clarabel() {
 }
 
 #[test]
+fn the_further_tasks_allocate_nothing() {
+    let constraints = controller::stack::S1.split_once("<<").unwrap().1;
+    let formula =
+        format!("1e6 relative_feet + 1e3 trunk + swing + posture + cone_center / internal_forces <<{constraints}");
+    for (tick, wbc, n) in counted(hyq_with(&[("stack.formula", &formula)]), 600, |_| ()) {
+        assert_eq!((wbc.status, n), (WbcSolution::STATUS_SOLVED, 0), "tick {}, mode {}", tick.tick, tick.mode);
+    }
+}
+
+#[test]
 fn the_safe_state_allocates_nothing() {
     let ticks = counted(hyq(), 1100, |puppet| {
         if puppet.input.tick >= WARM_UP {

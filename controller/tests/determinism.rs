@@ -97,6 +97,38 @@ fn poisoned_workspace_changes_no_bit_with_a_hierarchy_or_another_solver() {
     }
 }
 
+/// Formulas with each task that is not in the default.
+const FURTHER: [&str; 6] = [
+    "1e6 contact + 1e3 trunk + swing + posture",
+    "contact / trunk / swing + posture",
+    "1e6 relative_feet + 1e3 trunk + posture",
+    "1e6 contact + 1e3 trunk + posture + 0.1 cone_center",
+    "1e6 contact + 1e3 trunk + posture + 0.1 internal_forces",
+    "relative_feet / trunk / swing + posture / cone_center + internal_forces",
+];
+
+#[test]
+fn a_run_with_each_further_task_replays_bit_for_bit() {
+    let constraints = S1.split_once("<<").unwrap().1;
+    let plain = run_with_puppet(&mut hyq(), SEED, 300);
+    for tasks in FURTHER {
+        let formula = format!("{tasks} <<{constraints}");
+        let build = || hyq_with(&[("stack.formula", &formula)]);
+        let run = run_with_puppet(&mut build(), SEED, 300);
+        // The task has an effect.
+        assert!(first_difference(&plain.outputs, &run.outputs).is_some(), "{tasks}");
+        assert_eq!(first_difference(&run.outputs, &replay(&mut build(), &run.inputs)), None, "{tasks}");
+        let (mut controller, mut out) = (build(), Outbox::new());
+        let mut outputs = Vec::new();
+        for input in &run.inputs {
+            controller.poison_workspace();
+            controller.step(input, &mut out);
+            outputs.push(messages(&out));
+        }
+        assert_eq!(first_difference(&run.outputs, &outputs), None, "{tasks}");
+    }
+}
+
 #[test]
 fn restart_from_any_snapshot_gives_the_same_run() {
     let run = recorded();

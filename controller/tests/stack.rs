@@ -60,7 +60,10 @@ fn loaded(tasks: &str, formula: &str) -> Result<Quadruped, String> {
 #[test]
 fn an_invalid_stack_is_rejected_with_the_name_of_the_entry() {
     for (formula, expected) in [
-        ("contact / trnk", "column 11: unknown task \"trnk\", known: contact, trunk, posture, lean, span, still"),
+        (
+            "contact / trnk",
+            "column 11: unknown task \"trnk\", known: contact, trunk, posture, relative_feet, swing, cone_center, internal_forces, lean, span, still",
+        ),
         ("contact / trunk[3]", "column 11: row 3 of trunk, expected 0 to 2"),
         // The orientation of the trunk twice: the second task has no effect.
         ("contact / trunk / lean[3,4,5] + posture", "column 19: lean on level 3"),

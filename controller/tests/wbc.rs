@@ -210,7 +210,10 @@ fn the_assumed_base_position_changes_no_bit() {
          [stack.tasks.span]\ntype = \"cartesian\"\nlink = \"rf_foot\"\nrelative_to = \"lh_foot\"\nkp = [9, 9, 9, 0, 0, 0]\nkd = [6, 6, 6, 0, 0, 0]\n\
          [stack.tasks.nose]\ntype = \"cartesian\"\nlink = \"trunk\"\nkp = [9, 9, 9, 9, 9, 9]\nkd = [6, 6, 6, 6, 6, 6]\n"
     );
-    for params in [PARAMS, &toml] {
+    let further = format!(
+        "{PARAMS}\n[stack]\nformula = \"relative_feet / trunk / swing + posture / cone_center + internal_forces << base_dynamics << friction << force_bounds\"\n"
+    );
+    for params in [PARAMS, &toml, &further] {
         let [mut controller, mut misled] = [(); 2].map(|()| Quadruped::new(URDF, params).unwrap());
         let (mut puppet, mut out, mut misled_out, mut rng) = (Puppet::new(3), Outbox::new(), Outbox::new(), Rng(4));
         let mut largest = 0.0_f64;

@@ -69,7 +69,7 @@ impl Screen<'_> {
         panel(frame, left, "Base", self.base(columns(left)));
         panel(frame, right, "Feed-forward torques, URDF order (N m)", self.command(columns(right)));
         let [left, right] = halves(qp);
-        panel(frame, left, "Tasks: weight, |A vd - b|", self.tasks(columns(left)));
+        panel(frame, left, "Tasks: weight, |A x - b|", self.tasks(columns(left)));
         let conflict = self.overview().conflict.is_some();
         let title = if conflict { "Constraints that contradict each other" } else { "Active constraints" };
         panel(frame, right, title, self.constraints(columns(right)));

@@ -97,6 +97,6 @@ pub struct TermSummary {
     pub task: String,
     /// Weight of its squared error.
     pub weight: f64,
-    /// Norm of `A vd - b` over its rows: m/s² or rad/s².
+    /// Norm of `A x - b` over its rows: m/s², rad/s² or N.
     pub residual: f64,
 }

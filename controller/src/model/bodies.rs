@@ -238,6 +238,11 @@ impl Model {
         self.total_mass
     }
 
+    /// Rotational inertia of the base with the links fixed to it, about their centre of mass, in base axes, kg m².
+    pub fn base_inertia(&self) -> Matrix3<f64> {
+        self.bodies[0].I_C
+    }
+
     /// Finds a movable joint.
     ///
     /// # Errors

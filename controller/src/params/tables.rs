@@ -6,8 +6,8 @@ use super::robot::RobotConfig;
 use crate::hold::params::HoldParams;
 use crate::qp::QpParams;
 use crate::quadruped::params::{
-    ContactParams, FootholdParams, GaitParams, PostureParams, RecoveryParams, StandParams, SwingParams, TerrainParams,
-    TrunkParams, WbcParams,
+    ContactParams, FootholdParams, GaitParams, PostureParams, RecoveryParams, RelativeFeetParams, StandParams,
+    SwingParams, TerrainParams, TrunkParams, WbcParams,
 };
 use crate::safety::SafetyParams;
 use crate::stack::{Formula, StackParams};
@@ -40,6 +40,9 @@ pub struct Params {
     /// Trunk orientation task and height of the base.
     #[serde(default)]
     pub trunk: TrunkParams,
+    /// Stance task with feedback between the feet.
+    #[serde(default)]
+    pub relative_feet: RelativeFeetParams,
     /// Posture task.
     #[serde(default)]
     pub posture: PostureParams,

@@ -100,6 +100,11 @@ impl Quadruped {
         &self.state
     }
 
+    /// The parameters.
+    pub fn params(&self) -> &Params {
+        &self.params
+    }
+
     /// The robot.
     pub fn robot(&self) -> &Robot {
         &self.robot

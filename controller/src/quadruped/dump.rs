@@ -16,6 +16,8 @@ use nalgebra::{DMatrix, DVector};
 const ACTIVE: f64 = 1e-6;
 /// Unit of a generalized acceleration.
 const ACCELERATION: &str = "m/s², rad/s²";
+/// Unit of a task's right side.
+const OF_TASK: &str = "m/s², rad/s², N";
 /// Unit of a generalized force.
 const FORCE: &str = "N, N m";
 
@@ -136,7 +138,7 @@ impl Quadruped {
     fn tasks(&self) -> Group {
         let Scratch { wbc, trunk, .. } = &self.scratch;
         let rows = wbc.tasks.names().zip(&wbc.tasks.rows).fold(Group::new(), |group, (name, rows)| {
-            group.with(name, Group::new().with("A", &rows.A).with_unit("b", ACCELERATION, &rows.b))
+            group.with(name, Group::new().with("A", &rows.A).with_unit("b", OF_TASK, &rows.b))
         });
         let levels: Vec<Group> = (0..wbc.stack.levels.len()).map(|k| program(&wbc.program(k))).collect();
         Group::new()
@@ -166,11 +168,10 @@ impl Quadruped {
                 .terms
                 .iter()
                 .map(|TermSummary { task, weight, residual }| {
-                    Group::new().with("task", task.as_str()).with("weight", *weight).with_unit(
-                        "residual",
-                        ACCELERATION,
-                        *residual,
-                    )
+                    Group::new()
+                        .with("task", task.as_str())
+                        .with("weight", *weight)
+                        .with_unit("residual", OF_TASK, *residual)
                 })
                 .collect();
             let mut group = Group::new().with("status", summary.status_name());
@@ -209,7 +210,7 @@ impl Quadruped {
         let names: Vec<&str> = wbc.tasks.names().collect();
         let terms = level.terms.iter().map(|term| {
             let rows = &wbc.tasks.rows[term.task];
-            let residual = residual(&rows.A, &rows.b, &term.takes, &wbc.vd);
+            let residual = residual(&rows.A, &rows.b, &term.takes, &wbc.x);
             TermSummary { task: names[term.task].to_owned(), weight: term.weight, residual }
         });
         let active = if level.solved() {
@@ -265,11 +266,11 @@ fn active(constraints: &Qp, x: &DVector<f64>, inequalities: &[String], variables
     active
 }
 
-/// Norm of `A vd - b` over the rows with `takes`.
-fn residual(A: &DMatrix<f64>, b: &DVector<f64>, takes: &[bool], vd: &DVector<f64>) -> f64 {
+/// Norm of `A x - b` over the rows with `takes`. `x` may be longer than the rows.
+fn residual(A: &DMatrix<f64>, b: &DVector<f64>, takes: &[bool], x: &DVector<f64>) -> f64 {
     let mut sum = 0.0;
     for row in (0..b.len()).filter(|row| takes[*row]) {
-        let left = A.row(row).iter().zip(vd).fold(0.0, |sum, (a, v)| sum + a * v);
+        let left = A.row(row).iter().zip(x).fold(0.0, |sum, (a, x)| sum + a * x);
         sum += (left - b[row]) * (left - b[row]);
     }
     sum.sqrt()

@@ -212,6 +212,7 @@ pub fn advance(
 mod tests {
     use super::*;
     use crate::params::apply_overrides;
+    use crate::quadruped::params::{GaitTiming, NEVER};
 
     fn robot(name: &str, set: &[(&str, &str)]) -> (Robot, Params) {
         let folder = format!("{}/../robots/{name}", env!("CARGO_MANIFEST_DIR"));
@@ -238,6 +239,27 @@ mod tests {
         let (speed, yaw_rate) = pace(&robot, &params, Gait::CRAWL);
         assert!((speed - 0.108).abs() < 1e-12 && (0.15..0.25).contains(&yaw_rate), "{speed} {yaw_rate}");
         assert!(pace(&robot, &params, Gait::TROT).0 >= 0.5);
+    }
+
+    /// Three legs never lift off: the step speed is 0, so every command is scaled to 0, also with another cadence.
+    #[test]
+    fn a_gait_with_a_leg_that_never_lifts_off_stays_in_place() {
+        let (robot, mut params) = robot("hyq", &[]);
+        let one = GaitTiming { lift_off_phase: [0.0, NEVER, NEVER, NEVER], ..params.gait.crawl.clone() };
+        let three = GaitTiming { lift_off_phase: [0.0, 0.5, NEVER, 0.25], ..params.gait.crawl.clone() };
+        params.gait.further.extend([("one".to_owned(), one), ("three".to_owned(), three)]);
+        for name in ["one", "three"] {
+            let gait = params.gait.named(name).unwrap();
+            assert_eq!(pace(&robot, &params, gait), (0.0, 0.0), "{name}");
+            for cadence in [Cadence::default(), Cadence { swing_frequency: 8.0, duty: 0.6 }] {
+                let timing = Timing::at(gait, cadence, &params);
+                assert_eq!(step_speed(&params.foothold, &timing), 0.0, "{name}");
+                for (v_H, yaw_rate) in [([0.1, 0.0], 0.0), ([0.0, -0.2], 0.0), ([0.0, 0.0], 0.3), ([0.2, 0.1], -0.5)] {
+                    assert_eq!(step_factor(&robot, &params, &timing, v_H, yaw_rate), 0.0, "{name} {v_H:?} {yaw_rate}");
+                }
+                assert_eq!(step_factor(&robot, &params, &timing, [0.0; 2], 0.0), 1.0, "{name}: rest is allowed");
+            }
+        }
     }
 
     #[test]

@@ -58,6 +58,8 @@ pub struct References {
     pub p_BF_H: PerLeg<Vector3<f64>>,
     /// Velocity of the contact point in H, m/s.
     pub v_BF_H: PerLeg<Vector3<f64>>,
+    /// Acceleration of the swing reference in H, m/s²; zero in stance.
+    pub a_BF_H: PerLeg<Vector3<f64>>,
     /// Planned landing position of the foot relative to the base origin, in H, m.
     pub foothold_H: PerLeg<Vector3<f64>>,
     /// Joint velocity references, nj, rad/s. The position references are `State::q_des`.
@@ -74,6 +76,7 @@ impl References {
         References {
             p_BF_H: nan,
             v_BF_H: nan,
+            a_BF_H: nan,
             foothold_H: nan,
             qd_des: vec![f64::NAN; robot.nj()],
             kin: Kinematics::new(&robot.model),
@@ -123,6 +126,7 @@ impl References {
                 let level = |[x, y]: [f64; 2], z: f64| Vector3::new(x, y, z);
                 (self.p_BF_H[leg], self.v_BF_H[leg]) =
                     ground_frame.carry(level(xy, p_virtual.z), level(vxy, zeta_dot), &p_CF_H);
+                self.a_BF_H[leg] = Vector3::zeros();
                 self.foothold_H[leg] = ground_frame.carry(p_virtual, Vector3::zeros(), &p_CF_H).0;
             } else {
                 self.swing(tick, state, leg);
@@ -165,6 +169,7 @@ impl References {
         let along = forward - Vector3::z() * (n_H.dot(&forward) / n_H.z);
         self.p_BF_H[leg] = state.p_lift_H[leg] + along * s.x + n_H * s.z;
         self.v_BF_H[leg] = if held { Vector3::zeros() } else { along * s.xd + n_H * s.zd };
+        self.a_BF_H[leg] = if held { Vector3::zeros() } else { along * s.xdd + n_H * s.zdd };
         self.foothold_H[leg] = state.p_lift_H[leg] + along * length;
     }
 

@@ -27,12 +27,23 @@ pub struct LegModel {
     pub reach: LegReach,
 }
 
+impl LegModel {
+    /// Columns in which the Jacobian of the foot may be non-zero, ascending: those of the base, then those of the leg's joints.
+    pub fn columns(&self) -> Vec<usize> {
+        let mut columns: Vec<usize> = (0..6).chain(self.joints.map(|j| 6 + j)).collect();
+        columns.sort_unstable();
+        columns
+    }
+}
+
 /// The rigid-body model and what is derived from it.
 pub struct Robot {
     /// Rigid-body model, floating base.
     pub model: Model,
     /// Weight, N.
     pub weight: f64,
+    /// Rotational inertia of the trunk about its centre of mass, in B, kg m².
+    pub trunk_inertia: Matrix3<f64>,
     /// The four legs.
     pub legs: PerLeg<LegModel>,
     /// Nominal posture, nj.
@@ -139,7 +150,18 @@ impl Robot {
         }
         let R_IB = kin.R_WF(&model, imu).transpose();
         let weight = model.total_mass() * GRAVITY;
-        Ok(Robot { model, weight, legs, q_nominal, nominal_height, sweep, R_IB, foot_radius: config.foot_radius })
+        let trunk_inertia = model.base_inertia();
+        Ok(Robot {
+            model,
+            weight,
+            trunk_inertia,
+            legs,
+            q_nominal,
+            nominal_height,
+            sweep,
+            R_IB,
+            foot_radius: config.foot_radius,
+        })
     }
 
     /// Number of joints.

@@ -19,6 +19,10 @@ pub struct SwingPoint {
     pub xd: f64,
     /// Velocity along the normal, m/s.
     pub zd: f64,
+    /// Acceleration along the step, m/s².
+    pub xdd: f64,
+    /// Acceleration along the normal, m/s².
+    pub zdd: f64,
 }
 
 /// Foot reference at time `t` (s) after lift-off.
@@ -36,39 +40,53 @@ pub struct SwingPoint {
 pub fn swing_point(t: f64, T_sw: f64, length: f64, height: f64, params: &SwingParams) -> SwingPoint {
     let end = T_sw * (1.0 + params.reach_time);
     let s = t.clamp(0.0, end) / T_sw;
-    let (phase, rate) = if params.start_from_rest { progress(s) } else { (s, 1.0) };
-    let (angle, rate) = (PI * phase, PI * rate / T_sw);
-    let (x, xd) =
-        if t < T_sw { (0.5 * length * (1.0 - cos(angle)), 0.5 * length * rate * sin(angle)) } else { (length, 0.0) };
-    let zd = if t < end { height * rate * cos(angle) } else { 0.0 };
-    SwingPoint { x, z: height * sin(angle), xd, zd }
+    let (phase, rate, growth) = if params.start_from_rest { progress(s) } else { (s, 1.0, 0.0) };
+    let (angle, rate, growth) = (PI * phase, PI * rate / T_sw, PI * growth / (T_sw * T_sw));
+    let (sine, cosine) = (sin(angle), cos(angle));
+    let (x, xd, xdd) = if t < T_sw {
+        let half = 0.5 * length;
+        (half * (1.0 - cosine), half * rate * sine, half * (growth * sine + rate * rate * cosine))
+    } else {
+        (length, 0.0, 0.0)
+    };
+    let (zd, zdd) =
+        if t < end { (height * rate * cosine, height * (growth * cosine - rate * rate * sine)) } else { (0.0, 0.0) };
+    SwingPoint { x, z: height * sine, xd, zd, xdd, zdd }
 }
 
-/// Completed fraction φ of the half ellipse at a fraction `s` of the swing time, and its derivative.
+/// Completed fraction φ of the half ellipse at a fraction `s` of the swing time, and its first and second derivative.
 ///
 /// ```text
 /// φ(s) = ½ (3u² - 3u³ + u⁴),  u = 2s          s < ½: φ and φ' from 0 to ½ and 1, where φ'' = 0
 /// φ(s) = s                                    s ≥ ½
 /// ```
-fn progress(s: f64) -> (f64, f64) {
+fn progress(s: f64) -> (f64, f64, f64) {
     if s >= 0.5 {
-        return (s, 1.0);
+        return (s, 1.0, 0.0);
     }
     let u = 2.0 * s;
-    (0.5 * u * u * (3.0 + u * (u - 3.0)), u * (6.0 + u * (4.0 * u - 9.0)))
+    (0.5 * u * u * (3.0 + u * (u - 3.0)), u * (6.0 + u * (4.0 * u - 9.0)), 12.0 * (1.0 - u) * (1.0 - 2.0 * u))
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
 
-    const SWING: SwingParams = SwingParams { height: 0.1, clik_gain: 10.0, reach_time: 0.5, start_from_rest: true };
+    const SWING: SwingParams = SwingParams {
+        height: 0.1,
+        clik_gain: 10.0,
+        reach_time: 0.5,
+        start_from_rest: true,
+        kp: [0.0; 3],
+        kd: [0.0; 3],
+        inertia: false,
+    };
     const PRINTED: SwingParams = SwingParams { start_from_rest: false, ..SWING };
 
     #[test]
     fn starts_from_rest_and_lands_without_speed_along_the_ground() {
         let start = swing_point(0.0, 0.5, 0.2, 0.1, &SWING);
-        assert_eq!(start, SwingPoint { x: 0.0, z: 0.0, xd: 0.0, zd: 0.0 });
+        assert_eq!([start.x, start.z, start.xd, start.zd], [0.0; 4]);
         let top = swing_point(0.25, 0.5, 0.2, 0.1, &SWING);
         assert!((top.x - 0.1).abs() < 1e-12 && (top.z - 0.1).abs() < 1e-12 && top.zd.abs() < 1e-12);
         let land = swing_point(0.5, 0.5, 0.2, 0.1, &SWING);
@@ -76,13 +94,18 @@ mod tests {
     }
 
     #[test]
-    fn velocity_is_the_derivative_of_the_position_in_swing_and_reach() {
+    fn velocity_and_acceleration_are_the_derivatives_in_swing_and_reach() {
         let d = 1e-7;
-        for t in [1e-3, 0.1, 0.249, 0.251, 0.37, 0.499, 0.501, 0.6, 0.74, 0.8] {
-            let (a, b) = (swing_point(t - d, 0.5, 0.2, 0.1, &SWING), swing_point(t + d, 0.5, 0.2, 0.1, &SWING));
-            let at = swing_point(t, 0.5, 0.2, 0.1, &SWING);
+        for (params, t) in [SWING, PRINTED]
+            .iter()
+            .flat_map(|params| [1e-3, 0.1, 0.249, 0.251, 0.37, 0.499, 0.501, 0.6, 0.74, 0.8].map(|t| (params, t)))
+        {
+            let (a, b) = (swing_point(t - d, 0.5, 0.2, 0.1, params), swing_point(t + d, 0.5, 0.2, 0.1, params));
+            let at = swing_point(t, 0.5, 0.2, 0.1, params);
             assert!(((b.x - a.x) / (2.0 * d) - at.xd).abs() < 1e-6, "x at {t}");
             assert!(((b.z - a.z) / (2.0 * d) - at.zd).abs() < 1e-6, "z at {t}");
+            assert!(((b.xd - a.xd) / (2.0 * d) - at.xdd).abs() < 1e-5, "xd at {t}");
+            assert!(((b.zd - a.zd) / (2.0 * d) - at.zdd).abs() < 1e-5, "zd at {t}");
         }
     }
 

@@ -5,14 +5,31 @@
 //! | contact | 12   | acceleration of the contact points, x y z of LF RF LH RH, in W         |
 //! | trunk   | 3    | angular acceleration of the base about x y z, in W                     |
 //! | posture | nj   | joint accelerations, in URDF order                                     |
+//! | relative_feet   | 12 | as contact, with feedback on the positions of the standing feet relative to each other |
+//! | swing           | 12 | acceleration of the feet in swing relative to the base, x y z of LF RF LH RH, in W    |
+//! | cone_center     | 8  | tangential contact forces, two of LF RF LH RH, N                       |
+//! | internal_forces | 12 | contact forces without net force and moment, x y z of LF RF LH RH, N   |
 //! | others  | 6    | tasks of `[stack.tasks]`: [`crate::stack::CartesianConfig`]            |
+//!
+//! Contact, trunk and posture are computed in every tick, because messages contain their errors. A further task is one file in `tasks/` and one line in
+//! `FURTHER`; it is computed if the formula names it.
+
+mod cone_center;
+mod forces;
+mod internal_forces;
+mod relative_feet;
+mod swing;
+mod task;
+
+pub use forces::{FORCE_UNIT, force_column};
+pub use internal_forces::net_wrench;
+pub use task::{NewTask, Task, TaskInput};
 
 use super::estimation::Estimate;
 use super::foot_load::{carries, is_airborne};
 use super::leg::{Leg, PerLeg};
 use super::params::PostureParams;
-use super::reference::References;
-use super::robot::{LegModel, Robot};
+use super::robot::Robot;
 use super::state::State;
 use super::trunk::TrunkReference;
 use crate::error::LoadError;
@@ -20,17 +37,25 @@ use crate::math::log;
 use crate::model::{BaseState, Kinematics};
 use crate::params::Params;
 use crate::stack::{Cartesian, Formula, Rows, StackError, TaskConfig, TaskTerm, Term, is_name};
-use lcmtypes::RobotState;
 use nalgebra::{DVector, Matrix3, Vector3};
 
 const BUILT_IN: [&str; 3] = ["contact", "trunk", "posture"];
+/// Further tasks: the name in a formula, and how it is built.
+const FURTHER: [(&str, NewTask); 4] = [
+    ("relative_feet", relative_feet::new),
+    (SWING, swing::new),
+    ("cone_center", cone_center::new),
+    ("internal_forces", internal_forces::new),
+];
+/// Name of the Cartesian swing task.
+const SWING: &str = "swing";
 const CONTACT: usize = 0;
 const TRUNK: usize = 1;
 const POSTURE: usize = 2;
 
 /// The tasks, their rows in a tick, and the right sides of the built-in tasks.
 pub struct Tasks {
-    /// Rows of contact, trunk and posture, then of the tasks of `[stack.tasks]` in the order of their names.
+    /// Rows of contact, trunk and posture, of the further tasks in the formula, then of the tasks of `[stack.tasks]` in the order of their names.
     pub rows: Vec<Rows>,
     /// Orientation error, rotation vector in W, rad.
     pub e_o_W: Vector3<f64>,
@@ -39,30 +64,35 @@ pub struct Tasks {
     /// Right side of the trunk task, rad/s².
     pub wd_trunk: Vector3<f64>,
     names: Vec<String>,
+    further: Vec<Box<dyn Task>>,
     cartesian: Vec<Cartesian>,
+    /// Whether the task `swing` controls a leg in swing, instead of the posture task.
+    cartesian_swing: PerLeg<bool>,
 }
 
 impl Tasks {
-    /// Builds the tasks of a robot.
+    /// Builds the built-in tasks of a robot, the further tasks that the formula names, and the tasks of `[stack.tasks]`.
     ///
     /// # Errors
     /// A task in the parameters has an invalid name, an unknown link, or a gain out of range.
-    pub fn new(robot: &Robot, params: &Params) -> Result<Self, LoadError> {
+    pub fn new(robot: &Robot, params: &Params, formula: &Formula) -> Result<Self, LoadError> {
         let (model, nv, nj) = (&robot.model, robot.model.nv(), robot.nj());
-        let of_foot = |leg: &LegModel| {
-            let mut cols: Vec<usize> = (0..6).chain(leg.joints.map(|j| 6 + j)).collect();
-            cols.sort_unstable();
-            (3, cols)
-        };
-        let contact = Rows::new(nv, robot.legs.0.iter().map(of_foot));
+        let contact = Rows::new(nv, robot.legs.0.iter().map(|leg| (3, leg.columns())));
         let mut rows = vec![contact, Rows::selection(nv, 3..6), Rows::selection(nv, 6..nv)];
         let mut names: Vec<String> = BUILT_IN.map(str::to_owned).to_vec();
+        let mut further = Vec::new();
+        for (name, new) in FURTHER.iter().filter(|(name, _)| formula.terms().any(|(_, term)| term.task == *name)) {
+            let (of_task, task) = new(robot);
+            rows.push(of_task);
+            names.push((*name).to_owned());
+            further.push(task);
+        }
         let mut home = Kinematics::new(model);
         home.update(model, &BaseState::identity(), &robot.q_nominal, &vec![0.0; nj]);
         let mut cartesian = Vec::new();
         for (name, config) in &params.stack.tasks {
             let wrong = |what| StackError::TaskName { task: name.clone(), what };
-            if BUILT_IN.contains(&name.as_str()) {
+            if BUILT_IN.contains(&name.as_str()) || FURTHER.iter().any(|(further, _)| further == name) {
                 return Err(wrong("the name of a built-in task").into());
             }
             if !is_name(name) {
@@ -75,7 +105,8 @@ impl Tasks {
         }
         let nan = Vector3::from_element(f64::NAN);
         let qdd_posture = DVector::from_element(nj, f64::NAN);
-        Ok(Tasks { rows, e_o_W: nan, qdd_posture, wd_trunk: nan, names, cartesian })
+        let cartesian_swing = PerLeg(Leg::ALL.map(|leg| (0..3).all(|k| formula.takes(SWING, 3 * leg as usize + k))));
+        Ok(Tasks { rows, e_o_W: nan, qdd_posture, wd_trunk: nan, names, further, cartesian, cartesian_swing })
     }
 
     /// Converts a formula to levels; their terms refer to [`Tasks::rows`] by index.
@@ -86,7 +117,9 @@ impl Tasks {
         let term = |term: &TaskTerm| {
             let TaskTerm { task, weight, rows, column } = term;
             let Some(place) = self.names.iter().position(|name| name == task) else {
-                let (task, known) = (task.clone(), self.names.join(", "));
+                let of_robot = self.names[BUILT_IN.len() + self.further.len()..].iter().map(String::as_str);
+                let known = BUILT_IN.into_iter().chain(FURTHER.map(|(name, _)| name)).chain(of_robot);
+                let (task, known) = (task.clone(), known.collect::<Vec<_>>().join(", "));
                 return Err(StackError::UnknownTask { column: *column, task, known });
             };
             let n = self.rows[place].len();
@@ -105,31 +138,32 @@ impl Tasks {
         self.names.iter().map(String::as_str)
     }
 
+    /// Number of leading variables in which the rows may have non-zero entries: accelerations, and forces if the formula names a task of forces.
+    pub fn columns(&self) -> usize {
+        self.rows.iter().map(|rows| rows.A.ncols()).fold(0, usize::max)
+    }
+
     /// Number of rows of a task; 0 for an unknown name.
     pub fn len_of(&self, task: &str) -> usize {
         self.names.iter().zip(&self.rows).find(|(name, _)| *name == task).map_or(0, |(_, rows)| rows.len())
     }
 
     /// Fills the rows of all tasks.
-    pub fn update(
-        &mut self,
-        robot: &Robot,
-        params: &Params,
-        measured: &RobotState,
-        estimate: &Estimate,
-        trunk: &TrunkReference,
-        references: &References,
-        state: &State,
-    ) {
+    pub fn update(&mut self, input: &TaskInput<'_>, trunk: &TrunkReference) {
+        let TaskInput { robot, params, estimate, state, .. } = *input;
         self.contact(estimate, state);
-        self.trunk(params, estimate, trunk, state);
-        self.posture(robot, params, measured, estimate, references, state);
-        for (task, rows) in self.cartesian.iter_mut().zip(&mut self.rows[BUILT_IN.len()..]) {
+        self.trunk(robot, params, estimate, trunk, state);
+        self.posture(input);
+        let (further, cartesian) = self.rows[BUILT_IN.len()..].split_at_mut(self.further.len());
+        for (task, rows) in self.further.iter_mut().zip(further) {
+            task.fill(input, rows);
+        }
+        for (task, rows) in self.cartesian.iter_mut().zip(cartesian) {
             task.fill(&robot.model, &estimate.kin, &estimate.M, state.yaw_des, rows);
         }
     }
 
-    /// Norms of the residuals of the built-in tasks at `vd`: contact (m/s²), trunk (rad/s²), posture (rad/s²).
+    /// Norms of the residuals of the built-in tasks at `vd`: contact (m/s²), trunk (rad/s²), posture (rad/s², joints that it controls).
     pub fn residuals(&self, vd: &DVector<f64>, estimate: &Estimate, state: &State) -> [f64; 3] {
         let nv = vd.len();
         let mut contact = 0.0;
@@ -145,7 +179,7 @@ impl Tasks {
         }
         let trunk = vd.fixed_rows::<3>(3) - self.wd_trunk;
         let mut posture = 0.0;
-        for j in 0..nv - 6 {
+        for j in (0..nv - 6).filter(|j| self.rows[POSTURE].is_on(*j)) {
             let e = vd[6 + j] - self.qdd_posture[j];
             posture += e * e;
         }
@@ -168,11 +202,12 @@ impl Tasks {
     }
 
     /// `wd = K_P e_o + K_D (w_des - w)`, `e_o = log(R_des Rᵀ)`, in W axes. Source: eq. (8).
-    fn trunk(&mut self, params: &Params, estimate: &Estimate, trunk: &TrunkReference, state: &State) {
+    fn trunk(&mut self, robot: &Robot, params: &Params, estimate: &Estimate, trunk: &TrunkReference, state: &State) {
+        let kd = trunk_damping(robot, params, &estimate.base.R_WB);
         self.e_o_W = log(&(trunk.R_WB * estimate.base.R_WB.transpose()));
         let e_w = trunk.w_WB_W - estimate.base.w_WB_W;
         for k in 0..3 {
-            self.wd_trunk[k] = params.trunk.kp[k] * self.e_o_W[k] + params.trunk.kd[k] * e_w[k];
+            self.wd_trunk[k] = params.trunk.kp[k] * self.e_o_W[k] + kd[k] * e_w[k];
             let rows = &mut self.rows[TRUNK];
             rows.switch(k, !is_airborne(state));
             if !is_airborne(state) {
@@ -184,22 +219,16 @@ impl Tasks {
 
     /// `qdd = qdd_des + K_P (q_des - q) + K_D (qd_des - qd)`; the gains are premultiplied by the leg's inverse inertia if the parameters say so.
     /// Source: eq. (9), appendix A. With `posture.feed_forward`, `qdd_des` is the acceleration of the swing reference, and 0 in stance; the
-    /// source has none.
-    fn posture(
-        &mut self,
-        robot: &Robot,
-        params: &Params,
-        measured: &RobotState,
-        estimate: &Estimate,
-        references: &References,
-        state: &State,
-    ) {
+    /// source has none. A swinging leg that the task `swing` controls has no rows.
+    fn posture(&mut self, input: &TaskInput<'_>) {
+        let TaskInput { robot, params, measured, estimate, references, state } = *input;
         for (leg, stance) in PerLeg(state.leg_state.0.map(|phase| phase.is_stance())).iter() {
             let joints = robot.legs[leg].joints;
             let PostureParams { swing_kp, swing_kd, swing_inertia, stance_kp, stance_kd, stance_inertia, .. } =
                 &params.posture;
             let (kp, kd, inertia) =
                 if *stance { (stance_kp, stance_kd, stance_inertia) } else { (swing_kp, swing_kd, swing_inertia) };
+            let on = *stance || !self.cartesian_swing[leg];
             let mut u = Vector3::zeros();
             for k in 0..3 {
                 let j = joints[k];
@@ -212,8 +241,19 @@ impl Tasks {
             for k in 0..3 {
                 let qdd = if params.posture.feed_forward { u[k] + state.qdd_des[joints[k]] } else { u[k] };
                 self.qdd_posture[joints[k]] = qdd;
-                self.rows[POSTURE].b[joints[k]] = qdd;
+                let rows = &mut self.rows[POSTURE];
+                rows.switch(joints[k], on);
+                if on {
+                    rows.A[(joints[k], 6 + joints[k])] = 1.0;
+                    rows.b[joints[k]] = qdd;
+                }
             }
         }
     }
+}
+
+/// Damping of the trunk task about the axes of W, 1/s: that of the parameters, as far as it does not exceed `trunk.max_damping` as a torque.
+pub fn trunk_damping(robot: &Robot, params: &Params, R_WB: &Matrix3<f64>) -> [f64; 3] {
+    let I_W = R_WB * robot.trunk_inertia * R_WB.transpose();
+    [0, 1, 2].map(|k| params.trunk.kd[k].min(params.trunk.max_damping / I_W[(k, k)]))
 }

@@ -14,11 +14,12 @@
 
 use super::estimation::Estimate;
 use super::foot_load::{carries, force_bounds};
-use super::leg::{Leg, PerLeg};
+use super::ground;
+use super::leg::{Leg, LegPhase, PerLeg};
 use super::reference::References;
 use super::robot::Robot;
 use super::state::State;
-use super::tasks::Tasks;
+use super::tasks::{FORCE_UNIT, TaskInput, Tasks};
 use super::timing::Timing;
 use super::trunk::TrunkReference;
 use crate::error::LoadError;
@@ -29,8 +30,6 @@ use crate::stack::{Cascade, Constraint, Formula, Solver, StackError};
 use lcmtypes::RobotState;
 use nalgebra::{DVector, Matrix3, Vector3};
 
-/// Unit of the force variables, N: `F = FORCE_UNIT f`. It gives forces and accelerations similar magnitudes.
-const FORCE_UNIT: f64 = 100.0;
 /// Half width of the bounds on the force of a foot in swing, in [`FORCE_UNIT`].
 const RELEASED: f64 = 1.0;
 /// Rows of the friction pyramid of a foot.
@@ -73,9 +72,9 @@ impl Wbc {
         let (nv, nj) = (robot.model.nv(), robot.nj());
         let nan = |n| DVector::from_element(n, f64::NAN);
         let formula = Formula::parse(&params.stack.formula)?;
-        let tasks = Tasks::new(robot, params)?;
+        let tasks = Tasks::new(robot, params, &formula)?;
         let levels = tasks.levels(&formula)?;
-        let pattern = pattern(robot, &formula);
+        let pattern = pattern(robot, &formula, tasks.columns());
         let heaviest = formula.terms().fold(0.0_f64, |most, (_, term)| most.max(term.weight));
         let regularization = DVector::from_fn(pattern.n(), |i, _| match i {
             _ if i < nv => params.wbc.regularization,
@@ -91,9 +90,10 @@ impl Wbc {
             Backend::ActiveSet => Solver::Shared(params.wbc.max_iterations),
             Backend::Clarabel => Solver::Each(&each),
         };
+        let columns = tasks.columns();
         let mut wbc = Wbc {
             tasks,
-            stack: Cascade::new(levels, &pattern, regularization, nv, slack, &solver),
+            stack: Cascade::new(levels, &pattern, regularization, columns, slack, &solver),
             info: QpInfo { status: QpStatus::Failed, iterations: 0, n_active: 0, row: None },
             x: nan(pattern.n()),
             f_z_bounds: PerLeg([(f64::NAN, f64::NAN); 4]),
@@ -119,7 +119,7 @@ impl Wbc {
         references: &References,
         state: &State,
     ) {
-        self.tasks.update(robot, params, measured, estimate, trunk, references, state);
+        self.tasks.update(&TaskInput { robot, params, measured, estimate, references, state }, trunk);
         self.base_dynamics(estimate, state);
         self.friction(params, estimate, state);
         self.bounds(params, state);
@@ -219,7 +219,7 @@ impl Wbc {
         RowNames { equalities, inequalities, variables }
     }
 
-    /// Checks that every term has an effect while the robot stands in its nominal posture on all feet.
+    /// Checks that every term has an effect in the nominal posture, on all feet or with a diagonal pair in swing.
     fn check_at_home(&mut self, robot: &Robot, params: &Params) -> Result<(), StackError> {
         let mut estimate = Estimate::new(robot);
         let nj = robot.nj();
@@ -229,13 +229,16 @@ impl Wbc {
         let trunk = TrunkReference { R_WB: Matrix3::identity(), w_WB_W: Vector3::zeros() };
         let mut references = References::new(robot);
         references.qd_des.fill(0.0);
-        let state = State::new(nj);
-        self.build(robot, params, &measured, &estimate, &trunk, &references, &state);
-        let free = self.stack.free_rows(&self.tasks.rows);
-        for (k, (term, free)) in
-            self.formula.terms().zip(free.iter().flatten()).map(|((k, term), free)| (k, (term, free)))
-        {
-            if *free == 0 {
+        let mut state = State::new(nj);
+        let mut free = [const { Vec::new() }; 2];
+        for (phase, free) in [LegPhase::Stance, LegPhase::SwingUp].into_iter().zip(&mut free) {
+            (state.leg_state[Leg::LF], state.leg_state[Leg::RH]) = (phase, phase);
+            self.build(robot, params, &measured, &estimate, &trunk, &references, &state);
+            *free = self.stack.free_rows(&self.tasks.rows).concat();
+        }
+        let [standing, swinging] = free;
+        for (((k, term), standing), swinging) in self.formula.terms().zip(standing).zip(swinging) {
+            if standing == 0 && swinging == 0 {
                 let rows = term.rows.as_ref().map_or_else(|| self.tasks.len_of(&term.task), Vec::len);
                 return Err(StackError::NeverActs { column: term.column, task: term.task.clone(), level: k + 1, rows });
             }
@@ -269,8 +272,7 @@ impl Wbc {
         let qp = self.stack.constraints();
         let c = params.wbc.friction * std::f64::consts::FRAC_1_SQRT_2;
         let n = estimate.n_W;
-        let t1 = Vector3::y().cross(&n).normalize();
-        let t2 = n.cross(&t1);
+        let [t1, t2] = ground::tangents(&n);
         let timing = Timing::of(state, params);
         for leg in Leg::ALL {
             let (row, col) = (ROWS_FC * leg as usize, nv + 3 * leg as usize);
@@ -354,11 +356,13 @@ impl Wbc {
 }
 
 /// The elements of the quadratic programs that can be non-zero.
-fn pattern(robot: &Robot, formula: &Formula) -> Qp {
+///
+/// - `columns`: variables that the tasks may couple.
+fn pattern(robot: &Robot, formula: &Formula, columns: usize) -> Qp {
     let (nv, nj) = (robot.model.nv(), robot.nj());
     let limited = formula.has(Constraint::TorqueLimits);
     let mut qp = Qp::zeros(nv + 12 + usize::from(limited), 6, ROWS_FC * 4 + if limited { 2 * nj } else { 0 });
-    qp.H.view_mut((0, 0), (nv, nv)).fill(1.0);
+    qp.H.view_mut((0, 0), (columns, columns)).fill(1.0);
     qp.A.columns_mut(0, nv + 12).fill(1.0);
     for (leg, of_leg) in robot.legs.iter().filter(|_| limited) {
         let forces = (0..3).map(|k| nv + 3 * leg as usize + k);

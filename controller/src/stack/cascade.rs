@@ -1,7 +1,7 @@
 //! Solves the levels of a stack as quadratic programs, one after the other.
 //!
 //! ```text
-//! level k:   min_x  Σ w |A_k vd - b_k|² + Σ λ_i x_i²     subject to   the constraints,   Q x = Q x*_(k-1)          x = [vd; F]
+//! level k:   min_x  Σ w |A_k x - b_k|² + Σ λ_i x_i²     subject to   the constraints,   Q x = Q x*_(k-1)          x = [vd; F]
 //! ```
 //! The rows of `Q` span the rows of all levels above and of the equality constraints (see [`super::basis`]), so no level changes the
 //! residuals of a level above. Source: Raiola et al. 2020, eq. (13); one level is the weighted stack of eq. (15).
@@ -84,13 +84,13 @@ impl Cascade {
     /// - `levels`: the terms of each level; at least one level.
     /// - `pattern`: non-zero where the constraints and the Hessian of a level may be non-zero; a finite bound where a variable may have one.
     /// - `regularization`: λ of each variable.
-    /// - `nv`: number of leading variables in which tasks may have non-zero entries.
+    /// - `columns`: number of leading variables in which tasks may have non-zero entries.
     /// - `slack`: variable that the first level decides for all levels.
     pub fn new(
         levels: Vec<Vec<Term>>,
         pattern: &Qp,
         regularization: DVector<f64>,
-        nv: usize,
+        columns: usize,
         slack: Option<usize>,
         solver: &Solver<'_>,
     ) -> Self {
@@ -114,7 +114,7 @@ impl Cascade {
         let engine = match solver {
             Solver::Each(solver) => Engine::Each(built.iter().map(|level| solver(&level.qp)).collect()),
             Solver::Shared(iterations) => {
-                Engine::Shared(Box::new(Levels::new(&built[0].qp, &regularization, above, nv, *iterations)))
+                Engine::Shared(Box::new(Levels::new(&built[0].qp, &regularization, above, columns, *iterations)))
             }
         };
         Cascade { levels: built, regularization, basis: Basis::new(n, n_eq + above), n_eq, slack, engine }
@@ -149,6 +149,11 @@ impl Cascade {
     /// The levels whose programs [`Cascade::build`] builds.
     pub fn built(&self) -> &[Level] {
         if matches!(self.engine, Engine::Each(_)) { &self.levels } else { &self.levels[..1] }
+    }
+
+    /// Writes the Hessian and the gradient of a level into a program of its size, as [`Cascade::build`] does. For measuring the time.
+    pub fn cost(&self, k: usize, tasks: &[Rows], qp: &mut Qp) {
+        cost(qp, &self.levels[k].terms, tasks, &self.regularization);
     }
 
     /// The complete program of a level, after all levels above were solved. Allocates: not for use in a tick.

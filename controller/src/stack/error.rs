@@ -84,7 +84,7 @@ pub enum StackError {
     },
     /// A task has no effect.
     #[error(
-        "stack.formula, column {column}: {task} on level {level} has no effect: in the nominal posture, all of its {rows} rows \
+        "stack.formula, column {column}: {task} on level {level} has no effect: in the nominal posture, on all feet or in a trot, all of its {rows} rows \
          are determined by the constraints and the levels above"
     )]
     NeverActs {

@@ -107,6 +107,11 @@ impl Formula {
         self.levels.iter().enumerate().flat_map(|(i, level)| level.iter().map(move |term| (i, term)))
     }
 
+    /// Whether a term contains this row of a task.
+    pub fn takes(&self, task: &str, row: usize) -> bool {
+        self.terms().any(|(_, term)| term.task == task && term.rows.as_ref().is_none_or(|rows| rows.contains(&row)))
+    }
+
     fn check_repeated_rows(&self) -> Result<(), StackError> {
         let terms: Vec<&TaskTerm> = self.terms().map(|(_, term)| term).collect();
         for (i, term) in terms.iter().enumerate() {

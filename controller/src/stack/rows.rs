@@ -3,14 +3,14 @@
 use nalgebra::{DMatrix, DVector};
 use std::ops::Range;
 
-/// Rows `A vd = b` of a task in a tick. Rows are switched on and off in blocks, for example the contact of one foot.
+/// Rows `A x = b` of a task in a tick. Rows are switched on and off in blocks, for example the contact of one foot.
 ///
 /// Blocks that are switched off keep their place; their rows are 0.
 #[derive(Clone, Debug)]
 pub struct Rows {
-    /// Left side, rows x nv.
+    /// Left side, rows x variables: accelerations, and forces if a row has a force.
     pub A: DMatrix<f64>,
-    /// Right side, m/s² or rad/s².
+    /// Right side, m/s², rad/s² or N.
     pub b: DVector<f64>,
     blocks: Vec<Block>,
 }
@@ -24,14 +24,16 @@ struct Block {
 
 impl Rows {
     /// Allocates blocks, each given by its number of rows and the columns that may be non-zero. All blocks are switched off.
-    pub fn new(nv: usize, blocks: impl IntoIterator<Item = (usize, Vec<usize>)>) -> Self {
+    ///
+    /// - `variables`: number of leading variables in which rows may be non-zero.
+    pub fn new(variables: usize, blocks: impl IntoIterator<Item = (usize, Vec<usize>)>) -> Self {
         let mut placed = Vec::new();
         let mut n = 0;
         for (rows, cols) in blocks {
             placed.push(Block { rows: n..n + rows, cols, on: false });
             n += rows;
         }
-        Rows { A: DMatrix::zeros(n, nv), b: DVector::zeros(n), blocks: placed }
+        Rows { A: DMatrix::zeros(n, variables), b: DVector::zeros(n), blocks: placed }
     }
 
     /// One row `vd[col] = b` for each column; all are switched on.
@@ -65,6 +67,11 @@ impl Rows {
         }
     }
 
+    /// Whether a block is switched on.
+    pub fn is_on(&self, block: usize) -> bool {
+        self.blocks[block].on
+    }
+
     /// Calls `give` for every row that is switched on and has `takes`, with its right side and its entries (variable, number).
     pub(super) fn each(&self, takes: &[bool], mut give: impl FnMut(f64, &mut dyn Iterator<Item = (usize, f64)>)) {
         for block in self.blocks.iter().filter(|block| block.on) {
@@ -74,7 +81,7 @@ impl Rows {
         }
     }
 
-    /// Adds half of `weight |A vd - b|²`, over the rows with `takes`, to the upper triangle of a Hessian and to a gradient.
+    /// Adds half of `weight |A x - b|²`, over the rows with `takes`, to the upper triangle of a Hessian and to a gradient.
     ///
     /// Products are summed over the rows of a block first, then multiplied by the weight, then added.
     pub(super) fn accumulate(&self, weight: f64, takes: &[bool], H: &mut DMatrix<f64>, g: &mut DVector<f64>) {

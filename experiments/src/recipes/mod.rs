@@ -5,6 +5,7 @@ mod base_height;
 mod base_motion;
 mod base_position;
 mod equivalences;
+mod further_tasks;
 mod gait_speeds;
 mod limits;
 mod long_log;
@@ -39,6 +40,7 @@ pub const ALL: &[Experiment] = &[
     acceleration_bound::EXPERIMENT,
     residual_load::EXPERIMENT,
     printed::EXPERIMENT,
+    further_tasks::EXPERIMENT,
     gait_speeds::EXPERIMENT,
     posture_alone::EXPERIMENT,
     limits::HYQ,

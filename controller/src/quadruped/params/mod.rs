@@ -15,5 +15,5 @@ pub use gait::{DUTY, Gait, GaitParams, GaitTiming, MOST_SWINGING, NEVER, SWING_F
 pub use recovery::RecoveryParams;
 pub use stand::StandParams;
 pub use swing::{FootholdParams, STEP_HEIGHT, StepRule, SwingParams};
-pub use tasks::{PostureParams, TrunkParams};
+pub use tasks::{PostureParams, RelativeFeetParams, TrunkParams};
 pub use wbc::WbcParams;

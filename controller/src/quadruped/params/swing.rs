@@ -1,5 +1,6 @@
 //! Parameters of footholds and swing trajectories.
 
+use crate::params::exact::array;
 use crate::params::range::{Bound, Range, range};
 use serde::{Deserialize, Serialize};
 
@@ -72,6 +73,8 @@ impl FootholdParams {
         Bound::new("swing.height", STEP_HEIGHT, "m"),
         Bound::new("swing.clik_gain", range!(0.01, 1000), "1/s"),
         Bound::new("swing.reach_time", range!(0, 0.5), "swing times"),
+        Bound::new("swing.kp", range!(0, 100000), ""),
+        Bound::new("swing.kd", range!(0, 10000), ""),
     ];
 }
 
@@ -88,10 +91,27 @@ pub struct SwingParams {
     /// Start the swing from rest. In Raiola, eqs. (26) and (29), the vertical velocity reference jumps from 0 to `π f_sw H_s` at the lift-off, and
     /// the foot is 5 to 10 mm off its reference in the first tenth of a swing (4 Hz, 10 cm).
     pub start_from_rest: bool,
+    /// Stiffness of the task `swing` along the x, y, z axes of W: N/m with [`SwingParams::inertia`], else 1/s². The task acts if the formula of the stack
+    /// contains it (Raiola, section 4.1); without it the posture task moves the legs in swing.
+    #[serde(deserialize_with = "array")]
+    pub kp: [f64; 3],
+    /// Damping of the task `swing`: N s/m with [`SwingParams::inertia`], else 1/s.
+    #[serde(deserialize_with = "array")]
+    pub kd: [f64; 3],
+    /// The gains of the task `swing` are forces: they are premultiplied by the inverse of the leg's inertia at the foot (Raiola, appendix, eq. (A9)).
+    pub inertia: bool,
 }
 
 impl Default for SwingParams {
     fn default() -> Self {
-        SwingParams { height: 0.1, clik_gain: 10.0, reach_time: 0.5, start_from_rest: true }
+        SwingParams {
+            height: 0.1,
+            clik_gain: 10.0,
+            reach_time: 0.5,
+            start_from_rest: true,
+            kp: [2000.0; 3],
+            kd: [80.0; 3],
+            inertia: true,
+        }
     }
 }

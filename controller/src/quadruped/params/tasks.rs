@@ -14,6 +14,9 @@ pub struct TrunkParams {
     /// Damping about the same axes, 1/s.
     #[serde(deserialize_with = "array")]
     pub kd: [f64; 3],
+    /// Largest damping as a torque, N m s/rad: the damping about an axis is at most this divided by the trunk's inertia about the axis. Raiola, section 4.4,
+    /// has 400 on the real robot, against instabilities of its torque loop; the default limits no robot.
+    pub max_damping: f64,
     /// Gain of the height integrator, 1/s. Raiola has 10; with it the base oscillates vertically where feet land at different heights.
     pub height_gain: f64,
     /// Limit of the height integral, m.
@@ -33,6 +36,7 @@ impl Default for TrunkParams {
         TrunkParams {
             kp: [1000.0; 3],
             kd: [100.0; 3],
+            max_damping: 1e6,
             height_gain: 2.0,
             max_height_correction: 0.1,
             max_orientation_rate: 0.5,
@@ -48,12 +52,15 @@ impl TrunkParams {
     pub const BOUNDS: &[Bound] = &[
         Bound::new("trunk.kp", range!(0, 10000), "1/s²"),
         Bound::new("trunk.kd", range!(0, 1000), "1/s"),
+        Bound::new("trunk.max_damping", range!(1, 1000000), "N m s/rad"),
         Bound::new("trunk.height_gain", range!(0, 100), "1/s"),
         Bound::new("trunk.max_height_correction", range!(0, 0.5), "m"),
         Bound::new("trunk.max_orientation_rate", range!(0, 5), "rad/s"),
         Bound::new("trunk.max_orientation", range!(0, 0.8), "rad"),
         Bound::new("trunk.max_height_rate", range!(0, 2), "m/s"),
         Bound::new("trunk.max_height_offset", range!(0, 0.5), "m"),
+        Bound::new("relative_feet.kp", range!(0, 10000), "1/s²"),
+        Bound::new("relative_feet.kd", range!(0, 1000), "1/s"),
         Bound::new("posture.swing_kp", range!(0, 10000), ""),
         Bound::new("posture.swing_kd", range!(0, 1000), ""),
         Bound::new("posture.stance_kp", range!(0, 10000), ""),
@@ -61,6 +68,22 @@ impl TrunkParams {
         Bound::new("posture.max_stance_lead", range!(0.001, 10), "rad"),
         Bound::new("posture.blend_time_constant", range!(0.001, 100), "s"),
     ];
+}
+
+/// The `[relative_feet]` table: gains of the task `relative_feet`, which replaces the task `contact` in a formula. Source: Raiola, section 6.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct RelativeFeetParams {
+    /// Stiffness on the distances between the standing feet, 1/s².
+    pub kp: f64,
+    /// Damping of their rates, 1/s.
+    pub kd: f64,
+}
+
+impl Default for RelativeFeetParams {
+    fn default() -> Self {
+        RelativeFeetParams { kp: 100.0, kd: 20.0 }
+    }
 }
 
 /// The `[posture]` table: posture task. Source: Raiola, eq. (9), section 5; gains of the leg joints HAA HFE KFE.
