@@ -1,5 +1,6 @@
 #!/usr/bin/env bash
-# Installs what cargo cannot: liblcm, a multicast route, libudev (gamepads), MuJoCo, valgrind (counts instructions in a test), qemu-user.
+# Installs what cargo cannot: liblcm, a multicast route, libudev (gamepads), MuJoCo, valgrind (counts instructions in a test), qemu-user,
+# Cyclone DDS (the peer of a test).
 # Each step checks its result first, so a second run takes less than a second.
 # Run as root or with sudo; otherwise the script prints the command to run as root.
 set -euo pipefail
@@ -9,6 +10,8 @@ mujoco_version=3.17.0
 mujoco_wheel_sha256=d66928d86a2d1b601bbaa4dc11db50214d17d5301bb8afd84721313b67ff0874
 mujoco_library_sha256=23496b023ee80fb61ab71167e94bc649f9941710fde96b18bb8204fb332523ad
 mujoco_dir=third_party/mujoco
+cyclonedds_version=11.0.1
+cyclonedds_dir=third_party/cyclonedds
 lcm_group=239.255.76.67
 
 say() { printf 'setup: %s\n' "$*"; }
@@ -46,7 +49,7 @@ install_packages() {
     command -v ip >/dev/null || missing+=(iproute2)
     command -v valgrind >/dev/null || missing+=(valgrind)
     command -v qemu-x86_64 >/dev/null || missing+=(qemu-user)
-    mujoco_present || python3 -m pip --version >/dev/null 2>&1 || missing+=(python3 python3-pip)
+    (mujoco_present && cyclonedds_present) || python3 -m pip --version >/dev/null 2>&1 || missing+=(python3 python3-pip)
     [ ${#missing[@]} -gt 0 ] || return 0
 
     command -v apt-get >/dev/null || fail "apt-get not found; install these Debian packages: ${missing[*]}"
@@ -108,8 +111,24 @@ PYTHON
     mujoco_present || fail "$mujoco_dir is incomplete after unpacking"
 }
 
+cyclonedds_present() {
+    [ -d "$cyclonedds_dir/cyclonedds-$cyclonedds_version.dist-info" ] \
+        && PYTHONPATH="$cyclonedds_dir" python3 -c 'import cyclonedds.domain' 2>/dev/null
+}
+
+# Only tests/bridge.rs needs it; its optional dependency for a command line is left out.
+install_cyclonedds() {
+    cyclonedds_present && return 0
+    say "downloading Cyclone DDS $cyclonedds_version (8 MB)"
+    rm -rf "$cyclonedds_dir"
+    python3 -m pip install --quiet --root-user-action=ignore --no-deps --only-binary=:all: --require-hashes --target "$cyclonedds_dir" \
+        --requirement scripts/cyclonedds.txt
+    cyclonedds_present || fail "$cyclonedds_dir: python3 cannot import it"
+}
+
 check_machine
 install_packages
 add_multicast_route
 install_mujoco
-say "ready: liblcm, MuJoCo $mujoco_version"
+install_cyclonedds
+say "ready: liblcm, MuJoCo $mujoco_version, Cyclone DDS $cyclonedds_version"

@@ -3,6 +3,7 @@
 //! Exit codes: 0 good, 1 the check failed, 2 usage or input error, 3 done, with data loss.
 #![allow(non_snake_case, reason = "names carry frames, as in p_WF = p_WB + R_WB * p_BF: see ARCHITECTURE.md")]
 
+mod bridge;
 mod corpus;
 mod debug;
 mod demo;
@@ -60,6 +61,12 @@ enum Command {
     #[command(subcommand, after_help = "Example: hoof experiment list\n         hoof experiment run A3 --seeds 20")]
     Experiment(experiment::Command),
     Spy(Box<spy::Args>),
+    /// Connect a live run to other middleware
+    #[command(
+        subcommand,
+        after_help = "Example: hoof bridge ros2\n         hoof bridge ros2 --allow-commands --domain 7"
+    )]
+    Bridge(bridge::Command),
     /// Inspect, convert, record and play logs
     #[command(
         subcommand,
@@ -102,6 +109,7 @@ fn main() -> ExitCode {
         Command::Report(args) => report::run(&args),
         Command::Experiment(command) => experiment::run(&command),
         Command::Spy(args) => spy::run(&args),
+        Command::Bridge(command) => bridge::run(&command),
         Command::Log(command) => log::run(&command),
         Command::Corpus(command) => corpus::run(&command),
         Command::Robot(command) => robot::run(&command),

@@ -4,7 +4,7 @@
 
 mod common;
 
-use analysis::metrics::{Metrics, Reference};
+use analysis::metrics::{Metrics, Reference, orientation_error};
 use analysis::stats::ErrorStats;
 use analysis::{Error, Run};
 use common::{
@@ -44,6 +44,23 @@ fn constant_errors_of_base_and_feet_are_measured() {
         // 3 s of walk are 5 strides with one swing of 250 ticks each.
         assert_eq!(foot.x.unwrap().count, 5 * 250, "{}", foot.leg);
     }
+}
+
+/// The angle of `Rz(a) Ry(b)` is 2 acos(cos(a/2) cos(b/2)).
+#[test]
+fn the_orientation_error_is_the_angle_between_reference_and_measurement() {
+    let (a, b): (f64, f64) = (0.3, -0.2);
+    let mut tick = run_of("orientation_error", &Plan { ticks: 1, ..Plan::default() }).ticks.remove(0);
+    let base = tick.base.as_mut().unwrap();
+    (base.rpy_des, base.rpy_est) = ([0.0, b, a], [0.0; 3]);
+    tick.truth.as_mut().unwrap().rpy = [0.0, b, a - 0.1];
+    let expected = 2.0 * ((0.5 * a).cos() * (0.5 * b).cos()).acos();
+    let error = |against| orientation_error(&tick, against).unwrap();
+    assert!((error(Reference::Estimate) - expected).abs() < 1e-12, "{}", error(Reference::Estimate));
+    // Two orientations that differ by a rotation about the vertical.
+    assert!((error(Reference::GroundTruth) - 0.1).abs() < 1e-12, "{}", error(Reference::GroundTruth));
+    tick.truth = None;
+    assert_eq!(orientation_error(&tick, Reference::GroundTruth), None);
 }
 
 #[test]

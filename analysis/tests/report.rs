@@ -174,6 +174,49 @@ fn plots_select_figures_fields_and_widths() {
     assert!(!dir.join("mine.png").exists());
 }
 
+/// The push of the synthetic run lasts from 3.0 s to 3.3 s of 4.0 s. Panels are between 56 units from the left and 10 units from the right edge.
+#[test]
+fn figure_10_marks_the_push_in_every_panel() {
+    let dir = scratch("figure10");
+    let text = "formats = [\"svg\"]\nwidth_mm = 88\n[[figure]]\nkind = \"figure10\"\n";
+    let options = ReportOptions { plots: Plots::parse(text, "plots.toml").unwrap(), ..ReportOptions::default() };
+    let drawn = |name: &str, without: &'static [&'static str]| {
+        let log = dir.join(format!("{name}.lcmlog"));
+        write(&log, &Plan { without, ..Plan::default() });
+        let out = dir.join(name);
+        let not_drawn = report_with(&[log], &out, &options, &mut |_| ()).unwrap().not_drawn;
+        (not_drawn, std::fs::read_to_string(out.join("figure10.svg")).unwrap_or_default())
+    };
+    let (not_drawn, svg) = drawn("all", &[]);
+    assert_eq!(not_drawn, []);
+    for label in ["roll [rad]", "pitch [rad]", "yaw [rad]", "error [rad]", "reference", "truth", "push"] {
+        assert_eq!(svg.matches(&format!(">{label}</text>")).count(), 1, "{label}");
+    }
+    assert!(!svg.contains(">height [m]</text>"));
+    let width = 88.0 * 96.0 / 25.4 - 56.0 - 10.0;
+    let number = |text: &str| text.parse::<f64>().unwrap();
+    let attribute =
+        |line: &str, name: &str| number(line.split(&format!(" {name}=\"")).nth(1).unwrap().split('"').next().unwrap());
+    let pushes = |svg: &str| -> Vec<(f64, f64)> {
+        let shades = svg.lines().filter(|line| line.starts_with("<rect") && line.contains("#cc79a7"));
+        // The legend has one too, outside the panels.
+        let panels = shades.filter(|line| attribute(line, "height") > 50.0);
+        panels.map(|line| (attribute(line, "x"), attribute(line, "width"))).collect()
+    };
+    let marked = pushes(&svg);
+    assert_eq!(marked.len(), 4, "{marked:?}");
+    for (x, wide) in marked {
+        // Numbers in the file have two decimals.
+        assert!((x - (56.0 + 0.75 * width)).abs() < 0.01 && (wide - 0.075 * width).abs() < 0.01, "{x} {wide}");
+    }
+    // The log of a real robot: the estimate is the measurement, and pushes are unknown.
+    let (not_drawn, svg) = drawn("real", &["GROUND_TRUTH"]);
+    assert_eq!((not_drawn.len(), pushes(&svg).len()), (0, 0));
+    assert!(svg.contains(">error [rad]</text>") && !svg.contains(">truth</text>"));
+    let (not_drawn, svg) = drawn("no_reference", &["BASE_TRACKING"]);
+    assert_eq!((not_drawn[0].needs.as_str(), svg.as_str()), ("BASE_TRACKING", ""));
+}
+
 #[test]
 fn other_robots_and_logs_with_few_channels_give_the_possible_figures() {
     for (name, joints, without) in [

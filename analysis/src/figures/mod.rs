@@ -31,6 +31,7 @@ mod feet;
 mod figure_spec;
 mod gait;
 mod joints;
+mod orientation;
 mod panel;
 mod path;
 mod pdf;
@@ -78,6 +79,7 @@ kinds! {
     BASE_TRACKING, "base_tracking", "Base orientation and height", |runs, spec| trace::chart(base::traces, runs, spec);
     FEET_TRACKING, "feet_tracking", "Swing feet", |runs, spec| trace::chart(feet::traces, runs, spec);
     FIGURE_9, "figure9", "Base and feet", |runs, spec| trace::chart(base::with_feet, runs, spec);
+    FIGURE_10, "figure10", "Base orientation and pushes", |runs, spec| trace::chart(orientation::traces, runs, spec);
     JOINT_TRACKING, "joint_tracking", "Joints", |runs, spec| trace::chart(joints::traces, runs, spec);
     CONTACT_FORCES, "contact_forces", "Contact forces", |runs, spec| trace::chart(contact::forces, runs, spec);
     FRICTION_USE, "friction_use", "Friction cone use", |runs, spec| trace::chart(contact::friction, runs, spec);

@@ -22,7 +22,7 @@ pub use reference::Reference;
 pub use slip::FootSlip;
 pub use timing::{Qp, QpStatus, StageTime, TimingMetrics};
 pub(crate) use timing::{period_us, qp_us, skipped, tick_us};
-pub use tracking::{FootTracking, Tracking};
+pub use tracking::{FootTracking, Tracking, orientation_error};
 
 use crate::run::{Run, TICK_CHANNELS};
 

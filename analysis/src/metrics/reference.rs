@@ -15,7 +15,8 @@ pub enum Reference {
 }
 
 impl Reference {
-    pub(super) fn of(run: &Run) -> Self {
+    /// Ground truth if the log has it.
+    pub fn of(run: &Run) -> Self {
         if run.has("GROUND_TRUTH") { Self::GroundTruth } else { Self::Estimate }
     }
 }

@@ -8,7 +8,7 @@ use super::reference::Reference;
 use crate::math::Vec3;
 use crate::run::{LEGS, Run, Tick};
 use crate::stats::ErrorStats;
-use controller::math::wrap_angle;
+use controller::math::{log, rotation_of_rpy, wrap_angle};
 
 /// Error = reference − measured, in the ticks of the modes `STANCE` and `WALK`. Angles in rad, lengths in m.
 #[derive(Clone, Debug, Serialize)]
@@ -58,12 +58,27 @@ impl Tracking {
     }
 }
 
-fn rpy_error(tick: &Tick, against: Reference) -> Option<Vec3> {
+/// Angle between reference and measured orientation of the base, rad; `None` in ticks without both.
+///
+/// ```text
+/// e = | log(R_WB,des R_WB,measᵀ) |
+/// ```
+/// Source: the norm of the orientation error of Raiola et al. 2020, eq. (8).
+pub fn orientation_error(tick: &Tick, against: Reference) -> Option<f64> {
     let base = tick.base.as_ref()?;
-    let measured = match against {
-        Reference::GroundTruth => tick.truth.as_ref()?.rpy,
-        Reference::Estimate => base.rpy_est,
-    };
+    let difference = rotation_of_rpy(base.rpy_des) * rotation_of_rpy(measured_rpy(tick, against)?).transpose();
+    Some(log(&difference).norm())
+}
+
+fn measured_rpy(tick: &Tick, against: Reference) -> Option<Vec3> {
+    match against {
+        Reference::GroundTruth => Some(tick.truth.as_ref()?.rpy),
+        Reference::Estimate => Some(tick.base.as_ref()?.rpy_est),
+    }
+}
+
+fn rpy_error(tick: &Tick, against: Reference) -> Option<Vec3> {
+    let (base, measured) = (tick.base.as_ref()?, measured_rpy(tick, against)?);
     Some(std::array::from_fn(|k| wrap_angle(base.rpy_des[k] - measured[k])))
 }
 

@@ -1,7 +1,7 @@
 //! The controller as the paper prints it beside ours, and the effect of each departure.
 
 use super::residual_load::opposite_loads;
-use super::sensor_noise::orientation_error;
+use super::sensor_noise::orientation_errors;
 use super::shared::{PRINTED, falls, parameters, speed};
 use super::{base_motion, rough_terrain};
 use crate::bench::{Bench, RunSpec, Sample, count, mean};
@@ -103,7 +103,7 @@ fn of_the_paper(bench: &Bench, variant: &Variant) -> anyhow::Result<Vec<Row>> {
     let discarded = |spec: RunSpec| (variant.change)(spec).discard_log();
     rows.extend(rough_terrain::rough(bench, &of("A3"), &discarded)?);
     let specs = |scenario: &str| bench.seeds().map(|seed| discarded(RunSpec::of(scenario)).seed(seed)).collect();
-    let trots = bench.all_with(&of("A5"), specs("noisy_trot"), orientation_error)?;
+    let trots = bench.all_with(&of("A5"), specs("noisy_trot"), orientation_errors)?;
     let error = |value: fn(&ErrorStats) -> f64| mean(trots.iter().filter_map(|s| s.measured.as_ref()).map(value));
     let row = |what: &str, value, limit| {
         Row::info(format!("{}{what}", of("A5")), value, "rad").published(limit).at_most(limit)
@@ -136,7 +136,7 @@ fn walk_at_2_hz(bench: &Bench) -> anyhow::Result<Vec<Row>> {
     let mut rows = Vec::new();
     for (name, spec) in [("trot at 2 Hz for 60 s", walk), ("A5 at 2 Hz", of("a5_2_hz"))] {
         let specs = bench.consecutive_seeds(10).map(|seed| spec.clone().seed(seed)).collect();
-        let samples = bench.all_with(name, specs, orientation_error)?;
+        let samples = bench.all_with(name, specs, orientation_errors)?;
         rows.push(falls(&format!("{name}: "), &samples));
         rows.extend(speed(&format!("{name}: "), &samples));
         let errors = || samples.iter().filter_map(|s| s.measured.as_ref());

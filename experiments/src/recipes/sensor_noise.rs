@@ -5,8 +5,9 @@ use crate::bench::{Bench, RunSpec, mean};
 use crate::experiment::Experiment;
 use crate::row::Row;
 use analysis::Run;
+use analysis::figures::{FIGURE_10, FigureSpec, Named, draw};
+use analysis::metrics::{Reference, orientation_error};
 use analysis::stats::ErrorStats;
-use controller::math::{log, rotation_of_rpy};
 
 pub(super) const EXPERIMENT: Experiment = Experiment {
     id: "A5",
@@ -18,7 +19,8 @@ pub(super) const EXPERIMENT: Experiment = Experiment {
     run,
 };
 
-/// The source does not say whether "2 Hz" is the frequency of strides or of swings. Both are run; strides are judged.
+/// The source does not say whether "2 Hz" is the frequency of strides or of swings. Both are run, and Figure 10 is drawn of the first run of each; strides
+/// are judged.
 fn run(bench: &Bench) -> anyhow::Result<Vec<Row>> {
     note_departures(bench)?;
     let mut rows = Vec::new();
@@ -28,8 +30,16 @@ fn run(bench: &Bench) -> anyhow::Result<Vec<Row>> {
             let spec = RunSpec::of("noisy_trot").named(format!("noisy_trot_{}", name.replace(' ', "_")));
             spec.set("gait.trot.swing_frequency", frequency).seed(seed)
         };
-        let samples = bench.all_with(name, bench.seeds().map(spec).collect(), orientation_error)?;
-        let of = |value: fn(&ErrorStats) -> f64| mean(samples.iter().filter_map(|s| s.measured.as_ref()).map(value));
+        let figure = FigureSpec { name: format!("figure10_{}", name.replace(' ', "_")), ..FigureSpec::new(&FIGURE_10) };
+        let samples = bench.all_with(name, bench.seeds().map(spec).collect(), |run| {
+            (orientation_errors(run), draw(&figure, &[(Named("run".to_owned()), run)]))
+        })?;
+        match samples.first().map(|sample| &sample.measured.1) {
+            Some(Ok(figure)) => bench.write(figure)?,
+            Some(Err(missing)) => bench.note(format!("Figure 10 is not drawn: the log lacks {}", missing.needs)),
+            None => {}
+        }
+        let of = |value: fn(&ErrorStats) -> f64| mean(samples.iter().filter_map(|s| s.measured.0.as_ref()).map(value));
         let row = |what: &str, value| Row::info(format!("{name}: orientation error, {what}"), value, "rad");
         let published = |row: Row, limit: f64| {
             let row = row.published(limit);
@@ -45,9 +55,7 @@ fn run(bench: &Bench) -> anyhow::Result<Vec<Row>> {
 }
 
 /// Angle between reference and true orientation of the base, rad, in the ticks in which the controller balances.
-pub(super) fn orientation_error(run: &Run) -> Option<ErrorStats> {
-    ErrorStats::of(run.ticks.iter().filter(|tick| tick.balances()).filter_map(|tick| {
-        let (base, truth) = (tick.base.as_ref()?, tick.truth.as_ref()?);
-        Some(log(&(rotation_of_rpy(base.rpy_des) * rotation_of_rpy(truth.rpy).transpose())).norm())
-    }))
+pub(super) fn orientation_errors(run: &Run) -> Option<ErrorStats> {
+    let balancing = run.ticks.iter().filter(|tick| tick.balances());
+    ErrorStats::of(balancing.filter_map(|tick| orientation_error(tick, Reference::GroundTruth)))
 }

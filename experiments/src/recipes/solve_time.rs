@@ -1,6 +1,6 @@
 //! A1: time to build and solve the quadratic programs, for both stacks on the states of one log; the Hessian's share of it, and the trunk's damping.
 
-use super::sensor_noise::orientation_error;
+use super::sensor_noise::orientation_errors;
 use super::shared::falls;
 use crate::bench::{Bench, RunSpec, count};
 use crate::experiment::Experiment;
@@ -80,7 +80,7 @@ fn damping(bench: &Bench, states: &States) -> anyhow::Result<Vec<Row>> {
     // Strides at 2 Hz, as in A5.
     let spec = RunSpec::of("noisy_trot").named("damping").set("gait.trot.swing_frequency", "4.444");
     let spec = spec.set("trunk.max_damping", format!("{LARGEST_DAMPING:.1}"));
-    let sample = bench.one_with(spec, orientation_error)?;
+    let sample = bench.one_with(spec, orientation_errors)?;
     let of = "A5 with trunk.max_damping = 400: ";
     rows.push(falls(of, std::slice::from_ref(&sample)));
     let error = |what, value, limit| {

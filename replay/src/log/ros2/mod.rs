@@ -9,7 +9,7 @@ mod lcm_types;
 mod messages;
 mod robot_topics;
 
-pub use robot_topics::BaseSource;
+pub use robot_topics::{BaseSource, RobotTopics, TopicMessage, description};
 
 use super::copy::PROGRESS_EVENTS;
 use super::{EventFilter, EventRef, Health, LogReader, Types};
@@ -18,8 +18,7 @@ use lcm_types::Ros2Value;
 use lcmtypes::{Message, RunInfo, channels};
 use mcap::records::MessageHeader;
 use mcap::{Compression, WriteOptions, Writer};
-use messages::{Text, to_cdr};
-use robot_topics::{Robot, TopicMessage};
+use messages::to_cdr;
 use std::collections::BTreeMap;
 use std::fs::File;
 use std::io::BufWriter;
@@ -82,7 +81,7 @@ pub fn to_ros2(
         };
         if let Some(scene) = &mut scene {
             if let Some(urdf) = scene.urdf.take() {
-                robot_messages.push(TopicMessage::new("/robot_description", &Text { data: &urdf }));
+                robot_messages.push(description(&urdf));
             }
             scene.robot.update_from(event.channel, event.data, &mut robot_messages);
         }
@@ -99,7 +98,7 @@ pub fn to_ros2(
 }
 
 struct Scene {
-    robot: Robot,
+    robot: RobotTopics,
     /// URDF text until it is written.
     urdf: Option<String>,
 }
@@ -126,7 +125,7 @@ impl Scene {
             progress(event.offset as f64 / bytes as f64);
         }
         let Some(info) = info else { return Ok(None) };
-        Ok(Robot::new(&info, source).map(|robot| Scene { robot, urdf: Some(info.urdf) }))
+        Ok(RobotTopics::new(&info, source).map(|robot| Scene { robot, urdf: Some(info.urdf) }))
     }
 }
 

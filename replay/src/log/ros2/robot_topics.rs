@@ -4,7 +4,7 @@
 #![allow(non_snake_case)]
 
 use super::messages::{
-    Header, Imu, JointState, Quaternion, StandardMessage, TfMessage, TransformStamped, WrenchStamped, to_cdr,
+    Header, Imu, JointState, Quaternion, StandardMessage, Text, TfMessage, TransformStamped, WrenchStamped, to_cdr,
 };
 use controller::math::quaternion;
 use controller::model::{Base, BaseState, Kinematics, Model, Pose, UrdfTree};
@@ -30,34 +30,46 @@ pub enum BaseSource {
 }
 
 /// An encoded message for a viewer.
-pub(super) struct TopicMessage {
+#[derive(Debug)]
+pub struct TopicMessage {
+    /// Name of the topic, with a leading slash.
     pub topic: String,
+    /// Package and name of the type, such as `sensor_msgs/msg/Imu`.
     pub type_name: &'static str,
+    /// Definition of the type in the language `ros2msg`.
     pub definition: &'static str,
-    /// The message in CDR.
+    /// The message in CDR, little-endian, with its encapsulation header of 4 bytes.
     pub cdr: Vec<u8>,
 }
 
+/// The message of `/robot_description`.
+pub fn description(urdf: &str) -> TopicMessage {
+    TopicMessage::new("/robot_description", &Text { data: urdf })
+}
+
 impl TopicMessage {
-    pub fn new<M: StandardMessage>(topic: impl Into<String>, message: &M) -> Self {
+    fn new<M: StandardMessage>(topic: impl Into<String>, message: &M) -> Self {
         TopicMessage { topic: topic.into(), type_name: M::TYPE, definition: M::DEFINITION, cdr: to_cdr(message) }
     }
 }
 
-/// Robot of a run and its latest state.
-pub(super) struct Robot {
+/// Robot of a run and its latest state, from which the messages for viewers follow.
+pub struct RobotTopics {
     tree: UrdfTree,
     model: Model,
     kinematics: Kinematics,
     imu: String,
     feet: Vec<String>,
+    /// Source of the base pose in `/tf`.
     pub source: BaseSource,
+    /// Added to the time of each message, ns: a live run has the monotonic clock, ROS 2 the wall clock.
+    pub stamp_offset_ns: i64,
     state: RobotState,
     base: BaseState,
     last_transform: Option<i64>,
 }
 
-impl Robot {
+impl RobotTopics {
     /// The robot that RUN_INFO describes; `None` if its URDF cannot be read.
     pub fn new(info: &RunInfo, source: BaseSource) -> Option<Self> {
         let tree = UrdfTree::parse(&info.urdf, &info.robot).ok()?;
@@ -66,13 +78,14 @@ impl Robot {
         let robot = params.get("robot").and_then(toml::Value::as_table);
         let text = |key| robot.and_then(|robot| robot.get(key)).and_then(toml::Value::as_str).unwrap_or_default();
         let feet = robot.and_then(|robot| robot.get("feet")).and_then(toml::Value::as_array);
-        Some(Robot {
+        Some(RobotTopics {
             kinematics: Kinematics::new(&model),
             imu: text("imu_link").to_owned(),
             feet: feet.into_iter().flatten().filter_map(|foot| foot.as_str().map(str::to_owned)).collect(),
             tree,
             model,
             source,
+            stamp_offset_ns: 0,
             state: RobotState::default(),
             base: BaseState::identity(),
             last_transform: None,
@@ -117,9 +130,13 @@ impl Robot {
         }
     }
 
+    fn header<'a>(&self, t_ns: i64, frame: &'a str) -> Header<'a> {
+        Header::new(t_ns.saturating_add(self.stamp_offset_ns), frame)
+    }
+
     fn joint_state(&self, state: &RobotState) -> TopicMessage {
         let message = JointState {
-            header: Header::new(state.t_ns, ""),
+            header: self.header(state.t_ns, ""),
             name: self.model.joints.iter().map(|joint| &*joint.name).collect(),
             position: &state.q,
             velocity: &state.qd,
@@ -130,7 +147,7 @@ impl Robot {
 
     fn imu(&self, state: &RobotState) -> TopicMessage {
         let message = Imu {
-            header: Header::new(state.t_ns, &self.imu),
+            header: self.header(state.t_ns, &self.imu),
             orientation: Quaternion::of_wxyz(state.q_WI_wxyz),
             orientation_covariance: [0.0; 9],
             angular_velocity: state.w_WI_I,
@@ -186,7 +203,7 @@ impl Robot {
                 }
             };
             TransformStamped {
-                header: Header::new(t_ns, name),
+                header: self.header(t_ns, name),
                 child_frame_id: &link.name,
                 translation: X_PC.p.into(),
                 rotation: Quaternion::of_wxyz(quaternion::from_rotation(&X_PC.R)),
@@ -203,7 +220,7 @@ impl Robot {
         for (name, f_W) in self.feet.iter().zip(f_F_W) {
             let Ok(frame) = self.model.frame(name) else { continue };
             let f_F = self.kinematics.R_WF(&self.model, frame).transpose() * nalgebra::Vector3::from(*f_W);
-            let message = WrenchStamped { header: Header::new(t_ns, name), force: f_F.into(), torque: [0.0; 3] };
+            let message = WrenchStamped { header: self.header(t_ns, name), force: f_F.into(), torque: [0.0; 3] };
             out.push(TopicMessage::new(format!("/{topic}/{name}"), &message));
         }
     }
