@@ -173,7 +173,7 @@ fn another_dds_implementation_reads_every_topic_and_its_velocity_is_followed() {
         assert_eq!((*seq, *sender_id, *t_mode_ns), (k, commands[0].sender_id, commands[0].t_mode_ns));
     }
     assert_ne!(commands[0].sender_id, 0);
-    // Without Twists it stands, and then the operator is silent.
+    // Without Twists it stands, and then the operator sends nothing.
     drop(peer.0.stdin.take());
     peer.0.wait().unwrap();
     let stands = |commands: &[OperatorCommand]| commands.last().is_some_and(|c| c.mode == OperatorCommand::MODE_STAND);

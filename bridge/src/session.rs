@@ -188,7 +188,10 @@ impl Session {
             let text = if self.commands_now {
                 format!("velocity commands from ROS 2 on {channel}")
             } else {
-                format!("no velocity command from ROS 2 for {} s: {channel} is silent", twist::HOLD_NS as f64 * 1e-9)
+                format!(
+                    "no velocity command from ROS 2 for {} s: {channel} sends nothing",
+                    twist::HOLD_NS as f64 * 1e-9
+                )
             };
             self.event(text)?;
         }

@@ -66,7 +66,7 @@ impl TwistOperator {
         self.last = Some((twist, t_ns));
     }
 
-    /// The command to send at `t_ns`; the caller sets its sender. `None` if nothing is to be sent.
+    /// The command to send at `t_ns`; the caller sets its sender. `None` if no command is due.
     ///
     /// - `robot`: `controller_tick_t` MODE_* of the controller; `None` if it is not known.
     pub fn command(&mut self, t_ns: i64, robot: Option<i8>) -> Option<OperatorCommand> {
