@@ -4,7 +4,7 @@
     pip install pin==4.1.0
     python3 scripts/pinocchio_fixtures.py
 
-makes controller/tests/data/model_{hyq,anymal_b,arm}.json from the URDFs in this repository, six random states each. Everything is
+makes controller/model/tests/data/{hyq,anymal_b,arm}.json from the URDFs in this repository, six random states each. Everything is
 converted to this project's conventions:
 
 - v = [v_WB; w_WB; qd], base parts in W axes. Pinocchio has the base twist in base axes and sorts joints by name, so with
@@ -22,7 +22,7 @@ import numpy as np
 import pinocchio as pin
 
 ROOT = pathlib.Path(__file__).resolve().parent.parent
-DATA = ROOT / "controller/tests/data"
+DATA = ROOT / "controller/model/tests/data"
 ROBOTS = [
     ("hyq", ROOT / "robots/hyq/hyq.urdf", True),
     ("anymal_b", ROOT / "robots/anymal_b/anymal_b.urdf", True),
@@ -189,7 +189,7 @@ def main():
             "total_mass": pin.computeTotalMass(Robot(path, True).model),
             "states": states,
         }
-        with open(DATA / f"model_{name}.json", "w") as file:
+        with open(DATA / f"{name}.json", "w") as file:
             json.dump(content, file, separators=(",", ":"))
             file.write("\n")
 

@@ -10,7 +10,7 @@ use std::io::Write;
 use std::process::Stdio;
 
 /// Written by scripts/pinocchio_fixtures.py.
-const HYQ: &str = include_str!("../controller/tests/data/model_hyq.json");
+const HYQ: &str = include_str!("../controller/model/tests/data/hyq.json");
 
 #[test]
 fn hyq_has_its_mass_joints_and_feet() {

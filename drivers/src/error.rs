@@ -67,7 +67,7 @@ pub enum DriverError {
     },
     /// The URDF is invalid.
     #[error(transparent)]
-    Urdf(#[from] controller::model::ModelError),
+    Urdf(#[from] robot_model::ModelError),
     /// Parameters are invalid.
     #[error(transparent)]
     Params(#[from] controller::params::ParamsError),

@@ -1,8 +1,8 @@
 //! A robot's files: found by name or path, and read.
 
 use crate::{DriverError, shipped};
-use controller::model::UrdfTree;
 use controller::params::{Params, ParamsError, add_gaits, apply_overrides, key_values};
+use robot_model::UrdfTree;
 use std::path::{Path, PathBuf};
 
 /// A robot's files, read.

@@ -1,10 +1,10 @@
 //! Errors of a robot description name file and element, and give the value found and the range expected.
 #![allow(non_snake_case, clippy::unwrap_used, missing_docs)]
 
-use controller::model::*;
+use robot_model::*;
 use test_support::replace_once;
 
-const HYQ: &str = include_str!("../../robots/hyq/hyq.urdf");
+const HYQ: &str = include_str!("../../../robots/hyq/hyq.urdf");
 
 /// A robot of two links and one joint, after replacing a part of its text.
 fn two_links(from: &str, to: &str) -> Result<Model, ModelError> {

@@ -1,11 +1,11 @@
 //! The robots in `robots/` agree with their sources: order of joints, limits, positions of the feet.
 #![allow(clippy::unwrap_used, missing_docs)]
 
-use controller::model::*;
+use robot_model::*;
 
 #[test]
 fn hyq_has_the_feet_and_joints_of_its_source() {
-    let urdf = include_str!("../../robots/hyq/hyq.urdf");
+    let urdf = include_str!("../../../robots/hyq/hyq.urdf");
     let (model, feet) = feet_of(urdf, "foot", [-0.2, 0.75, -1.5], [1.0; 4]);
     check_feet(&feet, [0.371, 0.324, -0.5775]);
     assert_eq!(names(&model)[..4], ["lf_haa_joint", "lf_hfe_joint", "lf_kfe_joint", "rf_haa_joint"]);
@@ -14,7 +14,7 @@ fn hyq_has_the_feet_and_joints_of_its_source() {
 
 #[test]
 fn anymal_b_has_the_feet_and_joints_of_its_source() {
-    let urdf = include_str!("../../robots/anymal_b/anymal_b.urdf");
+    let urdf = include_str!("../../../robots/anymal_b/anymal_b.urdf");
     let (model, feet) = feet_of(urdf, "FOOT", [-0.1, 0.7, -1.0], [1.0, -1.0, 1.0, -1.0]);
     check_feet(&feet, [0.370, 0.199, -0.479]);
     assert_eq!(names(&model)[..4], ["LF_HAA", "LF_HFE", "LF_KFE", "RF_HAA"]);

@@ -292,7 +292,7 @@ fn z_onto(axis: &Vector3<f64>) -> Matrix3<f64> {
 
 /// The principal moments of an inertia that no mass distribution has, ascending; `None` for a possible inertia, in which each moment is at most the
 /// sum of the other two.
-pub(crate) fn impossible_moments(I: &Matrix3<f64>) -> Option<[f64; 3]> {
+pub fn impossible_moments(I: &Matrix3<f64>) -> Option<[f64; 3]> {
     let mut moments: [f64; 3] = I.symmetric_eigenvalues().into();
     moments.sort_by(f64::total_cmp);
     // A thin rod has one moment of zero: the slack covers rounding.

@@ -2,8 +2,8 @@
 
 #![allow(clippy::unwrap_used, missing_docs, non_snake_case)]
 
-use controller::model::{JointKind, Pose, UrdfTree};
 use nalgebra::Matrix3;
+use robot_model::{JointKind, Pose, UrdfTree};
 
 #[test]
 fn urdf_rs_reads_the_same_numbers() {

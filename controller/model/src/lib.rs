@@ -17,8 +17,9 @@
 //! Order of joints: the order of the movable joints in the text of the URDF file, whatever the shape of the tree.
 //! Every movable joint is actuated. The position of a continuous joint is its angle, not wrapped.
 //!
-//! This module uses no message type, bus, file, clock or hash map; only `+ - * / sqrt` and `libm`; sums run in index order.
+//! This crate uses no message type, bus, file, clock or hash map; only `+ - * / sqrt` and `libm`; sums run in index order.
 //! Source of the algorithms: R. Featherstone, *Rigid Body Dynamics Algorithms* (2008), chapters 5 and 6.
+#![allow(non_snake_case, reason = "names carry frames, as in p_WF = p_WB + R_WB * p_BF: see ARCHITECTURE.md")]
 
 mod bodies;
 mod centroidal;
@@ -30,6 +31,7 @@ mod inertia;
 mod jacobian;
 mod kinematics;
 mod link_groups;
+pub mod math;
 mod pose;
 mod read;
 mod runnable;
@@ -39,8 +41,7 @@ mod tree;
 mod write;
 mod xml;
 
-pub(crate) use bodies::impossible_moments;
-pub use bodies::{Base, FrameId, GRAVITY, JointId, JointInfo, Model};
+pub use bodies::{Base, FrameId, GRAVITY, JointId, JointInfo, Model, impossible_moments};
 pub use centroidal::{
     centroidal_momentum, centroidal_momentum_matrix, com, com_bias_acceleration, com_jacobian, com_velocity,
 };

@@ -1,12 +1,12 @@
 //! Identities of rigid-body mechanics at seeded random states, without another library.
 #![allow(non_snake_case, clippy::unwrap_used, missing_docs)]
 
-use controller::model::*;
 use nalgebra::{DMatrix, DVector, Matrix3, Vector3};
+use robot_model::*;
 
 const ROBOTS: [(&str, Base); 4] = [
-    (include_str!("../../robots/hyq/hyq.urdf"), Base::Floating),
-    (include_str!("../../robots/anymal_b/anymal_b.urdf"), Base::Floating),
+    (include_str!("../../../robots/hyq/hyq.urdf"), Base::Floating),
+    (include_str!("../../../robots/anymal_b/anymal_b.urdf"), Base::Floating),
     (include_str!("data/arm.urdf"), Base::Fixed),
     (include_str!("data/arm.urdf"), Base::Floating),
 ];

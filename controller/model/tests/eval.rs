@@ -1,28 +1,28 @@
 //! The functions behind `hoof robot eval` and `hoof robot info`: results compared with Pinocchio; invalid states.
 #![allow(non_snake_case, clippy::unwrap_used, missing_docs)]
 
-use controller::model::eval::{EvalRequest, RobotInfo, eval};
-use controller::model::*;
 use nalgebra::{Matrix3, Rotation3, UnitQuaternion, Vector3};
+use robot_model::eval::{EvalRequest, RobotInfo, eval};
+use robot_model::*;
 use serde_json::{Value, json};
 
-const HYQ: &str = include_str!("../../robots/hyq/hyq.urdf");
-const ANYMAL_B: &str = include_str!("../../robots/anymal_b/anymal_b.urdf");
+const HYQ: &str = include_str!("../../../robots/hyq/hyq.urdf");
+const ANYMAL_B: &str = include_str!("../../../robots/anymal_b/anymal_b.urdf");
 const ARM: &str = include_str!("data/arm.urdf");
 
 #[test]
 fn hyq_agrees_with_pinocchio() {
-    check(HYQ, include_str!("data/model_hyq.json"));
+    check(HYQ, include_str!("data/hyq.json"));
 }
 
 #[test]
 fn anymal_b_agrees_with_pinocchio() {
-    check(ANYMAL_B, include_str!("data/model_anymal_b.json"));
+    check(ANYMAL_B, include_str!("data/anymal_b.json"));
 }
 
 #[test]
 fn the_arm_on_a_null_base_agrees_with_pinocchio() {
-    check(ARM, include_str!("data/model_arm.json"));
+    check(ARM, include_str!("data/arm.json"));
 }
 
 fn check(urdf: &str, fixture: &str) {
@@ -95,7 +95,7 @@ fn near(expected: &Value, found: &Value) {
 
 fn arm_request(change: impl FnOnce(&mut Value)) -> Result<(), String> {
     let tree = UrdfTree::parse(ARM, "arm.urdf").unwrap();
-    let fixture: Value = serde_json::from_str(include_str!("data/model_arm.json")).unwrap();
+    let fixture: Value = serde_json::from_str(include_str!("data/arm.json")).unwrap();
     let mut request = request(&fixture["joints"], &fixture["states"][0]["state"]);
     change(&mut request);
     let request: EvalRequest = serde_json::from_value(request).map_err(|error| error.to_string())?;

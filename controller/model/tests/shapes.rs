@@ -1,10 +1,10 @@
 //! Shapes for links without primitives, and URDF text written from a tree.
 #![allow(non_snake_case, clippy::unwrap_used, missing_docs)]
 
-use controller::model::*;
 use nalgebra::Vector3;
+use robot_model::*;
 
-const HYQ: &str = include_str!("../../robots/hyq/hyq.urdf");
+const HYQ: &str = include_str!("../../../robots/hyq/hyq.urdf");
 const ARM: &str = include_str!("data/arm.urdf");
 
 /// What is written is read as the same tree; angles are rounded, and visual shapes become collision shapes where there are no others.

@@ -1,8 +1,8 @@
 //! The model compared with Pinocchio: stored values of `scripts/pinocchio_fixtures.py`.
 #![allow(non_snake_case, clippy::unwrap_used, missing_docs)]
 
-use controller::model::*;
 use nalgebra::{DMatrix, DVector, Matrix3, Vector3};
+use robot_model::*;
 use serde_json::Value;
 
 /// Tolerance relative to the largest entry of the expected value: both sides compute in f64, in different order.
@@ -10,21 +10,17 @@ const TOLERANCE: f64 = 1e-11;
 
 #[test]
 fn hyq() {
-    check(include_str!("../../robots/hyq/hyq.urdf"), include_str!("data/model_hyq.json"), Base::Floating);
+    check(include_str!("../../../robots/hyq/hyq.urdf"), include_str!("data/hyq.json"), Base::Floating);
 }
 
 #[test]
 fn anymal_b() {
-    check(
-        include_str!("../../robots/anymal_b/anymal_b.urdf"),
-        include_str!("data/model_anymal_b.json"),
-        Base::Floating,
-    );
+    check(include_str!("../../../robots/anymal_b/anymal_b.urdf"), include_str!("data/anymal_b.json"), Base::Floating);
 }
 
 #[test]
 fn fixed_base_arm_with_prismatic_and_continuous_joints() {
-    check(include_str!("data/arm.urdf"), include_str!("data/model_arm.json"), Base::Fixed);
+    check(include_str!("data/arm.urdf"), include_str!("data/arm.json"), Base::Fixed);
 }
 
 fn check(urdf: &str, fixture: &str, base: Base) {
