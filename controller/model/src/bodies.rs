@@ -122,7 +122,7 @@ impl Model {
     /// Builds the model of a URDF; merges links that are fixed to each other.
     ///
     /// # Errors
-    /// [`ModelError::BadNumber`] if the total mass is not finite, or zero with a floating base.
+    /// [`ModelError::BadMass`] if the total mass is not finite, or zero with a floating base.
     pub fn new(tree: &UrdfTree, base: Base) -> Result<Self, ModelError> {
         let nb = match base {
             Base::Floating => 6,
@@ -176,13 +176,8 @@ impl Model {
         }
 
         if !total_mass.is_finite() || (base == Base::Floating && total_mass == 0.0) {
-            return Err(ModelError::BadNumber {
-                file: tree.source.clone(),
-                element: format!("robot \"{}\"", tree.name),
-                quantity: "total mass",
-                found: total_mass.to_string(),
-                expected: "a finite number, greater than 0 for a floating base",
-            });
+            let (file, robot) = (tree.source.clone(), tree.name.clone());
+            return Err(ModelError::BadMass { file, robot, found: total_mass });
         }
         let mut warnings = tree.warnings.clone();
         for (i, (body, inertia)) in bodies.iter_mut().zip(&inertias).enumerate() {

@@ -35,20 +35,24 @@ pub enum ModelError {
         file: String,
     },
     /// Two links or two joints share a name.
-    #[error("{file}: two {what}s have the name \"{name}\", expected unique names")]
+    #[error("{file}: line {line}: two {what}s have the name \"{name}\", expected unique names")]
     DuplicateName {
         /// Name of the source.
         file: String,
+        /// Line, from 1.
+        line: usize,
         /// `link` or `joint`.
         what: &'static str,
         /// The name.
         name: String,
     },
     /// A joint names a link that does not exist.
-    #[error("{file}: joint \"{joint}\": its {role} link \"{link}\" does not exist{}", near_list(.near))]
+    #[error("{file}: line {line}: joint \"{joint}\": its {role} link \"{link}\" does not exist{}", near_list(.near))]
     MissingLink {
         /// Name of the source.
         file: String,
+        /// Line, from 1.
+        line: usize,
         /// The joint.
         joint: String,
         /// `parent` or `child`.
@@ -59,10 +63,14 @@ pub enum ModelError {
         near: Vec<String>,
     },
     /// A link is the child of two joints.
-    #[error("{file}: link \"{link}\" is the child of joints \"{first}\" and \"{second}\", expected one parent")]
+    #[error(
+        "{file}: line {line}: link \"{link}\" is the child of joints \"{first}\" and \"{second}\", expected one parent"
+    )]
     TwoParents {
         /// Name of the source.
         file: String,
+        /// Line, from 1.
+        line: usize,
         /// The link.
         link: String,
         /// The joint that came first in the file.
@@ -71,44 +79,94 @@ pub enum ModelError {
         second: String,
     },
     /// More than one link has no parent.
-    #[error("{file}: links {links:?} have no parent joint, expected one root")]
+    #[error("{file}: line {line}: links {links:?} have no parent joint, expected one root")]
     SeveralRoots {
         /// Name of the source.
         file: String,
+        /// Line, from 1.
+        line: usize,
         /// The links without a parent, in file order.
         links: Vec<String>,
     },
     /// Links that form a loop.
-    #[error("{file}: links {links:?} form a loop, expected a tree")]
+    #[error("{file}: line {line}: links {links:?} form a loop, expected a tree")]
     Loop {
         /// Name of the source.
         file: String,
+        /// Line, from 1.
+        line: usize,
         /// The links that cannot be reached from the root, in file order.
         links: Vec<String>,
     },
     /// A joint type that the model does not support.
-    #[error("{file}: joint \"{joint}\" has type \"{found}\", expected fixed, revolute, continuous or prismatic")]
+    #[error(
+        "{file}: line {line}: joint \"{joint}\" has type \"{found}\", expected fixed, revolute, continuous, prismatic, or floating above the base"
+    )]
     UnsupportedJoint {
         /// Name of the source.
         file: String,
+        /// Line, from 1.
+        line: usize,
         /// The joint.
         joint: String,
         /// The type found.
         found: String,
     },
+    /// A floating joint that is not the only movable connection of the robot to the world.
+    #[error(
+        "{file}: line {line}: joint \"{joint}\" has type \"floating\", but joint \"{other}\" also moves, and not below it; a floating joint is supported only between the world and the base"
+    )]
+    FloatingInside {
+        /// Name of the source.
+        file: String,
+        /// Line of the floating joint, from 1.
+        line: usize,
+        /// The floating joint.
+        joint: String,
+        /// A movable joint that is not below it, or the floating joint above it.
+        other: String,
+    },
+    /// The total mass is not finite, or zero with a floating base.
+    #[error(
+        "{file}: robot \"{robot}\": total mass is {found} kg, expected a finite number, greater than 0 for a floating base"
+    )]
+    BadMass {
+        /// Name of the source.
+        file: String,
+        /// Name of the robot.
+        robot: String,
+        /// Total mass, kg.
+        found: f64,
+    },
+    /// More movable joints than the dynamics are computed for: matrices grow with the square of their number.
+    #[error("robot \"{robot}\" has {found} movable joints, expected at most {limit}")]
+    TooManyJoints {
+        /// Name of the robot.
+        robot: String,
+        /// Number of movable joints.
+        found: usize,
+        /// Largest number.
+        limit: usize,
+    },
     /// A revolute or prismatic joint without a usable `<limit>`.
-    #[error("{file}: joint \"{joint}\" has no limits, expected <limit> with lower, upper, effort and velocity")]
+    #[error(
+        "{file}: line {line}: joint \"{joint}\" has no limits, expected <limit> with lower, upper, effort and velocity"
+    )]
     MissingLimits {
         /// Name of the source.
         file: String,
+        /// Line, from 1.
+        line: usize,
         /// The joint.
         joint: String,
     },
     /// A number outside its range.
-    #[error("{file}: {element}: {quantity} is {found}, expected {expected}")]
+    #[error("{file}: line {line}: {element}: {quantity} is {found}, expected {expected}")]
     BadNumber {
         /// Name of the source.
         file: String,
+        /// Line, from 1.
+        line: usize,
         /// For example `link "trunk"`.
         element: String,
         /// For example `mass`.
@@ -191,7 +249,7 @@ pub enum ModelWarning {
         quantity: &'static str,
     },
     /// Shapes that cannot be read. One warning for all of a file: it may have many.
-    #[error("link \"{link}\": line {line}: <{what}> has no geometry that can be read; it is ignored{}", and_more(*.more))]
+    #[error("link \"{link}\": line {line}: {reason}; the <{what}> is ignored{}", and_more(*.more))]
     ShapesIgnored {
         /// `visual` or `collision`.
         what: &'static str,
@@ -199,19 +257,47 @@ pub enum ModelWarning {
         link: String,
         /// Line of the first one, from 1.
         line: usize,
+        /// Why the first one cannot be read.
+        reason: String,
         /// Number of further ones in the file.
         more: usize,
     },
-    /// The parent link of a floating joint: it represents the world.
+    /// An axis whose length is not 1. One warning for all of a file.
+    #[error("joint \"{joint}\": line {line}: the axis has length {length}, expected 1; it is normalized{}", and_more(*.more))]
+    AxisNormalized {
+        /// Joint of the first one.
+        joint: String,
+        /// Line of the first one, from 1.
+        line: usize,
+        /// Length of the first one.
+        length: f64,
+        /// Number of further ones in the file.
+        more: usize,
+    },
+    /// A position range whose lower end is above its upper end.
+    #[error("joint \"{joint}\": line {line}: lower limit {lower} is above upper limit {upper}; they are exchanged")]
+    RangeReversed {
+        /// The joint.
+        joint: String,
+        /// Line of the joint, from 1.
+        line: usize,
+        /// Lower limit in the file, rad or m.
+        lower: f64,
+        /// Upper limit in the file, rad or m.
+        upper: f64,
+    },
+    /// The parent link of the floating joint and what is fixed to it: they represent the world.
     #[error(
-        "link \"{link}\" ({mass} kg), the parent of the floating joint \"{joint}\", represents the world and is ignored; the child link is the base"
+        "link \"{link}\", the parent of the floating joint \"{joint}\", represents the world; it is ignored with the links fixed to it ({links} links, {mass} kg); the child link is the base"
     )]
     WorldIgnored {
-        /// The link.
+        /// The parent link.
         link: String,
         /// The floating joint.
         joint: String,
-        /// Mass of the link, kg.
+        /// Number of links that are ignored.
+        links: usize,
+        /// Their mass, kg.
         mass: f64,
     },
     /// A `<mimic>` element, which the model ignores.

@@ -15,6 +15,7 @@ use super::error::ModelError;
 use super::jacobian::frame_jacobian;
 use super::kinematics::{BaseState, Kinematics};
 use super::pose::Pose;
+use super::runnable::check_size;
 use super::tree::{ShapeKind, UrdfTree};
 
 /// Summary of a robot description.
@@ -171,6 +172,7 @@ pub struct EvalFrame {
 pub fn eval(tree: &UrdfTree, request: &EvalRequest) -> Result<EvalResult, ModelError> {
     let floating = if request.base.is_some() { Base::Floating } else { Base::Fixed };
     let model = Model::new(tree, floating)?;
+    check_size(&model)?;
     let base = request.base.as_ref().map_or_else(|| Ok(BaseState::identity()), base_state)?;
     let q = joint_values(&model, "q", &request.q)?;
     let qd = match &request.qd {

@@ -27,6 +27,7 @@ mod drive;
 mod dynamics;
 mod error;
 pub mod eval;
+mod fields;
 mod inertia;
 mod jacobian;
 mod kinematics;

@@ -8,6 +8,8 @@ use nalgebra::DMatrix;
 
 /// Smallest mass that a joint may move, as a fraction of the robot's.
 const LEAST_SHARE: f64 = 1e-6;
+/// Largest number of movable joints: the mass matrix grows with its square.
+const MAX_MOVABLE: usize = 500;
 /// Square of the distance from a joint's axis at which that mass has the smallest inertia, m².
 const LEAST_RADIUS_2: f64 = 1e-4;
 
@@ -16,8 +18,9 @@ const LEAST_RADIUS_2: f64 = 1e-4;
 /// - `q`: a posture, nj. The inertias are those of this posture.
 ///
 /// # Errors
-/// [`ModelError::CannotRun`] for the first joint that fails.
+/// [`ModelError::CannotRun`] for the first joint that fails, [`ModelError::TooManyJoints`].
 pub fn check_runnable(model: &Model, q: &[f64]) -> Result<(), ModelError> {
+    check_size(model)?;
     let mut moved: Vec<f64> = model.bodies.iter().map(|body| body.m).collect();
     for i in (1..model.bodies.len()).rev() {
         moved[model.bodies[i].parent] += moved[i];
@@ -53,6 +56,17 @@ pub fn check_runnable(model: &Model, q: &[f64]) -> Result<(), ModelError> {
                 });
             }
         }
+    }
+    Ok(())
+}
+
+/// Checks that the dynamics of a model fit into memory.
+///
+/// # Errors
+/// [`ModelError::TooManyJoints`] above 500 movable joints.
+pub(super) fn check_size(model: &Model) -> Result<(), ModelError> {
+    if model.nj() > MAX_MOVABLE {
+        return Err(ModelError::TooManyJoints { robot: model.name.clone(), found: model.nj(), limit: MAX_MOVABLE });
     }
     Ok(())
 }

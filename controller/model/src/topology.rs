@@ -21,12 +21,13 @@ pub(super) struct Topology {
 impl Topology {
     pub(super) fn of(robot: &RawRobot, file: &str) -> Result<Self, ModelError> {
         let file = || file.to_owned();
-        let links = index("link", robot.links.iter().map(|l| l.name.as_str()), file)?;
-        index("joint", robot.joints.iter().map(|j| j.name.as_str()), file)?;
+        let links = index("link", robot.links.iter().map(|l| (l.name.as_str(), l.line)), file)?;
+        index("joint", robot.joints.iter().map(|j| (j.name.as_str(), j.line)), file)?;
 
         let find = |joint: &RawJoint, role, link: &str| {
             links.get(link).copied().ok_or_else(|| ModelError::MissingLink {
                 file: file(),
+                line: joint.line,
                 joint: joint.name.clone(),
                 role,
                 link: link.to_owned(),
@@ -41,6 +42,7 @@ impl Topology {
             if let Some(first) = joint_above[child] {
                 return Err(ModelError::TwoParents {
                     file: file(),
+                    line: joint.line,
                     link: joint.child.clone(),
                     first: robot.joints[first].name.clone(),
                     second: joint.name.clone(),
@@ -63,14 +65,15 @@ impl Topology {
         let mut roots = (0..robot.links.len()).filter(|&i| joint_above[i].is_none());
         let root = match (roots.next(), roots.next()) {
             (Some(root), None) => root,
-            (Some(_), Some(_)) => {
-                return Err(ModelError::SeveralRoots { file: file(), links: names(&|i| joint_above[i].is_none()) });
+            (Some(_), Some(second)) => {
+                let (line, links) = (robot.links[second].line, names(&|i| joint_above[i].is_none()));
+                return Err(ModelError::SeveralRoots { file: file(), line, links });
             }
             (None, _) if robot.links.is_empty() => {
                 return Err(ModelError::NoLinks { file: file() });
             }
             (None, _) => {
-                return Err(ModelError::Loop { file: file(), links: names(&|_| true) });
+                return Err(ModelError::Loop { file: file(), line: robot.links[0].line, links: names(&|_| true) });
             }
         };
         let mut order = Vec::with_capacity(robot.links.len());
@@ -82,7 +85,8 @@ impl Topology {
         if order.len() < robot.links.len() {
             let mut reached = vec![false; robot.links.len()];
             order.iter().for_each(|&link| reached[link] = true);
-            return Err(ModelError::Loop { file: file(), links: names(&|i| !reached[i]) });
+            let line = reached.iter().position(|reached| !reached).map_or(0, |first| robot.links[first].line);
+            return Err(ModelError::Loop { file: file(), line, links: names(&|i| !reached[i]) });
         }
         Ok(Self { ends, joint_above, order })
     }
@@ -91,13 +95,13 @@ impl Topology {
 /// Index of each name; an error for a name that occurs twice.
 fn index<'a>(
     what: &'static str,
-    names: impl Iterator<Item = &'a str>,
+    names: impl Iterator<Item = (&'a str, usize)>,
     file: impl Fn() -> String,
 ) -> Result<BTreeMap<&'a str, usize>, ModelError> {
     let mut indices = BTreeMap::new();
-    for (i, name) in names.enumerate() {
+    for (i, (name, line)) in names.enumerate() {
         if indices.insert(name, i).is_some() {
-            return Err(ModelError::DuplicateName { file: file(), what, name: name.to_owned() });
+            return Err(ModelError::DuplicateName { file: file(), line, what, name: name.to_owned() });
         }
     }
     Ok(indices)

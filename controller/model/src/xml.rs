@@ -46,7 +46,8 @@ pub(crate) struct Element<'d> {
 }
 
 impl Document {
-    /// Reads a text with exactly one outermost element. Text between elements, comments and processing instructions are dropped.
+    /// Reads a text with exactly one outermost element. Text between elements, comments and processing instructions are dropped,
+    /// and a byte order mark.
     ///
     /// # Errors
     /// Text that is not well-formed, or exceeds a limit: [`MAX_BYTES`], [`MAX_DEPTH`], [`MAX_ELEMENTS`].
@@ -55,6 +56,7 @@ impl Document {
         if text.len() > MAX_BYTES {
             return fail(1, format!("the text has {} bytes, expected at most {MAX_BYTES}", text.len()));
         }
+        let text = text.strip_prefix('\u{feff}').unwrap_or(text);
         let mut reader = Reader::from_str(text);
         let mut elements: Vec<Node> = Vec::new();
         // Elements that are open.

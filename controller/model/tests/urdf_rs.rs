@@ -7,7 +7,7 @@ use robot_model::{JointKind, Pose, UrdfTree};
 
 #[test]
 fn urdf_rs_reads_the_same_numbers() {
-    let folder = concat!(env!("CARGO_MANIFEST_DIR"), "/../robots");
+    let folder = concat!(env!("CARGO_MANIFEST_DIR"), "/../../robots");
     for name in ["hyq", "anymal_b"] {
         let text = std::fs::read_to_string(format!("{folder}/{name}/{name}.urdf")).unwrap();
         let tree = UrdfTree::parse(&text, name).unwrap();
