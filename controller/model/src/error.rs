@@ -262,6 +262,18 @@ pub enum ModelWarning {
         /// Number of further ones in the file.
         more: usize,
     },
+    /// An `<inertial>` without a mass, or without a complete inertia: both count as zero. One warning for all of a file.
+    #[error("link \"{link}\": line {line}: <inertial> has no complete <{lacks}>, which counts as zero{}", and_more(*.more))]
+    IncompleteInertial {
+        /// Link of the first one.
+        link: String,
+        /// Line of the first one, from 1.
+        line: usize,
+        /// `mass` (the whole element then counts as zero) or `inertia`.
+        lacks: &'static str,
+        /// Number of further ones in the file.
+        more: usize,
+    },
     /// An axis whose length is not 1. One warning for all of a file.
     #[error("joint \"{joint}\": line {line}: the axis has length {length}, expected 1; it is normalized{}", and_more(*.more))]
     AxisNormalized {

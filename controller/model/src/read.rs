@@ -88,19 +88,8 @@ fn read_link(element: Element, file: &str, warnings: &mut Vec<ModelWarning>) -> 
     let reader = Reader::new("link", element, file);
     let name = reader.name(element)?;
     let inertial = match element.child("inertial") {
-        None => Inertial { X_LC: Pose::identity(), mass: 0.0, I_C: Matrix3::zeros() },
-        Some(inertial) => {
-            let i = reader.required(inertial, "inertia")?;
-            let [xx, yy, zz, xy, xz, yz] = ["ixx", "iyy", "izz", "ixy", "ixz", "iyz"].map(|key| reader.number(i, key));
-            let (xx, yy, zz, xy, xz, yz) = (xx?, yy?, zz?, xy?, xz?, yz?);
-            reader.all_finite(i, "inertia", &[xx, yy, zz, xy, xz, yz])?;
-            let mass = reader.required(inertial, "mass")?;
-            Inertial {
-                X_LC: reader.origin(inertial, "inertial origin")?,
-                mass: reader.not_negative(mass, "mass", reader.number(mass, "value")?)?,
-                I_C: Matrix3::new(xx, xy, xz, xy, yy, yz, xz, yz, zz),
-            }
-        }
+        None => no_inertial(),
+        Some(inertial) => read_inertial(&reader, inertial, &name, warnings)?,
     };
     let mut shapes = |what: &'static str| {
         let mut shapes = Vec::new();
@@ -114,6 +103,54 @@ fn read_link(element: Element, file: &str, warnings: &mut Vec<ModelWarning>) -> 
     };
     let (visuals, collisions) = (shapes("visual"), shapes("collision"));
     Ok(RawLink { name, line: element.line(), inertial, visuals, collisions })
+}
+
+fn no_inertial() -> Inertial {
+    Inertial { X_LC: Pose::identity(), mass: 0.0, I_C: Matrix3::zeros() }
+}
+
+/// Like Pinocchio, takes a missing `<mass>` as a link without inertial, and a missing or incomplete `<inertia>` as zero, with a warning. A number that
+/// cannot be read is an error.
+fn read_inertial(
+    reader: &Reader,
+    element: Element,
+    link: &str,
+    warnings: &mut Vec<ModelWarning>,
+) -> Result<Inertial, ModelError> {
+    let mut lacks = |what| {
+        let lacks_more = warnings.iter_mut().find_map(|warning| match warning {
+            ModelWarning::IncompleteInertial { more, .. } => Some(more),
+            _ => None,
+        });
+        match lacks_more {
+            Some(more) => *more += 1,
+            None => {
+                let (link, line) = (link.to_owned(), element.line());
+                warnings.push(ModelWarning::IncompleteInertial { link, line, lacks: what, more: 0 });
+            }
+        }
+    };
+    let Some(mass) = element.child("mass").filter(|mass| mass.attribute("value").is_some()) else {
+        lacks("mass");
+        return Ok(no_inertial());
+    };
+    const KEYS: [&str; 6] = ["ixx", "iyy", "izz", "ixy", "ixz", "iyz"];
+    let mut I = [0.0; 6];
+    match element.child("inertia").filter(|inertia| KEYS.iter().all(|key| inertia.attribute(key).is_some())) {
+        None => lacks("inertia"),
+        Some(inertia) => {
+            for (entry, key) in I.iter_mut().zip(KEYS) {
+                *entry = reader.number(inertia, key)?;
+            }
+            reader.all_finite(inertia, "inertia", &I)?;
+        }
+    }
+    let [xx, yy, zz, xy, xz, yz] = I;
+    Ok(Inertial {
+        X_LC: reader.origin(element, "inertial origin")?,
+        mass: reader.not_negative(mass, "mass", reader.number(mass, "value")?)?,
+        I_C: Matrix3::new(xx, xy, xz, xy, yy, yz, xz, yz, zz),
+    })
 }
 
 /// Counts a shape that is left out.

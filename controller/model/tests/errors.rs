@@ -212,12 +212,6 @@ fn elements_that_other_readers_accept_are_accepted() {
 fn an_error_names_the_line_the_element_and_the_number() {
     for (from, to, line, parts) in [
         ("<mass value=\"1\"/>", "<mass value=\"1.5kg\"/>", 3, ["value of <mass>", "1.5kg"]),
-        (
-            "ixx=\"1\" iyy=\"1\" izz=\"1\" ixy=\"0\" ixz=\"0\" iyz=\"0\"/></inertial></link>\n        <joint",
-            "iyy=\"1\"/></inertial></link>\n        <joint",
-            3,
-            ["<inertia>", "ixx"],
-        ),
         ("xyz=\"0 0 1\"", "xyz=\"0 0\"", 5, ["xyz of <axis>", "2 numbers"]),
         ("xyz=\"0 0 1\"", "xyz=\"0 0 1 1\"", 5, ["xyz of <axis>", "4 numbers"]),
         (" effort=\"5\"", "", 6, ["<limit>", "effort"]),
@@ -295,6 +289,17 @@ fn unusual_but_usable_numbers_give_warnings() {
     let locked =
         two_links(r#"lower="-1" upper="1" effort="5" velocity="3""#, r#"lower="0" upper="0" effort="0" velocity="0""#);
     assert_eq!(locked.unwrap().warnings.len(), 2, "a limit of zeros is accepted, a missing one is an error");
+    // Pinocchio keeps the mass of an <inertial> without <inertia>.
+    for (from, to, lacks, mass) in [
+        ("<mass value=\"1\"/>", "", "mass", 2.0),
+        ("<mass value=\"1\"/>", "<mass/>", "mass", 2.0),
+        ("<mass value=\"1\"/><inertia ixx=\"1\"", "<mass value=\"1\"/><inertia", "inertia", 3.0),
+        ("<mass value=\"1\"/><inertia", "<mass value=\"1\"/><no", "inertia", 3.0),
+    ] {
+        let model = two_links(from, to).unwrap();
+        let expected = ModelWarning::IncompleteInertial { link: "bar".into(), line: 3, lacks, more: 0 };
+        assert_eq!((model.total_mass(), &model.warnings[0]), (mass, &expected), "{to}");
+    }
     let reversed = ModelWarning::RangeReversed { joint: "hinge".into(), line: 4, lower: 1.5, upper: 1.0 };
     let model = two_links("lower=\"-1\"", "lower=\"1.5\"").unwrap();
     assert_eq!((model.joints[0].lower, model.joints[0].upper, model.warnings), (1.0, 1.5, vec![reversed]));
