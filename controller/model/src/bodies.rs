@@ -27,6 +27,7 @@ pub struct JointId(usize);
 
 impl JointId {
     /// Index in `q`, `qd`, `tau`, `0..nj`.
+    #[inline]
     pub fn index(self) -> usize {
         self.0
     }
@@ -38,6 +39,7 @@ pub struct FrameId(usize);
 
 impl FrameId {
     /// Index among the links of the tree, `0..nf`.
+    #[inline]
     pub fn index(self) -> usize {
         self.0
     }
@@ -206,16 +208,19 @@ impl Model {
     }
 
     /// Kind of the base.
+    #[inline]
     pub fn base(&self) -> Base {
         self.base
     }
 
     /// Length of `v`.
+    #[inline]
     pub fn nv(&self) -> usize {
         self.nv_base() + self.nj()
     }
 
     /// Length of the base part of `v`: 6 or 0.
+    #[inline]
     pub fn nv_base(&self) -> usize {
         match self.base {
             Base::Floating => 6,
@@ -224,11 +229,13 @@ impl Model {
     }
 
     /// Number of movable joints: length of `q`, `qd`, `tau`.
+    #[inline]
     pub fn nj(&self) -> usize {
         self.joints.len()
     }
 
     /// Mass of all links, kg.
+    #[inline]
     pub fn total_mass(&self) -> f64 {
         self.total_mass
     }
@@ -243,6 +250,7 @@ impl Model {
     }
 
     /// Index of a joint in `v`: its row of `M` and its column of a Jacobian.
+    #[inline]
     pub fn v_index(&self, joint: JointId) -> usize {
         self.nv_base() + joint.0
     }
@@ -262,6 +270,7 @@ impl Model {
     }
 
     /// The frame of the root link, B.
+    #[inline]
     pub fn base_frame(&self) -> FrameId {
         FrameId(0)
     }

@@ -9,16 +9,19 @@ use super::bodies::{Base, GRAVITY, Model};
 use super::kinematics::Kinematics;
 
 /// Centre of mass `p_WC`, in W, m.
+#[inline]
 pub fn com(kin: &Kinematics) -> Vector3<f64> {
     kin.base.p_WB + c_B_W(kin)
 }
 
 /// Velocity of the centre of mass `v_WC`, in W, m/s.
+#[inline]
 pub fn com_velocity(kin: &Kinematics) -> Vector3<f64> {
     kin.base.v_WB + momentum_seen_from_base(kin).0 / kin.bodies[0].subtree.m
 }
 
 /// Acceleration of the centre of mass with `vd = 0`, in W, m/s², without gravity: `dv_WC/dt = J_WC vd + Jd_WC v`.
+#[inline]
 pub fn com_bias_acceleration(kin: &Kinematics) -> Vector3<f64> {
     let whole = &kin.bodies[0];
     whole.f / whole.subtree.m - Vector3::new(0.0, 0.0, GRAVITY)

@@ -57,6 +57,7 @@ impl DriveLimits {
 
 impl JointInfo {
     /// Smallest and largest torque of the drive at the joint velocity `qd`, N m or N. The smallest is at most 0, the largest at least 0.
+    #[inline]
     pub fn torque_range(&self, qd: f64) -> (f64, f64) {
         let driving = self.drive.driving(self.effort, qd.abs());
         if qd >= 0.0 { (-self.effort, driving) } else { (-driving, self.effort) }

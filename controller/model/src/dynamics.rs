@@ -15,6 +15,7 @@ use super::kinematics::Kinematics;
 ///
 /// # Panics
 /// If the shape of `M` is not nv x nv.
+#[inline]
 pub fn mass_matrix(model: &Model, kin: &Kinematics, M: &mut DMatrix<f64>) {
     let nv = model.nv();
     assert_eq!(M.shape(), (nv, nv), "the mass matrix is nv x nv");
@@ -73,6 +74,7 @@ pub fn mass_matrix(model: &Model, kin: &Kinematics, M: &mut DMatrix<f64>) {
 ///
 /// # Panics
 /// If the length of `h` is not nv.
+#[inline]
 pub fn bias_force(model: &Model, kin: &Kinematics, h: &mut DVector<f64>) {
     project(model, kin, h, |i| (kin.bodies[i].f, kin.bodies[i].n));
 }

@@ -12,6 +12,7 @@ use super::kinematics::Kinematics;
 ///
 /// # Panics
 /// If the shape of `J` is not 6 x nv.
+#[inline]
 pub fn frame_jacobian(model: &Model, kin: &Kinematics, frame: FrameId, J: &mut DMatrix<f64>) {
     point_jacobian(model, kin, frame, &Vector3::zeros(), J);
 }
@@ -22,6 +23,7 @@ pub fn frame_jacobian(model: &Model, kin: &Kinematics, frame: FrameId, J: &mut D
 ///
 /// # Panics
 /// If the shape of `J` is not 6 x nv.
+#[inline]
 pub fn point_jacobian(model: &Model, kin: &Kinematics, frame: FrameId, p_FP_W: &Vector3<f64>, J: &mut DMatrix<f64>) {
     assert_eq!(J.shape(), (6, model.nv()), "a frame's Jacobian is 6 x nv");
     J.fill(0.0);
@@ -48,6 +50,7 @@ pub fn point_jacobian(model: &Model, kin: &Kinematics, frame: FrameId, p_FP_W: &
 ///
 /// # Panics
 /// If the shape of `J` is not 3 x nv.
+#[inline]
 pub fn point_jacobian_linear(
     model: &Model,
     kin: &Kinematics,
@@ -68,11 +71,13 @@ pub fn point_jacobian_linear(
 ///
 /// Linear part: classical acceleration of the origin of the frame, m/s². Angular part: rad/s². Both in W axes, without gravity.
 /// Does not depend on `v_WB`.
+#[inline]
 pub fn frame_bias_acceleration(model: &Model, kin: &Kinematics, frame: FrameId) -> Vector6<f64> {
     point_bias_acceleration(model, kin, frame, &Vector3::zeros())
 }
 
 /// Bias acceleration of a point P fixed to a link's frame F, at `p_FP_W` from the origin of F, in W axes, m. See [`frame_bias_acceleration`].
+#[inline]
 pub fn point_bias_acceleration(model: &Model, kin: &Kinematics, frame: FrameId, p_FP_W: &Vector3<f64>) -> Vector6<f64> {
     let body = &kin.bodies[model.frames[frame.index()].body];
     let a = body.point_acceleration(&(kin.p_BF_W(model, frame) + p_FP_W));

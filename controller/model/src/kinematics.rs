@@ -20,6 +20,7 @@ pub struct BaseState {
 
 impl BaseState {
     /// B coincides with W, at rest.
+    #[inline]
     pub fn identity() -> Self {
         Self { p_WB: Vector3::zeros(), R_WB: Matrix3::identity(), v_WB: Vector3::zeros(), w_WB_W: Vector3::zeros() }
     }
@@ -126,6 +127,7 @@ impl Kinematics {
     ///
     /// # Panics
     /// If the length of `q` or `qd` is not `nj`, or `self` was built for a model with another number of bodies.
+    #[inline]
     pub fn update(&mut self, model: &Model, base: &BaseState, q: &[f64], qd: &[f64]) {
         assert_eq!(q.len(), model.nj(), "q has one position for each movable joint");
         assert_eq!(qd.len(), model.nj(), "qd has one velocity for each movable joint");
@@ -198,11 +200,13 @@ impl Kinematics {
     }
 
     /// Pose and velocity of the root link at the last update.
+    #[inline]
     pub fn base(&self) -> &BaseState {
         &self.base
     }
 
     /// Origin of a frame from the origin of W, in W, m.
+    #[inline]
     pub fn p_WF(&self, model: &Model, frame: FrameId) -> Vector3<f64> {
         self.base.p_WB + self.p_BF_W(model, frame)
     }
@@ -216,23 +220,27 @@ impl Kinematics {
     }
 
     /// Rotates coordinates of a frame into W coordinates.
+    #[inline]
     pub fn R_WF(&self, model: &Model, frame: FrameId) -> Matrix3<f64> {
         let frame = &model.frames[frame.index()];
         self.bodies[frame.body].R * frame.X_BL.R
     }
 
     /// Velocity of the origin of a frame, in W, m/s.
+    #[inline]
     pub fn v_WF(&self, model: &Model, frame: FrameId) -> Vector3<f64> {
         self.base.v_WB + self.v_BF_W(model, frame)
     }
 
     /// Velocity of the origin of a frame minus that of the origin of B, in W axes, m/s.
+    #[inline]
     pub fn v_BF_W(&self, model: &Model, frame: FrameId) -> Vector3<f64> {
         let r = self.p_BF_W(model, frame);
         self.bodies[model.frames[frame.index()].body].point_velocity(&r)
     }
 
     /// Angular velocity of a frame, in W, rad/s.
+    #[inline]
     pub fn w_WF_W(&self, model: &Model, frame: FrameId) -> Vector3<f64> {
         self.bodies[model.frames[frame.index()].body].w
     }

@@ -13,46 +13,55 @@ pub use walked_distance::WalkedDistance;
 use nalgebra::Vector3;
 
 /// Sine; `x` in rad.
+#[inline]
 pub fn sin(x: f64) -> f64 {
     libm::sin(x)
 }
 
 /// Cosine; `x` in rad.
+#[inline]
 pub fn cos(x: f64) -> f64 {
     libm::cos(x)
 }
 
 /// Sine and cosine: the same values as [`sin`] and [`cos`], in less time; `x` in rad.
+#[inline]
 pub fn sin_cos(x: f64) -> (f64, f64) {
     libm::sincos(x)
 }
 
 /// Hyperbolic sine.
+#[inline]
 pub fn sinh(x: f64) -> f64 {
     libm::sinh(x)
 }
 
 /// Angle of the point (x, y), rad, in (-π, π].
+#[inline]
 pub fn atan2(y: f64, x: f64) -> f64 {
     libm::atan2(y, x)
 }
 
 /// Arc sine, rad; `x` is limited to [-1, 1] first.
+#[inline]
 pub fn asin(x: f64) -> f64 {
     libm::asin(x.clamp(-1.0, 1.0))
 }
 
 /// Euclidean length.
+#[inline]
 pub fn norm(v: &Vector3<f64>) -> f64 {
     (v.x * v.x + v.y * v.y + v.z * v.z).sqrt()
 }
 
 /// Moves `x` towards `target` by at most `max_change`.
+#[inline]
 pub fn ramp(x: f64, target: f64, max_change: f64) -> f64 {
     x + (target - x).clamp(-max_change, max_change)
 }
 
 /// One step of a first-order low-pass filter by implicit Euler: stable at any `dt`. Times in s.
+#[inline]
 pub fn low_pass(x: f64, target: f64, time_constant: f64, dt: f64) -> f64 {
     x + (target - x) * (dt / (time_constant + dt))
 }

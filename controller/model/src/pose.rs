@@ -14,6 +14,7 @@ pub struct Pose {
 
 impl Pose {
     /// The pose of a frame in itself.
+    #[inline]
     pub fn identity() -> Self {
         Self { p: Vector3::zeros(), R: Matrix3::identity() }
     }
@@ -24,6 +25,7 @@ impl Pose {
     }
 
     /// Composition: for `self = X_AB` and `inner = X_BC`, the pose `X_AC`.
+    #[inline]
     pub fn then(&self, inner: &Pose) -> Self {
         Self { p: self.p + self.R * inner.p, R: self.R * inner.R }
     }

@@ -7,6 +7,7 @@ use nalgebra::Matrix3;
 ///
 /// Source: S. W. Shepperd, *Quaternion from rotation matrix* (1978). The component with the largest square is computed first: no
 /// cancellation and no trigonometric function.
+#[inline]
 pub fn from_rotation(R: &Matrix3<f64>) -> [f64; 4] {
     let trace = R[(0, 0)] + R[(1, 1)] + R[(2, 2)];
     let squares =
@@ -32,6 +33,7 @@ pub fn from_rotation(R: &Matrix3<f64>) -> [f64; 4] {
 }
 
 /// Unit quaternion of a rotation vector (axis times angle, rad).
+#[inline]
 pub fn from_rotation_vector(v: [f64; 3]) -> [f64; 4] {
     let angle = (v[0] * v[0] + v[1] * v[1] + v[2] * v[2]).sqrt();
     let scale = if angle > 0.0 { sin(angle / 2.0) / angle } else { 0.5 };
@@ -39,6 +41,7 @@ pub fn from_rotation_vector(v: [f64; 3]) -> [f64; 4] {
 }
 
 /// Rotation matrix of a quaternion of any length above zero.
+#[inline]
 pub fn to_rotation([w, x, y, z]: [f64; 4]) -> Matrix3<f64> {
     let s = 2.0 / (w * w + x * x + y * y + z * z);
     #[rustfmt::skip]
@@ -51,6 +54,7 @@ pub fn to_rotation([w, x, y, z]: [f64; 4]) -> Matrix3<f64> {
 }
 
 /// Roll, pitch, yaw of a unit quaternion: `R = Rz(yaw) Ry(pitch) Rx(roll)`, rad.
+#[inline]
 pub fn to_rpy([w, x, y, z]: [f64; 4]) -> [f64; 3] {
     let roll = atan2(2.0 * (w * x + y * z), 1.0 - 2.0 * (x * x + y * y));
     let pitch = asin(2.0 * (w * y - z * x));
@@ -59,6 +63,7 @@ pub fn to_rpy([w, x, y, z]: [f64; 4]) -> [f64; 3] {
 }
 
 /// Product `a b`: the quaternion of the rotation matrix `R(a) R(b)`.
+#[inline]
 pub fn product([aw, ax, ay, az]: [f64; 4], [bw, bx, by, bz]: [f64; 4]) -> [f64; 4] {
     [
         aw * bw - ax * bx - ay * by - az * bz,

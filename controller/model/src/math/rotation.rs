@@ -4,24 +4,28 @@ use super::{asin, atan2, cos, norm, quaternion, sin};
 use nalgebra::{Matrix3, Vector3};
 
 /// Rotation about x by `angle`, rad.
+#[inline]
 pub fn Rx(angle: f64) -> Matrix3<f64> {
     let (s, c) = (sin(angle), cos(angle));
     Matrix3::new(1.0, 0.0, 0.0, 0.0, c, -s, 0.0, s, c)
 }
 
 /// Rotation about y by `angle`, rad.
+#[inline]
 pub fn Ry(angle: f64) -> Matrix3<f64> {
     let (s, c) = (sin(angle), cos(angle));
     Matrix3::new(c, 0.0, s, 0.0, 1.0, 0.0, -s, 0.0, c)
 }
 
 /// Rotation about z by `angle`, rad.
+#[inline]
 pub fn Rz(angle: f64) -> Matrix3<f64> {
     let (s, c) = (sin(angle), cos(angle));
     Matrix3::new(c, -s, 0.0, s, c, 0.0, 0.0, 0.0, 1.0)
 }
 
 /// `Rz(yaw) Ry(pitch) Rx(roll)`, angles in rad: the convention of a URDF `<origin rpy>`.
+#[inline]
 pub fn rotation_of_rpy([roll, pitch, yaw]: [f64; 3]) -> Matrix3<f64> {
     let (sr, cr) = libm::sincos(roll);
     let (sp, cp) = libm::sincos(pitch);
@@ -36,6 +40,7 @@ pub fn rotation_of_rpy([roll, pitch, yaw]: [f64; 3]) -> Matrix3<f64> {
 }
 
 /// Roll, pitch, yaw of `R = Rz(yaw) Ry(pitch) Rx(roll)`, rad. At pitch = ±π/2, where roll and yaw are not unique, roll is 0.
+#[inline]
 pub fn rpy_of(R: &Matrix3<f64>) -> [f64; 3] {
     let pitch = asin(-R[(2, 0)]);
     if R[(2, 1)].abs() + R[(2, 2)].abs() < 1e-12 {
@@ -45,6 +50,7 @@ pub fn rpy_of(R: &Matrix3<f64>) -> [f64; 3] {
 }
 
 /// Wraps an angle, such as the difference of two headings, to (-π, π].
+#[inline]
 pub fn wrap_angle(angle: f64) -> f64 {
     atan2(sin(angle), cos(angle))
 }
@@ -55,6 +61,7 @@ pub fn wrap_angle(angle: f64) -> f64 {
 /// log(R) = 2 atan2(|ε|, η) ε/|ε|      (η, ε): unit quaternion of R with η ≥ 0
 /// ```
 /// Source: Raiola et al. 2020, eq. (8). The sign of its cross product is changed so that the error is reduced, not increased.
+#[inline]
 pub fn log(R: &Matrix3<f64>) -> Vector3<f64> {
     let [eta, x, y, z] = quaternion::from_rotation(R);
     let eps = if eta < 0.0 { -Vector3::new(x, y, z) } else { Vector3::new(x, y, z) };

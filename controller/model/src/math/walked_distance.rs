@@ -18,6 +18,7 @@ pub struct WalkedDistance {
 
 impl WalkedDistance {
     /// Takes the position of the base in W, m, at a time. Times must not decrease.
+    #[inline]
     pub fn add(&mut self, t_ns: i64, p_WB: [f64; 3]) {
         self.latest = [p_WB[0], p_WB[1]];
         match self.next_ns {
@@ -34,6 +35,7 @@ impl WalkedDistance {
     }
 
     /// The distance so far, m; `None` before the first position.
+    #[inline]
     pub fn get(&self) -> Option<f64> {
         self.next_ns.map(|_| self.sum_m + length(self.sample, self.latest))
     }
