@@ -338,7 +338,8 @@ pub(super) fn near_names<'a>(wanted: &str, names: impl Iterator<Item = &'a str>)
     ranked.into_iter().take(3).map(|(_, name)| name.to_owned()).collect()
 }
 
-fn near_list(near: &[String]) -> String {
+/// The part of a message that lists similar names.
+pub(super) fn near_list(near: &[String]) -> String {
     if near.is_empty() { String::new() } else { format!("; near: {}", near.join(", ")) }
 }
 

@@ -23,6 +23,7 @@
 
 mod bodies;
 mod centroidal;
+pub mod description;
 mod drive;
 mod dynamics;
 mod error;
@@ -46,6 +47,7 @@ pub use bodies::{Base, FrameId, GRAVITY, JointId, JointInfo, Model, impossible_m
 pub use centroidal::{
     centroidal_momentum, centroidal_momentum_matrix, com, com_bias_acceleration, com_jacobian, com_velocity,
 };
+pub use description::{DescriptionError, RobotDescription};
 pub use drive::DriveLimits;
 pub use dynamics::{RneaScratch, bias_force, gravity_force, mass_matrix, rnea};
 pub use error::{ModelError, ModelWarning};
