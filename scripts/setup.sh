@@ -1,5 +1,6 @@
 #!/usr/bin/env bash
-# Installs what cargo cannot: liblcm, a multicast route, libudev (gamepads), MuJoCo, valgrind (counts instructions in a test), qemu-user.
+# Installs what cargo cannot: liblcm, a multicast route, libudev (gamepads), MuJoCo, valgrind (counts instructions in a test), qemu-user; and fetches
+# public URDFs.
 # Each step checks its result first, so a second run takes less than a second.
 # Run as root or with sudo; otherwise the script prints the command to run as root.
 set -euo pipefail
@@ -112,4 +113,6 @@ check_machine
 install_packages
 add_multicast_route
 install_mujoco
+# For one test, which prints a note without them.
+"$PWD/scripts/fetch_robots.sh" "${CARGO_TARGET_DIR:-target}/robots" || say "public URDFs are not fetched (exit code $?)"
 say "ready: liblcm, MuJoCo $mujoco_version"

@@ -132,7 +132,7 @@ pub enum GroupKind {
     Chain,
 }
 
-/// Who moves a joint.
+/// Whether a joint has a drive and an encoder.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum JointRole {
@@ -187,6 +187,14 @@ impl RobotDescription {
     /// See [`DescriptionError`]; a URDF whose total mass is not finite is a [`DescriptionError::Parse`].
     pub fn from_toml(text: &str, file: &str, tree: &UrdfTree) -> Result<Self, DescriptionError> {
         resolve::resolve(file::read(text, file)?, file, tree)
+    }
+
+    /// The URDF of a description that has the keys for any robot; `None` for one that has those of a quadruped, which the controller's parameters check.
+    ///
+    /// # Errors
+    /// [`DescriptionError::Parse`] for a text with the keys for any robot that cannot be read.
+    pub fn urdf_of_any(text: &str, file: &str) -> Result<Option<String>, DescriptionError> {
+        if file::is_for_any_robot(text) { file::read(text, file).map(|table| Some(table.urdf)) } else { Ok(None) }
     }
 
     /// The model of the URDF with the base and the drives of the description.

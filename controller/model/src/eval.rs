@@ -10,6 +10,7 @@ use serde::{Deserialize, Serialize};
 
 use super::bodies::{Base, Model};
 use super::centroidal::com;
+use super::description::DriveDifference;
 use super::dynamics::{bias_force, gravity_force, mass_matrix};
 use super::error::ModelError;
 use super::jacobian::frame_jacobian;
@@ -33,6 +34,9 @@ pub struct RobotInfo {
     pub links: Vec<LinkSummary>,
     /// Links at the end of a chain with a sphere as collision shape: probably the feet.
     pub feet: Vec<String>,
+    /// Limits that the TOML file beside the URDF changes.
+    #[serde(default)]
+    pub differences: Vec<DriveDifference>,
     /// Warnings about the description.
     pub warnings: Vec<String>,
 }
@@ -101,6 +105,7 @@ impl RobotInfo {
             joints: joints.collect(),
             links: links.collect(),
             feet: (0..tree.links.len()).filter(is_foot).map(|i| tree.links[i].name.clone()).collect(),
+            differences: Vec::new(),
             warnings: model.warnings.iter().map(ToString::to_string).collect(),
         })
     }

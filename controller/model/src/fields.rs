@@ -15,24 +15,38 @@ const MAX_NUMBER: f64 = 1e9;
 /// Length below which a vector has no direction: the squares of its components underflow.
 const LEAST_NORM: f64 = 1e-100;
 
+/// A URDF.
+#[derive(Clone, Copy)]
+pub(super) struct Source<'a> {
+    /// Name of the file.
+    pub(super) file: &'a str,
+    /// Whether an orientation may be a quaternion: since version 1.1 of URDF.
+    pub(super) quaternions: bool,
+}
+
 /// Reads parts of one link or joint; errors name the file, the element and the line.
 pub(super) struct Reader<'a> {
-    pub(super) file: &'a str,
+    pub(super) source: Source<'a>,
     /// For example `joint "knee"`.
     pub(super) element: String,
 }
 
 impl Reader<'_> {
-    pub(super) fn new<'a>(what: &str, element: Element, file: &'a str) -> Reader<'a> {
+    pub(super) fn new<'a>(what: &str, element: Element, source: Source<'a>) -> Reader<'a> {
         let element = match element.attribute("name") {
             Some(name) => format!("{what} \"{}\"", name.chars().take(MAX_NAME).collect::<String>()),
             None => format!("a {what} without a name"),
         };
-        Reader { file, element }
+        Reader { source, element }
     }
 
     pub(super) fn bad(&self, at: Element, reason: String) -> ModelError {
-        ModelError::BadElement { file: self.file.to_owned(), element: self.element.clone(), line: at.line(), reason }
+        ModelError::BadElement {
+            file: self.source.file.to_owned(),
+            element: self.element.clone(),
+            line: at.line(),
+            reason,
+        }
     }
 
     pub(super) fn required<'d>(&self, element: Element<'d>, name: &str) -> Result<Element<'d>, ModelError> {
@@ -92,6 +106,10 @@ impl Reader<'_> {
             if origin.attribute("rpy").is_some() {
                 rpy = self.numbers(origin, "rpy")?;
             } else if origin.attribute("quat_xyzw").is_some() {
+                if !self.source.quaternions {
+                    let reason = "quat_xyzw requires <robot version=\"1.1\"> or later, expected rpy".to_owned();
+                    return Err(self.bad(origin, reason));
+                }
                 let [x, y, z, w] = self.numbers(origin, "quat_xyzw")?;
                 self.all_finite(origin, quantity, &[x, y, z, w])?;
                 if !(0.5..=2.0).contains(&(w * w + x * x + y * y + z * z)) {
@@ -154,7 +172,7 @@ impl Reader<'_> {
             (JointKind::Fixed, _) | (JointKind::Continuous, None) => return Ok((Limits::NONE, None)),
             (_, Some(limit)) => limit,
             (_, None) => {
-                let (file, joint) = (self.file.to_owned(), joint.to_owned());
+                let (file, joint) = (self.source.file.to_owned(), joint.to_owned());
                 return Err(ModelError::MissingLimits { file, line: element.line(), joint });
             }
         };
@@ -175,7 +193,7 @@ impl Reader<'_> {
     }
 
     fn out_of_range(&self, at: Element, quantity: &'static str, found: String, expected: &'static str) -> ModelError {
-        let (file, element, line) = (self.file.to_owned(), self.element.clone(), at.line());
+        let (file, element, line) = (self.source.file.to_owned(), self.element.clone(), at.line());
         ModelError::BadNumber { file, line, element, quantity, found, expected }
     }
 

@@ -4,7 +4,7 @@
 use nalgebra::{Matrix3, Vector3};
 
 use super::error::{ModelError, ModelWarning};
-use super::fields::Reader;
+use super::fields::{Reader, Source};
 use super::pose::Pose;
 use super::tree::{Inertial, JointKind, Limits, Shape};
 use super::xml::{Document, Element};
@@ -61,16 +61,17 @@ pub(super) fn read(text: &str, file: &str) -> Result<RawRobot, ModelError> {
     if root.name() != "robot" {
         return Err(not_urdf(root.line(), format!("the outermost element is <{}>, expected <robot>", root.name())));
     }
-    let whole = Reader { file, element: "the robot".to_owned() };
+    let source = Source { file, quaternions: matches!(root.attribute("version"), Some("1.1" | "1.2")) };
+    let whole = Reader { source, element: "the robot".to_owned() };
     let mut robot = RawRobot { name: whole.name(root)?, links: Vec::new(), joints: Vec::new(), warnings: Vec::new() };
     for element in root.children() {
         match element.name() {
             "link" => {
-                let link = read_link(element, file, &mut robot.warnings)?;
+                let link = read_link(element, source, &mut robot.warnings)?;
                 robot.links.push(link);
             }
             "joint" => {
-                let joint = read_joint(element, file, &mut robot.warnings)?;
+                let joint = read_joint(element, source, &mut robot.warnings)?;
                 robot.joints.push(joint);
             }
             _ => {}
@@ -84,8 +85,8 @@ pub(super) fn read(text: &str, file: &str) -> Result<RawRobot, ModelError> {
     Ok(robot)
 }
 
-fn read_link(element: Element, file: &str, warnings: &mut Vec<ModelWarning>) -> Result<RawLink, ModelError> {
-    let reader = Reader::new("link", element, file);
+fn read_link(element: Element, source: Source, warnings: &mut Vec<ModelWarning>) -> Result<RawLink, ModelError> {
+    let reader = Reader::new("link", element, source);
     let name = reader.name(element)?;
     let inertial = match element.child("inertial") {
         None => no_inertial(),
@@ -173,11 +174,11 @@ fn ignored(warnings: &mut Vec<ModelWarning>, what: &'static str, link: &str, err
     warnings.push(ModelWarning::ShapesIgnored { what, link: link.to_owned(), line, reason, more: 0 });
 }
 
-fn read_joint(element: Element, file: &str, warnings: &mut Vec<ModelWarning>) -> Result<RawJoint, ModelError> {
-    let reader = Reader::new("joint", element, file);
+fn read_joint(element: Element, source: Source, warnings: &mut Vec<ModelWarning>) -> Result<RawJoint, ModelError> {
+    let reader = Reader::new("joint", element, source);
     let name = reader.name(element)?;
     let unsupported = |found: &str| ModelError::UnsupportedJoint {
-        file: file.to_owned(),
+        file: source.file.to_owned(),
         line: element.line(),
         joint: name.clone(),
         found: found.to_owned(),

@@ -2,6 +2,7 @@
 //! the positions of the joints.
 
 use nalgebra::{Matrix3, Vector3};
+use std::collections::BTreeSet;
 
 use super::link_groups::LinkGroups;
 use super::pose::Pose;
@@ -40,9 +41,10 @@ pub fn untouchable(tree: &UrdfTree, feet: &[String]) -> Vec<String> {
 
 /// For each body, whether it has a shape that can touch the ground.
 fn touches(tree: &UrdfTree, groups: &LinkGroups, feet: &[String]) -> Vec<bool> {
+    let feet: BTreeSet<&str> = feet.iter().map(String::as_str).collect();
     let mut touches = vec![false; groups.first_links.len()];
     for (link, &body) in tree.links.iter().zip(&groups.body_of_link) {
-        touches[body] |= feet.contains(&link.name) || largest(link).is_some();
+        touches[body] |= feet.contains(link.name.as_str()) || largest(link).is_some();
     }
     touches
 }

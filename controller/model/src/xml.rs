@@ -56,7 +56,6 @@ impl Document {
         if text.len() > MAX_BYTES {
             return fail(1, format!("the text has {} bytes, expected at most {MAX_BYTES}", text.len()));
         }
-        let text = text.strip_prefix('\u{feff}').unwrap_or(text);
         let mut reader = Reader::from_str(text);
         let mut elements: Vec<Node> = Vec::new();
         // Elements that are open.

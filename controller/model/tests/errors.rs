@@ -148,16 +148,22 @@ fn the_form_of_the_text_does_not_matter() {
     }
 }
 
-/// Roll of a right angle as a quaternion, which version 1.2 of URDF has.
+/// Roll of a right angle as a quaternion, which URDF has since version 1.1. Other readers ignore it in earlier versions.
 #[test]
 fn an_orientation_may_be_a_quaternion() {
-    let with = |origin: &str| ROBOT.replace("<axis", &format!("<origin {origin}/><axis"));
+    let with = |origin: &str| {
+        let robot = ROBOT.replace("<axis", &format!("<origin {origin}/><axis"));
+        robot.replace("name=\"two\"", "name=\"two\" version=\"1.1\"")
+    };
     let X = |origin: &str| UrdfTree::parse(&with(origin), "two.urdf").unwrap().joints[0].X_PC;
     let expected = nalgebra::Matrix3::new(1.0, 0.0, 0.0, 0.0, 0.0, -1.0, 0.0, 1.0, 0.0);
     let found = X("xyz=\"1 2 3\" quat_xyzw=\"0.70710678 0 0 0.70710678\"");
     assert!((found.R - expected).norm() < 1e-15 && found.p == nalgebra::Vector3::new(1.0, 2.0, 3.0), "{found:?}");
     let error = UrdfTree::parse(&with("quat_xyzw=\"0 0 0 0\""), "two.urdf").unwrap_err();
     assert!(matches!(&error, ModelError::BadNumber { line: 5, quantity: "quat_xyzw", .. }), "{error}");
+    let old = with("quat_xyzw=\"0 0 0 1\"").replace(" version=\"1.1\"", "");
+    let error = UrdfTree::parse(&old, "two.urdf").unwrap_err();
+    assert!(matches!(&error, ModelError::BadElement { line: 5, .. }), "{error}");
 }
 
 /// What does not concern the model is no reason to refuse a robot.
@@ -306,6 +312,8 @@ fn unusual_but_usable_numbers_give_warnings() {
     let long = ModelWarning::AxisNormalized { joint: "hinge".into(), line: 5, length: 2.0, more: 0 };
     assert_eq!(warnings("0 0 1", "0 0 2"), [long]);
     assert_eq!(warnings("0 0 1", "0.57735 0.57735 0.57735"), [], "rounded in the file");
+    let tree = UrdfTree::parse(&replace_once(ROBOT, "<axis xyz=\"0 0 1\"/>", ""), "two.urdf").unwrap();
+    assert_eq!(tree.joints[0].axis, nalgebra::Vector3::x(), "the default of URDF");
     let mimic = "<limit lower=\"-1\" upper=\"1\" effort=\"5\" velocity=\"3\"/><mimic joint=\"other\"/>";
     let ignored = ModelWarning::MimicIgnored { joint: "hinge".into(), leader: "other".into() };
     assert_eq!(warnings("<limit lower=\"-1\" upper=\"1\" effort=\"5\" velocity=\"3\"/>", mimic), [ignored]);

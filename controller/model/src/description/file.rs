@@ -101,3 +101,11 @@ pub(super) fn read(text: &str, file: &str) -> Result<RobotTable, DescriptionErro
         .map(|whole| whole.robot)
         .map_err(|error| DescriptionError::Parse { file: file.to_owned(), reason: error.to_string() })
 }
+
+/// Whether a text is TOML with keys in `[robot]` that only the form for any robot has.
+pub(super) fn is_for_any_robot(text: &str) -> bool {
+    let Ok(whole) = toml::from_str::<toml::Table>(text) else { return false };
+    let Some(robot) = whole.get("robot").and_then(toml::Value::as_table) else { return false };
+    let keys = ["base", "imu", "force_torque", "contact", "group", "postures", "joints"];
+    !robot.contains_key("feet") && keys.iter().any(|key| robot.contains_key(*key))
+}
