@@ -4,7 +4,7 @@
     pip install pin==4.1.0
     python3 scripts/pinocchio_fixtures.py
 
-makes controller/tests/data/model_{hyq,anymal_b,arm}.json from the URDFs in this repository, six random states each. Everything is
+makes controller/model/tests/data/{hyq,anymal_b,arm,centauro,coman_plus}.json from the URDFs in this repository, a few random states each. Everything is
 converted to this project's conventions:
 
 - v = [v_WB; w_WB; qd], base parts in W axes. Pinocchio has the base twist in base axes and sorts joints by name, so with
@@ -22,13 +22,15 @@ import numpy as np
 import pinocchio as pin
 
 ROOT = pathlib.Path(__file__).resolve().parent.parent
-DATA = ROOT / "controller/tests/data"
+DATA = ROOT / "controller/model/tests/data"
+# Name, URDF, whether the base floats, number of states, and the links whose frames are compared: all, or those with contacts and sensors.
 ROBOTS = [
-    ("hyq", ROOT / "robots/hyq/hyq.urdf", True),
-    ("anymal_b", ROOT / "robots/anymal_b/anymal_b.urdf", True),
-    ("arm", DATA / "arm.urdf", False),
+    ("hyq", ROOT / "robots/hyq/hyq.urdf", True, 6, None),
+    ("anymal_b", ROOT / "robots/anymal_b/anymal_b.urdf", True, 6, None),
+    ("arm", DATA / "arm.urdf", False, 6, None),
+    ("centauro", ROOT / "robots/centauro/centauro.urdf", True, 2, ["imu_link", "wheel_1", "wheel_4", "ft_arm1", "arm2_8"]),
+    ("coman_plus", DATA / "coman_plus.urdf", True, 2, ["imu_link", "l_sole", "r_sole", "TCP_L", "r_leg_ft"]),
 ]
-STATES = 6
 # The last state is far from the origin and fast: only the position itself may lose digits there.
 FAR = np.array([8e2, -5e2, 60.0])
 FAST = np.array([-15.0, 20.0, 3.0])
@@ -174,13 +176,14 @@ def plain(value):
 
 
 def main():
-    for name, path, floating in ROBOTS:
+    for name, path, floating, count, links in ROBOTS:
         rng = np.random.default_rng(20261122)
         robot = Robot(path, floating)
+        robot.links = links or robot.links
         states = []
-        for i in range(STATES):
+        for i in range(count):
             state = robot.random_state(rng)
-            if i == STATES - 1 and floating:
+            if i == count - 1 and floating:
                 state |= {"p_WB": FAR, "v_WB": FAST}
             states.append({"state": plain(state), "expected": plain(robot.expected(state))})
         content = {
@@ -189,7 +192,7 @@ def main():
             "total_mass": pin.computeTotalMass(Robot(path, True).model),
             "states": states,
         }
-        with open(DATA / f"model_{name}.json", "w") as file:
+        with open(DATA / f"{name}.json", "w") as file:
             json.dump(content, file, separators=(",", ":"))
             file.write("\n")
 

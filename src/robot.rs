@@ -10,7 +10,7 @@ use controller::model::eval::{EvalRequest, RobotInfo, eval};
 use controller::model::untouchable;
 use controller::params::{Params, ParamsError, apply_overrides, bounds};
 use controller::quadruped::{Implausible, implausible};
-pub use drivers::robot_files::{RobotFiles, find_shipped, overrides, read};
+pub use drivers::robot_files::{RobotFiles, find_shipped, overrides, read, read_urdf};
 use std::path::PathBuf;
 
 #[derive(Subcommand)]
@@ -73,7 +73,12 @@ pub fn run(command: &Command) -> anyhow::Result<Outcome> {
 
 fn info(robot: &str, json: bool) -> anyhow::Result<()> {
     let files = RobotFiles::find(robot)?;
-    let mut info = RobotInfo::new(&files.tree()?)?;
+    let tree = files.tree()?;
+    let mut info = RobotInfo::new(&tree)?;
+    let description = files.description(&tree)?;
+    if let Some(description) = &description {
+        info.differences = description.differences(&tree);
+    }
     if let Some(text) = &files.params {
         let params = Params::from_toml(text, robot)?;
         controller::quadruped::Quadruped::new(&files.urdf, text).with_context(|| robot.to_owned())?;
@@ -81,8 +86,8 @@ fn info(robot: &str, json: bool) -> anyhow::Result<()> {
         let implausible = implausible(&files.urdf, text).with_context(|| robot.to_owned())?;
         info.warnings.extend(implausible.iter().map(ToString::to_string));
     }
-    if files.params.is_none() {
-        let links = untouchable(&files.tree()?, &info.feet);
+    if files.toml.is_none() {
+        let links = untouchable(&tree, &info.feet);
         if !links.is_empty() {
             info.warnings.push(Implausible::TouchNothing { links }.to_string());
         }
@@ -91,7 +96,15 @@ fn info(robot: &str, json: bool) -> anyhow::Result<()> {
         return say_json(&info);
     }
     say(format!("{}  ({})", info.name, files.urdf_path.display()))?;
-    say(format!("mass {:.3} kg, {} joints, feet: {}", info.mass_kg, info.dof, info.feet.join(" ")))?;
+    let touching = match &description {
+        Some(robot) if files.params.is_none() => {
+            let contacts: Vec<&str> = robot.contacts.iter().map(|contact| contact.name.as_str()).collect();
+            let groups: Vec<&str> = robot.groups.iter().map(|group| group.name.as_str()).collect();
+            format!("contacts: {}, groups: {}", contacts.join(" "), groups.join(" "))
+        }
+        _ => format!("feet: {}", info.feet.join(" ")),
+    };
+    say(format!("mass {:.3} kg, {} joints, {touching}", info.mass_kg, info.dof))?;
     let [lower, upper, effort, velocity] = ["lower", "upper", "effort", "velocity"].map(Column::right);
     let mut joints = Table::new([Column::left("joint"), Column::left("kind"), lower, upper, effort, velocity]);
     let number = |x: Option<f64>| x.map_or("-".to_owned(), |x| format!("{x:.3}"));
@@ -105,6 +118,16 @@ fn info(robot: &str, json: bool) -> anyhow::Result<()> {
         links.row([link.name.as_str(), link.parent.as_deref().unwrap_or("-"), &format!("{:.3}", link.mass_kg)]);
     }
     say(format!("\n{links}"))?;
+    if !info.differences.is_empty() {
+        let (urdf, used) = (Column::right("URDF"), Column::right("used"));
+        let mut differences =
+            Table::new([Column::left("limit set by the TOML file"), Column::left("joint"), urdf, used]);
+        for found in &info.differences {
+            let [urdf, used] = [found.urdf, found.description].map(|x| format!("{x:.3}"));
+            differences.row([found.quantity.clone(), found.joint.clone(), urdf, used]);
+        }
+        say(format!("\n{differences}"))?;
+    }
     for warning in &info.warnings {
         say(format!("\nwarning: {warning}"))?;
     }

@@ -8,9 +8,10 @@ use controller::params::bounds;
 use serde_json::{Value, json};
 use std::io::Write;
 use std::process::Stdio;
+use test_support::replace_once;
 
 /// Written by scripts/pinocchio_fixtures.py.
-const HYQ: &str = include_str!("../controller/tests/data/model_hyq.json");
+const HYQ: &str = include_str!("../controller/model/tests/data/hyq.json");
 
 #[test]
 fn hyq_has_its_mass_joints_and_feet() {
@@ -27,6 +28,41 @@ fn hyq_has_its_mass_joints_and_feet() {
     let text = hoof("robot info hyq").exits(0).stdout;
     for fact in ["86.774 kg", "12 joints", "lf_foot rf_foot lh_foot rh_foot"] {
         assert!(text.contains(fact), "{fact}: {text}");
+    }
+}
+
+/// A robot that is not a quadruped is described; what only a quadruped has is an error that says so.
+#[test]
+fn centauro_has_contacts_groups_and_limits_that_differ_from_its_urdf() {
+    let info = hoof("robot info centauro --json").exits(0).json();
+    assert!((info["mass_kg"].as_f64().unwrap() - 94.969_089_18).abs() < 1e-9 && info["dof"] == 39);
+    let differences = info["differences"].as_array().unwrap();
+    assert_eq!(differences.len(), 48);
+    let wheel = json!({"joint": "j_wheel_1", "quantity": "velocity", "urdf": 1.0, "description": 20.0});
+    assert!(differences.contains(&wheel));
+    assert_eq!(hoof("robot info hyq --json").exits(0).json()["differences"], json!([]));
+    let text = hoof("robot info centauro").exits(0).stdout;
+    for fact in ["94.969 kg", "39 joints", "wheel_1", "arm_2", "20.000"] {
+        assert!(text.contains(fact), "{fact}: {text}");
+    }
+    hoof("robot info centauro --params").exits(2);
+    hoof("sim --robot centauro --scenario scenarios/flat_trot.toml").exits(2);
+}
+
+/// A description with an unknown link, and a URDF in Latin-1.
+#[test]
+fn files_of_another_robot_are_read_and_checked() {
+    let folder = folder("described");
+    let toml = std::fs::read_to_string("robots/centauro/centauro.toml").unwrap();
+    let urdf = std::fs::read("robots/centauro/centauro.urdf").unwrap();
+    let file = folder.join("centauro.toml");
+    std::fs::write(folder.join("centauro.urdf"), [urdf, b"<!-- ge\xe4ndert -->".to_vec()].concat()).unwrap();
+    std::fs::write(&file, &toml).unwrap();
+    hoof(&format!("robot info {}", file.display())).exits(0);
+    std::fs::write(&file, replace_once(&toml, "link = \"wheel_3\"", "link = \"wheel_5\"")).unwrap();
+    let error = hoof(&format!("robot info {}", file.display())).exits(2).stderr;
+    for part in ["centauro.toml", "robot.contact.wheel_3.link", "wheel_5"] {
+        assert!(error.contains(part), "{part}: {error}");
     }
 }
 

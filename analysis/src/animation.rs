@@ -8,8 +8,8 @@ use std::fmt::Write as _;
 use crate::figures::escape;
 use crate::math::{Vec3, transform};
 use crate::run::{Run, Tick};
-use controller::math::rotation_of_rpy;
 use nalgebra::Matrix3;
+use robot_model::math::rotation_of_rpy;
 
 /// Frames per second.
 const RATE_HZ: f64 = 25.0;

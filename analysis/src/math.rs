@@ -1,7 +1,7 @@
-//! Vectors, headings and angles of logged data. Rotations and quaternions: [`controller::math`]. Frames: ARCHITECTURE.md.
+//! Vectors, headings and angles of logged data. Rotations and quaternions: [`robot_model::math`]. Frames: ARCHITECTURE.md.
 
-use controller::math::wrap_angle;
 use nalgebra::{Matrix3, Vector3};
+use robot_model::math::wrap_angle;
 
 /// A vector in the frame that the name of its variable states.
 pub type Vec3 = [f64; 3];

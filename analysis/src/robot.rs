@@ -1,6 +1,6 @@
-//! The robot of a log: joint names, torque limits, mass and link positions from the URDF in RUN_INFO, by [`controller::model`].
+//! The robot of a log: joint names, torque limits, mass and link positions from the URDF in RUN_INFO, by [`robot_model`].
 
-use controller::model::{Base, BaseState, Kinematics, Model, ModelError, UrdfTree};
+use robot_model::{Base, BaseState, Kinematics, Model, ModelError, UrdfTree};
 
 use crate::math::Vec3;
 

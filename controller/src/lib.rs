@@ -15,7 +15,7 @@
 //! | [`params`] | the parameters file |
 //! | [`safety`] | faults, joint checks and command limits |
 //! | [`stack`], [`qp`] | tasks and the quadratic programs built from them |
-//! | [`model`] | rigid-body model and dynamics from a URDF |
+//! | [`model`] | the crate `robot-model`: rigid-body model and dynamics from a URDF |
 //! | [`robot_init`] | a first parameter file for a quadruped from its URDF |
 //!
 //! Each file imports the file that defines an item, for example `crate::error::LoadError`, not the re-export in this file. `scripts/circles.sh`
@@ -30,8 +30,6 @@ pub mod handover;
 pub mod hold;
 pub mod interface;
 mod load;
-pub mod math;
-pub mod model;
 pub mod outbox;
 pub mod params;
 pub mod qp;
@@ -48,3 +46,5 @@ pub use interface::{Controller, NoProbe, Probe};
 pub use lcmtypes::channels::Stage;
 pub use load::load;
 pub use outbox::Outbox;
+pub use robot_model as model;
+pub use robot_model::math;

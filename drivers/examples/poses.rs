@@ -7,11 +7,11 @@
 //!
 //! All inputs come from the log: RUN_INFO contains URDF, parameters, scenario and seed.
 
-use controller::model::UrdfTree;
 use controller::params::Params;
 use drivers::{MujocoSim, Scenario, SimParams, Simulator, Terrain};
 use lcmtypes::{GroundTruth, Message, RobotState, RunInfo, channels};
 use replay::log::LogReader;
+use robot_model::UrdfTree;
 use std::error::Error;
 use std::fmt::Write as _;
 use std::path::Path;

@@ -51,6 +51,15 @@ pub enum DriverError {
         /// The URDF.
         path: PathBuf,
     },
+    /// The robot is described, but no controller and no simulation supports it.
+    #[error("{}: [robot] has no feet: only `hoof robot info` and `hoof robot eval` support a robot that is not a quadruped", path.display())]
+    NotAQuadruped {
+        /// The TOML file.
+        path: PathBuf,
+    },
+    /// The description of a robot is invalid.
+    #[error(transparent)]
+    Description(#[from] robot_model::DescriptionError),
     /// A file of the project is missing.
     #[error("{name} not found; searched the working directory{}", folders.iter().map(|f| format!(", {}", f.display())).collect::<String>())]
     NotShipped {
@@ -67,7 +76,7 @@ pub enum DriverError {
     },
     /// The URDF is invalid.
     #[error(transparent)]
-    Urdf(#[from] controller::model::ModelError),
+    Urdf(#[from] robot_model::ModelError),
     /// Parameters are invalid.
     #[error(transparent)]
     Params(#[from] controller::params::ParamsError),

@@ -1,9 +1,9 @@
 //! The limits that a fault's value is compared with, for the texts of EVENTs.
 
-use controller::model::{Joint, JointKind, UrdfTree};
 use controller::params::{Params, apply_overrides};
 use controller::quadruped::params::{DUTY, STEP_HEIGHT, SWING_FREQUENCY};
 use lcmtypes::{ControllerTick, RunInfo};
+use robot_model::{Joint, JointKind, UrdfTree};
 
 /// Limits of a run: parameters in force, and joints in URDF order.
 #[derive(Debug)]

@@ -9,13 +9,13 @@ use crate::stage_clock::StageClock;
 use crate::watch::{ModeEvent, ModeWatch};
 use crate::{DriverError, FaultInjection, Scenario, Simulator};
 use controller::handover::take_over;
-use controller::math::WalkedDistance;
 use controller::{Controller, Outbox};
 use lcmtypes::{
     ControllerInput, ControllerTick, Event, EventNumbers, GroundTruth, LegState, Message, ParameterChange,
     ParameterRequest, RequestReply, RobotCommand, RobotInfo, RobotState, RunInfo, channels,
 };
 use replay::record::EventSink;
+use robot_model::math::WalkedDistance;
 use std::collections::VecDeque;
 use std::time::Instant;
 

@@ -1,7 +1,7 @@
 //! Bounding boxes of mesh files that a URDF names: STL, OBJ, and COLLADA files with one geometry.
 
-use controller::model::{Bounds, bounds_of};
 use nalgebra::{Matrix4, Point3, Vector3};
+use robot_model::{Bounds, bounds_of};
 use std::path::{Path, PathBuf};
 
 /// Largest size of a mesh file, bytes.

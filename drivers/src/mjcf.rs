@@ -4,14 +4,14 @@
 //! creates no actuators. In the text written here, links connected by fixed joints are one body with the sum of their inertias
 //! ([`LinkGroups`]), a free joint carries the root, feet are spheres, and each joint has a motor limited to its effort. Trunk and
 //! legs collide with the ground, so that a fallen robot lies on it, but not with each other. Meshes are not read: a body that has only meshes
-//! receives a shape from joint to joint ([`controller::model::with_shapes`]).
+//! receives a shape from joint to joint ([`robot_model::with_shapes`]).
 
 use crate::DriverError;
 use crate::terrain::{HEIGHT_QUANTUM, HeightField, Terrain};
-use controller::model::{Joint, JointKind, LinkGroups, Pose, Shape, ShapeKind, UrdfTree, xml_escaped};
 use controller::params::RobotConfig;
 use controller::quadruped::leg::Leg;
 use nalgebra::{Matrix3, Vector3};
+use robot_model::{Joint, JointKind, LinkGroups, Pose, Shape, ShapeKind, UrdfTree, xml_escaped};
 use std::fmt::Write;
 
 /// Physics time step, s.
@@ -168,7 +168,7 @@ impl Bodies {
 }
 
 impl Body {
-    /// Adds a mass whose centre and inertia axes are at `X_BC`. The formulas differ from those of [`controller::model::Model`] in
+    /// Adds a mass whose centre and inertia axes are at `X_BC`. The formulas differ from those of [`robot_model::Model`] in
     /// their rounding; they stay as they are, because a changed bit of an inertia changes every simulated run.
     fn add(&mut self, X_BC: &Pose, mass: f64, I_C: &Matrix3<f64>) {
         self.mass += mass;
@@ -183,7 +183,7 @@ fn steiner(mass: f64, p: &Vector3<f64>) -> Matrix3<f64> {
 }
 
 /// The inertia itself; if no mass distribution has it, that of a sphere with the same mean moment. MuJoCo rejects such an inertia, and
-/// [`controller::model::ModelWarning`] reports it.
+/// [`robot_model::ModelWarning`] reports it.
 fn balanced(I: Matrix3<f64>) -> Matrix3<f64> {
     let mut moments: [f64; 3] = I.symmetric_eigenvalues().into();
     moments.sort_by(f64::total_cmp);
@@ -221,7 +221,7 @@ impl Writer<'_> {
             format_args!(
                 "<option timestep=\"{TIME_STEP_S}\" gravity=\"0 0 -{}\" integrator=\"implicitfast\" solver=\"Newton\" cone=\"elliptic\" \
                  impratio=\"10\" tolerance=\"1e-10\"><flag autoreset=\"disable\"/></option>",
-                controller::model::GRAVITY
+                robot_model::GRAVITY
             ),
         );
         self.line(2, format_args!("<visual><global offwidth=\"1280\" offheight=\"720\"/></visual>"));

@@ -18,12 +18,12 @@ use crate::sensors::Sensors;
 use crate::simulator::Simulator;
 use crate::terrain::Terrain;
 use contact::force_on;
-use controller::math::quaternion;
-use controller::model::{Base, JointInfo, JointKind, Model, Pose, UrdfTree, check_runnable, with_shapes};
 use controller::params::RobotConfig;
 use lcmtypes::{GroundTruth, RobotCommand, RobotState};
 use mujoco_rs::prelude::{MjData, MjModel, MjtObjBase};
 use nalgebra::Vector3;
+use robot_model::math::quaternion;
+use robot_model::{Base, JointInfo, JointKind, Model, Pose, UrdfTree, check_runnable, with_shapes};
 use std::collections::BTreeMap;
 use std::sync::Once;
 

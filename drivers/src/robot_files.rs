@@ -1,8 +1,8 @@
 //! A robot's files: found by name or path, and read.
 
 use crate::{DriverError, shipped};
-use controller::model::UrdfTree;
 use controller::params::{Params, ParamsError, add_gaits, apply_overrides, key_values};
+use robot_model::{RobotDescription, UrdfTree};
 use std::path::{Path, PathBuf};
 
 /// A robot's files, read.
@@ -12,8 +12,10 @@ pub struct RobotFiles {
     pub urdf: String,
     /// Path of the URDF.
     pub urdf_path: PathBuf,
-    /// All parameters as TOML, defaults included; `None` if only a URDF was given.
+    /// All parameters as TOML, defaults included; `None` if only a URDF was given, and for a robot that is not a quadruped.
     pub params: Option<String>,
+    /// Path and text of the TOML file, as it is; `None` if only a URDF was given.
+    pub toml: Option<(PathBuf, String)>,
 }
 
 impl RobotFiles {
@@ -25,7 +27,9 @@ impl RobotFiles {
     pub fn find(robot: &str) -> Result<Self, DriverError> {
         let path = Path::new(robot);
         match path.extension().and_then(|e| e.to_str()) {
-            Some("urdf" | "xml") => Ok(RobotFiles { urdf: read(path)?, urdf_path: path.to_owned(), params: None }),
+            Some("urdf" | "xml") => {
+                Ok(RobotFiles { urdf: read_urdf(path)?, urdf_path: path.to_owned(), params: None, toml: None })
+            }
             Some("toml") => Self::with_params(path),
             _ => Self::with_params(&by_name(robot)?),
         }
@@ -34,12 +38,15 @@ impl RobotFiles {
     /// Same as [`RobotFiles::find`], for a robot that must have parameters; the second value is their TOML text.
     ///
     /// # Errors
-    /// [`DriverError::UrdfAlone`] if `robot` is a URDF file; else as [`RobotFiles::find`].
+    /// [`DriverError::UrdfAlone`] if `robot` is a URDF file, [`DriverError::NotAQuadruped`] if it has no feet; else as [`RobotFiles::find`].
     pub fn find_with_params(robot: &str) -> Result<(Self, String), DriverError> {
         let mut files = Self::find(robot)?;
         match files.params.take() {
             Some(params) => Ok((files, params)),
-            None => Err(DriverError::UrdfAlone { path: robot.into() }),
+            None => Err(match files.toml {
+                Some((path, _)) => DriverError::NotAQuadruped { path },
+                None => DriverError::UrdfAlone { path: robot.into() },
+            }),
         }
     }
 
@@ -75,9 +82,26 @@ impl RobotFiles {
     }
 
     fn with_params(path: &Path) -> Result<Self, DriverError> {
-        let params = parse_params(&read(path)?, path)?;
-        let urdf_path = path.with_file_name(&params.robot.urdf);
-        Ok(RobotFiles { urdf: read(&urdf_path)?, urdf_path, params: Some(params.to_toml()) })
+        let text = read(path)?;
+        let (urdf, params) = match RobotDescription::urdf_of_any(&text, &path.display().to_string())? {
+            Some(urdf) => (urdf, None),
+            None => {
+                let params = parse_params(&text, path)?;
+                (params.robot.urdf.clone(), Some(params.to_toml()))
+            }
+        };
+        let urdf_path = path.with_file_name(urdf);
+        Ok(RobotFiles { urdf: read_urdf(&urdf_path)?, urdf_path, params, toml: Some((path.to_owned(), text)) })
+    }
+
+    /// The description of the robot; `None` if only a URDF was given.
+    ///
+    /// # Errors
+    /// [`DriverError::Description`]
+    pub fn description(&self, tree: &UrdfTree) -> Result<Option<RobotDescription>, DriverError> {
+        let read =
+            |(path, text): &(PathBuf, String)| RobotDescription::from_toml(text, &path.display().to_string(), tree);
+        Ok(self.toml.as_ref().map(read).transpose()?)
     }
 
     /// The URDF as a checked tree.
@@ -160,6 +184,17 @@ fn in_file(source: ParamsError, file: String) -> DriverError {
         // This text contains the file name already.
         ParamsError::Parse { .. } => source.into(),
         _ => DriverError::ParamsFile { file, source },
+    }
+}
+
+/// Reads a URDF. Bytes that are not UTF-8, such as an accent of Latin-1 in a comment, become the replacement character.
+///
+/// # Errors
+/// [`DriverError::Read`], with the path.
+pub fn read_urdf(path: &Path) -> Result<String, DriverError> {
+    match std::fs::read(path) {
+        Ok(bytes) => Ok(String::from_utf8_lossy(&bytes).into_owned()),
+        Err(source) => Err(DriverError::Read { path: path.to_owned(), source }),
     }
 }
 

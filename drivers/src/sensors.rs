@@ -1,9 +1,9 @@
 //! Sensor model: noise, then resolution.
 
 use crate::checks::{BadKey, check_range};
-use controller::math::Rng;
 use controller::params::SensorParams;
 use lcmtypes::RobotState;
+use robot_model::math::Rng;
 use serde::Deserialize;
 
 /// The `[noise]` table of a scenario: standard deviation of each measurement; 0: no noise.

@@ -3,10 +3,10 @@
 use crate::robot_files::{RobotFiles, read};
 use crate::run_info::{self, Run};
 use crate::{DriverError, MujocoSim, Scenario, SimParams, Terrain, lockstep};
-use controller::model::UrdfTree;
 use controller::params::Params;
 use replay::engine::Build;
 use replay::record::{RingOptions, RingWriter};
+use robot_model::UrdfTree;
 use serde::Serialize;
 use std::path::{Path, PathBuf};
 

@@ -2,8 +2,8 @@
 
 use crate::DriverError;
 use crate::checks::{BadKey, check_range};
-use controller::math::{Rx, Ry, quaternion};
 use controller::params::RobotConfig;
+use robot_model::math::{Rx, Ry, quaternion};
 use serde::Deserialize;
 use std::collections::BTreeMap;
 

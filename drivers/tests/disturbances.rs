@@ -2,14 +2,14 @@
 #![allow(non_snake_case, reason = "frames are capital letters")]
 #![allow(clippy::unwrap_used, reason = "a test may panic")]
 
-use controller::math::quaternion;
-use controller::model::{Base, BaseState, Kinematics, Model, UrdfTree, point_jacobian_linear};
 use controller::params::{Params, RobotConfig};
 use controller::quadruped::leg::Leg;
 use drivers::terrain::{TerrainKind, TerrainParams};
 use drivers::{DriveParams, DriverError, FloorMove, MujocoSim, SimParams, Simulator, Terrain};
 use lcmtypes::{GroundTruth, RobotCommand, RobotState};
 use nalgebra::{DMatrix, Vector3};
+use robot_model::math::quaternion;
+use robot_model::{Base, BaseState, Kinematics, Model, UrdfTree, point_jacobian_linear};
 
 fn hyq() -> (UrdfTree, RobotConfig) {
     let read =

@@ -2,13 +2,13 @@
 #![allow(non_snake_case, reason = "frames are capital letters")]
 #![allow(clippy::unwrap_used, reason = "a test may panic")]
 
-use controller::math::quaternion;
-use controller::model::{GRAVITY, ModelError, UrdfTree};
 use controller::params::{Params, RobotConfig};
 use drivers::terrain::{TerrainKind, TerrainParams};
 use drivers::{DriverError, MujocoSim, NoiseParams, SimParams, Simulator, Terrain};
 use lcmtypes::{GroundTruth, RobotCommand, RobotState};
 use mujoco_rs::prelude::{MjData, MjModel};
+use robot_model::math::quaternion;
+use robot_model::{GRAVITY, ModelError, UrdfTree};
 
 /// `total_mass` of `robots/hyq/SOURCES`, kg.
 const MASS: f64 = 86.774_005;
@@ -173,7 +173,7 @@ fn momentum_changes_by_push_weight_and_contact_forces_times_time() {
 
 /// Linear momentum in W, computed with the controller's model.
 fn momentum(sim: &MujocoSim) -> [f64; 3] {
-    use controller::model::{Base, BaseState, Kinematics, Model, com_velocity};
+    use robot_model::{Base, BaseState, Kinematics, Model, com_velocity};
     let (tree, _) = hyq();
     let model = Model::new(&tree, Base::Floating).unwrap();
     let truth = truth(sim);

@@ -2,13 +2,13 @@
 #![allow(non_snake_case, clippy::unwrap_used, missing_docs)]
 
 use controller::Outbox;
-use controller::model::UrdfTree;
 use controller::params::{Params, apply_overrides};
 use drivers::{MujocoSim, Scenario, SimParams, Simulator, Terrain};
 use lcmtypes::{
     BaseTracking, ContactEstimate, ControllerInput, ControllerTick, GroundTruth, LegState, Message, OperatorCommand,
     RobotCommand, RobotState, RunInfo, channels,
 };
+use robot_model::UrdfTree;
 use std::path::Path;
 use test_support::replace_once;
 

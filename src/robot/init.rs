@@ -1,6 +1,6 @@
 //! `hoof robot init`: arguments and output. [`controller::robot_init`] computes.
 
-use super::read;
+use super::read_urdf;
 use crate::{Outcome, say, say_json};
 use analysis::table::{Column, Table};
 use anyhow::Context;
@@ -37,7 +37,7 @@ pub struct Args {
 }
 
 pub fn run(args: &Args) -> anyhow::Result<Outcome> {
-    let text = read(&args.urdf)?;
+    let text = read_urdf(&args.urdf)?;
     let file = args.urdf.display().to_string();
     let urdf_name = args.urdf.file_name().context("the URDF has no file name")?.to_string_lossy().into_owned();
     let options = Options {

@@ -7,7 +7,7 @@ use serde::Serialize;
 use super::reference::Reference;
 use crate::math::from_w_to_h;
 use crate::run::{Run, Tick};
-use controller::math::WalkedDistance;
+use robot_model::math::WalkedDistance;
 
 /// Roll or pitch above which a robot counts as fallen, rad.
 const FALLEN_TILT: f64 = 0.6;

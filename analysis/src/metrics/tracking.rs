@@ -8,7 +8,7 @@ use super::reference::Reference;
 use crate::math::Vec3;
 use crate::run::{LEGS, Run, Tick};
 use crate::stats::ErrorStats;
-use controller::math::{log, rotation_of_rpy, wrap_angle};
+use robot_model::math::{log, rotation_of_rpy, wrap_angle};
 
 /// Error = reference − measured, in the ticks of the modes `STANCE` and `WALK`. Angles in rad, lengths in m.
 #[derive(Clone, Debug, Serialize)]

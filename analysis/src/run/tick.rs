@@ -5,7 +5,7 @@
 use lcmtypes::{BaseTracking, ContactEstimate, ControllerTick, GroundTruth, LegState, Timing, WbcSolution};
 
 use crate::math::{Vec3, from_w_to_h};
-use controller::math::quaternion;
+use robot_model::math::quaternion;
 
 /// Ground truth at a tick; frames and units as in `ground_truth_t`.
 #[derive(Clone, Debug, Default, PartialEq)]

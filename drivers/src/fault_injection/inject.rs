@@ -3,9 +3,9 @@
 use super::{FaultKind, FaultWindow, Quantity};
 use crate::DriverError;
 use crate::checks::{Window, to_ns};
-use controller::math::quaternion;
 use controller::quadruped::leg::Leg;
 use lcmtypes::{RobotCommand, RobotState};
+use robot_model::math::quaternion;
 use std::collections::VecDeque;
 
 /// The faults of one run, bound to one robot.

@@ -198,8 +198,8 @@ impl CommandGate {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use controller::model::{JointInfo, JointKind};
     use controller::params::Params;
+    use robot_model::{JointInfo, JointKind};
     use std::net::Ipv4Addr;
 
     const MS: i64 = 1_000_000;
@@ -221,7 +221,7 @@ mod tests {
             effort: 10.0,
             velocity: 20.0,
             damping: 0.0,
-            drive: controller::model::DriveLimits::default(),
+            drive: robot_model::DriveLimits::default(),
         };
         let params = Params::from_toml(include_str!("../../../robots/hyq/hyq.toml"), "hyq.toml").unwrap();
         let mut gate = CommandGate::new(JointRange::of(&[knee], &params), robot("a", 1));

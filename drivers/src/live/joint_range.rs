@@ -1,8 +1,8 @@
 //! Ranges of the values that a driver accepts in a ROBOT_COMMAND, computed from the robot description and its parameters.
 
-use controller::model::JointInfo;
 use controller::params::Params;
 use lcmtypes::RobotCommand;
+use robot_model::JointInfo;
 use std::f64::consts::TAU;
 
 /// Largest stiffness and damping as multiples of the largest ones of the robot's parameters.
@@ -77,7 +77,7 @@ impl JointRange {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use controller::model::{DriveLimits, JointKind};
+    use robot_model::{DriveLimits, JointKind};
 
     const PARAMS: &str = include_str!("../../../robots/hyq/hyq.toml");
 

@@ -9,12 +9,12 @@ use super::requests::Requests;
 use super::{CallSender, Lateness};
 use crate::command_mux::CommandMux;
 use crate::watch::{FaultOfRun, ModeEvent, ModeWatch};
-use controller::model::{JointKind, UrdfTree};
 use lcmtypes::bus::{Bus, Received};
 use lcmtypes::{
     ControllerInput, ControllerTick, DecodeError, Event, Message, ParameterChange, RobotInfo, RunInfo, Timing,
     channels, enum_names,
 };
+use robot_model::{JointKind, UrdfTree};
 use std::sync::Arc;
 use std::sync::atomic::Ordering;
 use std::time::Duration;

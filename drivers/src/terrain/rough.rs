@@ -1,7 +1,7 @@
 //! Rough ground: undulation with stones. A stone is a box with a flat top, rounded corners and smooth sides; a plate is a wide stone.
 
 use super::{HeightField, TerrainParams};
-use controller::math::Rng;
+use robot_model::math::Rng;
 use std::f64::consts::TAU;
 
 /// Density of stones; stones can overlap.

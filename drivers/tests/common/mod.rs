@@ -1,12 +1,12 @@
 //! Lockstep runs of scenarios that a test writes, and their messages.
 #![allow(dead_code, reason = "no test file needs all of it")]
 
-use controller::model::UrdfTree;
 use controller::params::{Params, apply_overrides};
 use drivers::lockstep::{self, Outcome};
 use drivers::{MujocoSim, Scenario, SimParams, Terrain};
 use lcmtypes::{ControllerTick, Event, GroundTruth, Message, RobotCommand, RobotState, RunInfo, channels};
 use replay::record::EventSink;
+use robot_model::UrdfTree;
 use std::path::Path;
 
 /// Both robots of the project.
