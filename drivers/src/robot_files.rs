@@ -168,5 +168,5 @@ fn in_file(source: ParamsError, file: String) -> DriverError {
 /// # Errors
 /// [`DriverError::Read`], with the path.
 pub fn read(path: &Path) -> Result<String, DriverError> {
-    std::fs::read_to_string(path).map_err(|source| DriverError::Read { path: path.to_owned(), source })
+    replay::read_text(path).map_err(|source| DriverError::Read { path: path.to_owned(), source })
 }
