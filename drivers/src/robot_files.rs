@@ -14,6 +14,8 @@ pub struct RobotFiles {
     pub urdf_path: PathBuf,
     /// All parameters as TOML, defaults included; `None` if only a URDF was given.
     pub params: Option<String>,
+    /// All files that were read.
+    pub read: Vec<PathBuf>,
 }
 
 impl RobotFiles {
@@ -25,7 +27,12 @@ impl RobotFiles {
     pub fn find(robot: &str) -> Result<Self, DriverError> {
         let path = Path::new(robot);
         match path.extension().and_then(|e| e.to_str()) {
-            Some("urdf" | "xml") => Ok(RobotFiles { urdf: read(path)?, urdf_path: path.to_owned(), params: None }),
+            Some("urdf" | "xml") => Ok(RobotFiles {
+                urdf: read(path)?,
+                urdf_path: path.to_owned(),
+                params: None,
+                read: vec![path.to_owned()],
+            }),
             Some("toml") => Self::with_params(path),
             _ => Self::with_params(&by_name(robot)?),
         }
@@ -58,7 +65,7 @@ impl RobotFiles {
         gaits: &[PathBuf],
         set: &[String],
     ) -> Result<(Self, String), DriverError> {
-        let (files, mut params) = Self::find_with_params(robot)?;
+        let (mut files, mut params) = Self::find_with_params(robot)?;
         if let Some(name) = preset {
             let path = preset_file(robot, name)?;
             let file = path.display().to_string();
@@ -66,7 +73,9 @@ impl RobotFiles {
                 .map_err(|e| ParamsError::Parse { source_name: file.clone(), error: e.to_string() })?;
             params = apply_overrides(&params, &key_values(&table))
                 .map_err(|source| DriverError::ParamsFile { file, source })?;
+            files.read.push(path);
         }
+        files.read.extend(gaits.iter().cloned());
         for path in gaits {
             let file = path.display().to_string();
             params = add_gaits(&params, &read(path)?, &file).map_err(|source| in_file(source, file))?;
@@ -77,7 +86,8 @@ impl RobotFiles {
     fn with_params(path: &Path) -> Result<Self, DriverError> {
         let params = parse_params(&read(path)?, path)?;
         let urdf_path = path.with_file_name(&params.robot.urdf);
-        Ok(RobotFiles { urdf: read(&urdf_path)?, urdf_path, params: Some(params.to_toml()) })
+        let files = vec![path.to_owned(), urdf_path.clone()];
+        Ok(RobotFiles { urdf: read(&urdf_path)?, urdf_path, params: Some(params.to_toml()), read: files })
     }
 
     /// The URDF as a checked tree.
