@@ -52,6 +52,8 @@ fn a_folder_of_types_may_contain_anything() {
     {
         std::os::unix::fs::symlink(to, folder.join(link)).unwrap();
     }
+    // A sparse file.
+    std::fs::File::create(folder.join("large.lcm")).unwrap().set_len((64 << 20) + 1).unwrap();
     let pipe = folder.join("pipe.lcm");
     assert!(std::process::Command::new("mkfifo").arg(&pipe).status().unwrap().success());
     let types = Types::from_files(std::slice::from_ref(&folder)).unwrap();
@@ -60,8 +62,9 @@ fn a_folder_of_types_may_contain_anything() {
     let message = good.encode(&good.default_value()).unwrap();
     assert_eq!(types.of_message("ANY", &message).map(|ty| ty.name().to_owned()).as_deref(), Some("p.good_t"));
     let warned = |name: &str| types.warnings().iter().filter(|warning| warning.contains(name)).count();
-    let names = ["good.lcm", "folder.lcm", "latin.lcm", "dangling.lcm", "endless.lcm", "self.lcm", "pipe.lcm"];
-    assert_eq!(names.map(warned), [0, 0, 1, 1, 1, 1, 1], "{:?}", types.warnings());
+    let names =
+        ["good.lcm", "folder.lcm", "latin.lcm", "dangling.lcm", "endless.lcm", "self.lcm", "pipe.lcm", "large.lcm"];
+    assert_eq!(names.map(warned), [0, 0, 1, 1, 1, 1, 1, 1], "{:?}", types.warnings());
 }
 
 #[test]
