@@ -113,7 +113,8 @@ fn written(args: &Args, out: &Path) -> anyhow::Result<Vec<(String, Metrics)>> {
         Some(Choice::Band) => plots.with_several(Several::Band),
         None => plots,
     };
-    let report = write_with(&args.logs(), out, &ReportOptions { plots, names: args.names.clone() })?;
+    let inputs = args.plots.iter().chain(&args.check).cloned().collect();
+    let report = write_with(&args.logs(), out, &ReportOptions { plots, names: args.names.clone(), inputs })?;
     if !args.json {
         match &report.runs[..] {
             [(_, metrics)] => say(tables::text(metrics).trim_end())?,

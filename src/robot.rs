@@ -61,7 +61,8 @@ pub fn run(command: &Command) -> anyhow::Result<Outcome> {
         Command::Init(args) => return init::run(args),
         Command::Eval { robot, state, json: _ } => {
             let files = RobotFiles::find(robot)?;
-            let text = if state.as_os_str() == "-" { std::io::read_to_string(std::io::stdin())? } else { read(state)? };
+            let text =
+                if state.as_os_str() == "-" { replay::text_file::text_of(std::io::stdin())? } else { read(state)? };
             let of_file =
                 || if state.as_os_str() == "-" { "standard input".to_owned() } else { state.display().to_string() };
             let request: EvalRequest = serde_json::from_str(&text).with_context(of_file)?;

@@ -207,6 +207,82 @@ fn paths_that_cannot_be_written() {
     }
 }
 
+/// No command replaces a file that it reads, also not by another name of the file.
+#[test]
+fn an_output_that_is_an_input() {
+    let files = Files::new("in_out");
+    for name in ["printed.toml", "pace.toml"] {
+        let from = if name == "pace.toml" { "gaits/pace.toml" } else { "robots/hyq/printed.toml" };
+        files.write(name, std::fs::read(from).unwrap());
+    }
+    files.log("run.mcap");
+    let linked = |input: &str, name: &str| {
+        std::fs::hard_link(files.path(input), files.path(name)).unwrap();
+        (files.path(input), files.path(name), std::fs::read(files.path(input)).unwrap())
+    };
+    let is_kept = |arguments: &str, (input, output, before): &(String, String, Vec<u8>)| {
+        rejects(arguments, &[output]);
+        assert!(std::fs::read(input).unwrap() == *before, "{arguments}");
+    };
+    let gait = files.path("pace.toml");
+    let sim = files.sim().replace(&files.path("run.mcap"), "");
+    for input in ["hyq.toml", "hyq.urdf", "short_flat.toml", "printed.toml", "pace.toml"] {
+        let file = linked(input, &format!("{input}.mcap"));
+        // The gait has warnings, which come first.
+        let ran = hoof(&format!("{sim}{} --preset printed --gait {gait}", file.1)).exits(2);
+        assert!(ran.stderr.contains(&file.1), "{}", ran.stderr);
+        assert!(std::fs::read(&file.0).unwrap() == file.2, "{input}");
+    }
+    let log = files.path("run.mcap");
+    let plot = linked("run.mcap", "plot.svg");
+    is_kept(&format!("replay {log} --set wbc.friction=0.5 --plot {}", plot.1), &plot);
+    is_kept(&format!("replay {log} --sweep wbc.friction=0.5:0.6:2 --plot {}", plot.1), &plot);
+    let urdf = linked("hyq.urdf", "urdf.lcmlog");
+    is_kept(&format!("replay {log} --urdf {} --out {}", urdf.0, urdf.1), &urdf);
+    is_kept(&format!("replay {log} --urdf {} --resim {}", urdf.0, urdf.1), &urdf);
+    for name in ["metrics.json", "base_tracking.svg"] {
+        let folder = format!("report_{name}");
+        std::fs::create_dir(files.path(&folder)).unwrap();
+        let report = linked("run.mcap", &format!("{folder}/{name}"));
+        is_kept(&format!("report {log} --out {}", files.path(&folder)), &report);
+    }
+    files.write("types.lcm", "package p; struct t { int32_t a; }");
+    let types = linked("types.lcm", "types.mat");
+    is_kept(&format!("log convert {log} {} --lcm-types {}", types.1, types.0), &types);
+}
+
+/// The extension of a log selects its format, so another `--to` contradicts it.
+#[test]
+fn an_output_with_the_extension_of_another_format() {
+    let files = Files::new("extension");
+    let log = files.log("run.mcap").display().to_string();
+    for (to, name) in
+        [("lcmlog", "a.mcap"), ("mcap", "a.lcmlog"), ("mat", "a.mcap"), ("csv", "a.mat"), ("ticks", "a.csv")]
+    {
+        let out = files.path(name);
+        rejects(&format!("log convert {log} --to {to} --out {out}"), &[to, &out]);
+        assert!(!Path::new(&out).exists());
+    }
+    hoof(&format!("log convert {log} --to ticks --out {}", files.path("a.parquet"))).exits(0);
+    hoof(&format!("log convert {log} --to mat --out {}", files.path("plain"))).exits(0);
+}
+
+/// A device without end is not read to its end.
+#[test]
+fn text_files_without_end() {
+    let files = Files::new("endless");
+    let endless = |name: &str| {
+        std::os::unix::fs::symlink("/dev/zero", files.path(name)).unwrap();
+        files.path(name)
+    };
+    let (toml, urdf) = (endless("endless.toml"), endless("endless.urdf"));
+    rejects(&format!("robot info {toml}"), &[&toml]);
+    rejects(&format!("robot init {urdf}"), &[&urdf]);
+    rejects(&files.sim().replace("short_flat.toml", "endless.toml"), &[&toml]);
+    rejects("robot eval hyq --state /dev/zero", &["/dev/zero"]);
+    rejects("log info logs/golden/flat_trot.mcap --lcm-types /dev/zero", &["/dev/zero"]);
+}
+
 #[test]
 fn files_that_are_no_log() {
     let files = Files::new("no_log");
@@ -247,7 +323,13 @@ fn files_that_are_no_log() {
 
     let replay = format!("replay {}", good.display());
     rejects(&format!("{replay} --from 0.3 --to 0.2"), &["--from 0.3", "--to 0.2"]);
-    rejects(&format!("{replay} --to nan"), &["--to", "NaN"]);
+    for wrong in ["nan", "inf", "-1", "1e300", "1ms", "soon"] {
+        for time in ["--from", "--to"] {
+            rejects(&format!("{replay} {time} {wrong}"), &[time, wrong]);
+        }
+        rejects(&format!("debug {} --once --at {wrong}", good.display()), &["--at", wrong]);
+    }
+    hoof(&format!("{replay} --from 0.2s --to 0.3s")).exits(0);
     rejects(&format!("{replay} --jobs 0"), &["--jobs", "1..=256"]);
 }
 

@@ -70,7 +70,7 @@ impl Limits {
     /// # Errors
     /// [`Error::ReadFile`], or as [`Limits::parse`].
     pub fn read(path: &Path) -> Result<Self, Error> {
-        let text = std::fs::read_to_string(path).map_err(|source| Error::ReadFile { path: path.to_owned(), source })?;
+        let text = replay::read_text(path).map_err(|source| Error::ReadFile { path: path.to_owned(), source })?;
         Self::parse(&text, &path.display().to_string())
     }
 

@@ -99,7 +99,7 @@ impl Plots {
     /// # Errors
     /// As [`Plots::parse`], or [`Error::ReadFile`].
     pub fn read(path: &Path) -> Result<Self, Error> {
-        let text = std::fs::read_to_string(path).map_err(|source| Error::ReadFile { path: path.to_owned(), source })?;
+        let text = replay::read_text(path).map_err(|source| Error::ReadFile { path: path.to_owned(), source })?;
         Self::parse(&text, &path.display().to_string())
     }
 

@@ -39,6 +39,8 @@ pub struct ReportOptions {
     pub plots: Plots,
     /// Names of the logs in figures and tables; missing names are the file names.
     pub names: Vec<String>,
+    /// Further files that were read. A report overwrites none of them, nor a log.
+    pub inputs: Vec<PathBuf>,
 }
 
 /// Writes the report of a log into a folder, which is created if missing: `report.html` (self-contained), `metrics.json`, `happenings.json` (the timeline),
@@ -71,7 +73,7 @@ pub fn report_with(
     let numbers: Vec<(String, Metrics)> = names.iter().cloned().zip(runs.iter().map(Metrics::of)).collect();
     let Some(metrics) = numbers.first().map(|(_, metrics)| metrics.clone()) else { return Err(Error::NoLog) };
     let timelines: Vec<Vec<TimelineEntry>> = runs.iter().map(timeline::entries).collect();
-    let mut out = Output::new(out_dir)?;
+    let mut out = Output::new(out_dir, logs.iter().chain(&options.inputs).cloned().collect())?;
     let (drawn, not_drawn) = draw(&runs, &names, options, &mut out, progress)?;
 
     let metrics_json = match &runs[..] {
@@ -149,6 +151,9 @@ fn draw(
         progress(Progress { stage: Stage::Draw, done, total });
         match figures::draw(spec, &named) {
             Ok(figure) => {
+                for format in &options.plots.formats {
+                    out.path(&figure.file_name(*format))?;
+                }
                 out.files.extend(figure.write(&out.dir, &options.plots.formats, options.plots.png_dpi)?);
                 drawn.push(figure);
             }
@@ -176,18 +181,30 @@ fn names_of(runs: &[Run], given: &[String]) -> Vec<String> {
 struct Output {
     dir: PathBuf,
     files: Vec<PathBuf>,
+    /// Files that were read: none of them is overwritten.
+    inputs: Vec<PathBuf>,
     /// Names of the files that the page links to, without figures.
     tables: Vec<String>,
 }
 
 impl Output {
-    fn new(dir: &Path) -> Result<Self, Error> {
+    fn new(dir: &Path, inputs: Vec<PathBuf>) -> Result<Self, Error> {
         std::fs::create_dir_all(dir).map_err(|source| Error::Write { path: dir.to_owned(), source })?;
-        Ok(Self { dir: dir.to_owned(), files: Vec::new(), tables: Vec::new() })
+        Ok(Self { dir: dir.to_owned(), files: Vec::new(), inputs, tables: Vec::new() })
+    }
+
+    /// Path of a file of this name.
+    fn path(&self, name: &str) -> Result<PathBuf, Error> {
+        let path = self.dir.join(name);
+        for input in &self.inputs {
+            let same = |source| Error::Log { path: input.clone(), source };
+            replay::Error::check_distinct_files(input, &path).map_err(same)?;
+        }
+        Ok(path)
     }
 
     fn write(&mut self, name: &str, text: String) -> Result<PathBuf, Error> {
-        let path = self.dir.join(name);
+        let path = self.path(name)?;
         std::fs::write(&path, text).map_err(|source| Error::Write { path: path.clone(), source })?;
         self.files.push(path.clone());
         self.tables.push(name.to_owned());

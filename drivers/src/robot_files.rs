@@ -16,6 +16,8 @@ pub struct RobotFiles {
     pub params: Option<String>,
     /// Path and text of the TOML file, as it is; `None` if only a URDF was given.
     pub toml: Option<(PathBuf, String)>,
+    /// All files that were read.
+    pub read: Vec<PathBuf>,
 }
 
 impl RobotFiles {
@@ -27,9 +29,13 @@ impl RobotFiles {
     pub fn find(robot: &str) -> Result<Self, DriverError> {
         let path = Path::new(robot);
         match path.extension().and_then(|e| e.to_str()) {
-            Some("urdf" | "xml") => {
-                Ok(RobotFiles { urdf: read_urdf(path)?, urdf_path: path.to_owned(), params: None, toml: None })
-            }
+            Some("urdf" | "xml") => Ok(RobotFiles {
+                urdf: read_urdf(path)?,
+                urdf_path: path.to_owned(),
+                params: None,
+                toml: None,
+                read: vec![path.to_owned()],
+            }),
             Some("toml") => Self::with_params(path),
             _ => Self::with_params(&by_name(robot)?),
         }
@@ -65,7 +71,7 @@ impl RobotFiles {
         gaits: &[PathBuf],
         set: &[String],
     ) -> Result<(Self, String), DriverError> {
-        let (files, mut params) = Self::find_with_params(robot)?;
+        let (mut files, mut params) = Self::find_with_params(robot)?;
         if let Some(name) = preset {
             let path = preset_file(robot, name)?;
             let file = path.display().to_string();
@@ -73,7 +79,9 @@ impl RobotFiles {
                 .map_err(|e| ParamsError::Parse { source_name: file.clone(), error: e.to_string() })?;
             params = apply_overrides(&params, &key_values(&table))
                 .map_err(|source| DriverError::ParamsFile { file, source })?;
+            files.read.push(path);
         }
+        files.read.extend(gaits.iter().cloned());
         for path in gaits {
             let file = path.display().to_string();
             params = add_gaits(&params, &read(path)?, &file).map_err(|source| in_file(source, file))?;
@@ -91,7 +99,14 @@ impl RobotFiles {
             }
         };
         let urdf_path = path.with_file_name(urdf);
-        Ok(RobotFiles { urdf: read_urdf(&urdf_path)?, urdf_path, params, toml: Some((path.to_owned(), text)) })
+        let files = vec![path.to_owned(), urdf_path.clone()];
+        Ok(RobotFiles {
+            urdf: read_urdf(&urdf_path)?,
+            urdf_path,
+            params,
+            toml: Some((path.to_owned(), text)),
+            read: files,
+        })
     }
 
     /// The description of the robot; `None` if only a URDF was given.
@@ -192,10 +207,7 @@ fn in_file(source: ParamsError, file: String) -> DriverError {
 /// # Errors
 /// [`DriverError::Read`], with the path.
 pub fn read_urdf(path: &Path) -> Result<String, DriverError> {
-    match std::fs::read(path) {
-        Ok(bytes) => Ok(String::from_utf8_lossy(&bytes).into_owned()),
-        Err(source) => Err(DriverError::Read { path: path.to_owned(), source }),
-    }
+    replay::read_text_lossy(path).map_err(|source| DriverError::Read { path: path.to_owned(), source })
 }
 
 /// Reads a text file.
@@ -203,5 +215,5 @@ pub fn read_urdf(path: &Path) -> Result<String, DriverError> {
 /// # Errors
 /// [`DriverError::Read`], with the path.
 pub fn read(path: &Path) -> Result<String, DriverError> {
-    std::fs::read_to_string(path).map_err(|source| DriverError::Read { path: path.to_owned(), source })
+    replay::read_text(path).map_err(|source| DriverError::Read { path: path.to_owned(), source })
 }

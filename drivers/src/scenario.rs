@@ -127,8 +127,7 @@ impl Scenario {
     /// The file cannot be read, is not TOML, has an unknown key, or a value of the wrong type or out of range. The message names file,
     /// line and key.
     pub fn load(path: &Path, gaits: &GaitParams) -> Result<Self, DriverError> {
-        let text =
-            std::fs::read_to_string(path).map_err(|source| DriverError::Read { path: path.to_owned(), source })?;
+        let text = replay::read_text(path).map_err(|source| DriverError::Read { path: path.to_owned(), source })?;
         Self::parse(&text, &path.display().to_string(), gaits)
     }
 

@@ -48,6 +48,8 @@ pub struct Setup {
     pub scenario_text: String,
     /// Where the scenario comes from; used in errors.
     pub scenario_source: String,
+    /// Files that were read; none of them is the log to write.
+    pub inputs: Vec<PathBuf>,
     /// Replay the log before it is finished, and append the verdict as an EVENT. The value is the number of threads.
     pub prove: Option<usize>,
 }
@@ -97,12 +99,13 @@ impl Setup {
     /// # Errors
     /// Missing or invalid files and parameters; the message names file and key.
     pub fn read(job: &Job) -> Result<Self, DriverError> {
-        let (files, params_text) = RobotFiles::find_changed(job.robot, job.preset, job.gaits, job.set)?;
+        let (mut files, params_text) = RobotFiles::find_changed(job.robot, job.preset, job.gaits, job.set)?;
         let params = Params::from_toml(&params_text, job.robot)?;
         let (scenario_text, scenario_source) = (read(job.scenario)?, job.scenario.display().to_string());
         let mut scenario = Scenario::parse(&scenario_text, &scenario_source, &params.gait)?;
         scenario.duration_s = job.seconds.unwrap_or(scenario.duration_s);
         scenario.seed = job.seed.unwrap_or(scenario.seed);
+        files.read.push(job.scenario.to_owned());
         Ok(Setup {
             robot: params.robot.name,
             robot_source: job.robot.to_owned(),
@@ -112,6 +115,7 @@ impl Setup {
             scenario,
             scenario_text,
             scenario_source,
+            inputs: files.read,
             prove: None,
         })
     }
@@ -130,6 +134,7 @@ impl Setup {
         build: &Build,
         progress: &mut dyn FnMut(f64),
     ) -> Result<Summary, DriverError> {
+        self.inputs.iter().try_for_each(|input| replay::Error::check_distinct_files(input, log_path))?;
         // An unknown link or joint is an error of the scenario file that names it.
         self.run(log_path, build, progress).map_err(|error| match error {
             DriverError::Unknown { .. } => {

@@ -135,7 +135,7 @@ impl<'a> Corpus<'a> {
         let dir = dir.as_ref();
         std::fs::read_dir(dir).map_err(|source| io(dir, source))?;
         let path = dir.join(MANIFEST);
-        let manifest = match std::fs::read_to_string(&path) {
+        let manifest = match crate::read_text(&path) {
             Ok(text) => toml::from_str(&text).map_err(|error| manifest_error(&path, error.to_string()))?,
             Err(error) if error.kind() == std::io::ErrorKind::NotFound => Manifest::default(),
             Err(source) => return Err(io(&path, source)),

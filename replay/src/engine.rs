@@ -35,7 +35,7 @@ mod stepper;
 pub(crate) mod ticks;
 mod what_if;
 
-pub use account::{Account, OtherType, Unused, UnusedMessage};
+pub use account::{Account, OtherType, RejectedChange, Unused, UnusedMessage};
 pub(crate) use compare::show;
 pub use compare::{Divergence, FieldDifference, Index};
 pub use continuity::OtherParameters;

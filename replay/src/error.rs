@@ -332,7 +332,7 @@ pub enum Error {
 }
 
 impl Error {
-    /// Checks that `out` is not the file of `log`, also not by another name (a link of any kind).
+    /// Checks that `out` is not the input file `log`, also not by another name (a link of any kind).
     ///
     /// # Errors
     /// [`Error::SameFile`].

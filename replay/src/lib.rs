@@ -10,6 +10,7 @@
 //! - [`corpus`]: the golden logs under `logs/golden`, and how a change of behaviour is accepted.
 //! - [`bisect`](mod@bisect): finds the first revision of the source tree whose replay of a log differs.
 //! - [`prove`](mod@prove): a run replays its own log before it completes it.
+//! - [`text_file`]: reads files that a user names, with a bound on their size.
 //! - [`printable`](mod@printable): escapes control characters in text from logs and networks.
 //!
 //! Invariants: no length that a file claims is trusted, reading never ends silently before the end of a log, and no comparison has a
@@ -25,6 +26,7 @@ pub mod play;
 pub mod printable;
 pub mod prove;
 pub mod record;
+pub mod text_file;
 pub mod traffic;
 pub mod udpm;
 
@@ -32,3 +34,4 @@ mod error;
 
 pub use error::Error;
 pub use printable::{printable, printable_lines, printable_path};
+pub use text_file::{read_text, read_text_lossy};

@@ -6,7 +6,7 @@ mod common;
 use common::toy::{self, PERIOD_NS, SNAPSHOT, Toy};
 use common::{Message, path};
 use lcmtypes::channels::{self, Stage};
-use lcmtypes::{ControllerInput, ControllerTick, QuadrupedState, RunInfo, WbcSolution};
+use lcmtypes::{ControllerInput, ControllerTick, QuadrupedState, RobotCommand, RunInfo, WbcSolution};
 use replay::Error;
 use replay::engine::{Divergence, Index, Options, OtherParameters, Replay, ReplayReport};
 use std::path::Path;
@@ -134,15 +134,31 @@ fn a_changed_parameter_is_found_at_the_first_tick() {
 #[test]
 fn other_parameters_than_recorded_are_found_even_if_they_change_no_output() {
     let change = |tick: &mut ControllerTick| tick.digest_parameters += 1;
-    let path = log("digest_parameters.mcap", |events| toy::change(events, channels::CONTROLLER_TICK, 437, change));
+    let path = log("digest_parameters.mcap", |events| {
+        (437..440).for_each(|tick| toy::change(events, channels::CONTROLLER_TICK, tick, change));
+    });
     let report = replay(&path, &Options::default());
-    assert_eq!(report.other_parameters, Some(OtherParameters { first_tick: 437, ticks: 1 }));
+    // The last of them is compared, since the next tick has the parameters of the log again; but the state is unknown.
+    assert_eq!(report.other_parameters, Some(OtherParameters { first_tick: 437, ticks: 2 }));
     assert!(report.identical && !report.complete, "{report:?}");
     // From tick 437 to the snapshot of tick 499 the state is unknown.
     assert_eq!((report.ticks, report.skipped_ticks), (TICKS as u64 - 63, 63));
     // A what-if replay has other parameters; only what they change is a difference.
     let set = vec![("wbc.friction".to_owned(), "0.5".to_owned())];
     assert!(replay(&path, &Options { set, ..Options::default() }).identical);
+}
+
+/// A CONTROLLER_TICK with one altered digest is no lost PARAMETER_CHANGE: the ticks after it have the parameters of the log.
+#[test]
+fn an_altered_digest_of_the_parameters_is_a_difference() {
+    for tick in [0, 437, 998] {
+        let change = |tick: &mut ControllerTick| tick.digest_parameters += 1;
+        let path = log("digest_altered.mcap", |events| toy::change(events, channels::CONTROLLER_TICK, tick, change));
+        let report = replay(&path, &Options::default());
+        let first = report.first_divergence.as_ref().unwrap();
+        assert_eq!((first.tick, report.messages_different), (tick, 1), "{report:?}");
+        assert_eq!((report.ticks, report.other_parameters), (TICKS as u64, None));
+    }
 }
 
 #[test]
@@ -196,6 +212,20 @@ fn a_part_of_a_log_is_replayed_from_the_snapshot_before_it() {
     assert_eq!(part(Some(0.05), Some(0.1)), (101, 0, 100));
     assert_eq!(part(Some(0.9), None), (100, 900, 999));
     assert_eq!(part(None, Some(0.0)), (1, 0, 0));
+}
+
+/// The state of tick 499 is recorded after its outputs: a part from this tick on starts at an earlier state, or its outputs would not be compared.
+#[test]
+fn a_part_of_a_log_includes_its_first_tick() {
+    let change = |command: &mut RobotCommand| command.tau[0] += 1.0;
+    let path = log("first_of_part.mcap", |events| toy::change(events, channels::ROBOT_COMMAND, 499, change));
+    let part = |from_s| replay(&path, &Options { from_s: Some(from_s), ..Options::default() });
+    let report = part(0.499);
+    assert_eq!(report.first_divergence.map(|first| first.tick), Some(499));
+    assert_eq!(report.first_t_ns, Some(400 * PERIOD_NS));
+    let report = part(0.5);
+    assert!(report.identical);
+    assert_eq!(report.first_t_ns, Some(500 * PERIOD_NS));
 }
 
 #[test]

@@ -238,6 +238,23 @@ fn a_copy_to_mcap_keeps_everything() {
     }
 }
 
+/// `hoof spy` and `hoof log info` name the type of a message in another language alike; its first bytes are no fingerprint.
+#[test]
+fn the_type_of_another_language_is_that_of_its_schema() {
+    let path = rich("rich_types.mcap");
+    let mut traffic = replay::traffic::Traffic::new(Types::default());
+    let mut reader = LogReader::open(&path).unwrap();
+    while let Some(item) = reader.read().unwrap() {
+        if let ItemRef::Event(event) = item {
+            traffic.event(&event);
+        }
+    }
+    let [row] = &traffic.summary(0).channels[..] else { panic!("expected one channel") };
+    assert_eq!((row.type_name.as_deref(), row.fingerprint.as_deref(), row.count), (Some("pkg/msg/Pose"), None, 2));
+    let [channel] = &replay::log::LogSummary::read(&path).unwrap().channels[..] else { panic!("expected one channel") };
+    assert_eq!((channel.type_name.as_deref(), channel.fingerprint.as_deref()), (Some("pkg/msg/Pose"), None));
+}
+
 #[test]
 fn what_an_event_log_cannot_hold_is_listed() {
     let report = copied(&rich("rich2.mcap"), &common::path("rich.lcmlog"));

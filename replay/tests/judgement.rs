@@ -214,6 +214,40 @@ fn a_lost_parameter_change_is_a_loss_and_no_difference() {
     assert_eq!(report.other_parameters, Some(OtherParameters { first_tick: 500, ticks: 500 }));
 }
 
+/// A parameter change that this build refuses costs the ticks that were computed with it, not the log.
+#[test]
+fn a_parameter_change_that_is_not_valid_is_named() {
+    let with_other = |tick: i64, key: &str, value: &str| {
+        let mut events = with_change(&[500]);
+        let change = ParameterChange { tick, key: key.into(), value: value.into(), ..Default::default() };
+        let at = place(&events, CONTROLLER_INPUT, 300);
+        events.insert(at, (channels::PARAMETER_CHANGE.into(), 300 * PERIOD_NS, toy::encoded(&change)));
+        events
+    };
+    for (key, value) in [("wbc.frictiom", "0.5"), ("wbc.friction", "0.x"), ("wbc.friction", "-1.0"), ("\u{1b}[31m", "")]
+    {
+        let log = path("change_invalid.mcap");
+        toy::write(&log, &with_other(300, key, value));
+        let report = Replay::open_with(&log, toy::load).unwrap().run(&Options::default(), &mut |_| {}).unwrap();
+        assert!(report.identical && !report.complete && report.ticks == TICKS as u64, "{key}: {report:?}");
+        assert_eq!(report.account.rejected_changes, 1);
+        assert_eq!(report.account.first_rejected_change.as_ref().map(|change| change.tick), Some(300));
+        assert!(!report.account.text().concat().contains('\u{1b}'));
+    }
+    // An altered change, of which no undamaged copy is in the log.
+    let report = replay_of("change_altered.mcap", |events| {
+        *events = with_change(&[500]);
+        for (channel, _, bytes) in events {
+            if channel == channels::PARAMETER_CHANGE {
+                // The last letter of the key.
+                *bytes.iter_mut().rev().nth(9).unwrap() ^= 1;
+            }
+        }
+    });
+    assert_eq!((report.account.rejected_changes, report.ticks), (1, 500), "{report:?}");
+    assert_eq!(report.other_parameters, Some(OtherParameters { first_tick: 500, ticks: 500 }));
+}
+
 /// Bytes that are inserted move every chunk: the offsets in the index are wrong, and the log is read from its start instead.
 #[test]
 fn an_index_with_wrong_offsets_is_not_used() {

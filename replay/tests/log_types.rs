@@ -5,7 +5,7 @@ mod common;
 
 use lcm_idl::TypeSet;
 use lcmtypes::{ControllerInput, Message, RobotState, channels};
-use replay::log::{Format, LogSummary, LogWriter};
+use replay::log::{Format, LogSummary, LogWriter, Types};
 
 fn encoded(message: &impl Message) -> Vec<u8> {
     let mut bytes = Vec::new();
@@ -37,6 +37,34 @@ fn an_mcap_contains_the_types_of_its_messages() {
     assert_eq!(types.types().count(), 3);
     assert_eq!(schema(1).name, "hoofprint.robot_state_t");
     assert_eq!(messages[2].channel.schema, None);
+}
+
+/// What cannot be read in a folder of types is named, and the other types are used. A pipe is not opened: that would wait for its writer.
+#[test]
+fn a_folder_of_types_may_contain_anything() {
+    let folder = common::path("odd_types");
+    std::fs::remove_dir_all(&folder).ok();
+    std::fs::create_dir_all(folder.join("folder.lcm")).unwrap();
+    std::fs::write(folder.join("good.lcm"), "package p; struct good_t { int32_t a; }").unwrap();
+    std::fs::write(folder.join("latin.lcm"), b"// \xe9").unwrap();
+    for (link, to) in
+        [("dangling.lcm", "nowhere"), ("endless.lcm", "/dev/zero"), ("loop", "."), ("self.lcm", "self.lcm")]
+    {
+        std::os::unix::fs::symlink(to, folder.join(link)).unwrap();
+    }
+    // A sparse file.
+    std::fs::File::create(folder.join("large.lcm")).unwrap().set_len((64 << 20) + 1).unwrap();
+    let pipe = folder.join("pipe.lcm");
+    assert!(std::process::Command::new("mkfifo").arg(&pipe).status().unwrap().success());
+    let types = Types::from_files(std::slice::from_ref(&folder)).unwrap();
+    let bytes = TypeSet::parse([("p", "package p; struct good_t { int32_t a; }")]).unwrap();
+    let good = bytes.by_name("p.good_t").unwrap();
+    let message = good.encode(&good.default_value()).unwrap();
+    assert_eq!(types.of_message("ANY", &message).map(|ty| ty.name().to_owned()).as_deref(), Some("p.good_t"));
+    let warned = |name: &str| types.warnings().iter().filter(|warning| warning.contains(name)).count();
+    let names =
+        ["good.lcm", "folder.lcm", "latin.lcm", "dangling.lcm", "endless.lcm", "self.lcm", "pipe.lcm", "large.lcm"];
+    assert_eq!(names.map(warned), [0, 0, 1, 1, 1, 1, 1, 1], "{:?}", types.warnings());
 }
 
 #[test]

@@ -39,7 +39,7 @@ pub struct Args {
     #[arg(long, value_name = "N", conflicts_with = "at")]
     tick: Option<i64>,
     /// Show the tick at this time first, in s since the run's first tick
-    #[arg(long, value_name = "S")]
+    #[arg(long, value_name = "S", value_parser = crate::log::seconds)]
     at: Option<f64>,
     /// Search forward from there for an event of this kind
     #[arg(long, value_enum, value_name = "KIND")]

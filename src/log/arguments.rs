@@ -16,6 +16,11 @@ pub struct LogTypes {
 }
 
 impl LogTypes {
+    /// Fails if an output is one of the files.
+    pub fn check_output(&self, out: &Path) -> anyhow::Result<()> {
+        Ok(self.lcm_types.iter().try_for_each(|input| replay::Error::check_distinct_files(input, out))?)
+    }
+
     /// Reads the files. Prints a warning for each type and file that cannot be used.
     pub fn read(&self) -> anyhow::Result<Types> {
         let types = Types::from_files(&self.lcm_types)?;
@@ -177,7 +182,10 @@ fn copy_report_text(c: &CopyReport) -> String {
     add(c.damaged, "damaged ranges");
     add(u64::from(c.cut), "cut: the log ends inside a record");
     add(c.bytes_skipped, "bytes skipped");
-    add(c.refused, "events not written: negative time (MCAP), or channel name longer than 999 bytes (.lcmlog)");
+    add(
+        c.refused,
+        "events not written: negative time (MCAP), or channel name that is empty, longer than 999 bytes or contains NUL (.lcmlog)",
+    );
     add(c.times_rounded, "times rounded down to whole microseconds, the resolution of an LCM event log");
     for (what, n) in &c.not_kept {
         add(*n, &format!("{what} of the input not kept"));

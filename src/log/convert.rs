@@ -94,7 +94,15 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
     let log = args.one_run.of(&args.log);
     let Channels { channels, exclude } = &args.channels;
     let filter = EventFilter::new(channels.as_deref(), exclude.as_deref(), None, None)?;
-    Error::check_distinct_files(&log, &out)?;
+    args.to_types.iter().chain([&log]).try_for_each(|input| Error::check_distinct_files(input, &out))?;
+    args.types.check_output(&out)?;
+    let has_ending = |named| named == to || named == To::Parquet && to == To::Ticks;
+    anyhow::ensure!(
+        To::of_name(&out).is_none_or(has_ending),
+        "--to {}: {} has the extension of another format",
+        to.name(),
+        out.display()
+    );
     args.channels.check(&[&log])?;
     let types = args.types.read()?;
     if let Some(new) = &args.to_types {
@@ -139,7 +147,10 @@ fn say_tables(exported: &Exported, json: bool) -> anyhow::Result<Outcome> {
         say_json(exported)?;
     } else {
         let files: Vec<_> = exported.files.iter().map(|file| printable_path(file)).collect();
-        let mut text = format!("{} messages in\n  {}", exported.messages, files.join("\n  "));
+        let mut text = match &files[..] {
+            [] => "no file written".to_owned(),
+            files => format!("{} messages in\n  {}", exported.messages, files.join("\n  ")),
+        };
         text += &losses(exported.unreadable, exported.damaged, exported.cut);
         for (n, what) in [
             (exported.rounded, "integers rounded: a double holds integers up to 2^53"),
@@ -197,7 +208,7 @@ fn say_ros2(exported: &ros2::Exported, json: bool) -> anyhow::Result<Outcome> {
 fn losses(unreadable: u64, damaged: u64, cut: bool) -> String {
     let mut text = String::new();
     for (n, what) in [
-        (unreadable, "messages omitted: unknown type (see --lcm-types) or malformed"),
+        (unreadable, "messages omitted: malformed, not LCM messages, or of unknown type (see --lcm-types)"),
         (damaged, "damaged ranges in the log"),
         (u64::from(cut), "cut: the log ends inside a record"),
     ] {

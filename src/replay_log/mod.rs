@@ -14,6 +14,7 @@ use crate::robot::{check_overrides, overrides, read};
 use crate::sim::Stack;
 use crate::{Outcome, run_info, say, say_json};
 use analysis::robot::Robot;
+use anyhow::Context;
 use replay::engine::{DEFAULT_BOUND, Options, Replay, ReplayReport};
 use std::path::{Path, PathBuf};
 
@@ -72,11 +73,11 @@ pub struct Args {
     /// Print every quantity of a tick: inputs, results of each stage, and the conflicting constraints if the solver failed
     #[arg(long = "break", value_name = "TICK", conflicts_with_all = ["sweep", "resim", "out", "plot", "changes", "from", "to"])]
     at: Option<i64>,
-    /// Start at the last snapshot at or before this time, s since the run's first tick
-    #[arg(long, value_name = "S")]
+    /// Start after the last snapshot before this time, s since the run's first tick
+    #[arg(long, value_name = "S", value_parser = crate::log::seconds)]
     from: Option<f64>,
     /// Stop after the last tick at or before this time, s since the run's first tick
-    #[arg(long, value_name = "S")]
+    #[arg(long, value_name = "S", value_parser = crate::log::seconds)]
     to: Option<f64>,
     /// Number of threads, 1 to 256 [default: all cores]; the result does not depend on it
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=256))]
@@ -137,6 +138,12 @@ fn name_files(args: &Args, error: anyhow::Error) -> anyhow::Error {
 }
 
 fn run_log(args: &Args, log: &Path, options: &Options) -> anyhow::Result<Outcome> {
+    let inputs = [Some(log), args.urdf.as_deref(), args.changes.as_deref()];
+    for (option, out) in [("--out", &args.out), ("--resim", &args.resim), ("--plot", &args.plot)] {
+        let Some(out) = out else { continue };
+        let mut inputs = inputs.iter().flatten();
+        inputs.try_for_each(|input| replay::Error::check_distinct_files(input, out)).context(option)?;
+    }
     let replay = Replay::open(log)?;
     check_overrides("--set", &replay.info().params, &args.set)?;
     if let Some(tick) = args.at {
@@ -165,11 +172,6 @@ fn run_log(args: &Args, log: &Path, options: &Options) -> anyhow::Result<Outcome
 }
 
 fn options(args: &Args) -> anyhow::Result<Options> {
-    for (name, time) in [("--from", args.from), ("--to", args.to)] {
-        if let Some(t) = time {
-            anyhow::ensure!((0.0..1e9).contains(&t), "{name} {t}: expected a time in s from 0 to 1e9");
-        }
-    }
     if let (Some(from), Some(to)) = (args.from, args.to) {
         anyhow::ensure!(from <= to, "--from {from} is after --to {to}");
     }

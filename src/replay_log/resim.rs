@@ -24,7 +24,6 @@ pub fn run(log: &Path, options: &Options, out: &Path, json: bool) -> anyhow::Res
         "{}: RUN_INFO contains no scenario; --resim needs the log of a simulation",
         log.display()
     );
-    replay::Error::check_distinct_files(log, out).context("--resim")?;
     let gaits = Params::from_toml(&recorded.params, &format!("parameters of {}", log.display()))?.gait;
     let mut scenario = Scenario::parse(&recorded.scenario, &format!("scenario of {}", log.display()), &gaits)?;
     // A live run has monotonic clock times, and operators on several channels.
@@ -47,6 +46,7 @@ pub fn run(log: &Path, options: &Options, out: &Path, json: bool) -> anyhow::Res
         scenario,
         scenario_text: recorded.scenario.clone(),
         scenario_source: format!("scenario of {}", log.display()),
+        inputs: vec![log.to_owned()],
         prove: None,
     };
     let bar = Progress::new("simulate again");

@@ -17,7 +17,7 @@ pub fn run(log: &Path, revision: &str, repository: &Path, work: &Path, json: boo
     Ok(Outcome::failed_if(!found.identical))
 }
 
-/// Adds the revision that wrote the log to an error that another revision may not have.
+/// Adds the revision that wrote the log to an error that it may not have, if it is not the revision of this build.
 pub fn name(log: &Path, error: anyhow::Error) -> anyhow::Error {
     if !matches!(
         error.downcast_ref(),
@@ -26,8 +26,8 @@ pub fn name(log: &Path, error: anyhow::Error) -> anyhow::Error {
         return error;
     }
     match recorded_revision(log) {
-        Ok(Some(revision)) => error.context(format!(
-            "revision {revision} wrote this log; `hoof replay {} --revision` replays it with that revision",
+        Ok(Some(revision)) if revision != crate::run_info::build().revision => error.context(format!(
+            "revision {revision} wrote this log; in the source tree, `hoof replay {} --revision` replays it with that revision",
             log.display()
         )),
         _ => error,

@@ -90,6 +90,7 @@ fn write(args: &Args, urdf: &str, proposal: &Proposal) -> anyhow::Result<PathBuf
     }
     let path = folder.join(format!("{}.toml", proposal.name));
     anyhow::ensure!(args.force || !path.exists(), "{} exists; --force replaces it", path.display());
+    anyhow::ensure!(!same(&path, Some(&args.urdf)), "{} is the URDF; give another --out or --name", path.display());
     let copy = folder.join(&proposal.urdf_file);
     if same(&copy, Some(&args.urdf)) {
         anyhow::ensure!(

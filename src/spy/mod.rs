@@ -125,7 +125,7 @@ fn alarms(args: &Args) -> anyhow::Result<Alarms> {
     }
     let mut texts = args.alarm.clone();
     if let Some(path) = &args.alarms {
-        let text = std::fs::read_to_string(path).with_context(|| path.display().to_string())?;
+        let text = replay::read_text(path).with_context(|| path.display().to_string())?;
         let file: File = toml::from_str(&text).map_err(|error| toml_error(path, &text, &error))?;
         texts.extend(file.alarms);
     }

@@ -191,6 +191,11 @@ impl Figure {
         std::fs::write(path, bytes).map_err(|source| Error::Write { path: path.to_owned(), source })
     }
 
+    /// Name of its file in a format: `NAME.EXTENSION`.
+    pub fn file_name(&self, format: Format) -> String {
+        format!("{}.{}", self.name, format.extension())
+    }
+
     /// Writes `NAME.EXTENSION` into a directory for each format, and returns the paths.
     ///
     /// # Errors
@@ -198,7 +203,7 @@ impl Figure {
     pub fn write(&self, dir: &Path, formats: &[Format], dpi: f64) -> Result<Vec<PathBuf>, Error> {
         let mut files = Vec::new();
         for &format in formats {
-            let path = dir.join(format!("{}.{}", self.name, format.extension()));
+            let path = dir.join(self.file_name(format));
             let bytes = self.bytes(format, dpi)?;
             std::fs::write(&path, bytes).map_err(|source| Error::Write { path: path.clone(), source })?;
             files.push(path);

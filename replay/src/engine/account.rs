@@ -35,6 +35,17 @@ pub struct UnusedMessage {
     pub why: Unused,
 }
 
+/// A PARAMETER_CHANGE whose parameter or value this build refuses. It is not applied.
+#[derive(Debug, Clone, PartialEq, Eq, serde::Serialize)]
+pub struct RejectedChange {
+    /// First tick of the change.
+    pub tick: i64,
+    /// Offset of its event in the file.
+    pub offset: u64,
+    /// What is wrong with it.
+    pub reason: String,
+}
+
 /// Messages on a channel of the run with another type than this build's. They are neither fed nor compared.
 #[derive(Debug, Clone, PartialEq, Eq, serde::Serialize)]
 pub struct OtherType {
@@ -69,6 +80,10 @@ pub struct Account {
     pub undecodable_messages: u64,
     /// Outputs of ticks without input after the last input, or with an impossible tick.
     pub outputs_without_input: u64,
+    /// Parameter changes that are not valid, each counted once.
+    pub rejected_changes: u64,
+    /// The first of them.
+    pub first_rejected_change: Option<RejectedChange>,
     /// Messages of other runs on the channels of this run.
     pub foreign_messages: u64,
     /// The first 100 of the messages that are lost to the replay.
@@ -84,6 +99,7 @@ impl Account {
             && self.doubled_messages == 0
             && self.undecodable_messages == 0
             && self.outputs_without_input == 0
+            && self.rejected_changes == 0
     }
 
     /// One line for each kind of message that is lost to the replay, with the first of them.
@@ -102,7 +118,14 @@ impl Account {
             line(&[Unused::Undecodable], self.undecodable_messages, "cannot be decoded"),
             line(&[Unused::NoInput], self.outputs_without_input, "belong to ticks without input"),
         ];
-        lines.into_iter().flatten().collect()
+        let rejected = self.first_rejected_change.as_ref().map(|RejectedChange { tick, offset, reason }| {
+            let count = self.rejected_changes;
+            format!(
+                "{count} PARAMETER_CHANGE are not valid, first of tick {tick}, byte {offset}: {}",
+                printable(reason)
+            )
+        });
+        lines.into_iter().flatten().chain(rejected).collect()
     }
 
     pub(super) fn unused(&mut self, channel: &str, tick: Option<i64>, offset: u64, why: Unused) {

@@ -19,7 +19,7 @@ impl OtherParameters {
     pub fn text(&self) -> String {
         let OtherParameters { first_tick, ticks } = self;
         format!(
-            "a PARAMETER_CHANGE up to tick {first_tick} is missing: the parameters of {ticks} ticks differ from RUN_INFO with the changes in the log"
+            "a PARAMETER_CHANGE up to tick {first_tick} is missing or altered: the parameters of {ticks} ticks differ from RUN_INFO with the changes in the log"
         )
     }
 }

@@ -18,7 +18,7 @@ pub struct Options {
     pub bound: Option<f64>,
     /// This build, to compare with the build that wrote the log.
     pub here: Option<Build>,
-    /// Start at the last snapshot at or before this time, s since the run's first tick.
+    /// Start after the last snapshot before this time, s since the run's first tick.
     pub from_s: Option<f64>,
     /// Stop after the last tick at or before this time, s since the run's first tick.
     pub to_s: Option<f64>,

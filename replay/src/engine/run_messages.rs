@@ -4,6 +4,7 @@ use crate::log::Event;
 use lcm_idl::ast::{Field, FieldType, Primitive};
 use lcmtypes::RunInfo;
 use lcmtypes::channels::{self, Channel, Class};
+use std::sync::Arc;
 
 /// What a replay does with the messages of a channel and type.
 #[derive(Clone, Copy)]
@@ -33,6 +34,8 @@ pub(crate) struct RunMessages {
     run_id: Option<i64>,
     /// Controllers of a sequence: their names are prefixes of channels.
     members: Vec<String>,
+    /// Parameters of the run at its start, as TOML.
+    pub(super) params: Arc<str>,
     /// Type of the controller's snapshots; `None`: any type of this build.
     snapshot: Option<u64>,
 }
@@ -42,7 +45,8 @@ impl RunMessages {
     pub fn of(info: &RunInfo, snapshot: Option<&[u8]>) -> Self {
         let list = info.controller.split_once('(').and_then(|(_, rest)| rest.split_once(')')).map(|(list, _)| list);
         let members = list.into_iter().flat_map(|list| list.split(',')).map(|name| name.trim().to_owned()).collect();
-        RunMessages { run_id: Some(info.run_id), members, snapshot: snapshot.and_then(crate::log::fingerprint) }
+        let snapshot = snapshot.and_then(crate::log::fingerprint);
+        RunMessages { run_id: Some(info.run_id), members, params: info.params.as_str().into(), snapshot }
     }
 
     /// Whether this is the run.

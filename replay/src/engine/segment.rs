@@ -51,7 +51,7 @@ impl Segment {
     }
 }
 
-/// Tick of the last snapshot at or before a time, and time of the last tick that was read, ns since the run's first tick.
+/// Tick of the last snapshot before a time, and time of the last tick that was read, ns since the run's first tick.
 fn find(
     path: &Path,
     messages: &RunMessages,
@@ -68,7 +68,8 @@ fn find(
         if since_ns > from_ns {
             break;
         }
-        if tick.snapshot().is_some() {
+        // The state after a tick: a part from that tick on compares the tick too.
+        if tick.snapshot().is_some() && since_ns < from_ns {
             start = Some(tick.tick);
         }
     }

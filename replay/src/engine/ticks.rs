@@ -1,12 +1,12 @@
 //! Groups the messages of a log by tick.
 
 use super::account::{Account, Unused};
-use super::parameter_changes::parameter_changes;
+use super::parameter_changes::Changes;
 use super::run_messages::{Role, RunMessages};
 use crate::Error;
 use crate::log::{Event, Events, Health, LogReader};
 use lcmtypes::channels::{self, Class};
-use lcmtypes::{ControllerInput, Message, ParameterChange, RunInfo};
+use lcmtypes::{ControllerInput, ControllerTick, Message, ParameterChange, RunInfo};
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -40,6 +40,8 @@ pub(crate) struct Tick {
     pub changes: Vec<ParameterChange>,
     /// Time since the run's first tick, ns.
     pub since_ns: Option<i64>,
+    /// Recorded digest of the parameters of the next tick, if no change holds from that tick on.
+    pub next_parameters: Option<i64>,
     /// All other events between the previous input and this one; only with [`Beside::InPlace`].
     pub others: Vec<Event>,
     /// TIMING and EVENT of this tick; only with [`Beside::ByTick`].
@@ -52,11 +54,17 @@ impl Tick {
         self.recorded(channels::CONTROLLER_SNAPSHOT)
     }
 
-    /// Whether the recorded parameters of the tick have this digest; true if the log does not say.
+    /// Whether the recorded parameters of the tick have this digest; true if the log does not say, or if those of the next tick have it and nothing
+    /// changed between: then CONTROLLER_TICK was altered, and the comparison finds it.
     pub fn has_parameters(&self, digest: i64) -> bool {
-        // The last field of `controller_tick_t`.
-        let recorded = self.recorded(channels::CONTROLLER_TICK).and_then(<[u8]>::last_chunk);
-        recorded.is_none_or(|bytes| [0, digest].contains(&i64::from_be_bytes(*bytes)))
+        let says = |recorded: i64| [0, digest].contains(&recorded);
+        self.parameters().is_none_or(says) || self.next_parameters == Some(digest)
+    }
+
+    /// Recorded digest of the parameters.
+    fn parameters(&self) -> Option<i64> {
+        let message = ControllerTick::decode(self.recorded(channels::CONTROLLER_TICK)?);
+        message.ok().map(|tick| tick.digest_parameters)
     }
 
     fn recorded(&self, wanted: &str) -> Option<&[u8]> {
@@ -109,9 +117,9 @@ impl Ticks {
     pub fn open_at(path: &Path, messages: &RunMessages, beside: Beside, place: Option<u64>) -> Result<Self, Error> {
         let mut reader = LogReader::open(path)?;
         place.map_or(Ok(()), |place| reader.seek(place))?;
-        let mut changes = BTreeMap::<_, Vec<_>>::new();
-        let known = parameter_changes(path)?.into_iter().filter(|change| messages.is_of_run(change.run_id));
-        known.for_each(|change| changes.entry(change.tick).or_default().push(change));
+        let Changes { valid: changes, rejected, first_rejected } = Changes::read(path, messages)?;
+        let account =
+            Account { rejected_changes: rejected, first_rejected_change: first_rejected, ..Account::default() };
         Ok(Ticks {
             path: path.into(),
             messages: messages.clone(),
@@ -125,7 +133,7 @@ impl Ticks {
             read: BTreeSet::new(),
             others: (beside == Beside::InPlace).then(Vec::new),
             beside: (beside == Beside::ByTick).then(BTreeMap::new),
-            account: Account::default(),
+            account,
             offset: 0,
         })
     }
@@ -198,6 +206,10 @@ impl Ticks {
             self.with_input -= usize::from(tick.input.is_some());
             let later = self.changes.split_off(&number.saturating_add(1));
             tick.changes = std::mem::replace(&mut self.changes, later).into_values().flatten().collect();
+            let next = self.waiting.first_key_value().filter(|(next, _)| number.checked_add(1) == Some(**next));
+            let is_unchanged =
+                self.changes.first_key_value().is_none_or(|(from, _)| number.checked_add(1) != Some(*from));
+            tick.next_parameters = next.filter(|_| is_unchanged).and_then(|(_, next)| next.parameters());
             if let Some(waiting) = &mut self.beside {
                 let later = waiting.split_off(&number.saturating_add(1));
                 tick.beside = waiting.remove(&number).unwrap_or_default();

@@ -35,7 +35,7 @@ pub struct CopyReport {
     pub cut: bool,
     /// Bytes of the input that belong to no event.
     pub bytes_skipped: u64,
-    /// Events that the output format cannot hold: negative time in MCAP, or a channel name longer than LCM allows in an LCM event log.
+    /// Events that the output format cannot hold: negative time in MCAP, or a channel name of no or too many bytes or with NUL in an LCM event log.
     pub refused: u64,
     /// Times rounded down to whole microseconds, the resolution of an LCM event log.
     pub times_rounded: u64,

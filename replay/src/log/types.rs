@@ -7,6 +7,7 @@ use lcm_idl::{Type, TypeSet};
 use lcmtypes::{Message, RunInfo, channels};
 use std::collections::{BTreeMap, BTreeSet};
 use std::hash::{DefaultHasher, Hash, Hasher};
+use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -225,7 +226,8 @@ fn files_inside<'a>(ty: Type<'a>, seen: &mut BTreeSet<&'a str>, files: &mut BTre
     }
 }
 
-/// Reads a `.lcm` file, or the `.lcm` files in a folder and its subfolders. Files that are no LCM types get a warning.
+/// Reads a `.lcm` file, or the `.lcm` files in a folder and its subfolders. Files that are no LCM types, and files and folders inside a folder that
+/// cannot be read, get a warning.
 fn read_texts(path: &Path, sources: &mut Vec<(String, String)>, warnings: &mut Vec<String>) -> Result<(), Error> {
     let io = |source| Error::Io { path: path.into(), source };
     let has_ending = |path: &Path, wanted: &str| path.extension().is_some_and(|ending| ending == wanted);
@@ -235,9 +237,12 @@ fn read_texts(path: &Path, sources: &mut Vec<(String, String)>, warnings: &mut V
             warnings.push(format!("{name}: types of ZCM, whose fingerprints differ from those of LCM: ignored"));
             return Ok(());
         }
-        match String::from_utf8(std::fs::read(path).map_err(io)?) {
+        match crate::read_text(path) {
             Ok(text) => sources.push((path.display().to_string(), text)),
-            Err(_) => warnings.push(format!("{name}: not UTF-8 text: ignored")),
+            Err(error) if error.kind() == ErrorKind::InvalidData => {
+                warnings.push(format!("{name}: not UTF-8 text: ignored"));
+            }
+            Err(error) => return Err(io(error)),
         }
         return Ok(());
     }
@@ -249,7 +254,13 @@ fn read_texts(path: &Path, sources: &mut Vec<(String, String)>, warnings: &mut V
         // Symbolic links to folders are not followed: they can form a loop.
         let is_folder = entry.is_dir() && !entry.is_symlink();
         if is_folder || has_ending(&entry, "lcm") || has_ending(&entry, "zcm") {
-            read_texts(&entry, sources, warnings)?;
+            // Opening a pipe would wait for its writer.
+            let is_readable = entry.is_dir() || entry.is_file();
+            match is_readable.then(|| read_texts(&entry, sources, warnings)) {
+                Some(Ok(())) => {}
+                Some(Err(error)) => warnings.push(format!("{error}: ignored")),
+                None => warnings.push(format!("{}: no regular file: ignored", printable_path(&entry))),
+            }
         }
     }
     Ok(())

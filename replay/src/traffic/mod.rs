@@ -81,6 +81,12 @@ impl Traffic {
         }
         let EventRef { channel, t_ns, data, .. } = *event;
         self.take(&Arrival { sender: None, t_ns, name: channel, data, is_late: false });
+        // A message in another language has no fingerprint; its type is that of the schema.
+        if let Some(schema) = event.schema().filter(|schema| schema.encoding != "lcm")
+            && let Some(channel) = self.channels.get_mut(&**channel)
+        {
+            (channel.type_name, channel.fingerprint) = (Some(schema.name.clone()), None);
+        }
     }
 
     fn take(&mut self, arrival: &Arrival) {
