@@ -48,7 +48,7 @@ const VARIANTS: &[Variant] = &[
         tasks: "1e6 contact + 1e3 trunk + swing + posture",
         set: &[("swing.inertia", "true")],
     },
-    Variant { name: "cone center", tasks: "1e6 contact + 1e3 trunk + posture + 0.1 cone_center", set: &[] },
+    Variant { name: "cone center", tasks: "1e6 contact + 1e3 trunk + posture + 1e-3 cone_center", set: &[] },
     Variant { name: "internal forces", tasks: "1e6 contact + 1e3 trunk + posture + 0.1 internal_forces", set: &[] },
     Variant { name: "relative feet", tasks: "1e6 relative_feet + 1e3 trunk + posture", set: &[] },
 ];

@@ -110,7 +110,7 @@ impl Default for SwingParams {
             reach_time: 0.5,
             start_from_rest: true,
             kp: [2000.0; 3],
-            kd: [80.0; 3],
+            kd: [160.0; 3],
             inertia: true,
         }
     }
