@@ -22,7 +22,7 @@ pub enum Command {
 ///
 /// With --allow-commands a geometry_msgs/Twist on /cmd_vel is followed: a velocity makes a standing robot walk, and zero or 0.5 s without a Twist makes it
 /// stand. A lying robot and an emergency stop stay as they are. Every program in the DDS domain can send a Twist. The run file of the robot must list
-/// the channel of the commands as [[operator]], with its priority.
+/// the channel of the commands among its operators, with its priority.
 #[derive(clap::Args)]
 #[command(after_help = "Example: hoof bridge ros2\n         hoof bridge ros2 --allow-commands --domain 7\n\n\
     --json prints {\"domain\": N, \"robot\": NAME, \"topics\": [TOPIC], \"published\": N, \"dropped\": N, \"twists\": N, \"malformed\": N, \"commands\": N} \
