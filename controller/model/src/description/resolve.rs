@@ -227,7 +227,7 @@ impl Check<'_> {
             let DriveLimits { power, rated_velocity: rated, no_load_velocity: no_load } = joint.drive;
             let key = |quantity| format!("robot.joints.{}.{quantity}", joint.name);
             for (quantity, value) in [("power", power), ("rated_velocity", rated), ("no_load_velocity", no_load)] {
-                if !(value > 0.0) {
+                if value.is_nan() || value <= 0.0 {
                     return Err(self.bad(&key(quantity), &value.to_string(), "a number > 0"));
                 }
             }
