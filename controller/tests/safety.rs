@@ -319,7 +319,7 @@ fn before_the_first_good_input_the_controller_is_idle_and_reports_the_fault() {
 fn a_robot_without_ground_contact_reaches_for_the_ground_then_damps() {
     let (mut controller, mut puppet, mut out) = walking();
     let mut lasts = 0;
-    while tick_of(&out).fault == Tick::FAULT_NONE {
+    while tick_of(&out).mode != Tick::MODE_DAMPING {
         let legs: LegState = common::get(&out, channels::LEG_STATE);
         assert!(lasts < 495 || legs.state.contains(&LegState::STATE_FAULT_HOLD), "{lasts} ms without ground");
         puppet.input.state.tau.fill(0.0);

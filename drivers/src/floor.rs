@@ -54,7 +54,7 @@ pub(crate) struct FloorEntry {
 impl FloorEntry {
     pub(crate) fn resolve(&self, ground: TerrainKind) -> Result<FloorMove, BadKey> {
         check_range("t_s", &[self.t_s], 0.0..=36_000.0)?;
-        check_range("height_m", &[self.height_m], -0.3..=0.3)?;
+        check_range("height_m", &[self.height_m], -1.0..=0.3)?;
         if ground != TerrainKind::Flat {
             let found = format!("given on terrain of kind {ground:?}").to_lowercase();
             return Err(BadKey { key: "height_m", found, expected: "terrain of kind flat".to_owned() });

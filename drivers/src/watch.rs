@@ -128,6 +128,9 @@ impl ModeWatch {
         if tick.fault == ControllerTick::FAULT_OPERATOR_LIMITED {
             return self.description(tick);
         }
+        if tick.fault == ControllerTick::FAULT_NO_GROUND {
+            return format!("gait stopped: {}", self.description(tick));
+        }
         format!("operator command rejected: {}", self.description(tick))
     }
 
@@ -153,6 +156,10 @@ impl ModeWatch {
             (ControllerTick::FAULT_OPERATOR_RANGE | ControllerTick::FAULT_OPERATOR_LIMITED, index) => {
                 let key = index.and_then(|i| OPERATOR_KEYS.get(i));
                 format!("{name}: {} {value}", key.unwrap_or(&"?"))
+            }
+            (ControllerTick::FAULT_NO_GROUND, index) => {
+                let leg = index.and_then(|i| enum_names::LEGS.get(i));
+                format!("{name}: {} {value}", leg.unwrap_or(&"?"))
             }
             (_, Some(index)) => match self.joints.get(index) {
                 Some(joint) => format!("{name}: {joint} {value}"),
@@ -193,6 +200,24 @@ mod tests {
         assert_eq!((safe.level, safe.is_safe_state), (Event::LEVEL_ERROR, true));
         let fault = enum_names::fault(ControllerTick::FAULT_JOINT_VELOCITY);
         assert_names(&safe, &["DAMPING", fault, "lf_kfe_joint", "0.500"]);
+    }
+
+    #[test]
+    fn a_foot_without_ground_is_reported_once_with_leg_and_depth() {
+        let mut watch = watch();
+        watch.update(&tick(ControllerTick::MODE_WALK, 0));
+        let held =
+            ControllerTick { fault_value: 0.1, ..tick(ControllerTick::MODE_WALK, ControllerTick::FAULT_NO_GROUND) };
+        let event = watch.update(&held).unwrap();
+        assert_eq!((event.level, event.is_safe_state), (Event::LEVEL_WARNING, false));
+        assert_names(&event, &["LH", "0.100", enum_names::fault(ControllerTick::FAULT_NO_GROUND)]);
+        assert_eq!(watch.update(&held), None);
+        assert_eq!(watch.fault_of_safe_state(), None);
+        for index in [-1, 4, i32::MAX] {
+            let unknown = ControllerTick { fault_index: index, ..held.clone() };
+            watch.update(&tick(ControllerTick::MODE_WALK, 0));
+            assert_names(&watch.update(&unknown).unwrap(), &["?"]);
+        }
     }
 
     #[test]

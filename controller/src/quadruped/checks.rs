@@ -2,8 +2,10 @@
 //! [`crate::safety`].
 
 use super::estimation::is_unit_quaternion;
+use super::leg::{Leg, LegPhase};
 use super::robot::Robot;
 use super::state::State;
+use super::swing::held_depth;
 use crate::params::Params;
 use crate::safety::{Fault, check_joint_values, fault, is_plausible};
 use crate::time::seconds;
@@ -53,6 +55,13 @@ pub fn check_ground_contact(robot: &Robot, params: &Params, state: &mut State, d
         return fault(ControllerTick::FAULT_HEIGHT, None, state.height);
     }
     None
+}
+
+/// FAULT_NO_GROUND for the first leg whose search for the ground has ended ([`LegPhase::FaultHold`]): its foot is held, and the robot does not step on.
+pub fn held_foot(params: &Params, state: &State) -> Option<Fault> {
+    let leg = Leg::ALL.into_iter().find(|leg| state.leg_state[*leg] == LegPhase::FaultHold)?;
+    let depth = held_depth(state.step_height[leg], &params.swing);
+    fault(ControllerTick::FAULT_NO_GROUND, Some(leg as usize), depth)
 }
 
 /// Whether every number of an operator command is finite.

@@ -162,6 +162,11 @@ impl Quadruped {
         *trunk = trunk_reference(state, rp_rate, rate(state.gradient_W, gradient_before));
         let events = recovery::contact_events(robot, params, estimate, state, dt);
         let transitions = gait::update(state, params, gait_request, &events, dt);
+        // A rejected request is reported first: its sender waits for the reason.
+        let is_followed = matches!(state.fault, ControllerTick::FAULT_NONE | ControllerTick::FAULT_OPERATOR_LIMITED);
+        if let Some(held) = checks::held_foot(params, state).filter(|_| is_followed) {
+            state.set_fault(held);
+        }
         let q = &input.state.q;
         references.update(&Tick { robot, params, estimate, q, transitions: &transitions, dt }, state);
         digests.0[Stage::Gait as usize] = digests::gait(references, state);

@@ -290,6 +290,12 @@ mod tests {
         let (state, lifts) = walk(&params(), Gait::TROT, 10.0, 3000);
         assert_eq!(state.leg_state[Leg::LF], LegPhase::FaultHold);
         assert_eq!(lifts.len(), 2);
+        // Held from 1.0 s after the lift-off on, on the ground after 1.4 s: the other pair steps then.
+        let (_, lifts) = walk(&params(), Gait::TROT, 0.9, 2000);
+        let legs: Vec<Leg> = lifts.iter().map(|l| l.1).collect();
+        assert_eq!(legs, [Leg::LF, Leg::RH, Leg::RF, Leg::LH]);
+        let waited = lifts[2].0 - lifts[0].0;
+        assert!((waited - 1400).abs() <= 2, "{waited} ticks");
     }
 
     #[test]

@@ -54,6 +54,14 @@ pub fn swing_point(t: f64, T_sw: f64, length: f64, height: f64, params: &SwingPa
     SwingPoint { x, z: height * sine, xd, zd, xdd, zdd }
 }
 
+/// Depth below the lift-off point at which a foot that finds no ground is held, m.
+///
+/// - `height`: `H_s` of the swing, m.
+/// - `params`: `reach_time` is used.
+pub fn held_depth(height: f64, params: &SwingParams) -> f64 {
+    height * sin(PI * params.reach_time)
+}
+
 /// Completed fraction φ of the half ellipse at a fraction `s` of the swing time, and its first and second derivative.
 ///
 /// ```text
@@ -134,6 +142,11 @@ mod tests {
         let end = swing_point(2.0, 0.5, 0.2, 0.1, &SWING);
         assert!((end.z + 0.1).abs() < 1e-12);
         assert_eq!((end.x, end.xd, end.zd), (0.2, 0.0, 0.0));
+        for reach_time in [0.0, 0.2, 0.5] {
+            let params = SwingParams { reach_time, ..SWING };
+            let end = swing_point(2.0, 0.5, 0.2, 0.1, &params);
+            assert!((end.z + held_depth(0.1, &params)).abs() < 1e-15, "{end:?}");
+        }
     }
 
     #[test]

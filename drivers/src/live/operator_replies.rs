@@ -107,8 +107,10 @@ fn outcome(mode: i8, tick: &ControllerTick) -> Option<(i8, String)> {
             out_of_range(fault.to_owned())
         }
         (_, ControllerTick::FAULT_OPERATOR_STALE) => None,
-        // The mode is taken; a velocity or pose beyond what gait and legs allow is followed in part.
-        (_, ControllerTick::FAULT_OPERATOR_LIMITED) if !is_damped => Some((RequestReply::CODE_DONE, String::new())),
+        // The mode is taken; a velocity or pose beyond what gait and legs allow is followed in part, and steps wait for a foot without ground.
+        (_, ControllerTick::FAULT_OPERATOR_LIMITED | ControllerTick::FAULT_NO_GROUND) if !is_damped => {
+            Some((RequestReply::CODE_DONE, String::new()))
+        }
         (_, ControllerTick::FAULT_CONTROLLER) => wrong_state(": no controller is running"),
         // Also before the first valid input: the controller stays in IDLE and reports the fault.
         _ if is_damped || tick.fault != ControllerTick::FAULT_NONE => wrong_state(&format!(": {fault}")),
@@ -222,11 +224,12 @@ mod tests {
 
     #[test]
     fn a_command_followed_in_part_is_done() {
-        let mut replies = OperatorReplies::new();
-        let walk = command(PAD, OperatorCommand::MODE_WALK, 1);
-        replies.forwarded(5, &walk);
-        let limited = ControllerTick::FAULT_OPERATOR_LIMITED;
-        let reply = consumed(&mut replies, &walk, ControllerTick::MODE_WALK, limited);
-        assert_eq!(reply, Some((RequestReply::CODE_DONE, 1)));
+        for fault in [ControllerTick::FAULT_OPERATOR_LIMITED, ControllerTick::FAULT_NO_GROUND] {
+            let mut replies = OperatorReplies::new();
+            let walk = command(PAD, OperatorCommand::MODE_WALK, 1);
+            replies.forwarded(5, &walk);
+            let reply = consumed(&mut replies, &walk, ControllerTick::MODE_WALK, fault);
+            assert_eq!(reply, Some((RequestReply::CODE_DONE, 1)));
+        }
     }
 }
