@@ -66,7 +66,7 @@ pub fn fault(fault: i32) -> &'static str {
         ControllerTick::FAULT_POSTURE => "joint does not follow (rad from its reference)",
         ControllerTick::FAULT_COMMAND => "command not finite",
         ControllerTick::FAULT_OPERATOR_LIMITED => "operator command followed in part",
-        ControllerTick::FAULT_NO_GROUND => "no ground under the foot (m below its lift-off)",
+        ControllerTick::FAULT_NO_GROUND => "no ground under the foot (m deep)",
         ControllerTick::FAULT_OPERATOR_REFUSED => "requested mode not possible",
         _ => "?",
     }

@@ -8,7 +8,7 @@ use crate::run::{Run, Tick};
 use crate::stats::ErrorStats;
 
 /// Minimum range of the axis of the error, rad.
-const LEAST_ERROR_SPAN: f64 = 0.02;
+const LEAST_ERROR_SPAN: f64 = 0.002;
 
 pub(super) fn traces(run: &Run, spec: &FigureSpec) -> Result<Traces, String> {
     if !run.has("BASE_TRACKING") {

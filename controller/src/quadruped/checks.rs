@@ -1,7 +1,7 @@
 //! Checks of the input and of the robot's state that lead to the safe state in the same tick. Checks that other controllers share are in
 //! [`crate::safety`].
 
-use super::estimation::is_unit_quaternion;
+use super::estimation::{Estimate, is_unit_quaternion};
 use super::leg::{Leg, LegPhase};
 use super::robot::Robot;
 use super::state::State;
@@ -10,6 +10,9 @@ use crate::params::Params;
 use crate::safety::{Fault, check_joint_values, fault, is_plausible};
 use crate::time::seconds;
 use lcmtypes::{ControllerInput, ControllerTick, OperatorCommand, RobotState};
+
+/// Depth of a held foot at which the robot is falling, as a multiple of the depth of the search.
+const SINKING: f64 = 2.5;
 
 /// Checks an input: array sizes, non-finite or implausible values, the norm of the orientation quaternion, the age of the measurement, and that the
 /// clock advances. The accelerometer is not checked, because nothing is computed from it.
@@ -53,6 +56,26 @@ pub fn check_ground_contact(robot: &Robot, params: &Params, state: &mut State, d
     }
     if state.height < safety.min_height * robot.nominal_height {
         return fault(ControllerTick::FAULT_HEIGHT, None, state.height);
+    }
+    None
+}
+
+/// Checks that a robot which waits for a foot without ground ([`LegPhase::FaultHold`]) does not sink into the hole: that the foot is at most
+/// [`SINKING`] times as deep below the standing feet, along the normal of the ground, as the search for the ground goes. Without this foot the robot is
+/// falling then.
+pub fn check_held_foot(params: &Params, estimate: &Estimate, state: &State) -> Option<Fault> {
+    let height = |leg: Leg| estimate.n_W.dot(&estimate.legs[leg].p_BF_W);
+    let (mut sum, mut n) = (0.0, 0.0);
+    for leg in Leg::ALL.into_iter().filter(|leg| state.leg_state[*leg].is_stance()) {
+        (sum, n) = (sum + height(leg), n + 1.0);
+    }
+    for leg in Leg::ALL.into_iter().filter(|leg| state.leg_state[*leg] == LegPhase::FaultHold) {
+        // A leg that has never swung has no step height.
+        let limit = SINKING * held_depth(state.step_height[leg].max(params.swing.height), &params.swing);
+        let depth = if n > 0.0 { sum / n - height(leg) } else { 0.0 };
+        if depth > limit {
+            return fault(ControllerTick::FAULT_NO_GROUND, Some(leg as usize), depth);
+        }
     }
     None
 }

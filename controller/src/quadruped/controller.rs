@@ -148,7 +148,8 @@ impl Quadruped {
         let gradient_before = state.gradient_W;
         terrain::update(params, estimate, state, dt);
         estimate.height(state);
-        if let Some(fault) = checks::check_ground_contact(robot, params, state, dt) {
+        let found = checks::check_ground_contact(robot, params, state, dt);
+        if let Some(fault) = found.or_else(|| checks::check_held_foot(params, estimate, state)) {
             return Some(fault);
         }
         digests.0[Stage::Estimation as usize] = digests::estimation(estimate, state);
