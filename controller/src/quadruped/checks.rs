@@ -61,7 +61,7 @@ pub fn check_ground_contact(robot: &Robot, params: &Params, state: &mut State, d
 }
 
 /// Checks that a robot which waits for a foot without ground ([`LegPhase::FaultHold`]) does not sink into the hole: that the foot is at most
-/// [`SINKING`] times as deep below the standing feet, along the normal of the ground, as the search for the ground goes. Without this foot the robot is
+/// `SINKING` times as deep below the standing feet, along the normal of the ground, as the search for the ground goes. Without this foot the robot is
 /// falling then.
 pub fn check_held_foot(params: &Params, estimate: &Estimate, state: &State) -> Option<Fault> {
     let height = |leg: Leg| estimate.n_W.dot(&estimate.legs[leg].p_BF_W);
