@@ -54,8 +54,10 @@ pub struct Ros2Args {
 pub fn run(command: &Command) -> anyhow::Result<Outcome> {
     let Command::Ros2(args) = command;
     anyhow::ensure!((1.0..=1000.0).contains(&args.rate_hz), "--rate-hz {}: expected 1 to 1000", args.rate_hz);
-    let seconds = args.seconds.map(Duration::try_from_secs_f64).transpose();
-    let seconds = seconds.with_context(|| format!("--seconds {:?}", args.seconds.unwrap_or_default()))?;
+    if let Some(seconds) = args.seconds {
+        anyhow::ensure!((0.0..=1e9).contains(&seconds), "--seconds {seconds}: expected 0 to 1e9");
+    }
+    let seconds = args.seconds.map(Duration::from_secs_f64);
     if args.allow_commands {
         check_channel(&args.channel).with_context(|| format!("--channel {:?}", args.channel))?;
     }

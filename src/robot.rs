@@ -7,7 +7,7 @@ use analysis::table::{Column, Table};
 use anyhow::Context;
 use clap::Subcommand;
 use controller::model::eval::{EvalRequest, RobotInfo, eval};
-use controller::model::untouchable;
+use controller::model::{Base, untouchable};
 use controller::params::{Params, ParamsError, apply_overrides, bounds};
 use controller::quadruped::{Implausible, implausible};
 pub use drivers::robot_files::{RobotFiles, find_shipped, overrides, read, read_urdf};
@@ -79,6 +79,12 @@ fn info(robot: &str, json: bool) -> anyhow::Result<()> {
     let description = files.description(&tree)?;
     if let Some(description) = &description {
         info.differences = description.differences(&tree);
+        info.contacts = description.contacts.iter().map(|contact| contact.name.clone()).collect();
+        info.groups = description.groups.iter().map(|group| group.name.clone()).collect();
+        info.postures = description.postures.keys().cloned().collect();
+        if files.params.is_none() {
+            info.feet.clear();
+        }
     }
     if let Some(text) = &files.params {
         let params = Params::from_toml(text, robot)?;
@@ -99,9 +105,10 @@ fn info(robot: &str, json: bool) -> anyhow::Result<()> {
     say(format!("{}  ({})", info.name, files.urdf_path.display()))?;
     let touching = match &description {
         Some(robot) if files.params.is_none() => {
-            let contacts: Vec<&str> = robot.contacts.iter().map(|contact| contact.name.as_str()).collect();
-            let groups: Vec<&str> = robot.groups.iter().map(|group| group.name.as_str()).collect();
-            format!("contacts: {}, groups: {}", contacts.join(" "), groups.join(" "))
+            let (base, postures) =
+                (if robot.base == Base::Fixed { "fixed" } else { "floating" }, info.postures.join(" "));
+            let (contacts, groups) = (info.contacts.join(" "), info.groups.join(" "));
+            format!("{base} base, contacts: {contacts}, groups: {groups}, postures: {postures}")
         }
         _ => format!("feet: {}", info.feet.join(" ")),
     };

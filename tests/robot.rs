@@ -36,6 +36,9 @@ fn hyq_has_its_mass_joints_and_feet() {
 fn centauro_has_contacts_groups_and_limits_that_differ_from_its_urdf() {
     let info = hoof("robot info centauro --json").exits(0).json();
     assert!((info["mass_kg"].as_f64().unwrap() - 94.969_089_18).abs() < 1e-9 && info["dof"] == 39);
+    let wheels_and_hands = ["wheel_1", "wheel_2", "wheel_3", "wheel_4", "hand_1", "hand_2"];
+    assert_eq!((&info["contacts"], &info["feet"]), (&json!(wheels_and_hands), &json!([])));
+    assert_eq!((&info["groups"][0], info["groups"].as_array().unwrap().len()), (&json!("leg_1"), 7));
     let differences = info["differences"].as_array().unwrap();
     assert_eq!(differences.len(), 48);
     let wheel = json!({"joint": "j_wheel_1", "quantity": "velocity", "urdf": 1.0, "description": 20.0});

@@ -55,6 +55,11 @@ fn an_argument_is_named_by_its_own_error() {
     rejects(&format!("replay {log} --sweep wbc.friction=0.5:9:3"), &["--sweep: ", "wbc.friction", "0.05 to 2"]);
     rejects(&format!("replay {log} --sweep wbc.friction=0.5:0.6:1"), &["--sweep", "COUNT"]);
     rejects(&format!("debug {log} --once --at 99"), &["--at 99", &log, "0.000 s"]);
+    // Times of ticks whose number of seconds as f64 is above or below the number of nanoseconds.
+    for tick in [0, 43, 123, 243, 1001, 1999] {
+        let shown = hoof(&format!("debug {log} --once --json --at {}", f64::from(tick) / 1e3)).exits(0).json();
+        assert_eq!(shown["tick"], tick);
+    }
     rejects(&format!("log trim {log} x.mcap --from -1"), &["-1", "0 to 1e9"]);
     rejects("log record x.mcap --rotate-mb 0", &["--rotate-mb 0", "0.001"]);
     rejects("log record x.mcap --lcm-url udpm://239.255.76.67:0", &["port", "1 to 65535"]);

@@ -102,8 +102,8 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
 fn tick_at(cursor: &mut Cursor, log: &Path, at: f64) -> anyhow::Result<i64> {
     let tick = cursor.tick_at(at)?;
     let (shown, first, last) = (cursor.go_to(tick)?.since_s, cursor.first_tick(), cursor.last_tick());
-    // Within a period of the last tick, or of the first one.
-    let is_inside = tick < last && at >= shown || tick == last && at <= shown + END_S;
+    // Not before the first tick, and within a period of the last one.
+    let is_inside = (tick > first || at >= shown) && (tick < last || at <= shown + END_S);
     if !is_inside {
         let ends = [first, last].map(|tick| cursor.go_to(tick).map(|moment| moment.since_s));
         let [first_s, last_s] = ends;

@@ -34,6 +34,15 @@ pub struct RobotInfo {
     pub links: Vec<LinkSummary>,
     /// Links at the end of a chain with a sphere as collision shape: probably the feet.
     pub feet: Vec<String>,
+    /// Names of the contacts of the TOML file.
+    #[serde(default)]
+    pub contacts: Vec<String>,
+    /// Names of its groups.
+    #[serde(default)]
+    pub groups: Vec<String>,
+    /// Names of its postures.
+    #[serde(default)]
+    pub postures: Vec<String>,
     /// Limits that the TOML file beside the URDF changes.
     #[serde(default)]
     pub differences: Vec<DriveDifference>,
@@ -105,6 +114,9 @@ impl RobotInfo {
             joints: joints.collect(),
             links: links.collect(),
             feet: (0..tree.links.len()).filter(is_foot).map(|i| tree.links[i].name.clone()).collect(),
+            contacts: Vec::new(),
+            groups: Vec::new(),
+            postures: Vec::new(),
             differences: Vec::new(),
             warnings: model.warnings.iter().map(ToString::to_string).collect(),
         })

@@ -196,11 +196,15 @@ fn unknown_keys_and_values_of_another_type_are_errors() {
         ),
         ("j_wheel_4 = { effort", "j_wheel_4 = { efort", "efort"),
         ("torso_yaw = 0.0", "torso_yaw = \"zero\"", "zero"),
+        ("base = \"floating\"", "base = \"floating\"\n[trunk]\nkpp = 1\n[robot.unused]", "unused"),
     ] {
         let error = read(&replace_once(CENTAURO, from, to), CENTAURO_URDF).unwrap_err();
         let DescriptionError::Parse { file, reason } = &error else { panic!("{error}") };
         assert!(file == "robot.toml" && reason.contains(part), "{error}");
     }
+    // A quadruped's file has tables that the controller reads and checks; no other file has any.
+    let error = read(&format!("{CENTAURO}\n[trunk]\nkpp = 1\n"), CENTAURO_URDF).unwrap_err();
+    assert!(matches!(&error, DescriptionError::Parse { reason, .. } if reason.contains("`trunk`")), "{error}");
     assert!(matches!(read("[gait]\nduty = 1", HYQ_URDF), Err(DescriptionError::Parse { .. })));
     assert!(matches!(read("[robot", HYQ_URDF), Err(DescriptionError::Parse { .. })));
 }

@@ -9,6 +9,8 @@ use std::collections::BTreeMap;
 #[derive(Deserialize)]
 struct WholeFile {
     robot: RobotTable,
+    #[serde(flatten)]
+    others: toml::Table,
 }
 
 #[derive(Deserialize)]
@@ -96,10 +98,13 @@ pub(super) struct JointTable {
 
 /// Reads the table `[robot]`.
 pub(super) fn read(text: &str, file: &str) -> Result<RobotTable, DescriptionError> {
-    let parsed: Result<WholeFile, _> = toml::from_str(text);
-    parsed
-        .map(|whole| whole.robot)
-        .map_err(|error| DescriptionError::Parse { file: file.to_owned(), reason: error.to_string() })
+    let failed = |reason: String| DescriptionError::Parse { file: file.to_owned(), reason };
+    let parsed: WholeFile = toml::from_str(text).map_err(|error| failed(error.to_string()))?;
+    // The other tables of a quadruped's file are read and checked with the controller's parameters.
+    match parsed.others.keys().next() {
+        Some(key) if parsed.robot.feet.is_none() => Err(failed(format!("unknown table `{key}`, expected `robot`"))),
+        _ => Ok(parsed.robot),
+    }
 }
 
 /// Whether a text is TOML with keys in `[robot]` that only the form for any robot has.

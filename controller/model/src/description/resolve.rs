@@ -170,6 +170,9 @@ impl Check<'_> {
     }
 
     fn posture(&self, name: &str, posture: &BTreeMap<String, f64>) -> Result<()> {
+        if name.is_empty() {
+            return Err(self.bad("robot.postures", "\"\"", "a name"));
+        }
         for (joint, &q) in posture {
             let key = format!("robot.postures.{name}");
             let info = &self.model.joints[self.joint(&key, joint)?.index()];
