@@ -56,7 +56,7 @@ fn an_argument_is_named_by_its_own_error() {
     rejects(&format!("replay {log} --sweep wbc.friction=0.5:0.6:1"), &["--sweep", "COUNT"]);
     rejects(&format!("debug {log} --once --at 99"), &["--at 99", &log, "0.000 s"]);
     // Times of ticks whose number of seconds as f64 is above or below the number of nanoseconds.
-    for tick in [0, 43, 123, 243, 1001, 1999] {
+    for tick in [0, 43, 123, 243, 499] {
         let shown = hoof(&format!("debug {log} --once --json --at {}", f64::from(tick) / 1e3)).exits(0).json();
         assert_eq!(shown["tick"], tick);
     }
