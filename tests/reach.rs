@@ -52,7 +52,7 @@ fn a_crawling_robot_holds_the_foot_and_is_damped_when_it_sinks() {
         assert_eq!((*mode, *fault, *fault_index), (ControllerTick::MODE_WALK, ControllerTick::FAULT_NO_GROUND, 0));
         assert!((fault_value - 0.1).abs() < 1e-12, "{fault_value}");
     }
-    // The safe state begins at 2.5 times that depth. A foot sinks by less than 1 cm in a tick.
+    // The safe state begins 0.15 m deeper. A foot sinks by less than 1 cm in a tick.
     assert_damped_over_hole(&ticks, 0.25..0.26);
     assert_eq!(event_levels(&log), [Event::LEVEL_WARNING, Event::LEVEL_ERROR]);
     // Without the safe state a joint reaches 39 rad/s.
@@ -68,6 +68,20 @@ fn a_trotting_robot_is_damped_as_soon_as_the_search_has_ended() {
     // On two feet it has fallen farther by then; the hole is deeper still.
     assert_damped_over_hole(&ticks, 0.25..HOLE);
     assert!(event_levels(&log).contains(&Event::LEVEL_ERROR));
+}
+
+/// Without a search the foot of a swing that ends a little above the ground is held, and that is no hole.
+#[test]
+fn a_foot_held_near_the_ground_damps_nothing() {
+    let folder = folder("no_search");
+    for scenario in ["short_crawl", "short_rough"] {
+        let log = folder.join(format!("{scenario}.mcap"));
+        let run = hoof(&format!(
+            "sim --robot hyq --scenario scenarios/{scenario}.toml --set swing.reach_time=0 --log {} --json",
+            log.display()
+        ));
+        assert_eq!(run.json()["safe_state"], serde_json::Value::Null, "{scenario}");
+    }
 }
 
 /// Asserts that the run ends in the safe state because LF found no ground, at a depth in m.

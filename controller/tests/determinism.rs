@@ -68,17 +68,21 @@ fn two_controllers_agree_and_the_inputs_reach_every_leg_phase() {
     assert_eq!(gaits.len(), 2);
 }
 
+/// Outputs of a controller whose workspace is poisoned before every tick.
+fn replay_poisoned(mut controller: Quadruped, inputs: &[ControllerInput]) -> Vec<Messages> {
+    let mut out = Outbox::new();
+    let tick = |input| {
+        controller.poison_workspace();
+        controller.step(input, &mut out);
+        messages(&out)
+    };
+    inputs.iter().map(tick).collect()
+}
+
 #[test]
 fn poisoned_workspace_changes_no_bit() {
     let run = recorded();
-    let (mut controller, mut out) = (hyq(), Outbox::new());
-    let mut outputs = Vec::new();
-    for input in &run.inputs {
-        controller.poison_workspace();
-        controller.step(input, &mut out);
-        outputs.push(messages(&out));
-    }
-    assert_eq!(first_difference(&run.outputs, &outputs), None);
+    assert_eq!(first_difference(&run.outputs, &replay_poisoned(hyq(), &run.inputs)), None);
 }
 
 #[test]
@@ -86,14 +90,7 @@ fn poisoned_workspace_changes_no_bit_with_a_hierarchy_or_another_solver() {
     for (formula, solver) in [(S3, "active_set"), (S3, "clarabel"), (S1, "clarabel")] {
         let build = || hyq_with(&[("stack.formula", formula), ("qp.solver", &format!("\"{solver}\""))]);
         let run = run_with_puppet(&mut build(), SEED, 300);
-        let (mut controller, mut out) = (build(), Outbox::new());
-        let mut outputs = Vec::new();
-        for input in &run.inputs {
-            controller.poison_workspace();
-            controller.step(input, &mut out);
-            outputs.push(messages(&out));
-        }
-        assert_eq!(first_difference(&run.outputs, &outputs), None, "{formula}, {solver}");
+        assert_eq!(first_difference(&run.outputs, &replay_poisoned(build(), &run.inputs)), None, "{formula}, {solver}");
     }
 }
 
@@ -118,14 +115,7 @@ fn a_run_with_each_further_task_replays_bit_for_bit() {
         // The task has an effect.
         assert!(first_difference(&plain.outputs, &run.outputs).is_some(), "{tasks}");
         assert_eq!(first_difference(&run.outputs, &replay(&mut build(), &run.inputs)), None, "{tasks}");
-        let (mut controller, mut out) = (build(), Outbox::new());
-        let mut outputs = Vec::new();
-        for input in &run.inputs {
-            controller.poison_workspace();
-            controller.step(input, &mut out);
-            outputs.push(messages(&out));
-        }
-        assert_eq!(first_difference(&run.outputs, &outputs), None, "{tasks}");
+        assert_eq!(first_difference(&run.outputs, &replay_poisoned(build(), &run.inputs)), None, "{tasks}");
     }
 }
 

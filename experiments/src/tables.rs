@@ -48,7 +48,10 @@ impl Tables {
         for figure in &self.figures {
             text += &format!("\nfigure: {}", figure.display());
         }
-        text + &format!("\nlogs: {}, {:.0} s\n", self.logs.display(), self.seconds)
+        // An experiment without runs writes no file.
+        let has_logs = std::fs::read_dir(&self.logs).is_ok_and(|mut files| files.next().is_some());
+        let logs = if has_logs { format!("logs: {}, ", self.logs.display()) } else { String::new() };
+        text + &format!("\n{logs}{:.0} s\n", self.seconds)
     }
 
     fn markdown(&self) -> String {

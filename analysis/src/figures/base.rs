@@ -28,8 +28,8 @@ pub(super) fn traces(run: &Run, spec: &FigureSpec) -> Result<Traces, String> {
             LEAST_SPAN,
             vec![
                 timeline.curve(Role::Truth, "truth", Tick::true_height),
-                timeline.curve(Role::Estimate, "estimate", |t| balanced(t).map(|b| b.height_est)),
-                timeline.curve(Role::Reference, "reference", |t| balanced(t).map(|b| b.height_des)),
+                timeline.curve(Role::Estimate, "estimate", |t| estimated(t).map(|b| b.height_est)),
+                timeline.curve(Role::Reference, "reference", |t| estimated(t).map(|b| b.height_des)),
             ],
         ),
     ];
@@ -73,16 +73,16 @@ pub(super) fn with_feet(run: &Run, spec: &FigureSpec) -> Result<Traces, String> 
     Ok(base)
 }
 
-/// Estimate and references, which a controller has only while it balances.
-fn balanced(tick: &Tick) -> Option<&BaseTracking> {
-    tick.base.as_ref().filter(|_| tick.balances())
+/// Estimates and references; the message contains zeros while the controller estimates nothing.
+fn estimated(tick: &Tick) -> Option<&BaseTracking> {
+    tick.base.as_ref().filter(|_| tick.estimates())
 }
 
 fn angle(timeline: &Timeline, label: &str, k: usize) -> Trace {
     let mut curves = vec![
         timeline.curve(Role::Truth, "truth", |t| t.truth.as_ref().map(|w| w.rpy[k])),
-        timeline.curve(Role::Estimate, "estimate", |t| balanced(t).map(|b| b.rpy_est[k])),
-        timeline.curve(Role::Reference, "reference", |t| balanced(t).map(|b| b.rpy_des[k])),
+        timeline.curve(Role::Estimate, "estimate", |t| estimated(t).map(|b| b.rpy_est[k])),
+        timeline.curve(Role::Reference, "reference", |t| estimated(t).map(|b| b.rpy_des[k])),
     ];
     curves.iter_mut().for_each(|curve| unwrap_angles(&mut curve.ys));
     Trace::new(label, LEAST_SPAN, curves)

@@ -244,6 +244,11 @@ impl Tick {
         self.number().zip(before.number()).is_some_and(|(number, last)| last.checked_add(1) == Some(number))
     }
 
+    /// The controller estimates the base: the mode is neither `IDLE` nor `DAMPING`; true without CONTROLLER_TICK.
+    pub fn estimates(&self) -> bool {
+        self.status.as_ref().is_none_or(|s| !matches!(s.mode, ControllerTick::MODE_IDLE | ControllerTick::MODE_DAMPING))
+    }
+
     /// The mode is `STANCE` or `WALK`; true without CONTROLLER_TICK.
     pub fn balances(&self) -> bool {
         self.status.as_ref().is_none_or(|s| matches!(s.mode, ControllerTick::MODE_STANCE | ControllerTick::MODE_WALK))

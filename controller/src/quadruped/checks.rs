@@ -11,8 +11,8 @@ use crate::safety::{Fault, check_joint_values, fault, is_plausible};
 use crate::time::seconds;
 use lcmtypes::{ControllerInput, ControllerTick, OperatorCommand, RobotState};
 
-/// Depth of a held foot at which the robot is falling, as a multiple of the depth of the search.
-const SINKING: f64 = 2.5;
+/// Depth below the end of the search for the ground at which a robot with a held foot is falling, as a multiple of the step height.
+const SINKING: f64 = 1.5;
 
 /// Checks an input: array sizes, non-finite or implausible values, the norm of the orientation quaternion, the age of the measurement, and that the
 /// clock advances. The accelerometer is not checked, because nothing is computed from it.
@@ -60,9 +60,8 @@ pub fn check_ground_contact(robot: &Robot, params: &Params, state: &mut State, d
     None
 }
 
-/// Checks that a robot which waits for a foot without ground ([`LegPhase::FaultHold`]) does not sink into the hole: that the foot is at most
-/// `SINKING` times as deep below the standing feet, along the normal of the ground, as the search for the ground goes. Without this foot the robot is
-/// falling then.
+/// Checks that a robot which waits for a foot without ground ([`LegPhase::FaultHold`]) does not sink into the hole: that the foot, along the normal of the
+/// ground, is at most `SINKING` step heights deeper below the standing feet than the search for the ground goes. Beyond that the robot is falling.
 pub fn check_held_foot(params: &Params, estimate: &Estimate, state: &State) -> Option<Fault> {
     let height = |leg: Leg| estimate.n_W.dot(&estimate.legs[leg].p_BF_W);
     let (mut sum, mut n) = (0.0, 0.0);
@@ -71,7 +70,8 @@ pub fn check_held_foot(params: &Params, estimate: &Estimate, state: &State) -> O
     }
     for leg in Leg::ALL.into_iter().filter(|leg| state.leg_state[*leg] == LegPhase::FaultHold) {
         // A leg that has never swung has no step height.
-        let limit = SINKING * held_depth(state.step_height[leg].max(params.swing.height), &params.swing);
+        let step_height = state.step_height[leg].max(params.swing.height);
+        let limit = held_depth(step_height, &params.swing) + SINKING * step_height;
         let depth = if n > 0.0 { sum / n - height(leg) } else { 0.0 };
         if depth > limit {
             return fault(ControllerTick::FAULT_NO_GROUND, Some(leg as usize), depth);

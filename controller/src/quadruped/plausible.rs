@@ -5,6 +5,7 @@ use super::robot::Robot;
 use crate::error::LoadError;
 use crate::model::{ShapeKind, UrdfTree, untouchable};
 use crate::params::{Params, RobotConfig};
+use crate::stack::Formula;
 use std::fmt;
 
 /// Largest plausible radius of a foot, as a fraction of the height of the base above the centres of the feet.
@@ -13,6 +14,8 @@ const LARGEST_FOOT: f64 = 0.25;
 const RADIUS_TOLERANCE: f64 = 0.2;
 /// Largest plausible distance of a foot's sphere from the origin of its link, m.
 const LARGEST_OFFSET: f64 = 1e-3;
+/// Tasks that keep the standing feet on the ground.
+const STANCE: [&str; 2] = ["contact", "relative_feet"];
 /// Part of the stride on the legs of one side or end up to which it is not reported.
 const SHORTEST_ONE_SIDED: f64 = 1e-6;
 
@@ -68,6 +71,11 @@ pub enum Implausible {
         /// Part of the stride.
         part: f64,
     },
+    /// No task of the stack keeps the standing feet on the ground.
+    NoStanceTask {
+        /// The formula.
+        formula: String,
+    },
     /// Links that cannot touch anything: they have only meshes or no shape.
     TouchNothing {
         /// The links.
@@ -102,6 +110,10 @@ impl fmt::Display for Implausible {
                 b.name(),
                 100.0 * part
             ),
+            Self::NoStanceTask { formula } => write!(
+                f,
+                "stack.formula \"{formula}\" names neither contact nor relative_feet: no task keeps the standing feet on the ground, and the robot falls"
+            ),
             Self::TouchNothing { links } => write!(
                 f,
                 "links without a primitive shape: {}; in a simulation, links with a mesh receive a shape from joint to joint (all links, if the trunk has \
@@ -117,7 +129,7 @@ impl fmt::Display for Implausible {
 /// # Errors
 /// No controller can be built: see [`Robot::new`].
 pub fn implausible(urdf: &str, params: &str) -> Result<Vec<Implausible>, LoadError> {
-    let Params { robot: config, gait: gaits, .. } = Params::from_toml(params, "parameters")?;
+    let Params { robot: config, gait: gaits, stack, .. } = Params::from_toml(params, "parameters")?;
     let robot = Robot::new(urdf, &config)?;
     let tree = UrdfTree::parse(urdf, &config.urdf)?;
     let RobotConfig { name, feet, foot_radius, .. } = &config;
@@ -144,6 +156,9 @@ pub fn implausible(urdf: &str, params: &str) -> Result<Vec<Implausible>, LoadErr
     let limit = LARGEST_FOOT * (robot.nominal_height - foot_radius).abs();
     let is_large = *foot_radius > limit;
     found.extend(other_radius.or(is_large.then_some(Implausible::LargeFootRadius { found: *foot_radius, limit })));
+    if !Formula::parse(&stack.formula)?.terms().any(|(_, term)| STANCE.contains(&term.task.as_str())) {
+        found.push(Implausible::NoStanceTask { formula: stack.formula });
+    }
     for number in 0..=gaits.last() {
         let Some(gait) = gaits.gait(number) else { continue };
         for legs in [[Leg::LF, Leg::LH], [Leg::RF, Leg::RH], [Leg::LF, Leg::RF], [Leg::LH, Leg::RH]] {

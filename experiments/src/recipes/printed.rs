@@ -139,6 +139,9 @@ fn walk_at_2_hz(bench: &Bench) -> anyhow::Result<Vec<Row>> {
         let samples = bench.all_with(name, specs, orientation_errors)?;
         rows.push(falls(&format!("{name}: "), &samples));
         rows.extend(speed(&format!("{name}: "), &samples));
+        let sideways = mean(samples.iter().filter_map(|s| s.metrics.locomotion.true_velocity).map(|v| v[1].abs()));
+        // 5 % of the forward command; no sideways velocity is commanded.
+        rows.push(Row::info(format!("{name}: true sideways speed, mean"), sideways, "m/s").at_most(0.01));
         let errors = || samples.iter().filter_map(|s| s.measured.as_ref());
         let row = |what, value| Row::info(format!("{name}: orientation error, {what}"), value, "rad");
         rows.push(row("mean", mean(errors().map(|e| e.mean))).published(0.0101).at_most(0.0101));
