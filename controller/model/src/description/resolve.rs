@@ -5,11 +5,11 @@ use super::file::{BaseKind, ContactTable, GroupTable, JointTable, RobotTable, Se
 use super::{Contact, ContactGeometry, Group, GroupKind, JointDescription, JointRole, RobotDescription, Sensor};
 use crate::bodies::{Base, JointId, Model};
 use crate::drive::DriveLimits;
-use crate::error::near_names;
 use crate::math::norm;
+use crate::names::near_names;
 use crate::tree::{JointKind, UrdfTree};
 use nalgebra::Vector3;
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 /// Names of contacts and legs of a quadruped, in the order of `feet`.
 const LEGS: [&str; 4] = ["LF", "RF", "LH", "RH"];
@@ -253,9 +253,9 @@ impl Check<'_> {
     }
 
     fn unique<'n>(&self, key: &str, names: impl Iterator<Item = &'n str>) -> Result<()> {
-        let mut seen = BTreeMap::new();
+        let mut seen = BTreeSet::new();
         for name in names {
-            if seen.insert(name, ()).is_some() {
+            if !seen.insert(name) {
                 let (file, key) = (self.file.to_owned(), key.to_owned());
                 return Err(DescriptionError::Duplicate { file, key, name: name.to_owned() });
             }
