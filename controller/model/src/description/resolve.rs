@@ -55,6 +55,7 @@ impl Check<'_> {
                 ("robot.posture", !table.posture.is_empty()),
                 ("robot.lying", !table.lying.is_empty()),
                 ("robot.imu_link", table.imu_link.is_some()),
+                ("robot.drives", !table.drives.is_empty()),
             ];
             return match only.into_iter().find(|(_, given)| *given) {
                 Some((key, _)) => Err(self.bad(key, "a key of a quadruped", "robot.feet beside it")),
@@ -217,18 +218,19 @@ impl Check<'_> {
                 value.map_or(Ok(()), |value| self.not_negative(&format!("{key}.{quantity}"), value))?;
             }
             (joint.effort, joint.velocity, joint.stiffness, joint.damping) = (*effort, *velocity, *stiffness, *damping);
-            let limits = [
-                ("power", power, &mut joint.drive.power),
-                ("rated_velocity", rated_velocity, &mut joint.drive.rated_velocity),
-                ("no_load_velocity", no_load_velocity, &mut joint.drive.no_load_velocity),
-            ];
-            for (_, value, limit) in limits {
+            let drive = &mut joint.drive;
+            for (limit, value) in [
+                (&mut drive.power, power),
+                (&mut drive.rated_velocity, rated_velocity),
+                (&mut drive.no_load_velocity, no_load_velocity),
+            ] {
                 *limit = value.unwrap_or(*limit);
             }
         }
         for joint in &joints {
             let DriveLimits { power, rated_velocity: rated, no_load_velocity: no_load } = joint.drive;
-            let key = |quantity| format!("robot.joints.{}.{quantity}", joint.name);
+            let table = if drives.contains_key(&joint.name) { "drives" } else { "joints" };
+            let key = |quantity| format!("robot.{table}.{}.{quantity}", joint.name);
             for (quantity, value) in [("power", power), ("rated_velocity", rated), ("no_load_velocity", no_load)] {
                 if value.is_nan() || value <= 0.0 {
                     return Err(self.bad(&key(quantity), &value.to_string(), "a number > 0"));
