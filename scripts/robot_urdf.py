@@ -9,6 +9,7 @@ type, parent, child, xyz, rpy, axis, lower, upper, effort, velocity and dynamics
 where the figures are from. A floating joint and its parent link are left out: the child is the root. The shapes below are our own.
 """
 
+import math
 import sys
 import tomllib
 
@@ -18,8 +19,6 @@ FIXED = {"centauro": ["neck_yaw", "neck_pitch", "neck_velodyne"], "coman_plus": 
 
 def cylinder(start, end, radius):
     """A cylinder from a point to a point of the link."""
-    import math
-
     d = [b - a for a, b in zip(start, end)]
     length = math.sqrt(sum(x * x for x in d))
     yaw, pitch = math.atan2(d[1], d[0]), math.acos(d[2] / length)

@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
 # Installs what cargo cannot: liblcm, a multicast route, libudev (gamepads), MuJoCo, valgrind (counts instructions in a test), qemu-user,
-# Cyclone DDS (the peer of a test); and fetches public URDFs.
+# Cyclone DDS (the peer of a test); and fetches public URDFs (for a test).
 # Each step checks its result first, so a second run takes less than a second.
 # Run as root or with sudo; otherwise the script prints the command to run as root.
 set -euo pipefail
@@ -131,6 +131,5 @@ install_packages
 add_multicast_route
 install_mujoco
 install_cyclonedds
-# For one test, which prints a note without them.
-"$PWD/scripts/fetch_robots.sh" "${CARGO_TARGET_DIR:-target}/robots" || say "public URDFs are not fetched (exit code $?)"
+"$PWD/scripts/fetch_robots.sh" "${CARGO_TARGET_DIR:-target}/robots" || say "no public URDFs: the test public_urdfs will fail"
 say "ready: liblcm, MuJoCo $mujoco_version, Cyclone DDS $cyclonedds_version"

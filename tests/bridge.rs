@@ -127,7 +127,7 @@ fn start_bridge(url: &str, domain: u16, more: &[&str]) -> Running {
     Running(command.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap())
 }
 
-/// Starts the peer; the receiver gets its line of JSON.
+/// Starts the peer; the receiver gets its lines of JSON.
 fn start_peer(domain: u16) -> (Running, Receiver<Value>) {
     let mut command = Command::new("python3");
     command.arg("tests/ros2/peer.py").arg(domain.to_string()).args(FEET).env("PYTHONPATH", "third_party/cyclonedds");
@@ -142,6 +142,14 @@ fn start_peer(domain: u16) -> (Running, Receiver<Value>) {
     (peer, receiver)
 }
 
+/// Ends the peer; returns the number of readers of /cmd_vel.
+fn end_peer(mut peer: Running, lines: &Receiver<Value>) -> Value {
+    drop(peer.0.stdin.take());
+    let readers = lines.recv_timeout(TIMEOUT).unwrap();
+    assert!(peer.0.wait().unwrap().success());
+    readers
+}
+
 /// Numbers of a JSON array, or of the members x, y, z and w of an object.
 fn numbers(value: &Value) -> Vec<f64> {
     let of_object = || ["x", "y", "z", "w"].into_iter().filter_map(|key| value[key].as_f64()).collect();
@@ -153,11 +161,11 @@ fn another_dds_implementation_reads_every_topic_and_its_velocity_is_followed() {
     let (url, domain) = (url(0), domain(1));
     let mut run = Run::new(&url);
     let bridge = start_bridge(&url, domain, &["--allow-commands"]);
-    let (mut peer, received) = start_peer(domain);
+    let (peer, received) = start_peer(domain);
     // A lying robot gets no command, whatever arrives.
     let mut found = None;
     let commands = run.until(ControllerTick::MODE_IDLE, |_| {
-        found = found.take().or(received.try_recv().ok());
+        found = received.try_recv().ok();
         found.is_some()
     });
     assert_eq!(commands, []);
@@ -174,8 +182,7 @@ fn another_dds_implementation_reads_every_topic_and_its_velocity_is_followed() {
     }
     assert_ne!(commands[0].sender_id, 0);
     // Without Twists it stands, and then the operator sends nothing.
-    drop(peer.0.stdin.take());
-    peer.0.wait().unwrap();
+    assert_eq!(end_peer(peer, &received), 1, "readers of /cmd_vel");
     let stands = |commands: &[OperatorCommand]| commands.last().is_some_and(|c| c.mode == OperatorCommand::MODE_STAND);
     let commands = run.until(ControllerTick::MODE_WALK, stands);
     assert_eq!((commands.last().unwrap().v_H, commands.last().unwrap().yaw_rate), ([0.0; 2], 0.0));
@@ -236,13 +243,14 @@ fn another_dds_implementation_reads_every_topic_and_its_velocity_is_followed() {
 }
 
 #[test]
-fn without_the_flag_no_velocity_is_read() {
+fn without_the_flag_nothing_reads_velocities() {
     let (url, domain) = (url(2), domain(3));
     let mut run = Run::new(&url);
     let bridge = start_bridge(&url, domain, &[]);
-    let (_peer, received) = start_peer(domain);
+    let (peer, received) = start_peer(domain);
     let commands = run.until(ControllerTick::MODE_STANCE, |_| received.try_recv().is_ok());
     assert_eq!(commands, []);
+    assert_eq!(end_peer(peer, &received), 0, "readers of /cmd_vel");
     let summary = end(bridge).exits(0).json();
     assert_eq!((&summary["twists"], &summary["commands"]), (&0.into(), &0.into()));
 }

@@ -68,7 +68,7 @@ impl Dds {
         Ok(Dds { domain, participant, publisher, writers: BTreeMap::new(), reader: None, counts: Counts::default() })
     }
 
-    /// Names of the topics that are published, as in ROS 2.
+    /// Names of the topics that are published.
     pub fn topics(&self) -> Vec<&str> {
         self.writers.keys().map(String::as_str).collect()
     }
@@ -103,30 +103,22 @@ impl Dds {
     /// # Errors
     /// [`Error::Dds`] if a writer cannot be created.
     pub fn publish(&mut self, message: TopicMessage) -> Result<(), Error> {
-        if !self.writers.contains_key(&message.topic) {
-            if self.writers.len() >= MAX_TOPICS {
-                self.counts.dropped += 1;
-                return Ok(());
-            }
-            let writer = self.writer(&message)?;
-            self.writers.insert(message.topic.clone(), writer);
+        let topic = topic_name(&message.topic);
+        if !self.writers.contains_key(&topic) && self.writers.len() < MAX_TOPICS {
+            let writer = self.writer(&topic, message.type_name)?;
+            self.writers.insert(topic.clone(), writer);
         }
         let payload = message.cdr.get(HEADER..).unwrap_or_default().to_vec();
-        let sent = self.writers.get(&message.topic).is_some_and(|writer| writer.write(Encoded(payload), None).is_ok());
+        let sent = self.writers.get(&topic).is_some_and(|writer| writer.write(Encoded(payload), None).is_ok());
         let count = if sent { &mut self.counts.published } else { &mut self.counts.dropped };
         *count += 1;
         Ok(())
     }
 
-    fn writer(&self, message: &TopicMessage) -> Result<DataWriter<Encoded, Payload>, Error> {
-        let (domain, what) = (self.domain, format!("publish {}", message.topic));
-        let qos = qos(message.topic == "/robot_description");
-        let topic = self.participant.create_topic(
-            format!("rt{}", topic_name(&message.topic)),
-            type_name(message.type_name),
-            &qos,
-            TopicKind::NoKey,
-        );
+    fn writer(&self, name: &str, ros_type: &str) -> Result<DataWriter<Encoded, Payload>, Error> {
+        let (domain, what) = (self.domain, format!("publish {name}"));
+        let qos = qos(name == "/robot_description");
+        let topic = self.participant.create_topic(format!("rt{name}"), type_name(ros_type), &qos, TopicKind::NoKey);
         let topic = topic.map_err(|e| failed(domain, &what, &e))?;
         self.publisher.create_datawriter_no_key(&topic, Some(qos)).map_err(|e| failed(domain, &what, &e))
     }

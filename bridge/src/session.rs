@@ -124,7 +124,7 @@ impl Session {
         Ok(())
     }
 
-    /// Ends the bridge: a robot that walks by its commands is requested to stand by the time-out of the operator.
+    /// Ends the bridge. A robot that walks by its commands stands when the operator times out.
     ///
     /// # Errors
     /// [`Error::Bus`]
@@ -157,9 +157,7 @@ impl Session {
 
     fn read_info(&mut self, bytes: &[u8]) -> Result<(), Error> {
         let Ok(info) = RunInfo::decode(bytes) else { return Ok(()) };
-        let Some(mut robot) = RobotTopics::new(&info, BaseSource::Estimate) else { return Ok(()) };
-        // The clock of a run is monotonic; ROS 2 programs compare times with the wall clock.
-        robot.stamp_offset_ns = wall_ns().saturating_sub(now_ns());
+        let Some(robot) = RobotTopics::new(&info, BaseSource::Estimate) else { return Ok(()) };
         self.robot = Some(robot);
         self.name = Some(info.robot);
         self.dds.publish(description(&info.urdf))
@@ -167,6 +165,8 @@ impl Session {
 
     fn publish_topics(&mut self) -> Result<(), Error> {
         let Some(robot) = &mut self.robot else { return Ok(()) };
+        // The clock of a run is monotonic; ROS 2 programs compare times with the wall clock, which may be set during the run.
+        robot.stamp_offset_ns = wall_ns().saturating_sub(now_ns());
         let mut topics = Vec::new();
         for (channel, data) in SHOWN.into_iter().zip(&mut self.newest) {
             if let Some(data) = data.take() {

@@ -1,17 +1,17 @@
 """A participant of another DDS implementation, Eclipse Cyclone DDS, with the types of ROS 2 written by hand.
 
-Arguments: domain, names of the feet. Sends Twists on /cmd_vel, and prints the first message of every topic as JSON, in one line. Ends when standard input
-is closed.
+Arguments: domain, names of the feet. Sends Twists on /cmd_vel until standard input is closed. Prints two lines of JSON: the first message of every topic,
+and at the end the number of readers of /cmd_vel.
 """
 
 import json
 import sys
 import threading
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
 
 from cyclonedds.core import Policy, Qos
 from cyclonedds.domain import DomainParticipant
-from cyclonedds.idl import IdlStruct
+from cyclonedds.idl import make_idl_struct
 from cyclonedds.idl.types import array, float64, int32, sequence, uint32
 from cyclonedds.pub import DataWriter
 from cyclonedds.sub import DataReader
@@ -19,92 +19,41 @@ from cyclonedds.topic import Topic
 from cyclonedds.util import duration
 
 
-@dataclass
-class Time(IdlStruct, typename="builtin_interfaces.msg.dds_.Time_"):
-    sec: int32
-    nanosec: uint32
+def message(name, **fields):
+    """The class of a ROS 2 message, such as `std_msgs/Header`."""
+    package, kind = name.split("/")
+    return make_idl_struct(kind, f"{package}.msg.dds_.{kind}_", fields)
 
 
-@dataclass
-class Header(IdlStruct, typename="std_msgs.msg.dds_.Header_"):
-    stamp: Time
-    frame_id: str
-
-
-@dataclass
-class Vector3(IdlStruct, typename="geometry_msgs.msg.dds_.Vector3_"):
-    x: float64
-    y: float64
-    z: float64
-
-
-@dataclass
-class Quaternion(IdlStruct, typename="geometry_msgs.msg.dds_.Quaternion_"):
-    x: float64
-    y: float64
-    z: float64
-    w: float64
-
-
-@dataclass
-class Transform(IdlStruct, typename="geometry_msgs.msg.dds_.Transform_"):
-    translation: Vector3
-    rotation: Quaternion
-
-
-@dataclass
-class TransformStamped(IdlStruct, typename="geometry_msgs.msg.dds_.TransformStamped_"):
-    header: Header
-    child_frame_id: str
-    transform: Transform
-
-
-@dataclass
-class TFMessage(IdlStruct, typename="tf2_msgs.msg.dds_.TFMessage_"):
-    transforms: sequence[TransformStamped]
-
-
-@dataclass
-class JointState(IdlStruct, typename="sensor_msgs.msg.dds_.JointState_"):
-    header: Header
-    name: sequence[str]
-    position: sequence[float64]
-    velocity: sequence[float64]
-    effort: sequence[float64]
-
-
-@dataclass
-class Imu(IdlStruct, typename="sensor_msgs.msg.dds_.Imu_"):
-    header: Header
-    orientation: Quaternion
-    orientation_covariance: array[float64, 9]
-    angular_velocity: Vector3
-    angular_velocity_covariance: array[float64, 9]
-    linear_acceleration: Vector3
-    linear_acceleration_covariance: array[float64, 9]
-
-
-@dataclass
-class Wrench(IdlStruct, typename="geometry_msgs.msg.dds_.Wrench_"):
-    force: Vector3
-    torque: Vector3
-
-
-@dataclass
-class WrenchStamped(IdlStruct, typename="geometry_msgs.msg.dds_.WrenchStamped_"):
-    header: Header
-    wrench: Wrench
-
-
-@dataclass
-class String(IdlStruct, typename="std_msgs.msg.dds_.String_"):
-    data: str
-
-
-@dataclass
-class Twist(IdlStruct, typename="geometry_msgs.msg.dds_.Twist_"):
-    linear: Vector3
-    angular: Vector3
+Time = message("builtin_interfaces/Time", sec=int32, nanosec=uint32)
+Header = message("std_msgs/Header", stamp=Time, frame_id=str)
+Vector3 = message("geometry_msgs/Vector3", x=float64, y=float64, z=float64)
+Quaternion = message("geometry_msgs/Quaternion", x=float64, y=float64, z=float64, w=float64)
+Transform = message("geometry_msgs/Transform", translation=Vector3, rotation=Quaternion)
+TransformStamped = message("geometry_msgs/TransformStamped", header=Header, child_frame_id=str, transform=Transform)
+TFMessage = message("tf2_msgs/TFMessage", transforms=sequence[TransformStamped])
+JointState = message(
+    "sensor_msgs/JointState",
+    header=Header,
+    name=sequence[str],
+    position=sequence[float64],
+    velocity=sequence[float64],
+    effort=sequence[float64],
+)
+Imu = message(
+    "sensor_msgs/Imu",
+    header=Header,
+    orientation=Quaternion,
+    orientation_covariance=array[float64, 9],
+    angular_velocity=Vector3,
+    angular_velocity_covariance=array[float64, 9],
+    linear_acceleration=Vector3,
+    linear_acceleration_covariance=array[float64, 9],
+)
+Wrench = message("geometry_msgs/Wrench", force=Vector3, torque=Vector3)
+WrenchStamped = message("geometry_msgs/WrenchStamped", header=Header, wrench=Wrench)
+String = message("std_msgs/String", data=str)
+Twist = message("geometry_msgs/Twist", linear=Vector3, angular=Vector3)
 
 
 def main() -> None:
@@ -134,6 +83,7 @@ def main() -> None:
             printed = True
             print(json.dumps(found), flush=True)
         closed.wait(0.02)
+    print(len(twists.get_matched_subscriptions()), flush=True)
 
 
 main()

@@ -3,9 +3,10 @@
 use super::drive::DriveLimits;
 use nalgebra::{Matrix3, Vector3};
 
-use super::error::{ModelError, ModelWarning, near_names};
+use super::error::{ModelError, ModelWarning};
 use super::inertia::SpatialInertia;
 use super::link_groups::LinkGroups;
+use super::names::near_names;
 use super::pose::Pose;
 use super::tree::{JointKind, Limits, UrdfTree};
 

@@ -17,7 +17,8 @@ pub use error::DescriptionError;
 
 use crate::bodies::{Base, JointId, Model};
 use crate::drive::DriveLimits;
-use crate::error::{ModelError, near_names};
+use crate::error::ModelError;
+use crate::names::near_names;
 use crate::tree::UrdfTree;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;

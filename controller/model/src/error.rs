@@ -1,5 +1,6 @@
 //! Errors and warnings of robot descriptions and of requests to a model.
 
+use super::names::near_list;
 use thiserror::Error;
 
 /// Reasons why a model cannot be built or evaluated. `file` is the name of the source.
@@ -322,57 +323,6 @@ pub enum ModelWarning {
     },
 }
 
-/// At most three names similar to `wanted`, the most similar first; ties keep the order of `names`.
-pub(super) fn near_names<'a>(wanted: &str, names: impl Iterator<Item = &'a str>) -> Vec<String> {
-    let wanted = wanted.to_lowercase();
-    let mut ranked: Vec<(usize, &str)> = names
-        .filter_map(|name| {
-            let lower = name.to_lowercase();
-            let distance = edit_distance(&wanted, &lower);
-            let part = !wanted.is_empty() && lower.contains(&wanted);
-            let close = distance <= 1 + wanted.len().max(lower.len()) / 3;
-            (part || close).then_some((distance, name))
-        })
-        .collect();
-    ranked.sort_by_key(|(distance, _)| *distance);
-    ranked.into_iter().take(3).map(|(_, name)| name.to_owned()).collect()
-}
-
-/// The part of a message that lists similar names.
-pub(super) fn near_list(near: &[String]) -> String {
-    if near.is_empty() { String::new() } else { format!("; near: {}", near.join(", ")) }
-}
-
-/// Levenshtein distance of two names.
-fn edit_distance(a: &str, b: &str) -> usize {
-    let b: Vec<char> = b.chars().collect();
-    let mut row: Vec<usize> = (0..=b.len()).collect();
-    for (i, ca) in a.chars().enumerate() {
-        let mut diagonal = row[0];
-        row[0] = i + 1;
-        for (j, &cb) in b.iter().enumerate() {
-            let substituted = diagonal + usize::from(ca != cb);
-            diagonal = row[j + 1];
-            row[j + 1] = substituted.min(diagonal + 1).min(row[j] + 1);
-        }
-    }
-    row[b.len()]
-}
-
 fn and_more(more: usize) -> String {
     if more == 0 { String::new() } else { format!(", and {more} more") }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn similar_names_are_ranked_and_others_left_out() {
-        let names = ["lf_haa_joint", "rf_haa_joint", "lf_foot", "trunk"];
-        assert_eq!(near_names("LF_haa_jont", names.into_iter()), ["lf_haa_joint", "rf_haa_joint"]);
-        assert_eq!(near_names("lf_haa", names.into_iter()), ["lf_haa_joint"]);
-        assert!(near_names("wheel", names.into_iter()).is_empty());
-        assert_eq!(edit_distance("kitten", "sitting"), 3);
-    }
 }

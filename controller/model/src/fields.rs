@@ -4,12 +4,11 @@ use nalgebra::Vector3;
 
 use super::error::ModelError;
 use super::math::quaternion;
+use super::names::MAX_NAME;
 use super::pose::Pose;
 use super::tree::{JointKind, Limits, Shape, ShapeKind};
 use super::xml::Element;
 
-/// Largest length of a name, bytes.
-const MAX_NAME: usize = 200;
 /// Largest magnitude of a length, mass, inertia or limit, in SI units: products of a few of them stay far from infinity.
 const MAX_NUMBER: f64 = 1e9;
 /// Length below which a vector has no direction: the squares of its components underflow.

@@ -34,6 +34,7 @@ mod jacobian;
 mod kinematics;
 mod link_groups;
 pub mod math;
+mod names;
 mod parse;
 mod pose;
 mod read;

@@ -2,7 +2,8 @@
 
 use std::collections::BTreeMap;
 
-use super::error::{ModelError, near_names};
+use super::error::ModelError;
+use super::names::near_names;
 use super::read::{RawJoint, RawRobot};
 
 /// Largest number of links that an error names.

@@ -139,6 +139,11 @@ fn a_quadruped_is_four_point_contacts() {
         replace_once(HYQ, "[robot.lying]", "[robot.drives]\nlf_haa_joint = { power = 300.0 }\n[robot.lying]");
     let robot = RobotDescription::from_toml(&with_drives, "hyq.toml", &tree).unwrap();
     assert_eq!(robot.model(&tree).unwrap().joints[0].drive.power, 300.0);
+    let error = read(&replace_once(&with_drives, "power = 300.0", "power = 0"), HYQ_URDF).unwrap_err();
+    assert!(
+        matches!(&error, DescriptionError::BadValue { key, .. } if key == "robot.drives.lf_haa_joint.power"),
+        "{error}"
+    );
     let anymal = include_str!("../../../robots/anymal_b/anymal_b.toml");
     assert_eq!(read(anymal, include_str!("../../../robots/anymal_b/anymal_b.urdf")).unwrap().groups.len(), 4);
 }
@@ -238,6 +243,7 @@ fn values_out_of_range_are_errors_with_their_key() {
             "robot.group.arm_1.tip",
         ),
         ("base = \"floating\"", "imu_link = \"imu_link\"".into(), "robot.imu_link"),
+        ("base = \"floating\"", "drives = { j_wheel_4 = { power = 300.0 } }".into(), "robot.drives"),
         ("base = \"floating\"", "feet = [\"wheel_1\", \"wheel_2\", \"wheel_3\", \"wheel_4\"]".into(), "robot.contact"),
     ] {
         let error = read(&replace_once(CENTAURO, from, &to), CENTAURO_URDF).unwrap_err();

@@ -2,7 +2,9 @@
 #![allow(non_snake_case, clippy::unwrap_used, missing_docs)]
 
 use nalgebra::{DMatrix, DVector, Matrix3, Vector3};
+use robot_model::math::Rng;
 use robot_model::*;
+use std::ops::{Div, Sub};
 
 const ROBOTS: [(&str, Base); 4] = [
     (include_str!("../../../robots/hyq/hyq.urdf"), Base::Floating),
@@ -11,12 +13,14 @@ const ROBOTS: [(&str, Base); 4] = [
     (include_str!("data/arm.urdf"), Base::Floating),
 ];
 const STATES: usize = 20;
+/// Step of a central difference, s.
+const DT: f64 = 1e-6;
 
 /// Calls `check` at seeded random states of every robot.
 fn at_random_states(mut check: impl FnMut(&Model, &State, &mut Random)) {
-    for (i, (urdf, base)) in ROBOTS.into_iter().enumerate() {
+    for (seed, (urdf, base)) in (1000..).zip(ROBOTS) {
         let model = Model::new(&UrdfTree::parse(urdf, "urdf").unwrap(), base).unwrap();
-        let mut random = Random(1000 + i as u64);
+        let mut random = Random(Rng::from_state(seed));
         for _ in 0..STATES {
             let state = State::random(&model, &mut random);
             check(&model, &state, &mut random);
@@ -24,25 +28,16 @@ fn at_random_states(mut check: impl FnMut(&Model, &State, &mut Random)) {
     }
 }
 
-/// Random numbers: SplitMix64.
-struct Random(u64);
+/// Random vectors with entries in `-scale..scale`.
+struct Random(Rng);
 
 impl Random {
-    /// In [-1, 1).
-    fn next(&mut self) -> f64 {
-        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
-        let mut z = self.0;
-        z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-        z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-        ((z ^ (z >> 31)) >> 11) as f64 / (1u64 << 52) as f64 - 1.0
-    }
-
     fn vector(&mut self, n: usize, scale: f64) -> DVector<f64> {
-        DVector::from_fn(n, |_, _| scale * self.next())
+        DVector::from_fn(n, |_, _| self.0.uniform(-scale, scale))
     }
 
     fn vector3(&mut self, scale: f64) -> Vector3<f64> {
-        Vector3::from_fn(|_, _| scale * self.next())
+        Vector3::from_fn(|_, _| self.0.uniform(-scale, scale))
     }
 }
 
@@ -96,6 +91,15 @@ impl State {
         state.q += dt * mean.rows(self.v.len() - self.q.len(), self.q.len());
         state
     }
+}
+
+/// Derivative in time of a quantity at constant `vd`, by a central difference.
+fn rate<T>(model: &Model, state: &State, vd: &DVector<f64>, quantity: impl Fn(&Kinematics) -> T) -> T
+where
+    T: Sub<Output = T> + Div<f64, Output = T>,
+{
+    let at = |dt: f64| quantity(&state.after(dt, vd).kinematics(model));
+    (at(DT) - at(-DT)) / (2.0 * DT)
 }
 
 /// Rotation about a vector by its length.
@@ -171,20 +175,17 @@ fn rotation_matrices_are_orthogonal() {
 
 #[test]
 fn jacobian_times_v_is_the_velocity_and_the_derivative_of_the_pose() {
-    let dt = 1e-6;
     at_random_states(|model, state, _| {
         let kin = state.kinematics(model);
         let still = DVector::zeros(model.nv());
-        let (before, after) = (state.after(-dt, &still).kinematics(model), state.after(dt, &still).kinematics(model));
         for (frame, _) in model.frames() {
             let V = jacobian(model, &kin, frame) * &state.v;
             near(&V.as_slice()[..3], kin.v_WF(model, frame).as_slice(), 1e-13);
             near(&V.as_slice()[3..], kin.w_WF_W(model, frame).as_slice(), 1e-13);
-            let dp = (after.p_WF(model, frame) - before.p_WF(model, frame)) / (2.0 * dt);
+            let dp = rate(model, state, &still, |kin| kin.p_WF(model, frame));
             near(&V.as_slice()[..3], dp.as_slice(), 1e-8);
             // dR/dt Rᵀ = [w]x
-            let W = (after.R_WF(model, frame) - before.R_WF(model, frame)) / (2.0 * dt)
-                * kin.R_WF(model, frame).transpose();
+            let W = rate(model, state, &still, |kin| kin.R_WF(model, frame)) * kin.R_WF(model, frame).transpose();
             near(&V.as_slice()[3..], &[W[(2, 1)], W[(0, 2)], W[(1, 0)]], 1e-8);
         }
     });
@@ -192,19 +193,17 @@ fn jacobian_times_v_is_the_velocity_and_the_derivative_of_the_pose() {
 
 #[test]
 fn bias_acceleration_is_the_derivative_of_the_velocity_with_vd_zero() {
-    let dt = 1e-6;
     at_random_states(|model, state, _| {
         let kin = state.kinematics(model);
         let still = DVector::zeros(model.nv());
-        let (before, after) = (state.after(-dt, &still).kinematics(model), state.after(dt, &still).kinematics(model));
         for (frame, _) in model.frames() {
             let a = frame_bias_acceleration(model, &kin, frame);
-            let dv = (after.v_WF(model, frame) - before.v_WF(model, frame)) / (2.0 * dt);
-            let dw = (after.w_WF_W(model, frame) - before.w_WF_W(model, frame)) / (2.0 * dt);
+            let dv = rate(model, state, &still, |kin| kin.v_WF(model, frame));
+            let dw = rate(model, state, &still, |kin| kin.w_WF_W(model, frame));
             near(&a.as_slice()[..3], dv.as_slice(), 1e-7);
             near(&a.as_slice()[3..], dw.as_slice(), 1e-7);
         }
-        let dv = (com_velocity(&after) - com_velocity(&before)) / (2.0 * dt);
+        let dv = rate(model, state, &still, com_velocity);
         near(com_bias_acceleration(&kin).as_slice(), dv.as_slice(), 1e-7);
     });
 }
@@ -240,23 +239,21 @@ fn energy(model: &Model, state: &State) -> f64 {
 
 #[test]
 fn power_of_the_generalized_force_is_the_change_of_energy() {
-    let dt = 1e-6;
     at_random_states(|model, state, random| {
         let kin = state.kinematics(model);
         let vd = random.vector(model.nv(), 5.0);
-        let (before, after) = (state.after(-dt, &vd), state.after(dt, &vd));
+        let (before, after) = (state.after(-DT, &vd), state.after(DT, &vd));
         let height = |state: &State| com(&state.kinematics(model)).z;
         let change = energy(model, &after) - energy(model, &before)
             + model.total_mass() * GRAVITY * (height(&after) - height(&before));
         let mut tau = DVector::zeros(model.nv());
         rnea(model, &kin, &vd, &mut RneaScratch::new(model), &mut tau);
-        near(&[tau.dot(&state.v)], &[change / (2.0 * dt)], 1e-6);
+        near(&[tau.dot(&state.v)], &[change / (2.0 * DT)], 1e-6);
     });
 }
 
 #[test]
 fn momentum_is_its_matrix_times_v_and_its_rate_is_the_external_force() {
-    let dt = 1e-6;
     at_random_states(|model, state, random| {
         let kin = state.kinematics(model);
         let mut A_G = DMatrix::zeros(6, model.nv());
@@ -272,8 +269,7 @@ fn momentum_is_its_matrix_times_v_and_its_rate_is_the_external_force() {
             let vd = random.vector(model.nv(), 5.0);
             let mut tau = DVector::zeros(model.nv());
             rnea(model, &kin, &vd, &mut RneaScratch::new(model), &mut tau);
-            let at = |dt: f64| centroidal_momentum(&state.after(dt, &vd).kinematics(model));
-            let rate = (at(dt) - at(-dt)) / (2.0 * dt);
+            let rate = rate(model, state, &vd, centroidal_momentum);
             let (f, n) = (Vector3::from(tau.fixed_rows::<3>(0)), Vector3::from(tau.fixed_rows::<3>(3)));
             let weight = Vector3::new(0.0, 0.0, -model.total_mass() * GRAVITY);
             near(&rate.as_slice()[..3], (f + weight).as_slice(), 1e-6);

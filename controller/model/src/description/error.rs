@@ -1,6 +1,6 @@
 //! Errors of robot descriptions.
 
-use crate::error::near_list;
+use crate::names::near_list;
 use thiserror::Error;
 
 /// Reasons why a description cannot be used. `file` is the name of the TOML file.

@@ -5,11 +5,11 @@ use super::file::{BaseKind, ContactTable, GroupTable, JointTable, RobotTable, Se
 use super::{Contact, ContactGeometry, Group, GroupKind, JointDescription, JointRole, RobotDescription, Sensor};
 use crate::bodies::{Base, JointId, Model};
 use crate::drive::DriveLimits;
-use crate::error::near_names;
 use crate::math::norm;
+use crate::names::near_names;
 use crate::tree::{JointKind, UrdfTree};
 use nalgebra::Vector3;
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 /// Names of contacts and legs of a quadruped, in the order of `feet`.
 const LEGS: [&str; 4] = ["LF", "RF", "LH", "RH"];
@@ -55,6 +55,7 @@ impl Check<'_> {
                 ("robot.posture", !table.posture.is_empty()),
                 ("robot.lying", !table.lying.is_empty()),
                 ("robot.imu_link", table.imu_link.is_some()),
+                ("robot.drives", !table.drives.is_empty()),
             ];
             return match only.into_iter().find(|(_, given)| *given) {
                 Some((key, _)) => Err(self.bad(key, "a key of a quadruped", "robot.feet beside it")),
@@ -217,18 +218,19 @@ impl Check<'_> {
                 value.map_or(Ok(()), |value| self.not_negative(&format!("{key}.{quantity}"), value))?;
             }
             (joint.effort, joint.velocity, joint.stiffness, joint.damping) = (*effort, *velocity, *stiffness, *damping);
-            let limits = [
-                ("power", power, &mut joint.drive.power),
-                ("rated_velocity", rated_velocity, &mut joint.drive.rated_velocity),
-                ("no_load_velocity", no_load_velocity, &mut joint.drive.no_load_velocity),
-            ];
-            for (_, value, limit) in limits {
+            let drive = &mut joint.drive;
+            for (limit, value) in [
+                (&mut drive.power, power),
+                (&mut drive.rated_velocity, rated_velocity),
+                (&mut drive.no_load_velocity, no_load_velocity),
+            ] {
                 *limit = value.unwrap_or(*limit);
             }
         }
         for joint in &joints {
             let DriveLimits { power, rated_velocity: rated, no_load_velocity: no_load } = joint.drive;
-            let key = |quantity| format!("robot.joints.{}.{quantity}", joint.name);
+            let table = if drives.contains_key(&joint.name) { "drives" } else { "joints" };
+            let key = |quantity| format!("robot.{table}.{}.{quantity}", joint.name);
             for (quantity, value) in [("power", power), ("rated_velocity", rated), ("no_load_velocity", no_load)] {
                 if value.is_nan() || value <= 0.0 {
                     return Err(self.bad(&key(quantity), &value.to_string(), "a number > 0"));
@@ -253,9 +255,9 @@ impl Check<'_> {
     }
 
     fn unique<'n>(&self, key: &str, names: impl Iterator<Item = &'n str>) -> Result<()> {
-        let mut seen = BTreeMap::new();
+        let mut seen = BTreeSet::new();
         for name in names {
-            if seen.insert(name, ()).is_some() {
+            if !seen.insert(name) {
                 let (file, key) = (self.file.to_owned(), key.to_owned());
                 return Err(DescriptionError::Duplicate { file, key, name: name.to_owned() });
             }
