@@ -16,7 +16,9 @@ use std::path::PathBuf;
 #[derive(Subcommand)]
 pub enum Command {
     /// Print joints, masses, limits, feet or contacts, and warnings of a robot
-    #[command(after_help = "Example: hoof robot info hyq\n         hoof robot info centauro\n         hoof robot info my_robot.urdf --json")]
+    #[command(
+        after_help = "Example: hoof robot info hyq\n         hoof robot info centauro\n         hoof robot info my_robot.urdf --json"
+    )]
     Info {
         /// Name of a robot in robots/, its TOML file, or any URDF file
         robot: String,

@@ -222,6 +222,14 @@ mod tests {
             ),
         );
         assert_eq!(hind.len(), 2, "{hind:?}");
+        let formula = |tasks: &str| {
+            let formula = format!("{tasks} << base_dynamics << friction << joint_acceleration << force_bounds");
+            let found = changed(same, ("[safety]", &format!("[stack]\nformula = \"{formula}\"\n\n[safety]")));
+            (formula, found)
+        };
+        let (without, found) = formula("trunk + posture");
+        assert_eq!(found, [Implausible::NoStanceTask { formula: without }]);
+        assert_eq!(formula("relative_feet + posture").1, []);
         let mesh = "<geometry><mesh filename=\"trunk.stl\"/></geometry>";
         let links = changed(("<geometry><box size=\"0.9 0.35 0.2\"/></geometry>", mesh), same);
         assert_eq!(links, [Implausible::TouchNothing { links: vec!["base_link".into()] }]);
