@@ -19,7 +19,7 @@ from cyclonedds.topic import Topic
 from cyclonedds.util import duration
 
 
-def message(name, **fields):
+def message(name, /, **fields):
     """The class of a ROS 2 message, such as `std_msgs/Header`."""
     package, kind = name.split("/")
     return make_idl_struct(kind, f"{package}.msg.dds_.{kind}_", fields)
