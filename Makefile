@@ -2,16 +2,19 @@
 SHELL := /bin/bash
 .SHELLFLAGS := -euo pipefail -c
 .DEFAULT_GOAL := help
-.PHONY: help setup build install demo run check check-steps test test-steps house guard bench bindings lcm-spy
+.PHONY: help setup setup-tests build install demo run check check-steps test test-steps house guard bench bindings lcm-spy
 
 export PATH := $(PATH):$(HOME)/.cargo/bin
 TARGET_DIR := $(or $(CARGO_TARGET_DIR),target)
 
 help: ## list these targets
-	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "make %-10s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
+	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "make %-11s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
 
 setup: ## install what cargo cannot: liblcm, MuJoCo (quick if they are present)
 	@scripts/setup.sh
+
+setup-tests: ## install what tests use, too
+	@scripts/setup.sh --tests
 
 build: setup ## build the command, TARGET_DIR/release/hoof
 	cargo build --release --locked
@@ -27,7 +30,7 @@ run: build ## HyQ live in simulation: recorder, driver and controller as process
 	$(TARGET_DIR)/release/hoof run runs/hyq_sim.toml --scenario scenarios/lie_stand_walk_sit.toml --seconds 20
 	$(TARGET_DIR)/release/hoof replay logs/runs/hyq_sim.mcap
 
-check: setup ## for every commit: format, lints, names, import circles, fast tests (3 minutes warm)
+check: setup-tests ## for every commit: format, lints, names, import circles, fast tests (3 minutes warm)
 	@scripts/timed.sh check $(TARGET_DIR) $(MAKE) --no-print-directory check-steps
 
 check-steps:
@@ -40,7 +43,7 @@ check-steps:
 	cargo test --release --locked --package hoofprint --test errors --test robot
 	cargo test --release --locked --package replay --test golden
 
-test: setup ## the gate: make check, all tests, replay by other builds, documentation
+test: setup-tests ## the gate: make check, all tests, replay by other builds, documentation
 	@scripts/timed.sh test $(TARGET_DIR) $(MAKE) --no-print-directory test-steps
 
 test-steps:
@@ -60,7 +63,7 @@ test-steps:
 house: ## judge the source tree: README length, circles, phrases, golden logs, newcomer tasks, minutes of check and test
 	scripts/house.sh --target-dir $(TARGET_DIR) --base "$(or $(BASE),$(error make house needs BASE=REVISION))"
 
-guard: setup ## count the instructions of a replay and compare them with the stored counts (ACCEPT=1 stores new ones)
+guard: setup-tests ## count the instructions of a replay and compare them with the stored counts (ACCEPT=1 stores new ones)
 	cargo test --release --locked --workspace --test instructions
 
 # BENCH='--rounds 3', BENCH='--into docs/measured.md': see bench run --help.

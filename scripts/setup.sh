@@ -1,10 +1,16 @@
 #!/usr/bin/env bash
-# Installs what cargo cannot: liblcm, a multicast route, libudev (gamepads), MuJoCo, valgrind (counts instructions in a test), qemu-user,
-# Cyclone DDS (the peer of a test); and fetches public URDFs (for a test).
+# Installs what cargo cannot: liblcm, a multicast route, libudev (gamepads), MuJoCo. With --tests also what only tests use: compilers and interpreters for
+# stock LCM code, valgrind (counts instructions), qemu-user, Cyclone DDS (a peer) and public URDFs (166 MB are downloaded once).
+# usage: scripts/setup.sh [--tests]
 # Each step checks its result first, so a second run takes less than a second.
 # Run as root or with sudo; otherwise the script prints the command to run as root.
 set -euo pipefail
 cd "$(dirname "$0")/.."
+case "${1:-}" in
+    "") for_tests=false ;;
+    --tests) for_tests=true ;;
+    *) echo "setup: unknown argument $1, expected none or --tests" >&2; exit 2 ;;
+esac
 
 mujoco_version=3.17.0
 mujoco_wheel_sha256=d66928d86a2d1b601bbaa4dc11db50214d17d5301bb8afd84721313b67ff0874
@@ -40,16 +46,18 @@ install_packages() {
     command -v cc >/dev/null || missing+=(gcc libc6-dev)
     liblcm_present || missing+=(liblcm-dev)
     command -v lcm-logger >/dev/null || missing+=(liblcm-bin)
-    # Compilers and interpreters for the stock LCM code in tests/stock.
-    command -v g++ >/dev/null || missing+=(g++)
-    command -v lua5.2 >/dev/null || missing+=(lua5.2)
-    command -v python3 >/dev/null || missing+=(python3)
-    [ -f /usr/share/java/lcm.jar ] || missing+=(liblcm-java)
     pkg-config --exists libudev 2>/dev/null || missing+=(pkg-config libudev-dev)
     command -v ip >/dev/null || missing+=(iproute2)
-    command -v valgrind >/dev/null || missing+=(valgrind)
-    command -v qemu-x86_64 >/dev/null || missing+=(qemu-user)
-    (mujoco_present && cyclonedds_present) || python3 -m pip --version >/dev/null 2>&1 || missing+=(python3 python3-pip)
+    mujoco_present || python3 -m pip --version >/dev/null 2>&1 || missing+=(python3 python3-pip)
+    if "$for_tests"; then
+        # Compilers and interpreters for the stock LCM code in tests/stock.
+        command -v g++ >/dev/null || missing+=(g++)
+        command -v lua5.2 >/dev/null || missing+=(lua5.2)
+        [ -f /usr/share/java/lcm.jar ] || missing+=(liblcm-java)
+        command -v valgrind >/dev/null || missing+=(valgrind)
+        command -v qemu-x86_64 >/dev/null || missing+=(qemu-user)
+        python3 -m pip --version >/dev/null 2>&1 || missing+=(python3 python3-pip)
+    fi
     [ ${#missing[@]} -gt 0 ] || return 0
 
     command -v apt-get >/dev/null || fail "apt-get not found; install these Debian packages: ${missing[*]}"
@@ -130,6 +138,10 @@ check_machine
 install_packages
 add_multicast_route
 install_mujoco
-install_cyclonedds
-"$PWD/scripts/fetch_robots.sh" "${CARGO_TARGET_DIR:-target}/robots" || say "no public URDFs: the test public_urdfs will fail"
-say "ready: liblcm, MuJoCo $mujoco_version, Cyclone DDS $cyclonedds_version"
+ready="liblcm, MuJoCo $mujoco_version"
+if "$for_tests"; then
+    install_cyclonedds
+    "$PWD/scripts/fetch_robots.sh" "${CARGO_TARGET_DIR:-target}/robots" || say "no public URDFs: the test public_urdfs will fail"
+    ready+=", Cyclone DDS $cyclonedds_version"
+fi
+say "ready: $ready"

@@ -12,6 +12,7 @@
 mod digest;
 pub(crate) mod error;
 pub mod exact;
+mod key;
 mod overrides;
 pub mod range;
 mod robot;
@@ -19,6 +20,7 @@ mod tables;
 
 pub use digest::parameters_digest;
 pub use error::ParamsError;
+pub(crate) use key::{quoted, toml_key};
 pub use overrides::{add_gaits, apply_changes, apply_overrides, check_key, key_values};
 pub use range::Bound;
 pub use robot::{RobotConfig, SensorParams};

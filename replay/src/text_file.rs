@@ -37,12 +37,24 @@ fn limited(source: impl Read) -> Result<Vec<u8>> {
     if bytes.len() as u64 > MAX_BYTES {
         return Err(Error::new(ErrorKind::FileTooLarge, "more than 64 MiB, expected a text file"));
     }
+    if bytes.starts_with(&[0xFF, 0xFE]) || bytes.starts_with(&[0xFE, 0xFF]) {
+        return Err(Error::new(ErrorKind::InvalidData, "the text is UTF-16, expected UTF-8"));
+    }
     Ok(bytes)
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn utf_16_is_an_error() {
+        for bytes in [&[0xFF, 0xFE, b'<', 0][..], &[0xFE, 0xFF, 0, b'<']] {
+            assert_eq!(text_of(bytes).unwrap_err().kind(), ErrorKind::InvalidData);
+            assert_eq!(limited(bytes).unwrap_err().kind(), ErrorKind::InvalidData);
+        }
+        assert_eq!(text_of(&b"<robot/>"[..]).unwrap(), "<robot/>");
+    }
 
     #[test]
     fn a_source_without_end_is_an_error() {

@@ -144,6 +144,10 @@ fn a_quadruped_is_four_point_contacts() {
         matches!(&error, DescriptionError::BadValue { key, .. } if key == "robot.drives.lf_haa_joint.power"),
         "{error}"
     );
+    for (table, key) in [("[robot.posture]", "robot.posture"), ("[robot.lying]", "robot.lying")] {
+        let error = read(&replace_once(HYQ, table, &format!("{table}\nknee = 0.0")), HYQ_URDF).unwrap_err();
+        assert!(matches!(&error, DescriptionError::Unknown { key: found, .. } if found == key), "{error}");
+    }
     let anymal = include_str!("../../../robots/anymal_b/anymal_b.toml");
     assert_eq!(read(anymal, include_str!("../../../robots/anymal_b/anymal_b.urdf")).unwrap().groups.len(), 4);
 }

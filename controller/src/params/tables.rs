@@ -1,6 +1,7 @@
 //! The list of all tables of the parameters file.
 
 use super::error::ParamsError;
+use super::key::toml_key;
 use super::range::Bound;
 use super::robot::RobotConfig;
 use crate::hold::params::HoldParams;
@@ -92,18 +93,18 @@ impl Params {
         for bound in bounds() {
             let mut found = Vec::new();
             if let Some(value) = lookup(&table, bound.key) {
-                numbers(value, &mut found);
+                numbers(bound.key, value, &mut found);
             }
-            if let Some(&found) = found.iter().find(|x| !(bound.range.contains)(**x)) {
-                return Err(ParamsError::OutOfRange { key: bound.key, found, expected: bound.text() });
+            if let Some((key, found)) = found.into_iter().find(|(_, x)| !(bound.range.contains)(*x)) {
+                return Err(ParamsError::OutOfRange { key, found, expected: bound.text() });
             }
         }
         let Params { robot, gait, wbc, contact, .. } = self;
         gait.check()?;
         for (joint, drive) in &robot.drives {
             let (rated, no_load) = (drive.rated_velocity, drive.no_load_velocity);
-            let relation = format!("{joint:?}: rated_velocity less than no_load_velocity");
-            less("robot.drives", rated < no_load || rated == f64::INFINITY, rated, &relation, no_load)?;
+            let key = format!("robot.drives.{}.rated_velocity", toml_key(joint));
+            less(&key, rated < no_load || rated == f64::INFINITY, rated, "less than no_load_velocity", no_load)?;
         }
         less("wbc.f_z_min", wbc.f_z_min < wbc.f_z_max, wbc.f_z_min, "less than wbc.f_z_max", wbc.f_z_max)?;
         let (release, touch) = (contact.release_load, contact.touch_load);
@@ -136,20 +137,23 @@ fn lookup<'a>(table: &'a toml::Table, key: &str) -> Option<&'a toml::Value> {
     lookup(table, key)
 }
 
-/// All numbers of a value, of its elements and of its table.
-fn numbers(value: &toml::Value, found: &mut Vec<f64>) {
+/// All numbers of a value, of its elements and of its table, each with its key; an element of an array has the key of the array.
+fn numbers(key: &str, value: &toml::Value, found: &mut Vec<(String, f64)>) {
     match value {
-        toml::Value::Float(x) => found.push(*x),
+        toml::Value::Float(x) => found.push((key.to_owned(), *x)),
         #[expect(clippy::cast_precision_loss, reason = "the integers among the parameters have 32 bits")]
-        toml::Value::Integer(x) => found.push(*x as f64),
-        toml::Value::Array(values) => values.iter().for_each(|value| numbers(value, found)),
-        toml::Value::Table(values) => values.values().for_each(|value| numbers(value, found)),
+        toml::Value::Integer(x) => found.push((key.to_owned(), *x as f64)),
+        toml::Value::Array(values) => values.iter().for_each(|value| numbers(key, value, found)),
+        toml::Value::Table(values) => {
+            values.iter().for_each(|(name, value)| numbers(&format!("{key}.{}", toml_key(name)), value, found));
+        }
         _ => {}
     }
 }
 
-fn less(key: &'static str, holds: bool, found: f64, relation: &str, limit: f64) -> Result<(), ParamsError> {
-    if holds { Ok(()) } else { Err(ParamsError::OutOfRange { key, found, expected: format!("{relation} ({limit})") }) }
+fn less(key: &str, holds: bool, found: f64, relation: &str, limit: f64) -> Result<(), ParamsError> {
+    let expected = || format!("{relation} ({limit})");
+    if holds { Ok(()) } else { Err(ParamsError::OutOfRange { key: key.to_owned(), found, expected: expected() }) }
 }
 
 #[cfg(test)]
@@ -270,19 +274,17 @@ mod tests {
             with(good).unwrap();
         }
         for (bad, found) in [
-            ("power = 0.0", 0.0),
-            ("power = -1.0", -1.0),
-            ("no_load_velocity = 0.0", 0.0),
-            ("rated_velocity = 3.0, no_load_velocity = 2.0", 3.0),
-            ("rated_velocity = 2.0, no_load_velocity = 2.0", 2.0),
+            ("power = 0.0", "power"),
+            ("power = -1.0", "power"),
+            ("power = nan", "power"),
+            ("no_load_velocity = 0.0", "no_load_velocity"),
+            ("rated_velocity = 3.0, no_load_velocity = 2.0", "rated_velocity"),
+            ("rated_velocity = 2.0, no_load_velocity = 2.0", "rated_velocity"),
         ] {
             let error = with(bad).unwrap_err();
-            assert!(
-                matches!(error, ParamsError::OutOfRange { key: "robot.drives", found: x, .. } if x == found),
-                "{error}"
-            );
+            let expected = format!("robot.drives.j1.{found}");
+            assert!(matches!(&error, ParamsError::OutOfRange { key, .. } if *key == expected), "{error}");
         }
-        assert!(matches!(with("power = nan"), Err(ParamsError::OutOfRange { key: "robot.drives", .. })));
     }
 
     #[test]
@@ -325,8 +327,7 @@ mod tests {
             ("robot.posture.j1", "nan"),
         ] {
             let error = overridden(key, value).unwrap_err();
-            let expected = key.strip_suffix(".j1").unwrap_or(key);
-            assert!(matches!(&error, ParamsError::OutOfRange { key, .. } if *key == expected), "{error}");
+            assert!(matches!(&error, ParamsError::OutOfRange { key: found, .. } if found == key), "{error}");
         }
         let error = Params::from_toml(&format!("{ROBOT}\n[wbc]\nmu = 0.5"), "box.toml").unwrap_err();
         let ParamsError::Parse { source_name, error } = error else { panic!("{error}") };

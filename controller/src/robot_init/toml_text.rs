@@ -5,6 +5,7 @@ use super::legs::FoundLegs;
 use super::posture::Posture;
 use super::scaled::Scaled;
 use crate::model::{Model, UrdfTree};
+use crate::params::{quoted, toml_key};
 
 /// What the file contains.
 pub(super) struct Parts<'a> {
@@ -30,7 +31,7 @@ pub(super) fn write(parts: &Parts) -> String {
         let legs = found.legs.iter().flat_map(|leg| leg.joints);
         legs.map(|j| format!("{} = {:?}\n", toml_key(&model.joints[j].name), q[j])).collect()
     };
-    let Scaled { f_z_min, f_max, qdd_max, step_height, step_length, trot, capture } = scaled;
+    let Scaled { f_z_min, f_max, qdd_max, step_height, step_length, trot, capture, capture_threshold } = scaled;
     let Gains { swing_kp, swing_kd, stand_stiffness, stand_damping, limp_damping } = gains;
     format!(
         "# Parameters of {name} that its URDF does not contain. A first guess by `hoof robot init`. Keys that are left out have their defaults;\n\
@@ -41,7 +42,7 @@ pub(super) fn write(parts: &Parts) -> String {
          # HyQ's forces, scaled by mass: {mass:.1} kg, and its joint accelerations, by the height of the hips.\n\
          [wbc]\nf_z_min = {f_z_min:?}\nf_z_max = {f_max:?}\nf_xy_max = {f_max:?}\nqdd_max = {qdd_max:?}\n\n\
          # HyQ's steps, scaled by the height of the hips: {height:.3} m.\n[swing]\nheight = {step_height:?}\n\n\
-         [foothold]\nmax_step_length = {step_length:?}\n\n[recovery]\nmax_capture = {capture:?}\n\n\
+         [foothold]\nmax_step_length = {step_length:?}\n\n[recovery]\nmax_capture = {capture:?}\ncapture_threshold = {capture_threshold:?}\n\n\
          [gait.trot]\nduty = 0.55\nswing_frequency = {trot:?}\nlift_off_phase = [0.0, 0.5, 0.5, 0.0]\n\n\
          # HyQ's gains, scaled by the inertia of the legs.\n[posture]\nswing_kp = {swing_kp:?}\nswing_kd = {swing_kd:?}\n\n\
          [stand]\nstiffness = {stand_stiffness:?}\ndamping = {stand_damping:?}\n\n\
@@ -54,28 +55,4 @@ pub(super) fn write(parts: &Parts) -> String {
         joints(&stance.q),
         joints(lying),
     )
-}
-
-/// A TOML key, quoted if it must be.
-fn toml_key(name: &str) -> String {
-    let bare = !name.is_empty() && name.chars().all(|c| c.is_ascii_alphanumeric() || "_-".contains(c));
-    if bare { name.to_owned() } else { quoted(name) }
-}
-
-/// A basic string: the only form that is valid for any key. Names have no control characters.
-fn quoted(text: &str) -> String {
-    format!("\"{}\"", text.replace('\\', "\\\\").replace('"', "\\\""))
-}
-
-#[cfg(test)]
-mod tests {
-    use super::toml_key;
-
-    #[test]
-    fn any_name_is_a_key() {
-        for name in ["a_1", "", "l'r \"q\" \\ .#=[x]", "左前", "'' \"\""] {
-            let table: toml::Table = format!("{} = 1", toml_key(name)).parse().unwrap();
-            assert_eq!(table.keys().collect::<Vec<_>>(), [name]);
-        }
-    }
 }

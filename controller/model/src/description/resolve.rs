@@ -32,7 +32,10 @@ pub(super) fn resolve(mut table: RobotTable, file: &str, tree: &UrdfTree) -> Res
     let contacts = check.contacts(&table.contact)?;
     let groups = check.groups(&table.group)?;
     for (name, posture) in &table.postures {
-        check.posture(name, posture)?;
+        if name.is_empty() {
+            return Err(check.bad("robot.postures", "\"\"", "a name"));
+        }
+        check.posture(&format!("robot.postures.{name}"), posture)?;
     }
     let joints = check.joints(&table.joints, &table.drives)?;
     let RobotTable { name, urdf, postures, .. } = table;
@@ -76,7 +79,10 @@ impl Check<'_> {
             table.contact.push(ContactTable { name: name.clone(), link, geometry });
             table.group.push(GroupTable { name, kind: GroupKind::Leg, joints: None, root: None, tip });
         }
-        for (name, posture) in [("nominal", &mut table.posture), ("lying", &mut table.lying)] {
+        for (key, name, posture) in
+            [("robot.posture", "nominal", &mut table.posture), ("robot.lying", "lying", &mut table.lying)]
+        {
+            self.posture(key, posture)?;
             if !posture.is_empty() {
                 table.postures.insert(name.to_owned(), std::mem::take(posture));
             }
@@ -170,13 +176,9 @@ impl Check<'_> {
         Ok(joints)
     }
 
-    fn posture(&self, name: &str, posture: &BTreeMap<String, f64>) -> Result<()> {
-        if name.is_empty() {
-            return Err(self.bad("robot.postures", "\"\"", "a name"));
-        }
+    fn posture(&self, key: &str, posture: &BTreeMap<String, f64>) -> Result<()> {
         for (joint, &q) in posture {
-            let key = format!("robot.postures.{name}");
-            let info = &self.model.joints[self.joint(&key, joint)?.index()];
+            let info = &self.model.joints[self.joint(key, joint)?.index()];
             if !(info.lower..=info.upper).contains(&q) || !q.is_finite() {
                 let expected = format!("{} to {}", info.lower, info.upper);
                 return Err(self.bad(&format!("{key}.{joint}"), &q.to_string(), &expected));
