@@ -225,7 +225,7 @@ mod tests {
         let table = toml::Table::try_from(&params).unwrap();
         let count = |value: &toml::Value| {
             let mut found = Vec::new();
-            numbers(value, &mut found);
+            numbers("", value, &mut found);
             found.len()
         };
         let bounded: usize = bounds().map(|bound| count(lookup(&table, bound.key).expect(bound.key))).sum();
