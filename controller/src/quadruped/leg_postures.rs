@@ -68,23 +68,24 @@ fn reach(
     false
 }
 
-/// The folded posture with the feet where they are in the lying posture, along the ground. If a leg cannot reach that, or no foot is farther than
-/// [`SMALL_STEP`] from it, the folded posture itself.
+/// The folded posture with the feet where they are in the lying posture, along the ground. The folded posture itself if a leg cannot reach that, if no
+/// foot is farther than [`SMALL_STEP`] from it, or if the mean of the feet is: on feet that have all stepped to one side the base would fall to the other.
 pub fn widened(robot: &Robot, folded: &[f64], lying: &[f64]) -> Vec<f64> {
     let mut kin = Kinematics::new(&robot.model);
     let mut J = DMatrix::zeros(3, robot.model.nv());
     let mut q = folded.to_vec();
-    let mut longest = 0.0_f64;
+    let (mut longest, mut mean) = (0.0_f64, Vector3::zeros());
     for leg in Leg::ALL {
         let at = |kin: &mut Kinematics, q: &[f64]| contact_point(robot, leg, q, kin);
         let (from, to) = (at(&mut kin, folded), at(&mut kin, lying));
         let step = Vector3::new(to.x - from.x, to.y - from.y, 0.0);
         longest = longest.max(step.norm());
+        mean += step / 4.0;
         if !reach(robot, leg, &(from + step), &mut q, &mut kin, &mut J) {
             return folded.to_vec();
         }
     }
-    if longest > SMALL_STEP { q } else { folded.to_vec() }
+    if longest > SMALL_STEP && mean.norm() <= SMALL_STEP { q } else { folded.to_vec() }
 }
 
 /// Contact point of a leg below a level base at the origin, m.
@@ -93,4 +94,31 @@ fn contact_point(robot: &Robot, leg: Leg, q: &[f64], kin: &mut Kinematics) -> Ve
     let level = BaseState { p_WB: zero, R_WB: Matrix3::identity(), v_WB: zero, w_WB_W: zero };
     kin.update(&robot.model, &level, q, &vec![0.0; q.len()]);
     kin.p_WF(&robot.model, robot.legs[leg].foot) - Vector3::z() * robot.foot_radius
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::params::Params;
+
+    #[test]
+    fn feet_step_outward_and_not_to_one_side() {
+        let (urdf, params) =
+            (include_str!("../../../robots/hyq/hyq.urdf"), include_str!("../../../robots/hyq/hyq.toml"));
+        let params = Params::from_toml(params, "hyq.toml").unwrap();
+        let robot = Robot::new(urdf, &params.robot).unwrap();
+        let folded = folding(&robot, params.stand.fold * robot.nominal_height).pop().unwrap();
+        // The axes are mirrored: equal angles turn all legs outward or all inward.
+        let turned = |angles: [f64; 4]| {
+            let mut q = folded.clone();
+            for (leg, angle) in Leg::ALL.into_iter().zip(angles) {
+                q[robot.legs[leg].joints[0]] += angle;
+            }
+            q
+        };
+        let out = turned([-0.3; 4]);
+        assert_ne!(widened(&robot, &folded, &out), folded);
+        let left = turned([-0.3, 0.3, -0.3, 0.3]);
+        assert_eq!(widened(&robot, &folded, &left), folded);
+    }
 }
