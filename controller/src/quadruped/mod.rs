@@ -40,7 +40,7 @@ mod plausible;
 pub mod recovery;
 pub mod reference;
 pub mod robot;
-mod stack_table;
+pub mod stack_table;
 pub mod stand_sit;
 pub mod state;
 pub mod sway;

@@ -1,18 +1,15 @@
 //! The contacts that carry load are not accelerated, `J vd = -a_bias`. There is no feedback. Source: Raiola et al. 2020, eq. (7).
 
 use crate::stack::{ModelState, Rows, Structure, Task};
+use crate::tasks::velocity;
 
 /// The task. Its rows are those of the contacts in order, 3 or 6 each, m/s² and rad/s².
-pub struct ContactsAtRest {
-    nv: usize,
-    blocks: Vec<(usize, Vec<usize>)>,
-}
+pub struct ContactsAtRest(velocity::ContactsAtRest);
 
 impl ContactsAtRest {
     /// For all contacts of a robot.
     pub fn new(of: &Structure<'_>) -> Self {
-        let block = |contact: &crate::contact::Contact| (contact.size(), contact.columns.clone());
-        ContactsAtRest { nv: of.model.nv(), blocks: of.contacts.iter().map(block).collect() }
+        ContactsAtRest(velocity::ContactsAtRest::new(of))
     }
 }
 
@@ -21,25 +18,23 @@ impl Task for ContactsAtRest {
     type Reference = ();
 
     fn size(&self) -> usize {
-        self.blocks.iter().map(|(rows, _)| rows).sum()
+        self.0.size()
     }
 
     fn rows(&self) -> Rows {
-        Rows::new(self.nv, self.blocks.iter().cloned())
+        self.0.rows()
     }
 
-    fn update(&mut self, state: &ModelState<'_>, _reference: &(), rows: &mut Rows) {
-        let mut first = 0;
-        for (i, (at, load)) in state.at.iter().zip(state.loads).enumerate() {
-            let size = self.blocks[i].0;
-            rows.switch(i, load.active);
-            if load.active {
-                rows.A.rows_mut(first, size).copy_from(&at.J);
-                for k in 0..size {
-                    rows.b[first + k] = -at.a_bias_W[k];
+    fn update(&mut self, state: &ModelState<'_>, reference: &(), rows: &mut Rows) {
+        self.0.update(state, reference, rows);
+        let mut row = 0;
+        for (at, load) in state.at.iter().zip(state.loads) {
+            for k in 0..at.J.nrows() {
+                if load.active {
+                    rows.b[row] = -at.a_bias_W[k];
                 }
+                row += 1;
             }
-            first += size;
         }
     }
 }
