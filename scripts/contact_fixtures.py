@@ -9,7 +9,7 @@ makes controller/tests/data/contacts.json: wheels of Centauro at random states, 
 - p_WC: the point of the rim that is lowest along the normal, found by a search over the rim,
 - velocity: of the point of the wheel that is there, from Pinocchio's velocity of the link,
 - jacobian: of that velocity, over v = [v_WB; w_WB; qd],
-- bias: derivative of that velocity along the motion with constant v, by differences of fourth order; the point of the rim is searched anew at each time.
+- bias: derivative of that velocity along the motion with constant v, by differences of fourth order; the point of the rim is searched at each time.
 """
 
 import json
