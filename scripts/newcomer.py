@@ -33,6 +33,7 @@ def apply(task, tree):
         text = path.read_text() if path.is_file() else None
         before.setdefault(path, text)
         if "from" not in edit:
+            path.parent.mkdir(parents=True, exist_ok=True)
             path.write_text(edit["to"].lstrip())
             continue
         found = (text or "").count(edit["from"])

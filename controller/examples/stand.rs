@@ -76,7 +76,7 @@ fn carry_weight(robot: &Robot, input: &mut ControllerInput) {
     let f_F_W = Vector3::z() * (0.25 * robot.mass() * GRAVITY);
     for leg in Leg::ALL {
         for joint in robot.legs[leg].joints {
-            input.state.tau[joint] = estimate.h[6 + joint] - estimate.legs[leg].J.column(6 + joint).dot(&f_F_W);
+            input.state.tau[joint] = estimate.h[6 + joint] - estimate.contacts[leg].J.column(6 + joint).dot(&f_F_W);
         }
     }
 }

@@ -14,7 +14,8 @@
 //! | [`handover`] | parameter changes while a controller runs |
 //! | [`params`] | the parameters file |
 //! | [`safety`] | faults, joint checks and command limits |
-//! | [`stack`], [`qp`] | tasks and the quadratic programs built from them |
+//! | [`stack`], [`qp`] | stacks of tasks and the quadratic programs built from them |
+//! | [`tasks`], [`constraints`], [`contact`] | the parts of a stack, for any robot |
 //! | [`model`] | the crate `robot-model`: rigid-body model and dynamics from a URDF |
 //! | [`robot_init`] | a first parameter file for a quadruped from its URDF |
 //!
@@ -22,6 +23,8 @@
 //! reports circular imports.
 #![allow(non_snake_case, reason = "names carry frames, as in p_WF = p_WB + R_WB * p_BF: see ARCHITECTURE.md")]
 
+pub mod constraints;
+pub mod contact;
 mod dense;
 pub mod digest;
 pub mod dump;
@@ -38,6 +41,7 @@ pub mod robot_init;
 pub mod safety;
 pub mod sequence;
 pub mod stack;
+pub mod tasks;
 pub mod time;
 
 pub use dump::Dump;

@@ -8,7 +8,8 @@ use controller::math::{Rx, Ry, Rz};
 use controller::model::{BaseState, FrameId, Kinematics, frame_jacobian, mass_matrix};
 use controller::params::Params;
 use controller::quadruped::robot::Robot;
-use controller::stack::{Cartesian, CartesianConfig};
+use controller::stack::{ModelState, Rows, Task, Variables};
+use controller::tasks::acceleration::{Cartesian, CartesianConfig};
 use nalgebra::{DMatrix, DVector, Vector3};
 
 fn robot() -> Robot {
@@ -27,6 +28,29 @@ fn random_kinematics(robot: &Robot, rng: &mut Rng) -> Kinematics {
     let qd: Vec<f64> = q.iter().map(|_| rng.symmetric()).collect();
     kin.update(&robot.model, &base, &q, &qd);
     kin
+}
+
+/// Writes the rows of a task in the nominal pose, turned by a heading in the world.
+fn fill(task: &mut Cartesian, robot: &Robot, kin: &Kinematics, M: &DMatrix<f64>, heading: f64, rows: &mut Rows) {
+    let variables = Variables::new(robot.model.nv(), [], false);
+    let h = DVector::zeros(robot.model.nv());
+    let state = ModelState {
+        model: &robot.model,
+        contacts: &[],
+        variables: &variables,
+        q: &[],
+        qd: &[],
+        kin,
+        M,
+        h: &h,
+        at: &[],
+        loads: &[],
+    };
+    let mut reference = task.home();
+    if task.in_world() {
+        reference.R = Rz(heading) * reference.R;
+    }
+    task.update(&state, &reference, rows);
 }
 
 fn inverse(A: &DMatrix<f64>) -> DMatrix<f64> {
@@ -48,7 +72,7 @@ fn a_relative_task_is_the_second_derivative_of_the_relative_pose() {
         inertia: false,
     };
     let mut task = Cartesian::new("span", &config(0.0), model, &home).unwrap();
-    let (mut rows, M) = (Cartesian::rows(model), DMatrix::identity(nv, nv));
+    let (mut rows, M) = (task.rows(), DMatrix::identity(nv, nv));
     let (at, to): (FrameId, FrameId) = (model.frame("rf_foot").unwrap(), model.frame("lh_foot").unwrap());
 
     // Velocity in the axes of the other foot; its difference along a motion with vd = 0 is -b.
@@ -77,7 +101,7 @@ fn a_relative_task_is_the_second_derivative_of_the_relative_pose() {
             kin.update(model, &base, &q, &qd);
             kin
         };
-        task.fill(model, &at_time(0.0), &M, 0.0, &mut rows);
+        fill(&mut task, &robot, &at_time(0.0), &M, 0.0, &mut rows);
         let mut v = DVector::zeros(nv);
         v[5] = rate;
         v.rows_mut(6, robot.nj()).copy_from_slice(&qd);
@@ -91,12 +115,12 @@ fn a_relative_task_is_the_second_derivative_of_the_relative_pose() {
 
     // At home the pose is the reference; after a small displacement, the stiffness acts against it.
     let mut stiff = Cartesian::new("span", &config(100.0), model, &home).unwrap();
-    stiff.fill(model, &home, &M, 0.0, &mut rows);
+    fill(&mut stiff, &robot, &home, &M, 0.0, &mut rows);
     assert!(rows.b.norm() < 1e-10);
     let mut moved = Kinematics::new(model);
     let q: Vec<f64> = robot.q_nominal.iter().map(|q| q + 1e-5 * rng.symmetric()).collect();
     moved.update(model, &BaseState::identity(), &q, &vec![0.0; robot.nj()]);
-    stiff.fill(model, &moved, &M, 0.0, &mut rows);
+    fill(&mut stiff, &robot, &moved, &M, 0.0, &mut rows);
     let dq = DVector::from_iterator(
         nv,
         std::iter::repeat_n(0.0, 6).chain(q.iter().zip(&robot.q_nominal).map(|(q, n)| q - n)),
@@ -124,9 +148,10 @@ fn the_inertia_option_premultiplies_with_the_inertia_at_the_link() {
         let mut M = DMatrix::zeros(nv, nv);
         mass_matrix(model, &kin, &mut M);
         let filled = |inertia, kp: [f64; 6], kd: [f64; 6]| {
-            let mut rows = Cartesian::rows(model);
             let config = CartesianConfig { kp, kd, ..config(inertia) };
-            Cartesian::new("lean", &config, model, &home).unwrap().fill(model, &kin, &M, 0.3, &mut rows);
+            let mut task = Cartesian::new("lean", &config, model, &home).unwrap();
+            let mut rows = task.rows();
+            fill(&mut task, &robot, &kin, &M, 0.3, &mut rows);
             rows
         };
         let CartesianConfig { kp, kd, .. } = config(true);

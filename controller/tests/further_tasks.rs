@@ -211,7 +211,7 @@ fn net(bench: &Bench, stands: [bool; 4]) -> DMatrix<f64> {
 fn per_newton(bench: &Bench, task: &str) -> DMatrix<f64> {
     let A = &bench.rows(task).A;
     assert!(A.columns(0, A.ncols() - 12).iter().all(|a| *a == 0.0), "{task} has entries at accelerations");
-    A.columns(A.ncols() - 12, 12) / controller::quadruped::tasks::FORCE_UNIT
+    A.columns(A.ncols() - 12, 12) / controller::contact::FORCE_UNIT
 }
 
 fn forces(bench: &Bench) -> DVector<f64> {

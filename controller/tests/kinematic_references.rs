@@ -140,8 +140,8 @@ fn bias_acceleration_of_the_contact_points_is_the_derivative_of_j_v() {
         };
         let (before, now, after) = (estimate_at(-h), estimate_at(0.0), estimate_at(h));
         for leg in Leg::ALL {
-            let difference = (&after.legs[leg].J * &v - &before.legs[leg].J * &v) / (2.0 * h);
-            let off = (&difference - now.legs[leg].a_bias_W).norm();
+            let difference = (&after.contacts[leg].J * &v - &before.contacts[leg].J * &v) / (2.0 * h);
+            let off = (&difference - now.contacts[leg].linear_bias()).norm();
             assert!(off < 1e-6 * (1.0 + difference.norm()), "{}: off by {off:e} of {}", leg.name(), difference.norm());
         }
     }

@@ -21,8 +21,8 @@ use nalgebra::{DMatrix, DVector, Matrix3, Vector3};
 /// Stacked Jacobians of the four feet, 12 x nv.
 fn stacked(estimate: &Estimate) -> DMatrix<f64> {
     let mut J = DMatrix::zeros(12, estimate.M.ncols());
-    for (leg, of_leg) in estimate.legs.iter() {
-        J.rows_mut(3 * leg as usize, 3).copy_from(&of_leg.J);
+    for (leg, contact) in estimate.contacts.iter() {
+        J.rows_mut(3 * leg as usize, 3).copy_from(&contact.J);
     }
     J
 }
@@ -238,8 +238,9 @@ fn a_swing_foot_is_not_in_the_contact_task() {
     stand.state.leg_state = PerLeg::default();
     stand.state.leg_state[Leg::RF] = controller::quadruped::leg::LegPhase::SwingUp;
     stand.solve(&Matrix3::identity(), &Vector3::zeros(), &trunk);
-    let acceleration =
-        |leg: Leg| (&stand.estimate.legs[leg].J * &stand.wbc.vd + stand.estimate.legs[leg].a_bias_W).norm();
+    let acceleration = |leg: Leg| {
+        (&stand.estimate.contacts[leg].J * &stand.wbc.vd + stand.estimate.contacts[leg].linear_bias()).norm()
+    };
     for leg in [Leg::LF, Leg::LH, Leg::RH] {
         assert!(acceleration(leg) < 1e-2, "{}: {}", leg.name(), acceleration(leg));
         assert!(stand.wbc.f_F_W[leg].z > 20.0 - 1e-4);

@@ -58,6 +58,7 @@ pub use jacobian::{
 };
 pub use kinematics::{BaseState, Kinematics};
 pub use link_groups::LinkGroups;
+pub use names::{near_list, near_names};
 pub use pose::Pose;
 pub use runnable::check_runnable;
 pub use shapes::{AddedShape, Bounds, bounds_of, untouchable, with_shapes};

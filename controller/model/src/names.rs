@@ -5,7 +5,7 @@ pub(super) const MAX_NAME: usize = 200;
 
 /// At most three names similar to `wanted`, the most similar first; ties keep the order of `names`. None for a name that is longer than any name may be:
 /// the comparison takes the product of the two lengths.
-pub(super) fn near_names<'a>(wanted: &str, names: impl Iterator<Item = &'a str>) -> Vec<String> {
+pub fn near_names<'a>(wanted: &str, names: impl Iterator<Item = &'a str>) -> Vec<String> {
     if wanted.len() > MAX_NAME {
         return Vec::new();
     }
@@ -24,7 +24,7 @@ pub(super) fn near_names<'a>(wanted: &str, names: impl Iterator<Item = &'a str>)
 }
 
 /// The part of a message that lists similar names.
-pub(super) fn near_list(near: &[String]) -> String {
+pub fn near_list(near: &[String]) -> String {
     if near.is_empty() { String::new() } else { format!("; near: {}", near.join(", ")) }
 }
 

@@ -25,8 +25,8 @@ pub fn estimation(estimate: &Estimate, state: &State) -> i64 {
     for (leg, of_leg) in estimate.legs.iter() {
         d.vec3(&of_leg.p_BF_W);
         d.vec3(&of_leg.p_hip_W);
-        d.dmat(&of_leg.J);
-        d.vec3(&of_leg.a_bias_W);
+        d.dmat(&estimate.contacts[leg].J);
+        d.vec3(&estimate.contacts[leg].linear_bias());
         state.digest_leg(Part::Estimation, leg, &mut d);
     }
     state.digest(Part::Estimation, &mut d);
@@ -73,9 +73,9 @@ pub fn tasks(wbc: &Wbc) -> i64 {
             d.dvec(&rows.b);
         }
     }
-    d.vec3(&wbc.tasks.e_o_W);
-    d.vec3(&wbc.tasks.wd_trunk);
-    d.dvec(&wbc.tasks.qdd_posture);
+    d.vec3(&wbc.tasks.trunk.e_o_W);
+    d.vec3(&wbc.tasks.trunk.wd);
+    d.dvec(&wbc.tasks.posture.qdd);
     d.finish()
 }
 

@@ -72,8 +72,8 @@ impl Quadruped {
             let group = Group::new()
                 .with_unit("p_BF_W", "m", &of_leg.p_BF_W)
                 .with_unit("p_hip_W", "m", &of_leg.p_hip_W)
-                .with("J", &of_leg.J)
-                .with_unit("a_bias_W", "m/s²", &of_leg.a_bias_W);
+                .with("J", &estimate.contacts[leg].J)
+                .with_unit("a_bias_W", "m/s²", &estimate.contacts[leg].linear_bias());
             self.state.dump_leg(Part::Estimation, leg, group).into()
         });
         let group = Group::new()
@@ -144,9 +144,9 @@ impl Quadruped {
         Group::new()
             .with("R_WB_des", &trunk.R_WB)
             .with_unit("w_WB_W_des", "rad/s", &trunk.w_WB_W)
-            .with_unit("e_o_W", "rad", &wbc.tasks.e_o_W)
-            .with_unit("wd_trunk", "rad/s²", &wbc.tasks.wd_trunk)
-            .with_unit("qdd_posture", "rad/s²", &wbc.tasks.qdd_posture)
+            .with_unit("e_o_W", "rad", &wbc.tasks.trunk.e_o_W)
+            .with_unit("wd_trunk", "rad/s²", &wbc.tasks.trunk.wd)
+            .with_unit("qdd_posture", "rad/s²", &wbc.tasks.posture.qdd)
             .with_unit("f_z_bounds", "N", by_leg(|leg| [wbc.f_z_bounds[leg].0, wbc.f_z_bounds[leg].1].into()))
             .with("rows", rows)
             .with("levels", levels)
@@ -157,7 +157,7 @@ impl Quadruped {
         for (leg, contact) in Leg::ALL.into_iter().zip(&mut overview.contacts) {
             contact.f_z_bounds = Some([wbc.f_z_bounds[leg].0, wbc.f_z_bounds[leg].1]);
         }
-        let orientation_error = named("e_o_W", "rad", &wbc.tasks.e_o_W);
+        let orientation_error = named("e_o_W", "rad", &wbc.tasks.trunk.e_o_W);
         overview.base.insert(1.min(overview.base.len()), orientation_error);
     }
 

@@ -7,8 +7,9 @@ use super::ground;
 use super::leg::{Leg, PerLeg};
 use super::robot::Robot;
 use super::state::State;
+use crate::contact::ContactState;
 use crate::math::{Rz, quaternion, rpy_of};
-use crate::model::{BaseState, Kinematics, bias_force, frame_bias_acceleration, mass_matrix, point_jacobian_linear};
+use crate::model::{BaseState, Kinematics, bias_force, mass_matrix};
 use crate::params::Params;
 use lcmtypes::RobotState;
 use nalgebra::{DMatrix, DVector, Matrix3, Vector3};
@@ -48,12 +49,8 @@ pub struct LegEstimate {
     pub v_BF_W: Vector3<f64>,
     /// HAA joint from the base origin, in W axes, m.
     pub p_hip_W: Vector3<f64>,
-    /// Velocity of the contact point of the foot, 3 x nv: `v_WF = J v`.
-    pub J: DMatrix<f64>,
-    /// Columns of `J` at the leg's joints, in W axes.
+    /// Columns of the contact's `J` at the leg's joints, in W axes.
     pub J_leg: Matrix3<f64>,
-    /// Acceleration of the contact point at `vd = 0`, without the part that a sphere has while it rolls on the ground, m/s². In stance `J vd = -a_bias_W`.
-    pub a_bias_W: Vector3<f64>,
 }
 
 /// The estimates of a tick. [`Estimate::update`] overwrites all of them.
@@ -64,6 +61,8 @@ pub struct Estimate {
     pub base: BaseEstimate,
     /// The legs.
     pub legs: PerLeg<LegEstimate>,
+    /// Contacts of the feet.
+    pub contacts: PerLeg<ContactState>,
     /// Mass matrix, nv x nv.
     pub M: DMatrix<f64>,
     /// Bias force, nv.
@@ -78,14 +77,7 @@ impl Estimate {
         let nv = robot.model.nv();
         let nan = Vector3::from_element(f64::NAN);
         let nan3 = Matrix3::from_element(f64::NAN);
-        let leg = LegEstimate {
-            p_BF_W: nan,
-            v_BF_W: nan,
-            p_hip_W: nan,
-            J: DMatrix::from_element(3, nv, f64::NAN),
-            J_leg: nan3,
-            a_bias_W: nan,
-        };
+        let leg = LegEstimate { p_BF_W: nan, v_BF_W: nan, p_hip_W: nan, J_leg: nan3 };
         Estimate {
             kin: Kinematics::new(&robot.model),
             base: BaseEstimate {
@@ -97,6 +89,7 @@ impl Estimate {
                 yaw_rate: f64::NAN,
             },
             legs: PerLeg([leg.clone(), leg.clone(), leg.clone(), leg]),
+            contacts: PerLeg(Leg::ALL.map(|leg| robot.contacts[leg].state(&robot.model))),
             M: DMatrix::from_element(nv, nv, f64::NAN),
             h: DVector::from_element(nv, f64::NAN),
             n_W: nan,
@@ -118,28 +111,19 @@ impl Estimate {
         mass_matrix(&robot.model, &self.kin, &mut self.M);
         bias_force(&robot.model, &self.kin, &mut self.h);
         self.n_W = ground::normal(gradient_W);
-        let p_FC_W = self.n_W * -robot.foot_radius;
         for leg in Leg::ALL {
-            let (of_robot, estimate) = (&robot.legs[leg], &mut self.legs[leg]);
-            let J = estimate.J.as_view_mut();
-            point_jacobian_linear(&robot.model, &self.kin, of_robot.foot, &p_FC_W, J);
-            for (k, &joint) in of_robot.joints.iter().enumerate() {
-                for row in 0..3 {
-                    estimate.J_leg[(row, k)] = estimate.J[(row, 6 + joint)];
-                }
-            }
+            let (of_robot, estimate, contact) = (&robot.legs[leg], &mut self.legs[leg], &mut self.contacts[leg]);
+            robot.contacts[leg].update(&robot.model, &self.kin, &self.n_W, contact);
             let mut qd = Vector3::zeros();
             for (k, &joint) in of_robot.joints.iter().enumerate() {
+                for row in 0..3 {
+                    estimate.J_leg[(row, k)] = contact.J[(row, 6 + joint)];
+                }
                 qd[k] = measured.qd[joint];
             }
-            estimate.p_BF_W = self.kin.p_BF_W(&robot.model, of_robot.foot) + p_FC_W;
+            estimate.p_BF_W = contact.p_BC_W;
             estimate.v_BF_W = self.base.w_WB_W.cross(&estimate.p_BF_W) + estimate.J_leg * qd;
             estimate.p_hip_W = self.kin.p_BF_W(&robot.model, of_robot.hip);
-            // The contact point of a sphere that rolls without slip is accelerated by w x (w x p_FC) towards the centre. The bias acceleration of the
-            // material point contains the same term, so it cancels; the angular bias times the lever p_FC remains.
-            let bias = frame_bias_acceleration(&robot.model, &self.kin, of_robot.foot);
-            let (linear, angular) = (Vector3::new(bias[0], bias[1], bias[2]), Vector3::new(bias[3], bias[4], bias[5]));
-            estimate.a_bias_W = linear + angular.cross(&p_FC_W);
         }
     }
 

@@ -8,12 +8,6 @@ pub fn normal(gradient: [f64; 2]) -> Vector3<f64> {
     Vector3::new(-gradient[0], -gradient[1], 1.0).normalize()
 }
 
-/// Two orthogonal unit tangents of a plane with this normal; the first has no y component.
-pub fn tangents(normal: &Vector3<f64>) -> [Vector3<f64>; 2] {
-    let t1 = Vector3::y().cross(normal).normalize();
-    [t1, normal.cross(&t1)]
-}
-
 /// Height of the plane below `p`, relative to its height below the origin, m.
 pub fn rise(gradient: [f64; 2], p: &Vector3<f64>) -> f64 {
     gradient[0] * p.x + gradient[1] * p.y

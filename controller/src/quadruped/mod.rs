@@ -40,6 +40,7 @@ mod plausible;
 pub mod recovery;
 pub mod reference;
 pub mod robot;
+pub mod stack_table;
 pub mod stand_sit;
 pub mod state;
 pub mod sway;

@@ -2,7 +2,9 @@
 
 use super::leg::{Leg, PerLeg};
 use super::leg_reach::LegReach;
+use crate::contact::Contact;
 use crate::error::LoadError;
+use crate::model::description::ContactGeometry;
 use crate::model::{
     Base, BaseState, FrameId, GRAVITY, JointKind, Kinematics, Model, UrdfTree, check_runnable, com,
     point_jacobian_linear,
@@ -27,15 +29,6 @@ pub struct LegModel {
     pub reach: LegReach,
 }
 
-impl LegModel {
-    /// Columns in which the Jacobian of the foot may be non-zero, ascending: those of the base, then those of the leg's joints.
-    pub fn columns(&self) -> Vec<usize> {
-        let mut columns: Vec<usize> = (0..6).chain(self.joints.map(|j| 6 + j)).collect();
-        columns.sort_unstable();
-        columns
-    }
-}
-
 /// The rigid-body model and what is derived from it.
 pub struct Robot {
     /// Rigid-body model, floating base.
@@ -46,6 +39,8 @@ pub struct Robot {
     pub trunk_inertia: Matrix3<f64>,
     /// The four legs.
     pub legs: PerLeg<LegModel>,
+    /// Contacts of the feet: spheres.
+    pub contacts: PerLeg<Contact>,
     /// Nominal posture, nj.
     pub q_nominal: Vec<f64>,
     /// Height of the base above the feet in the nominal posture, m.
@@ -150,12 +145,15 @@ impl Robot {
         }
         let R_IB = kin.R_WF(&model, imu).transpose();
         let weight = model.total_mass() * GRAVITY;
+        let sphere = ContactGeometry::Point { radius: config.foot_radius };
+        let contacts = PerLeg(Leg::ALL.map(|leg| Contact::new(leg.name(), &model, legs[leg].foot, &sphere)));
         let trunk_inertia = model.base_inertia();
         Ok(Robot {
             model,
             weight,
             trunk_inertia,
             legs,
+            contacts,
             q_nominal,
             nominal_height,
             sweep,

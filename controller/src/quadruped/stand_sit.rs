@@ -289,7 +289,7 @@ impl StandSit {
         let support = state.support;
         for joint in 0..state.tau_last.len() {
             let row = 6 + joint;
-            let feet = Leg::ALL.into_iter().fold(0.0, |sum, leg| sum + estimate.legs[leg].J[(2, row)] * f_z[leg]);
+            let feet = Leg::ALL.into_iter().fold(0.0, |sum, leg| sum + estimate.contacts[leg].J[(2, row)] * f_z[leg]);
             state.tau_last[joint] = support * (estimate.h[row] - feet);
         }
     }

@@ -1,39 +1,38 @@
 //! The whole-body controller: constraints of a quadruped, the stack of tasks subject to them, and joint torques from the solution.
 //!
 //! ```text
-//! x = [vd; F; s]:   minimize the tasks of `[stack] formula`, by weight or by priority, subject to C_fb, C_fc, C_acc, C_Fc, C_tau
+//! x = [vd; F; s]:   minimize the tasks of `[stack] formula`, by weight or by priority, subject to its constraints
 //! ```
-//! Source: Raiola et al. 2020, eqs. (4), (6)-(15). The size of the programs is constant: a foot in swing keeps its columns and rows, with zero force.
-//! Equal lower and upper bounds would leave no interior for an interior-point solver. Therefore the columns of that force are zero except in its
-//! own bounds, which are ±`RELEASED`. The regularization then gives F = 0 up to rounding, and the force is read as 0.
+//! Source: Raiola et al. 2020, eqs. (4), (6)-(15). The robot has four point contacts. The size of the programs is constant: a foot in swing keeps its
+//! columns and rows, with zero force.
 //!
-//! C_tau is not in the source: each joint torque stays within what its drive can do at the measured velocity. One slack `s` for all joints keeps
-//! the program feasible. Without C_tau in the formula, the program has neither these rows nor `s`.
+//! The torque limits are not in the source. One slack `s` for all joints keeps the program feasible. Without `torque_limits` in the formula, the program
+//! has no `s`.
 //!
-//! The tasks are in [`super::tasks`], levels and solvers in [`crate::stack`].
+//! The tasks are in [`super::tasks`], the table of names in [`super::stack_table`], the constraints in [`crate::constraints`], levels and solvers in
+//! [`crate::stack`].
 
 use super::estimation::Estimate;
 use super::foot_load::{carries, force_bounds};
-use super::ground;
 use super::leg::{Leg, LegPhase, PerLeg};
 use super::reference::References;
 use super::robot::Robot;
+use super::stack_table::{REGISTRY, TORQUE_LIMITS};
 use super::state::State;
-use super::tasks::{FORCE_UNIT, TaskInput, Tasks};
+use super::tasks::{TaskInput, Tasks};
 use super::timing::Timing;
 use super::trunk::TrunkReference;
+use crate::contact::{ContactLoad, FORCE_UNIT};
 use crate::error::LoadError;
 use crate::math::quaternion;
 use crate::params::Params;
 use crate::qp::{Backend, NamedViolation, Qp, QpInfo, QpStatus, RowNames, explain};
-use crate::stack::{Cascade, Constraint, Formula, Solver, StackError};
+use crate::stack::{
+    Cascade, Constraint, Formula, ModelState, Solver, StackError, Structure, Variables, pattern, update_all,
+};
 use lcmtypes::RobotState;
 use nalgebra::{DVector, Matrix3, Vector3};
 
-/// Half width of the bounds on the force of a foot in swing, in [`FORCE_UNIT`].
-const RELEASED: f64 = 1.0;
-/// Rows of the friction pyramid of a foot.
-const ROWS_FC: usize = 5;
 /// Weight of the squared torque slack, in units of the largest effort, relative to the largest weight of a task: 1 % of slack costs as much as a
 /// contact acceleration of 1 m/s². A larger weight would let the program plan feet that slip.
 const SLACK_WEIGHT: f64 = 1e4;
@@ -61,6 +60,9 @@ pub struct Wbc {
     /// Unit of the slack variable: the largest finite effort, N m; without one, [`FORCE_UNIT`].
     slack_unit: f64,
     formula: Formula,
+    variables: Variables,
+    constraints: Vec<Box<dyn Constraint>>,
+    loads: [ContactLoad; 4],
 }
 
 impl Wbc {
@@ -72,19 +74,21 @@ impl Wbc {
         let (nv, nj) = (robot.model.nv(), robot.nj());
         let nan = |n| DVector::from_element(n, f64::NAN);
         let formula = Formula::parse(&params.stack.formula)?;
-        let tasks = Tasks::new(robot, params, &formula)?;
-        let levels = tasks.levels(&formula)?;
-        let pattern = pattern(robot, &formula, tasks.columns());
+        let sizes = robot.contacts.0.iter().map(|contact| contact.size());
+        let variables = Variables::new(nv, sizes, formula.has(TORQUE_LIMITS));
+        let (tasks, levels) = Tasks::new(robot, params, &formula, &variables)?;
+        let of = Structure { model: &robot.model, contacts: &robot.contacts.0, variables: &variables };
+        let slack_unit = slack_unit(robot);
+        let constraints: Vec<Box<dyn Constraint>> =
+            REGISTRY.constraints_of(&formula).map(|entry| (entry.new)(&of, params, slack_unit)).collect();
+        let pattern = pattern(&constraints, &variables, tasks.columns());
         let heaviest = formula.terms().fold(0.0_f64, |most, (_, term)| most.max(term.weight));
-        let regularization = DVector::from_fn(pattern.n(), |i, _| match i {
-            _ if i < nv => params.wbc.regularization,
-            _ if i < nv + 12 => params.wbc.regularization * (FORCE_UNIT * FORCE_UNIT),
+        let regularization = DVector::from_fn(variables.len(), |i, _| match i {
+            _ if variables.motion().contains(&i) => params.wbc.regularization,
+            _ if variables.forces().contains(&i) => params.wbc.regularization * (FORCE_UNIT * FORCE_UNIT),
             _ => SLACK_WEIGHT * heaviest,
         });
-        let efforts = robot.model.joints.iter().map(|joint| joint.effort).filter(|effort| effort.is_finite());
-        let slack = formula.has(Constraint::TorqueLimits).then_some(nv + 12);
-        let largest = efforts.fold(0.0, f64::max);
-        let slack_unit = if largest > 0.0 { largest } else { FORCE_UNIT };
+        let slack = variables.slack();
         let each = |of_level: &Qp| params.qp.solver.build(of_level, params.wbc.max_iterations, params.wbc.tolerance);
         let solver = match params.qp.solver {
             Backend::ActiveSet => Solver::Shared(params.wbc.max_iterations),
@@ -103,6 +107,9 @@ impl Wbc {
             torque_slack: f64::NAN,
             slack_unit,
             formula,
+            variables,
+            constraints,
+            loads: [ContactLoad::NONE; 4],
         };
         wbc.check_at_home(robot, params)?;
         Ok(wbc)
@@ -119,11 +126,26 @@ impl Wbc {
         references: &References,
         state: &State,
     ) {
-        self.tasks.update(&TaskInput { robot, params, measured, estimate, references, state }, trunk);
-        self.base_dynamics(estimate, state);
-        self.friction(params, estimate, state);
-        self.bounds(params, state);
-        self.torque_limits(robot, measured, estimate, state);
+        let timing = Timing::of(state, params);
+        for leg in Leg::ALL {
+            self.f_z_bounds[leg] = force_bounds(state, params, &timing, estimate.M[(0, 0)], leg);
+            self.loads[leg as usize] = load(carries(state, leg), params.wbc.f_xy_max, self.f_z_bounds[leg]);
+        }
+        let Wbc { tasks, stack, variables, constraints, loads, .. } = self;
+        let model = ModelState {
+            model: &robot.model,
+            contacts: &robot.contacts.0,
+            variables,
+            q: &measured.q,
+            qd: &measured.qd,
+            kin: &estimate.kin,
+            M: &estimate.M,
+            h: &estimate.h,
+            at: &estimate.contacts.0,
+            loads: &loads[..],
+        };
+        tasks.update(&TaskInput { robot, params, measured, estimate, references, state, model }, trunk);
+        update_all(constraints, &model, stack.constraints());
         self.stack.build(&self.tasks.rows);
     }
 
@@ -148,11 +170,11 @@ impl Wbc {
         let nv = self.vd.len();
         self.vd.copy_from(&self.x.rows(0, nv));
         for leg in Leg::ALL {
-            let at = nv + 3 * leg as usize;
+            let at = self.variables.force(leg as usize).start;
             let f = Vector3::new(self.x[at], self.x[at + 1], self.x[at + 2]) * FORCE_UNIT;
             self.f_F_W[leg] = if carries(state, leg) { f } else { Vector3::zeros() };
         }
-        self.torque_slack = self.x.get(nv + 12).map_or(0.0, |slack| slack * self.slack_unit);
+        self.torque_slack = self.variables.slack().map_or(0.0, |slack| self.x[slack] * self.slack_unit);
         for j in 0..self.tau.len() {
             let row = 6 + j;
             let mut tau = estimate.h[row];
@@ -160,7 +182,7 @@ impl Wbc {
                 tau += estimate.M[(row, col)] * self.vd[col];
             }
             for leg in Leg::ALL {
-                tau -= estimate.legs[leg].J.column(row).dot(&self.f_F_W[leg]);
+                tau -= estimate.contacts[leg].J.column(row).dot(&self.f_F_W[leg]);
             }
             self.tau[j] = tau;
         }
@@ -196,25 +218,22 @@ impl Wbc {
 
     /// Names of the rows and variables of the quadratic programs.
     pub(super) fn row_names(&self, robot: &Robot) -> RowNames {
-        let base = ["force x", "force y", "force z", "moment x", "moment y", "moment z"];
-        let sides = ["normal force", "friction t1+", "friction t1-", "friction t2+", "friction t2-"];
         let mut variables: Vec<String> = ["base x", "base y", "base z", "base roll", "base pitch", "base yaw"]
             .map(|v| format!("acceleration of {v}"))
             .to_vec();
         variables.extend(robot.model.joints.iter().map(|joint| format!("acceleration of {}", joint.name)));
-        let by_foot = |names: &[&str]| -> Vec<String> {
-            Leg::ALL.iter().flat_map(|leg| names.iter().map(move |name| format!("{name} of {}", leg.name()))).collect()
-        };
-        variables.extend(by_foot(&["force x", "force y", "force z"]));
-        let mut inequalities = by_foot(&sides);
-        if self.formula.has(Constraint::TorqueLimits) {
-            variables.push("torque slack".to_owned());
-            let joints = || robot.model.joints.iter().map(|joint| &joint.name);
-            inequalities.extend(joints().map(|name| format!("largest torque of {name}")));
-            inequalities.extend(joints().map(|name| format!("smallest torque of {name}")));
+        for contact in &robot.contacts.0 {
+            variables.extend(["force x", "force y", "force z"].map(|force| format!("{force} of {}", contact.name)));
         }
-        let mut equalities = base.map(|row| format!("base dynamics, {row}")).to_vec();
-        let above = self.stack.levels.iter().map(|level| level.qp.b.len() - base.len()).max().unwrap_or(0);
+        if self.variables.slack().is_some() {
+            variables.push("torque slack".to_owned());
+        }
+        let (mut equalities, mut inequalities) = (Vec::new(), Vec::new());
+        for [equal, unequal] in self.constraints.iter().map(|constraint| constraint.names()) {
+            equalities.extend(equal);
+            inequalities.extend(unequal);
+        }
+        let above = self.stack.levels.iter().map(|level| level.qp.b.len() - equalities.len()).max().unwrap_or(0);
         equalities.extend((0..above).map(|row| format!("result of the levels above, direction {row}")));
         RowNames { equalities, inequalities, variables }
     }
@@ -245,142 +264,22 @@ impl Wbc {
         }
         Ok(())
     }
-
-    /// C_fb, the six rows of the floating base: `M_u vd - J_uᵀ F = -h_u`. Source: eq. (4).
-    fn base_dynamics(&mut self, estimate: &Estimate, state: &State) {
-        let nv = self.vd.len();
-        let qp = self.stack.constraints();
-        for row in 0..6 {
-            for col in 0..nv {
-                qp.A[(row, col)] = estimate.M[(row, col)];
-            }
-            for leg in Leg::ALL {
-                for k in 0..3 {
-                    let there = if carries(state, leg) { estimate.legs[leg].J[(k, row)] } else { 0.0 };
-                    qp.A[(row, nv + 3 * leg as usize + k)] = -there * FORCE_UNIT;
-                }
-            }
-            qp.b[row] = -estimate.h[row];
-        }
-    }
-
-    /// C_fc, the pyramid inside the friction cone, `c = μ √2/2`: `F·n ≥ f_min`, `|F·t1| ≤ c F·n`, `|F·t2| ≤ c F·n`. Source: eq. (10). The lower force
-    /// bound of stance is the right side of the first row, so that the normal force is positive on slopes too.
-    fn friction(&mut self, params: &Params, estimate: &Estimate, state: &State) {
-        let nv = self.vd.len();
-        let wanted = self.formula.has(Constraint::Friction);
-        let qp = self.stack.constraints();
-        let c = params.wbc.friction * std::f64::consts::FRAC_1_SQRT_2;
-        let n = estimate.n_W;
-        let [t1, t2] = ground::tangents(&n);
-        let timing = Timing::of(state, params);
-        for leg in Leg::ALL {
-            let (row, col) = (ROWS_FC * leg as usize, nv + 3 * leg as usize);
-            self.f_z_bounds[leg] = force_bounds(state, params, &timing, estimate.M[(0, 0)], leg);
-            let carries = wanted && carries(state, leg);
-            let rows = [-n, t1 - n * c, -t1 - n * c, t2 - n * c, -t2 - n * c];
-            for (i, direction) in rows.iter().enumerate() {
-                for k in 0..3 {
-                    qp.C[(row + i, col + k)] = if carries { direction[k] } else { 0.0 };
-                }
-                qp.d[row + i] = if carries { 0.0 } else { 1.0 };
-            }
-            if carries {
-                qp.d[row] = -self.f_z_bounds[leg].0 / FORCE_UNIT;
-            }
-        }
-    }
-
-    /// C_acc and C_Fc: bounds on joint accelerations and forces. Source: eqs. (11)-(12), Table 2.
-    fn bounds(&mut self, params: &Params, state: &State) {
-        let nv = self.vd.len();
-        let qp = self.stack.constraints();
-        if self.formula.has(Constraint::JointAcceleration) {
-            for j in 6..nv {
-                qp.lower[j] = -params.wbc.qdd_max;
-                qp.upper[j] = params.wbc.qdd_max;
-            }
-        }
-        for leg in Leg::ALL {
-            let at = nv + 3 * leg as usize;
-            let limits = if carries(state, leg) {
-                let xy = params.wbc.f_xy_max / FORCE_UNIT;
-                [(-xy, xy), (-xy, xy), (0.0, self.f_z_bounds[leg].1 / FORCE_UNIT)]
-            } else {
-                [(-RELEASED, RELEASED); 3]
-            };
-            for (k, (lower, upper)) in limits.into_iter().enumerate() {
-                qp.lower[at + k] = lower;
-                qp.upper[at + k] = upper;
-            }
-        }
-    }
-
-    /// C_tau: `least ≤ tau ≤ most`, softened by the slack, with `tau = M vd + h - Jᵀ F` at the joints. First the rows of the largest torques, then
-    /// those of the smallest. An infinite limit has a row of zeros.
-    ///
-    /// ```text
-    /// (M vd - Jᵀ F)_j - s ≤ most_j - h_j         -(M vd - Jᵀ F)_j - s ≤ h_j - least_j
-    /// ```
-    fn torque_limits(&mut self, robot: &Robot, measured: &RobotState, estimate: &Estimate, state: &State) {
-        if !self.formula.has(Constraint::TorqueLimits) {
-            return;
-        }
-        let (nv, nj, slack_unit) = (self.vd.len(), self.tau.len(), self.slack_unit);
-        let qp = self.stack.constraints();
-        for (leg, of_leg) in robot.legs.iter() {
-            let carries = carries(state, leg);
-            for j in of_leg.joints {
-                let (upper, lower) = (ROWS_FC * 4 + j, ROWS_FC * 4 + nj + j);
-                let (least, most) = robot.model.joints[j].torque_range(measured.qd[j]);
-                let (above, below) = (most.is_finite(), least.is_finite());
-                let mut write = |col: usize, value: f64| {
-                    qp.C[(upper, col)] = if above { value } else { 0.0 };
-                    qp.C[(lower, col)] = if below { -value } else { 0.0 };
-                };
-                for col in (0..6).chain(of_leg.joints.map(|k| 6 + k)) {
-                    write(col, estimate.M[(6 + j, col)]);
-                }
-                for k in 0..3 {
-                    let there = if carries { estimate.legs[leg].J[(k, 6 + j)] } else { 0.0 };
-                    write(nv + 3 * leg as usize + k, -there * FORCE_UNIT);
-                }
-                let h = estimate.h[6 + j];
-                for (row, limited, side) in [(upper, above, most - h), (lower, below, h - least)] {
-                    qp.d[row] = if limited { side } else { 1.0 };
-                    qp.C[(row, nv + 12)] = if limited { -slack_unit } else { 0.0 };
-                }
-            }
-        }
-    }
 }
 
-/// The elements of the quadratic programs that can be non-zero.
+/// What a foot may carry.
 ///
-/// - `columns`: variables that the tasks may couple.
-fn pattern(robot: &Robot, formula: &Formula, columns: usize) -> Qp {
-    let (nv, nj) = (robot.model.nv(), robot.nj());
-    let limited = formula.has(Constraint::TorqueLimits);
-    let mut qp = Qp::zeros(nv + 12 + usize::from(limited), 6, ROWS_FC * 4 + if limited { 2 * nj } else { 0 });
-    qp.H.view_mut((0, 0), (columns, columns)).fill(1.0);
-    qp.A.columns_mut(0, nv + 12).fill(1.0);
-    for (leg, of_leg) in robot.legs.iter().filter(|_| limited) {
-        let forces = (0..3).map(|k| nv + 3 * leg as usize + k);
-        let cols: Vec<usize> = (0..6).chain(of_leg.joints.map(|j| 6 + j)).chain(forces).chain([nv + 12]).collect();
-        for j in of_leg.joints {
-            for &col in &cols {
-                qp.C[(ROWS_FC * 4 + j, col)] = 1.0;
-                qp.C[(ROWS_FC * 4 + nj + j, col)] = 1.0;
-            }
-        }
-    }
-    for leg in 0..4 {
-        qp.C.view_mut((ROWS_FC * leg, nv + 3 * leg), (ROWS_FC, 3)).fill(1.0);
-    }
-    let bounded = formula.has(Constraint::JointAcceleration);
-    for i in if bounded { 6 } else { nv }..nv + 12 {
-        qp.lower[i] = -1.0;
-        qp.upper[i] = 1.0;
-    }
-    qp
+/// - `f_xy`: largest horizontal force along x and y, N.
+/// - `f_z`: bounds of the vertical force, N. The lower one limits the normal force.
+fn load(active: bool, f_xy: f64, f_z: (f64, f64)) -> ContactLoad {
+    let mut load = ContactLoad { active, least_normal: f_z.0, ..ContactLoad::NONE };
+    load.lower[..3].copy_from_slice(&[-f_xy, -f_xy, 0.0]);
+    load.upper[..3].copy_from_slice(&[f_xy, f_xy, f_z.1]);
+    load
+}
+
+/// The largest finite effort of a joint, N m; without one, [`FORCE_UNIT`].
+fn slack_unit(robot: &Robot) -> f64 {
+    let efforts = robot.model.joints.iter().map(|joint| joint.effort).filter(|effort| effort.is_finite());
+    let largest = efforts.fold(0.0, f64::max);
+    if largest > 0.0 { largest } else { FORCE_UNIT }
 }

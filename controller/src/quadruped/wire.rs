@@ -63,7 +63,7 @@ impl Messages {
         m.rpy_est = estimate.base.rpy;
         m.w_WB_W_des = trunk.w_WB_W.into();
         m.w_WB_W_est = estimate.base.w_WB_W.into();
-        m.e_o_W = wbc.tasks.e_o_W.into();
+        m.e_o_W = wbc.tasks.trunk.e_o_W.into();
         m.height_des = robot.nominal_height + state.height_offset;
         m.height_est = state.height;
         m.v_H_des = state.v_H_des;

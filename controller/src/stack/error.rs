@@ -1,5 +1,7 @@
 //! Errors of a stack of tasks.
 
+use crate::model::near_list;
+
 /// Reasons why a stack is invalid. Columns count the characters of `stack.formula` from 1.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
@@ -25,7 +27,7 @@ pub enum StackError {
         found: f64,
     },
     /// No task of this name.
-    #[error("stack.formula, column {column}: unknown task \"{task}\", known: {known}")]
+    #[error("stack.formula, column {column}: unknown task \"{task}\", known: {known}{}", near_list(.near))]
     UnknownTask {
         /// Position.
         column: usize,
@@ -33,9 +35,11 @@ pub enum StackError {
         task: String,
         /// Known names.
         known: String,
+        /// Those similar to the unknown name.
+        near: Vec<String>,
     },
     /// No constraint of this name.
-    #[error("stack.formula, column {column}: unknown constraint \"{constraint}\", known: {known}")]
+    #[error("stack.formula, column {column}: unknown constraint \"{constraint}\", known: {known}{}", near_list(.near))]
     UnknownConstraint {
         /// Position.
         column: usize,
@@ -43,6 +47,8 @@ pub enum StackError {
         constraint: String,
         /// Known names.
         known: String,
+        /// Those similar to the unknown name.
+        near: Vec<String>,
     },
     /// A constraint occurs twice.
     #[error("stack.formula, column {column}: constraint {constraint} occurs twice")]
@@ -50,7 +56,19 @@ pub enum StackError {
         /// Position of the second occurrence.
         column: usize,
         /// Its name.
-        constraint: &'static str,
+        constraint: String,
+    },
+    /// Rows that cannot be written in the variables of the program.
+    #[error(
+        "stack.formula, column {column}: {name} has rows of the {level} level, which the variables of this controller do not have"
+    )]
+    Level {
+        /// Position.
+        column: usize,
+        /// Name of the task or the constraint.
+        name: String,
+        /// Its level.
+        level: &'static str,
     },
     /// A mandatory constraint is missing: without it the solution is physically meaningless.
     #[error("stack.formula: constraint {constraint} is missing, add `<< {constraint}`")]

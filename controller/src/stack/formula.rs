@@ -14,7 +14,7 @@ pub struct Formula {
     /// Levels, the most important first; at least one.
     pub levels: Vec<Priority>,
     /// Constraints of all levels.
-    pub constraints: Vec<Constraint>,
+    pub constraints: Vec<ConstraintTerm>,
 }
 
 /// The tasks of a level; at least one.
@@ -33,43 +33,20 @@ pub struct TaskTerm {
     pub column: usize,
 }
 
-/// Constraints of a legged robot. Source: Raiola et al. 2020, eqs. (4), (10)-(12).
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Constraint {
-    /// Dynamics of the floating base.
-    BaseDynamics,
-    /// Friction pyramids.
-    Friction,
-    /// Bounds of joint accelerations.
-    JointAcceleration,
-    /// Bounds of contact forces.
-    ForceBounds,
-    /// Torque limits of the joints, with one slack for all of them.
-    TorqueLimits,
-}
-
-impl Constraint {
-    /// All constraints.
-    pub const ALL: [Constraint; 5] = [
-        Constraint::BaseDynamics,
-        Constraint::Friction,
-        Constraint::JointAcceleration,
-        Constraint::ForceBounds,
-        Constraint::TorqueLimits,
-    ];
-
-    /// Name in a formula.
-    pub fn name(self) -> &'static str {
-        ["base_dynamics", "friction", "joint_acceleration", "force_bounds", "torque_limits"][self as usize]
-    }
+/// A constraint in a formula.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct ConstraintTerm {
+    /// Name of the constraint.
+    pub name: String,
+    /// Position of the name, in characters from 1.
+    pub column: usize,
 }
 
 impl Formula {
-    /// Parses a formula.
+    /// Parses a formula. The names are checked by [`Registry::check`](super::Registry::check).
     ///
     /// # Errors
-    /// Syntax errors, weights that are not positive, unknown or repeated constraints, repeated rows of a task, missing
-    /// constraints `base_dynamics` or `force_bounds`.
+    /// Syntax errors, weights that are not positive, repeated constraints, repeated rows of a task.
     pub fn parse(text: &str) -> Result<Self, StackError> {
         let mut reader = Reader { tokens: tokens(text)?, at: 0 };
         let (mut levels, mut constraints) = (vec![reader.level()?], Vec::new());
@@ -77,9 +54,10 @@ impl Formula {
             levels.push(reader.level()?);
         }
         while reader.take("<<") {
-            let (column, constraint) = reader.constraint()?;
-            if constraints.contains(&constraint) {
-                return Err(StackError::ConstraintTwice { column, constraint: constraint.name() });
+            let constraint = reader.constraint()?;
+            if constraints.iter().any(|before: &ConstraintTerm| before.name == constraint.name) {
+                let ConstraintTerm { name: constraint, column } = constraint;
+                return Err(StackError::ConstraintTwice { column, constraint });
             }
             constraints.push(constraint);
         }
@@ -87,19 +65,14 @@ impl Formula {
             reader.end("+, /, << or [")?;
         }
         reader.end("<< or the end")?;
-        for needed in [Constraint::BaseDynamics, Constraint::ForceBounds] {
-            if !constraints.contains(&needed) {
-                return Err(StackError::ConstraintMissing { constraint: needed.name() });
-            }
-        }
         let formula = Formula { levels, constraints };
         formula.check_repeated_rows()?;
         Ok(formula)
     }
 
     /// Whether it contains a constraint.
-    pub fn has(&self, constraint: Constraint) -> bool {
-        self.constraints.contains(&constraint)
+    pub fn has(&self, constraint: &str) -> bool {
+        self.constraints.iter().any(|term| term.name == constraint)
     }
 
     /// Every term with the number of its level, from 0.
@@ -271,16 +244,12 @@ impl Reader {
         }
     }
 
-    fn constraint(&mut self) -> Result<(usize, Constraint), StackError> {
+    fn constraint(&mut self) -> Result<ConstraintTerm, StackError> {
         let token = self.next();
         if !token.is_name() {
             return Err(syntax(token.column, &token.text, "a constraint"));
         }
-        let constraint = Constraint::ALL.into_iter().find(|c| c.name() == token.text).ok_or_else(|| {
-            let known = Constraint::ALL.map(Constraint::name).join(", ");
-            StackError::UnknownConstraint { column: token.column, constraint: token.text.clone(), known }
-        })?;
-        Ok((token.column, constraint))
+        Ok(ConstraintTerm { name: token.text, column: token.column })
     }
 }
 
@@ -307,7 +276,10 @@ mod tests {
         let s3 = Formula::parse(S3).unwrap();
         let names: Vec<&str> = s3.terms().map(|(_, t)| t.task.as_str()).collect();
         assert_eq!((s3.levels.len(), names), (3, vec!["contact", "trunk", "posture"]));
-        assert_eq!((s1.constraints, s3.constraints), (Constraint::ALL.to_vec(), Constraint::ALL.to_vec()));
+        let constraints = |of: &Formula| of.constraints.iter().map(|term| term.name.clone()).collect::<Vec<_>>();
+        assert_eq!(constraints(&s1), constraints(&s3));
+        assert_eq!(constraints(&s1)[..2], ["base_dynamics", "friction"]);
+        assert_eq!((s1.has("torque_limits"), s1.has("torque")), (true, false));
     }
 
     #[test]
@@ -341,11 +313,9 @@ mod tests {
             ("trunk[0,0]", "column 9: row 0 of trunk occurs twice, first at column 1"),
             ("trunk / posture + trunk", "column 19: row 0 of trunk occurs twice, first at column 1"),
             ("trunk[2,1] / trunk[0,2]", "column 14: row 2 of trunk occurs twice"),
-            ("a << fricton", "column 6: unknown constraint \"fricton\", known: base_dynamics, friction,"),
             ("a << friction << friction", "column 18: constraint friction occurs twice"),
             ("a << friction / b", "column 15: found `/`, expected << or the end"),
             ("a << ", "column 6: found the end, expected a constraint"),
-            ("a << friction << force_bounds", "constraint base_dynamics is missing"),
             ("a < b", "column 3: found `<`"),
         ] {
             let enough = if text.contains("trunk") && !text.ends_with(',') { ENOUGH } else { "" };

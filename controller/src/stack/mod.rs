@@ -15,20 +15,25 @@
 //! Source: Raiola et al. 2020, section 2.3, eqs. (13)-(15).
 
 mod basis;
-mod cartesian;
 mod cascade;
 mod error;
 mod formula;
+mod physical;
+mod registry;
 mod rows;
+mod variables;
 
 pub use basis::{Basis, DEPENDENT};
-pub use cartesian::{Cartesian, CartesianConfig};
 pub use cascade::{Cascade, Level, Solver, Term};
 pub use error::StackError;
 pub(crate) use formula::is_name;
-pub use formula::{Constraint, Formula, Priority, TaskTerm};
+pub use formula::{ConstraintTerm, Formula, Priority, TaskTerm};
+pub use physical::{Constraint, ConstraintRows, ModelState, PhysicalLevel, Size, Structure, Task, pattern, update_all};
+pub use registry::{Entry, Registry};
 pub use rows::Rows;
+pub use variables::Variables;
 
+use crate::tasks::acceleration::CartesianConfig;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 

@@ -93,7 +93,7 @@ pub fn set_base(robot: &Robot, input: &mut ControllerInput, R_WB: &Matrix3<f64>,
 pub fn set_torques(robot: &Robot, estimate: &mut Estimate, input: &mut ControllerInput, f_F_W: &[Vector3<f64>; 4]) {
     estimate.update(robot, &input.state);
     for j in 0..robot.nj() {
-        let lever = |leg: Leg| estimate.legs[leg].J.column(6 + j).dot(&f_F_W[leg as usize]);
+        let lever = |leg: Leg| estimate.contacts[leg].J.column(6 + j).dot(&f_F_W[leg as usize]);
         input.state.tau[j] = estimate.h[6 + j] - Leg::ALL.into_iter().map(lever).sum::<f64>();
     }
 }

@@ -10,8 +10,8 @@ use analysis::Run;
 use analysis::stats::Distribution;
 use analysis::table::{Column, Table};
 use analysis::tables::{TrackingRow, tracking_rows};
-use controller::quadruped::tasks::net_wrench;
 use controller::stack::{Basis, S1};
+use controller::tasks::force::net_wrench;
 use nalgebra::Vector3;
 
 pub(super) const EXPERIMENT: Experiment = Experiment {
@@ -167,7 +167,7 @@ fn measure(run: &Run) -> Measured {
             measured.slip.extend(truth.slip_speed(leg));
         }
         let feet = [0, 1, 2, 3].map(|leg| stands(leg).then(|| Vector3::from(truth.p_WF[leg])));
-        net_wrench(&mut net, &feet);
+        net_wrench(&mut net, &[3; 4], &feet);
         let mut forces: Vec<f64> =
             (0..12).map(|i| if feet[i / 3].is_some() { truth.f_F_W[i / 3][i % 3] } else { 0.0 }).collect();
         for row in 0..6 {

@@ -9,21 +9,26 @@
 //!
 //! `r_d` is the stance reference of the posture task. Twelve rows, x y z of LF RF LH RH, m/s²; a foot without load has none.
 
-use super::task::{Task, TaskInput};
+use super::task::{QuadrupedTask, TaskInput};
 use crate::quadruped::foot_load::carries;
 use crate::quadruped::leg::{Leg, PerLeg};
 use crate::quadruped::robot::Robot;
-use crate::stack::Rows;
+use crate::stack::{Rows, Structure, Task};
+use crate::tasks::acceleration::ContactsAtRest;
 use nalgebra::Vector3;
 
-struct RelativeFeet;
+struct RelativeFeet(ContactsAtRest);
 
 /// Builds the task.
-pub fn new(robot: &Robot) -> (Rows, Box<dyn Task>) {
-    (Rows::new(robot.model.nv(), robot.legs.0.iter().map(|leg| (3, leg.columns()))), Box::new(RelativeFeet))
+pub fn new(of: &Structure<'_>, _robot: &Robot) -> Box<dyn QuadrupedTask> {
+    Box::new(RelativeFeet(ContactsAtRest::new(of)))
 }
 
-impl Task for RelativeFeet {
+impl QuadrupedTask for RelativeFeet {
+    fn rows(&self) -> Rows {
+        self.0.rows()
+    }
+
     fn fill(&mut self, input: &TaskInput<'_>, rows: &mut Rows) {
         let TaskInput { params, estimate, references, state, .. } = *input;
         let gains = &params.relative_feet;
@@ -38,16 +43,11 @@ impl Task for RelativeFeet {
                 count += 1.0;
             }
         }
-        for leg in Leg::ALL {
-            let loaded = carries(state, leg);
-            rows.switch(leg as usize, loaded);
-            if loaded {
-                let at = 3 * leg as usize;
-                rows.A.rows_mut(at, 3).copy_from(&estimate.legs[leg].J);
-                let asked = feedback[leg] - sum / count - estimate.legs[leg].a_bias_W;
-                for k in 0..3 {
-                    rows.b[at + k] = asked[k];
-                }
+        self.0.update(&input.model, &(), rows);
+        for leg in Leg::ALL.into_iter().filter(|leg| carries(state, *leg)) {
+            let asked = feedback[leg] - sum / count - estimate.contacts[leg].linear_bias();
+            for k in 0..3 {
+                rows.b[3 * leg as usize + k] = asked[k];
             }
         }
     }

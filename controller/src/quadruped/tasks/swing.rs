@@ -13,26 +13,32 @@
 //!
 //! Twelve rows, x y z of LF RF LH RH, m/s². A leg whose three rows are in the formula has no rows in the posture task while it swings.
 
-use super::task::{Task, TaskInput};
+use super::task::{QuadrupedTask, TaskInput};
 use crate::model::{frame_bias_acceleration, point_jacobian_linear};
 use crate::quadruped::leg::Leg;
 use crate::quadruped::robot::Robot;
-use crate::stack::Rows;
+use crate::stack::{Rows, Structure};
 use nalgebra::{DMatrix, Matrix3, Vector3};
 
 struct Swing {
+    /// Columns of each foot in which the rows may be non-zero.
+    columns: Vec<Vec<usize>>,
     /// Jacobian of a foot's centre, 3 x nv.
     J: DMatrix<f64>,
 }
 
 /// Builds the task.
-pub fn new(robot: &Robot) -> (Rows, Box<dyn Task>) {
-    let nv = robot.model.nv();
-    let of_foot = |leg: Leg| (3, robot.legs[leg].columns().split_off(3));
-    (Rows::new(nv, Leg::ALL.map(of_foot)), Box::new(Swing { J: DMatrix::from_element(3, nv, f64::NAN) }))
+pub fn new(of: &Structure<'_>, robot: &Robot) -> Box<dyn QuadrupedTask> {
+    let nv = of.model.nv();
+    let columns = robot.contacts.0.iter().map(|contact| contact.columns[3..].to_vec()).collect();
+    Box::new(Swing { columns, J: DMatrix::from_element(3, nv, f64::NAN) })
 }
 
-impl Task for Swing {
+impl QuadrupedTask for Swing {
+    fn rows(&self) -> Rows {
+        Rows::new(self.J.ncols(), self.columns.iter().map(|columns| (3, columns.clone())))
+    }
+
     fn fill(&mut self, input: &TaskInput<'_>, rows: &mut Rows) {
         let TaskInput { robot, params, estimate, references, state, .. } = *input;
         let (kin, base) = (&estimate.kin, &estimate.base);
