@@ -51,7 +51,7 @@ pub enum ParamsError {
     #[error("parameter {key} is {found}, expected {expected}")]
     OutOfRange {
         /// The key.
-        key: String,
+        key: Box<str>,
         /// Its value.
         found: f64,
         /// The range, with its unit.

@@ -96,7 +96,7 @@ impl Params {
                 numbers(bound.key, value, &mut found);
             }
             if let Some((key, found)) = found.into_iter().find(|(_, x)| !(bound.range.contains)(*x)) {
-                return Err(ParamsError::OutOfRange { key, found, expected: bound.text() });
+                return Err(ParamsError::OutOfRange { key: key.into(), found, expected: bound.text() });
             }
         }
         let Params { robot, gait, wbc, contact, .. } = self;
@@ -153,7 +153,7 @@ fn numbers(key: &str, value: &toml::Value, found: &mut Vec<(String, f64)>) {
 
 fn less(key: &str, holds: bool, found: f64, relation: &str, limit: f64) -> Result<(), ParamsError> {
     let expected = || format!("{relation} ({limit})");
-    if holds { Ok(()) } else { Err(ParamsError::OutOfRange { key: key.to_owned(), found, expected: expected() }) }
+    if holds { Ok(()) } else { Err(ParamsError::OutOfRange { key: key.into(), found, expected: expected() }) }
 }
 
 #[cfg(test)]
@@ -254,7 +254,7 @@ mod tests {
             for value in ["1e9", "-1", "nan", "inf"] {
                 let value = if bound.key == "safety.max_qp_failures" { "1000000" } else { value };
                 let error = overridden(bound.key, value).unwrap_err();
-                assert!(matches!(&error, ParamsError::OutOfRange { key, .. } if *key == bound.key), "{error}");
+                assert!(matches!(&error, ParamsError::OutOfRange { key, .. } if **key == *bound.key), "{error}");
             }
         }
     }
@@ -283,7 +283,7 @@ mod tests {
         ] {
             let error = with(bad).unwrap_err();
             let expected = format!("robot.drives.j1.{found}");
-            assert!(matches!(&error, ParamsError::OutOfRange { key, .. } if *key == expected), "{error}");
+            assert!(matches!(&error, ParamsError::OutOfRange { key, .. } if **key == *expected), "{error}");
         }
     }
 
@@ -327,7 +327,7 @@ mod tests {
             ("robot.posture.j1", "nan"),
         ] {
             let error = overridden(key, value).unwrap_err();
-            assert!(matches!(&error, ParamsError::OutOfRange { key: found, .. } if found == key), "{error}");
+            assert!(matches!(&error, ParamsError::OutOfRange { key: found, .. } if **found == *key), "{error}");
         }
         let error = Params::from_toml(&format!("{ROBOT}\n[wbc]\nmu = 0.5"), "box.toml").unwrap_err();
         let ParamsError::Parse { source_name, error } = error else { panic!("{error}") };

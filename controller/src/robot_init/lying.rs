@@ -106,7 +106,8 @@ fn turned_outward(body: &mut Body, plan: &Plan, from: [f64; 3], level: f64, rang
 }
 
 /// The leg with its foot as level with the bottom of the trunk as the limits allow, and no knee below the foot; of similar postures, the one with
-/// the smallest abduction. `from` if every posture has the knee below the foot.
+/// small abduction and near `from`: the legs of a robot with equal front and hind legs then turn to opposite sides. `from` if every posture has the knee
+/// below the foot.
 fn spread(body: &mut Body, plan: &Plan, from: [f64; 3], bottom: f64, foot_radius: f64) -> [f64; 3] {
     let ranges = plan.leg.joints.map(|joint| body.range(joint));
     let mut best = (f64::INFINITY, from);
@@ -123,7 +124,8 @@ fn spread(body: &mut Body, plan: &Plan, from: [f64; 3], bottom: f64, foot_radius
                 if knee > foot {
                     continue;
                 }
-                let cost = (foot - bottom).abs() + 1e-3 * q[0].abs();
+                let moved = (0..3).map(|k| (q[k] - from[k]).abs()).fold(0.0, f64::max);
+                let cost = (foot - bottom).abs() + 1e-3 * (q[0].abs() + moved);
                 if cost < best.0 {
                     best = (cost, q);
                 }

@@ -32,11 +32,11 @@ pub enum StackError {
         /// Position.
         column: usize,
         /// The unknown name.
-        task: String,
+        task: Box<str>,
         /// Known names.
-        known: String,
+        known: Box<str>,
         /// Those similar to the unknown name.
-        near: Vec<String>,
+        near: Box<[String]>,
     },
     /// No constraint of this name.
     #[error("stack.formula, column {column}: unknown constraint \"{constraint}\", known: {known}{}", near_list(.near))]
@@ -44,11 +44,11 @@ pub enum StackError {
         /// Position.
         column: usize,
         /// The unknown name.
-        constraint: String,
+        constraint: Box<str>,
         /// Known names.
-        known: String,
+        known: Box<str>,
         /// Those similar to the unknown name.
-        near: Vec<String>,
+        near: Box<[String]>,
     },
     /// A constraint occurs twice.
     #[error("stack.formula, column {column}: constraint {constraint} occurs twice")]

@@ -40,14 +40,14 @@ impl<T, C> Registry<T, C> {
             let entry = self.tasks.iter().find(|entry| entry.name == term.task).ok_or_else(|| {
                 let names = self.tasks.iter().map(|entry| entry.name).chain(further.iter().copied());
                 let (known, near) = known_and_near(&term.task, names);
-                StackError::UnknownTask { column: term.column, task: term.task.clone(), known, near }
+                StackError::UnknownTask { column: term.column, task: term.task.as_str().into(), known, near }
             })?;
             check_level(&term.task, term.column, entry.level, variables)?;
         }
         for constraint in &formula.constraints {
             let entry = self.constraints.iter().find(|entry| entry.name == constraint.name).ok_or_else(|| {
                 let (known, near) = known_and_near(&constraint.name, self.constraints.iter().map(|entry| entry.name));
-                let (column, constraint) = (constraint.column, constraint.name.clone());
+                let (column, constraint) = (constraint.column, constraint.name.as_str().into());
                 StackError::UnknownConstraint { column, constraint, known, near }
             })?;
             check_level(&constraint.name, constraint.column, entry.level, variables)?;
@@ -67,8 +67,8 @@ fn check_level(name: &str, column: usize, level: PhysicalLevel, variables: &Vari
 }
 
 /// The known names as a list, and those similar to `wanted`.
-fn known_and_near<'a>(wanted: &str, names: impl Iterator<Item = &'a str> + Clone) -> (String, Vec<String>) {
-    (names.clone().collect::<Vec<_>>().join(", "), near_names(wanted, names))
+fn known_and_near<'a>(wanted: &str, names: impl Iterator<Item = &'a str> + Clone) -> (Box<str>, Box<[String]>) {
+    (names.clone().collect::<Vec<_>>().join(", ").into(), near_names(wanted, names).into())
 }
 
 #[cfg(test)]
@@ -100,10 +100,10 @@ mod tests {
         let unknown = check("posture / postre << dynamics", &whole);
         let StackError::UnknownTask { column, task, known, near } = unknown.unwrap_err() else { panic!() };
         assert_eq!((column, &*task, &*known), (11, "postre", "posture, rolling, cone, own"));
-        assert_eq!(near, ["posture"]);
+        assert_eq!(*near, ["posture"]);
         let unknown = check("posture << dynamics << frction", &whole);
         let StackError::UnknownConstraint { column, near, .. } = unknown.unwrap_err() else { panic!() };
-        assert_eq!((column, near), (24, vec!["friction".to_owned()]));
+        assert_eq!((column, &*near), (24, &["friction".to_owned()][..]));
         assert_eq!(check("posture << friction", &whole), Err(StackError::ConstraintMissing { constraint: "dynamics" }));
         let wrong = |column, name: &str, level| Err(StackError::Level { column, name: name.to_owned(), level });
         assert_eq!(check("posture + rolling << dynamics", &whole), wrong(11, "rolling", "velocity"));
