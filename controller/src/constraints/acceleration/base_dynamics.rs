@@ -33,17 +33,23 @@ impl Constraint for BaseDynamics {
     }
 
     fn update(&mut self, state: &ModelState<'_>, rows: &mut ConstraintRows<'_>) {
-        let (qp, first) = (&mut *rows.qp, rows.equality);
-        for row in 0..self.n_base {
-            for col in state.variables.motion() {
-                qp.A[(first + row, col)] = state.M[(row, col)];
-            }
-            for (contact, (at, load)) in state.at.iter().zip(state.loads).enumerate() {
-                for (k, col) in state.variables.force(contact).enumerate() {
-                    let there = if load.active { at.J[(k, row)] } else { 0.0 };
-                    qp.A[(first + row, col)] = -there * FORCE_UNIT;
+        let (qp, first, n) = (&mut *rows.qp, rows.equality, self.n_base);
+        // By columns, which are contiguous.
+        for col in state.variables.motion() {
+            qp.A.column_mut(col).as_mut_slice()[first..first + n].copy_from_slice(&state.M.column(col).as_slice()[..n]);
+        }
+        for (contact, (at, load)) in state.at.iter().zip(state.loads).enumerate() {
+            for (k, col) in state.variables.force(contact).enumerate() {
+                let mut column = qp.A.column_mut(col);
+                let column = &mut column.as_mut_slice()[first..first + n];
+                // -0.0 as the product with a force unit of a Jacobian that is 0.
+                column.fill(-0.0);
+                if load.active {
+                    column.iter_mut().enumerate().for_each(|(row, entry)| *entry = -at.J[(k, row)] * FORCE_UNIT);
                 }
             }
+        }
+        for row in 0..n {
             qp.b[first + row] = -state.h[row];
         }
     }

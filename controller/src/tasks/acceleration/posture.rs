@@ -123,11 +123,11 @@ impl Task for Posture {
             }
             for (k, &j) in self.groups[group].iter().enumerate() {
                 self.qdd[j] = self.u[k] + reference.qdd[j];
-                rows.switch(j, reference.active[group]);
-                if reference.active[group] {
-                    rows.A[(j, self.n_base + j)] = 1.0;
-                    rows.b[j] = self.qdd[j];
+                if rows.is_on(j) != reference.active[group] {
+                    rows.switch(j, reference.active[group]);
+                    rows.A[(j, self.n_base + j)] = f64::from(u8::from(reference.active[group]));
                 }
+                rows.b[j] = if reference.active[group] { self.qdd[j] } else { 0.0 };
             }
         }
     }

@@ -32,10 +32,14 @@ impl Task for ContactsAtRest {
     fn update(&mut self, state: &ModelState<'_>, _reference: &(), rows: &mut Rows) {
         let mut first = 0;
         for (i, (at, load)) in state.at.iter().zip(state.loads).enumerate() {
-            let size = self.blocks[i].0;
+            let (size, columns) = &self.blocks[i];
             rows.switch(i, load.active);
             if load.active {
-                rows.A.rows_mut(first, size).copy_from(&at.J);
+                for &col in columns {
+                    for k in 0..*size {
+                        rows.A[(first + k, col)] = at.J[(k, col)];
+                    }
+                }
             }
             first += size;
         }
