@@ -3,7 +3,7 @@
 //! - Speed: in a stride every foot moves as far as the base, so `|v + ψ̇ e_z × p_foot| T ≤ foothold.max_step_length` for each foot. Velocity and yaw
 //!   rate beyond it are scaled by one factor, which keeps the direction. A gait in which a leg never lifts off stays in place.
 //! - Reach: for roll, pitch and height of the trunk the feet must be within reach of the legs, with a margin to the singular posture and to the
-//!   effort limits. While the robot walks this holds at both ends of the stance.
+//!   effort limits. While the robot walks this holds at both ends of the stance, and at the top of the swing the legs must not be folded.
 //!
 //! A reference moves towards the request and stops at the limit of the legs. If the present pose becomes unreachable, for example because the robot
 //! starts to walk, the reference returns towards the nominal pose.
@@ -23,6 +23,8 @@ const VOLUME_STANDING: f64 = 0.02;
 /// Smallest volume of a leg of a walking robot, relative to that of the nominal posture: steps on uneven ground and after a push need more length of
 /// the leg.
 const VOLUME_WALKING: f64 = 0.44;
+/// Smallest [`super::leg_reach::LegReach::extent`] of a leg at the top of its swing: nearer to the hip the joints of a folded leg move too fast.
+const EXTENT_SWING: f64 = 0.2;
 /// Volume of a stance leg below which a walking base stops.
 const VOLUME_STOP: f64 = 0.1;
 /// Largest ratio of a joint torque to its effort limit, unless [`TORQUE_GROWTH`] allows more.
@@ -174,6 +176,10 @@ pub fn is_reachable(
         let nominal = of_robot.reach.nominal();
         let least = if walk.is_some() { VOLUME_WALKING * nominal.volume } else { VOLUME_STANDING };
         let most = TORQUE.max(TORQUE_GROWTH * nominal.torque * load);
+        let top = Vector3::new(x, y, of_robot.p_nominal_H.z - height_offset + robot.foot_radius + params.swing.height);
+        if walk.is_some() && of_robot.reach.extent(&(R_BT * top)) < EXTENT_SWING {
+            return false;
+        }
         sides.iter().all(|side| {
             let p = Vector3::new(
                 outward * x + side * half_step[0],

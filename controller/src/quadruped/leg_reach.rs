@@ -77,15 +77,28 @@ impl LegReach {
     ///
     /// - `up_B`: direction against gravity, in B.
     pub fn reach(&self, p_B: &Vector3<f64>, up_B: &Vector3<f64>) -> Option<Posture> {
+        let (q, J) = self.solve(p_B)?;
+        let inside = q
+            .iter()
+            .zip(&self.limits)
+            .all(|(q, (lower, upper))| *q >= lower + JOINT_MARGIN && *q <= upper - JOINT_MARGIN);
+        inside.then(|| self.posture(&J, up_B))
+    }
+
+    /// Determinant of the leg's Jacobian with the centre of the foot at `p_B`, m in B, relative to that in the nominal posture, whatever the limits of the
+    /// joints are: 0 for a stretched or folded leg, and for a foot on the first axis. 0 if the leg is too short.
+    pub fn extent(&self, p_B: &Vector3<f64>) -> f64 {
+        let (_, nominal) = self.start.1;
+        self.solve(p_B).map_or(0.0, |(_, J)| (J.determinant() / nominal.determinant()).abs())
+    }
+
+    /// Joint positions and Jacobian with the centre of the foot at `p_B`.
+    fn solve(&self, p_B: &Vector3<f64>) -> Option<([f64; 3], Matrix3<f64>)> {
         let (mut q, (mut p, mut J)) = self.start;
         for _ in 0..MAX_ITERATIONS {
             let off = p_B - p;
             if off.dot(&off) < REACHED * REACHED {
-                let inside = q
-                    .iter()
-                    .zip(&self.limits)
-                    .all(|(q, (lower, upper))| *q >= lower + JOINT_MARGIN && *q <= upper - JOINT_MARGIN);
-                return inside.then(|| self.posture(&J, up_B));
+                return Some((q, J));
             }
             let damped = J * J.transpose() + Matrix3::identity() * 1e-6;
             let step = J.transpose() * (damped.try_inverse()? * off);
@@ -165,6 +178,20 @@ mod tests {
         // The knee stays at least 0.13 rad from the stretched leg: 0.6 m cos(0.065).
         assert!(below(0.598).is_some() && below(0.5995).is_none() && below(0.7).is_none());
         assert!(below(0.59).unwrap().volume < 0.2);
+    }
+
+    #[test]
+    fn the_extent_is_the_product_of_both_levers_and_the_distance_from_the_hip_axis() {
+        let leg = leg();
+        // det J = l² sin(knee) d: hip axis along x, d the height of the foot below it; nominal: knee 1 rad, d = 0.6 cos(0.5).
+        let nominal = libm::sin(1.0) * 0.6 * libm::cos(0.5);
+        for height in [0.2, 0.35, 0.5] {
+            let half = libm::acos(height / 0.6);
+            let expected = libm::sin(2.0 * half) * height / nominal;
+            let found = leg.extent(&Vector3::new(0.4, 0.3, -height));
+            assert!((found - expected).abs() < 1e-3 * expected, "{height}: {found}, expected {expected}");
+        }
+        assert_eq!(leg.extent(&Vector3::new(0.4, 0.3, -0.7)), 0.0);
     }
 
     #[test]
