@@ -15,6 +15,7 @@
 //! | [`params`] | the parameters file |
 //! | [`safety`] | faults, joint checks and command limits |
 //! | [`stack`], [`qp`] | tasks and the quadratic programs built from them |
+//! | [`posture`] | a controller that moves any robot to a named posture |
 //! | [`model`] | the crate `robot-model`: rigid-body model and dynamics from a URDF |
 //! | [`robot_init`] | a first parameter file for a quadruped from its URDF |
 //!
@@ -32,6 +33,7 @@ pub mod interface;
 mod load;
 pub mod outbox;
 pub mod params;
+pub mod posture;
 pub mod qp;
 pub mod quadruped;
 pub mod robot_init;

@@ -3,7 +3,7 @@
 //! A description is the table `[robot]` of the TOML file beside the URDF. It has one of two forms, which give the same [`RobotDescription`]:
 //!
 //! - any robot: `base`, `[[robot.imu]]`, `[[robot.force_torque]]`, `[[robot.contact]]`, `[[robot.group]]`, `[robot.postures.NAME]`,
-//!   `[robot.joints.NAME]`;
+//!   `[robot.joints.NAME]`, `[robot.virtual_frame]`;
 //! - a quadruped: `feet`, `foot_radius`, `imu_link`, `posture`, `lying`, `drives`. It is described as four point contacts and four legs, named LF RF
 //!   LH RH, one IMU `imu`, and the postures `nominal` and `lying`.
 //!
@@ -12,8 +12,10 @@
 mod error;
 mod file;
 mod resolve;
+mod virtual_frame;
 
 pub use error::DescriptionError;
+pub use virtual_frame::VirtualFrame;
 
 use crate::bodies::{Base, JointId, Model};
 use crate::drive::DriveLimits;
@@ -22,6 +24,9 @@ use crate::names::near_names;
 use crate::tree::UrdfTree;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
+
+/// Name of the posture in which a robot stands, and to which controllers for any robot move it.
+pub const NOMINAL: &str = "nominal";
 
 /// Description of a robot. All names are those of the URDF, or of the description itself.
 #[derive(Clone, Debug, PartialEq)]
@@ -46,6 +51,8 @@ pub struct RobotDescription {
     pub postures: BTreeMap<String, BTreeMap<String, f64>>,
     /// Role and drive of each movable joint, in the order of `q`.
     pub joints: Vec<JointDescription>,
+    /// A frame with virtual joints, for models of controllers.
+    pub virtual_frame: Option<VirtualFrame>,
 }
 
 /// An IMU or a sensor of force and torque: it measures at the origin and in the axes of a link.
@@ -188,14 +195,6 @@ impl RobotDescription {
     /// See [`DescriptionError`]; a URDF whose total mass is not finite is a [`DescriptionError::Parse`].
     pub fn from_toml(text: &str, file: &str, tree: &UrdfTree) -> Result<Self, DescriptionError> {
         resolve::resolve(file::read(text, file)?, file, tree)
-    }
-
-    /// The URDF of a description that has the keys for any robot; `None` for one that has those of a quadruped, which the controller's parameters check.
-    ///
-    /// # Errors
-    /// [`DescriptionError::Parse`] for a text with the keys for any robot that cannot be read.
-    pub fn urdf_of_any(text: &str, file: &str) -> Result<Option<String>, DescriptionError> {
-        if file::is_for_any_robot(text) { file::read(text, file).map(|table| Some(table.urdf)) } else { Ok(None) }
     }
 
     /// The model of the URDF with the base and the drives of the description.

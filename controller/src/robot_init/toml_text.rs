@@ -57,13 +57,13 @@ pub(super) fn write(parts: &Parts) -> String {
 }
 
 /// A TOML key, quoted if it must be.
-fn toml_key(name: &str) -> String {
+pub(super) fn toml_key(name: &str) -> String {
     let bare = !name.is_empty() && name.chars().all(|c| c.is_ascii_alphanumeric() || "_-".contains(c));
     if bare { name.to_owned() } else { quoted(name) }
 }
 
 /// A basic string: the only form that is valid for any key. Names have no control characters.
-fn quoted(text: &str) -> String {
+pub(super) fn quoted(text: &str) -> String {
     format!("\"{}\"", text.replace('\\', "\\\\").replace('"', "\\\""))
 }
 
