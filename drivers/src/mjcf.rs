@@ -6,13 +6,14 @@
 //! joint has a motor limited to its effort. The bodies of a robot collide with the ground, so that a fallen robot lies on it, and with objects, but not
 //! with each other. Meshes are not read: a body that has only meshes receives a shape from joint to joint ([`robot_model::with_shapes`]).
 
+mod bodies;
 pub(crate) mod contact;
 pub(crate) mod object;
 
 use crate::scenario::{Object, Weld};
 use crate::terrain::{HEIGHT_QUANTUM, HeightField, Terrain};
+use bodies::{Bodies, Body};
 use contact::{contact_of_link, contact_shape};
-use nalgebra::{Matrix3, Vector3};
 use robot_model::{
     Base, Joint, JointKind, LinkGroups, Pose, RobotDescription, Shape, ShapeKind, UrdfTree, xml_escaped,
 };
@@ -25,11 +26,6 @@ pub const TIME_STEP_S: f64 = 0.001;
 pub(crate) const IMU: &str = "imu";
 /// Kind of the site of a sensor of force and torque.
 pub(crate) const FORCE_TORQUE: &str = "force_torque";
-
-/// Mass of a moving body without mass (a helper link), kg; MuJoCo rejects zero.
-const PLACEHOLDER_MASS: f64 = 1e-6;
-/// Its principal moments of inertia, kg m².
-const PLACEHOLDER_INERTIA: f64 = 1e-9;
 
 /// End of the height field's element; the heights are inserted before it.
 const END_OF_FIELD: &str = "/></asset>";
@@ -134,77 +130,6 @@ pub(crate) fn floor_name(contact: &str) -> String {
 /// Contact bit shared by a contact and its own floor; bit 1 is for all other contacts.
 fn floor_bit(contact: usize) -> u32 {
     2 << contact
-}
-
-/// Links grouped into bodies. The frame of a body is that of its first link.
-struct Bodies {
-    groups: LinkGroups,
-    list: Vec<Body>,
-}
-
-/// The inertia of a body, and the bodies that hang on it.
-struct Body {
-    /// Links of the body, in the order of the tree.
-    links: Vec<usize>,
-    children: Vec<usize>,
-    mass: f64,
-    /// First moment of mass about the origin of the body, kg m.
-    moment: Vector3<f64>,
-    /// Inertia about the origin of the body, kg m².
-    inertia: Matrix3<f64>,
-}
-
-impl Bodies {
-    fn new(tree: &UrdfTree) -> Self {
-        let groups = LinkGroups::new(tree, |_| Matrix3::identity());
-        let empty = || Body {
-            links: Vec::new(),
-            children: Vec::new(),
-            mass: 0.0,
-            moment: Vector3::zeros(),
-            inertia: Matrix3::zeros(),
-        };
-        let mut list: Vec<Body> = groups.first_links.iter().map(|_| empty()).collect();
-        for (body, &first_link) in groups.first_links.iter().enumerate() {
-            if let Some(joint) = tree.links[first_link].parent_joint {
-                list[groups.body_of_link[tree.joints[joint].parent]].children.push(body);
-            }
-        }
-        for (i, (link, (&body, X_BL))) in
-            tree.links.iter().zip(groups.body_of_link.iter().zip(&groups.X_BL)).enumerate()
-        {
-            list[body].links.push(i);
-            list[body].add(&X_BL.then(&link.inertial.X_LC), link.inertial.mass, &link.inertial.I_C);
-        }
-        Bodies { groups, list }
-    }
-}
-
-impl Body {
-    /// Adds a mass whose centre and inertia axes are at `X_BC`. The formulas differ from those of [`robot_model::Model`] in
-    /// their rounding; they stay as they are, because a changed bit of an inertia changes every simulated run.
-    fn add(&mut self, X_BC: &Pose, mass: f64, I_C: &Matrix3<f64>) {
-        self.mass += mass;
-        self.moment += mass * X_BC.p;
-        self.inertia += X_BC.R * I_C * X_BC.R.transpose() + steiner(mass, &X_BC.p);
-    }
-}
-
-/// Inertia about the origin of a point mass at `p`, kg m².
-fn steiner(mass: f64, p: &Vector3<f64>) -> Matrix3<f64> {
-    mass * (Matrix3::identity() * p.dot(p) - p * p.transpose())
-}
-
-/// The inertia itself; if no mass distribution has it, that of a sphere with the same mean moment. MuJoCo rejects such an inertia, and
-/// [`robot_model::ModelWarning`] reports it.
-fn balanced(I: Matrix3<f64>) -> Matrix3<f64> {
-    let mut moments: [f64; 3] = I.symmetric_eigenvalues().into();
-    moments.sort_by(f64::total_cmp);
-    // MuJoCo's own tolerance is absolute: 1e-15 kg m².
-    if moments[0] > 0.0 && moments[0] + moments[1] >= moments[2] - 1e-15 {
-        return I;
-    }
-    Matrix3::identity() * (I.trace() / 3.0).max(PLACEHOLDER_INERTIA)
 }
 
 struct Writer<'a> {
@@ -333,12 +258,7 @@ impl Writer<'_> {
     }
 
     fn inertial(&mut self, body: &Body, indent: usize) {
-        let (mass, c, I) = if body.mass > PLACEHOLDER_MASS {
-            let c = body.moment / body.mass;
-            (body.mass, c, balanced(body.inertia - steiner(body.mass, &c)))
-        } else {
-            (PLACEHOLDER_MASS, Vector3::zeros(), Matrix3::identity() * PLACEHOLDER_INERTIA)
-        };
+        let (mass, c, I) = body.inertial();
         self.line(
             indent,
             format_args!(

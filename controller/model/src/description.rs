@@ -15,7 +15,6 @@ mod resolve;
 mod virtual_frame;
 
 pub use error::DescriptionError;
-pub use virtual_frame::VirtualFrame;
 
 use crate::bodies::{Base, JointId, Model};
 use crate::drive::DriveLimits;
@@ -140,6 +139,16 @@ pub enum GroupKind {
     Chain,
 }
 
+/// A frame that travels with the robot, and six virtual joints between it and a link, for the models of controllers.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct VirtualFrame {
+    /// Name of the link of the frame. Its joints are this name with `_tx`, `_ty`, `_tz`, `_rx`, `_ry`, `_rz`, from the robot outward.
+    pub name: String,
+    /// Link of the robot to which the first joint is attached.
+    pub link: String,
+}
+
 /// Whether a joint has a drive and an encoder.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
@@ -211,6 +220,17 @@ impl RobotDescription {
             info.drive = joint.drive;
         }
         Ok(model)
+    }
+
+    /// The model with the joints of the virtual frame, after those of the robot; without a virtual frame, that of [`RobotDescription::model`].
+    ///
+    /// # Errors
+    /// See [`RobotDescription::model`].
+    pub fn virtual_model(&self, tree: &UrdfTree) -> Result<Model, ModelError> {
+        match &self.virtual_frame {
+            Some(VirtualFrame { name, link }) => self.model(&virtual_frame::extended(tree, name, link)),
+            None => self.model(tree),
+        }
     }
 
     /// The limits of which the URDF has another value. A limit that the URDF does not have is no difference.
