@@ -266,7 +266,11 @@ fn values_out_of_range_are_errors_with_their_key() {
             "j_wheel_4 = { rated_velocity = 3.0, no_load_velocity = 2.0, ".into(),
             "robot.joints.j_wheel_4.rated_velocity",
         ),
-        ("j_wheel_4 = { ", "j_wheel_4 = { stiffness = -1.0, ".into(), "robot.joints.j_wheel_4.stiffness"),
+        (
+            "j_wheel_4 = { effort = 35.0, velocity = 20.0, stiffness = 350.0",
+            "j_wheel_4 = { effort = 35.0, velocity = 20.0, stiffness = -1.0".into(),
+            "robot.joints.j_wheel_4.stiffness",
+        ),
         ("joints = [\"torso_yaw\"]", "joints = []".into(), "robot.group.torso"),
         ("joints = [\"torso_yaw\"]", "tip = \"pelvis\"".into(), "robot.group.torso"),
         ("joints = [\"torso_yaw\"]", "joints = [\"torso_yaw\"]\ntip = \"torso_2\"".into(), "robot.group.torso"),

@@ -139,7 +139,6 @@ impl RobotConfig {
             ("feet", !self.is_quadruped()),
             ("foot_radius", self.foot_radius == 0.0),
             ("imu_link", self.imu_link.is_empty()),
-            ("posture", self.posture.is_empty()),
         ];
         if !self.is_quadruped() && is_any {
             None
