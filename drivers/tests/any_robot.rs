@@ -5,10 +5,13 @@ mod common;
 
 use common::{assert_torques_bounded, description, run};
 use controller::params::Params;
+use drivers::simulation::{Job, Setup};
 use drivers::terrain::{TerrainKind, TerrainParams};
 use drivers::{MujocoSim, SimParams, Simulator, Terrain};
 use lcmtypes::{ControllerTick, GroundTruth, RobotState};
+use replay::engine::Build;
 use robot_model::{GRAVITY, Model, UrdfTree};
+use std::path::Path;
 
 const ROBOTS: [&str; 4] = ["centauro", "coman_plus", "coman", "centauro_upper"];
 
@@ -126,5 +129,30 @@ fn a_new_posture_is_followed_from_the_present_references() {
     assert!(of(999).1 > 0.5, "{:?}", of(999));
     for k in 990..1100 {
         assert!((of(k + 1).1 - of(k).1).abs() <= 2e-3 * (1.0 + 1e-9) && (of(k + 1).0 - of(k).0).abs() < 1e-3);
+    }
+}
+
+/// `hoof sim --prove`: the log of each robot in the shipped scenario replays bit for bit. Writes the real-time factor with log to the output of the test.
+#[test]
+fn the_log_of_each_robot_replays_bit_for_bit() {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR")).parent().unwrap();
+    let scenario = root.join("scenarios/hold.toml");
+    for robot in ROBOTS {
+        let toml = root.join(format!("robots/{robot}/{robot}.toml")).display().to_string();
+        let job = Job {
+            robot: &toml,
+            scenario: &scenario,
+            seconds: Some(3.0),
+            seed: None,
+            preset: None,
+            gaits: &[],
+            set: &["hold.duration=0.5".to_owned()],
+        };
+        let setup = Setup { prove: Some(2), ..Setup::read(&job).unwrap() };
+        let log = Path::new(env!("CARGO_TARGET_TMPDIR")).join(format!("hold_{robot}.mcap"));
+        let summary = setup.simulate(&log, &Build::default(), &mut |_| {}).unwrap();
+        println!("{robot}: {:.1} x real time with log", summary.real_time_factor);
+        assert_eq!((summary.fell, summary.proved, summary.ticks), (false, Some(true), 3000), "{robot}");
+        assert_eq!((&summary.safe_state, summary.robot.as_str()), (&None, robot));
     }
 }

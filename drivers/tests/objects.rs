@@ -103,13 +103,10 @@ fn a_hand_holds_an_object_and_releases_it() {
     let params = Params::from_toml(&info.params, "centauro_upper").unwrap();
     let tree = UrdfTree::parse(&info.urdf, "robot").unwrap();
     let robot = params.robot.description(&tree).unwrap();
-    // The object starts where the hand is: the pose of the hand of a simulation without object.
-    let mut truth = lcmtypes::GroundTruth::default();
-    with("").ground_truth(0, &mut truth);
-    let [x, y, z] = truth.p_WF[0];
+    let X_WL = with("").link_pose("arm1_8").unwrap();
+    let p: [f64; 3] = (X_WL.p + X_WL.R.column(2) * 0.1).into();
     let object = format!(
-        "[[object]]\nname = \"ball\"\nshape = \"box\"\nsize_m = [0.04, 0.04, 0.04]\nmass_kg = 0.5\nposition_m = {:?}\n",
-        [x, y, z + 0.05]
+        "[[object]]\nname = \"ball\"\nshape = \"box\"\nsize_m = [0.04, 0.04, 0.04]\nmass_kg = 0.5\nposition_m = {p:?}\n"
     );
     let weld =
         "[[weld]]\nt_s = 0.0\nduration_s = 1.0\nlink = \"arm1_8\"\nobject = \"ball\"\nposition_m = [0.0, 0.0, 0.1]\n";
