@@ -4,7 +4,7 @@
     pip install pin==4.1.0
     python3 scripts/pinocchio_fixtures.py
 
-makes controller/model/tests/data/{hyq,anymal_b,arm,centauro,coman_plus}.json from the URDFs in this repository, a few random states each. Everything is
+makes controller/model/tests/data/{hyq,anymal_b,arm,centauro,coman_plus,coman,centauro_upper}.json from the URDFs in this repository, a few random states each. Everything is
 converted to this project's conventions:
 
 - v = [v_WB; w_WB; qd], base parts in W axes. Pinocchio has the base twist in base axes and sorts joints by name, so with
@@ -29,7 +29,9 @@ ROBOTS = [
     ("anymal_b", ROOT / "robots/anymal_b/anymal_b.urdf", True, 6, None),
     ("arm", DATA / "arm.urdf", False, 6, None),
     ("centauro", ROOT / "robots/centauro/centauro.urdf", True, 2, ["imu_link", "wheel_1", "wheel_4", "ft_arm1", "arm2_8"]),
-    ("coman_plus", DATA / "coman_plus.urdf", True, 2, ["imu_link", "l_sole", "r_sole", "TCP_L", "r_leg_ft"]),
+    ("coman_plus", ROOT / "robots/coman_plus/coman_plus.urdf", True, 2, ["imu_link", "l_sole", "r_sole", "TCP_L", "r_leg_ft"]),
+    ("coman", ROOT / "robots/coman/coman.urdf", True, 2, ["imu_link", "l_sole", "r_sole", "LSoftHand", "r_leg_ft"]),
+    ("centauro_upper", ROOT / "robots/centauro_upper/centauro_upper.urdf", False, 2, ["imu_link", "torso_2", "ft_arm1", "arm1_8", "arm2_8"]),
 ]
 # The last state is far from the origin and fast: only the position itself may lose digits there.
 FAR = np.array([8e2, -5e2, 60.0])

@@ -79,17 +79,16 @@ fn info(robot: &str, json: bool) -> anyhow::Result<()> {
     let tree = files.tree()?;
     let mut info = RobotInfo::new(&tree)?;
     let description = files.description(&tree)?;
+    let params = files.params.as_ref().map(|text| Params::from_toml(text, robot)).transpose()?;
+    let is_quadruped = params.as_ref().is_some_and(|params| params.robot.is_quadruped());
     if let Some(description) = &description {
         info.differences = description.differences(&tree);
         info.contacts = description.contacts.iter().map(|contact| contact.name.clone()).collect();
         info.groups = description.groups.iter().map(|group| group.name.clone()).collect();
         info.postures = description.postures.keys().cloned().collect();
-        if files.params.is_none() {
-            info.feet.clear();
-        }
+        info.feet.clear();
     }
-    if let Some(text) = &files.params {
-        let params = Params::from_toml(text, robot)?;
+    if let (Some(text), Some(params), true) = (&files.params, &params, is_quadruped) {
         controller::quadruped::Quadruped::new(&files.urdf, text).with_context(|| robot.to_owned())?;
         info.feet = params.robot.feet.to_vec();
         let implausible = implausible(&files.urdf, text).with_context(|| robot.to_owned())?;
@@ -106,7 +105,7 @@ fn info(robot: &str, json: bool) -> anyhow::Result<()> {
     }
     say(format!("{}  ({})", info.name, files.urdf_path.display()))?;
     let touching = match &description {
-        Some(robot) if files.params.is_none() => {
+        Some(robot) if !is_quadruped => {
             let (base, postures) =
                 (if robot.base == Base::Fixed { "fixed" } else { "floating" }, info.postures.join(" "));
             let (contacts, groups) = (info.contacts.join(" "), info.groups.join(" "));

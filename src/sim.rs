@@ -89,6 +89,7 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
     };
     let bar = Progress::new(format!("{} on {}", args.robot, args.scenario.display()));
     let setup = Setup { prove: args.prove.then(threads), ..Setup::read(&job)? };
+    // A robot that is not a quadruped has no such checks.
     for warning in implausible(&setup.urdf, &setup.params).into_iter().flatten() {
         note(format!("warning: {warning}"));
     }

@@ -48,7 +48,8 @@ fn centauro_has_contacts_groups_and_limits_that_differ_from_its_urdf() {
     for fact in ["94.969 kg", "39 joints", "wheel_1", "arm_2", "20.000"] {
         assert!(text.contains(fact), "{fact}: {text}");
     }
-    hoof("robot info centauro --params").exits(2);
+    let params = hoof("robot info centauro --params").exits(0).stdout;
+    assert!(params.contains("[hold]") && params.contains("[motion]") && !params.contains("[gait"), "{params}");
     hoof("sim --robot centauro --scenario scenarios/flat_trot.toml").exits(2);
 }
 

@@ -1,6 +1,6 @@
 //! Errors of building a controller and of restoring its state.
 
-use crate::model::ModelError;
+use crate::model::{DescriptionError, ModelError};
 use crate::params::ParamsError;
 use crate::stack::StackError;
 
@@ -50,7 +50,9 @@ pub enum RestoreError {
 #[non_exhaustive]
 pub enum LoadError {
     /// No controller has this name.
-    #[error("unknown controller \"{found}\", expected quadruped, hold, or a list such as sequence(hold, quadruped)")]
+    #[error(
+        "unknown controller \"{found}\", expected quadruped, hold, posture, or a list such as sequence(hold, quadruped)"
+    )]
     UnknownController {
         /// Name in the run description.
         found: String,
@@ -61,6 +63,9 @@ pub enum LoadError {
     /// The parameters are invalid.
     #[error(transparent)]
     Params(#[from] ParamsError),
+    /// The table `[robot]` does not fit the URDF.
+    #[error(transparent)]
+    Description(#[from] DescriptionError),
     /// The stack of tasks is invalid, or does not fit the robot.
     #[error(transparent)]
     Stack(#[from] StackError),

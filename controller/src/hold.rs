@@ -1,20 +1,22 @@
 //! A controller that moves every joint to the robot's posture and holds it there, for a robot on a stand or a crane.
 //!
-//! Each joint moves from its present position to `robot.posture` along a polynomial of fifth order with zero velocity and acceleration at both ends;
-//! the joint loop of the drives follows it. Nothing is computed from the dynamics, so the controller works with any robot and any foot position.
+//! Each joint moves from its present position to the robot's posture `nominal` along a polynomial of fifth order with zero velocity and acceleration at
+//! both ends; the joint loop of the drives follows it. Nothing is computed from the dynamics, so the controller works with any robot and any foot position.
 
+pub(crate) mod drive;
 pub mod params;
 
-use crate::digest::{command_digest, input_digest};
+use crate::digest::input_digest;
 use crate::error::{LoadError, RestoreError};
 use crate::interface::{Controller, Probe};
-use crate::model::{Base, JointInfo, Model, UrdfTree, check_runnable};
+use crate::model::{JointInfo, NOMINAL, UrdfTree, check_runnable};
 use crate::outbox::Outbox;
-use crate::params::{Params, RobotConfig, parameters_digest};
-use crate::safety::{Fault, check_joint_limits, check_joint_values, fault, limit_command};
-use crate::time::{SNAPSHOT_TICKS, seconds, step_seconds};
-use lcmtypes::channels::{self, Stage};
-use lcmtypes::{ControllerInput, ControllerTick, HoldState, Message, OperatorCommand, RobotCommand};
+use crate::params::{Params, parameters_digest};
+use crate::safety::{Fault, limit_command};
+use crate::time::step_seconds;
+use drive::{Gains, check, posture_of, publish, rejection};
+use lcmtypes::channels::Stage;
+use lcmtypes::{ControllerInput, ControllerTick, HoldState, Message, RobotCommand};
 
 /// Name by which [`crate::load`] finds the controller.
 pub const NAME: &str = "hold";
@@ -24,6 +26,7 @@ pub struct Hold {
     params: Params,
     digest_parameters: i64,
     joints: Vec<JointInfo>,
+    gains: Gains,
     q_posture: Vec<f64>,
     state: HoldState,
     /// Preallocated message for reading snapshots.
@@ -35,18 +38,14 @@ impl Hold {
     /// Builds the controller from the URDF text and the TOML text of the parameters.
     ///
     /// # Errors
-    /// A text is invalid, or `robot.posture` lacks a joint of the robot.
+    /// A text is invalid, or the posture `nominal` (`robot.posture` of a quadruped) lacks a joint of the robot.
     pub fn new(urdf: &str, params: &str) -> Result<Self, LoadError> {
         let digest_parameters = parameters_digest(params);
         let params = Params::from_toml(params, "parameters")?;
-        let RobotConfig { name, urdf: file, posture, .. } = &params.robot;
-        let mut model = Model::new(&UrdfTree::parse(urdf, file)?, Base::Floating)?;
-        params.robot.limit_drives(&mut model)?;
-        let of_posture = |joint: &JointInfo| {
-            let what = || format!("joint {} is missing in robot.posture", joint.name);
-            posture.get(&joint.name).copied().ok_or_else(|| LoadError::Robot { robot: name.clone(), what: what() })
-        };
-        let q_posture: Vec<f64> = model.joints.iter().map(of_posture).collect::<Result<_, _>>()?;
+        let tree = UrdfTree::parse(urdf, &params.robot.urdf)?;
+        let robot = params.robot.description(&tree)?;
+        let model = robot.model(&tree)?;
+        let q_posture = posture_of(&robot, NOMINAL)?;
         check_runnable(&model, &q_posture)?;
         let nj = q_posture.len();
         let command = RobotCommand::zeros(nj);
@@ -59,25 +58,8 @@ impl Hold {
             ..HoldState::default()
         };
         let (joints, snapshot_buffer) = (model.joints, state.clone());
-        Ok(Hold { params, digest_parameters, joints, q_posture, snapshot_buffer, state, command })
-    }
-
-    /// Checks an input. Tilt and contacts are not checked: a robot on a stand may lean, and its feet need no ground.
-    fn check(&self, input: &ControllerInput) -> Option<Fault> {
-        if let Some(found) = check_joint_values(self.joints.len(), &input.state) {
-            return Some(found);
-        }
-        let age = seconds(input.t_ns.saturating_sub(input.state.t_ns));
-        if age.abs() > self.params.safety.max_state_age {
-            return fault(ControllerTick::FAULT_STATE_STALE, None, age);
-        }
-        if let Some(found) = check_joint_limits(&self.joints, &self.params.safety, &input.state) {
-            return Some(found);
-        }
-        if input.op.mode == OperatorCommand::MODE_DAMPING {
-            return fault(ControllerTick::FAULT_OPERATOR, None, 0.0);
-        }
-        None
+        let gains = Gains::new(&robot, &params.hold);
+        Ok(Hold { params, digest_parameters, joints, gains, q_posture, snapshot_buffer, state, command })
     }
 
     /// Updates the state. The references are a function of it.
@@ -87,7 +69,7 @@ impl Hold {
         if self.state.mode == ControllerTick::MODE_DAMPING {
             return;
         }
-        let found = self.check(input);
+        let found = check(&self.joints, &self.params.safety, input);
         let Fault { code, index, value } = found.or_else(|| rejection(&input.op)).unwrap_or_default();
         (self.state.fault, self.state.fault_index, self.state.fault_value) = (code, index, value);
         if found.is_some() {
@@ -113,7 +95,7 @@ impl Hold {
     /// Computes the command from the state, before effort limits.
     fn fill_command(&mut self) {
         self.command.tau.fill(0.0);
-        let Hold { params, q_posture, state, command, .. } = self;
+        let Hold { params, gains, q_posture, state, command, .. } = self;
         (command.t_ns, command.tick) = (state.t_ns, state.tick);
         let moving = matches!(state.mode, ControllerTick::MODE_STAND_UP | ControllerTick::MODE_STANCE);
         let s = state.progress;
@@ -124,22 +106,8 @@ impl Hold {
             (command.q_des[j], command.qd_des[j]) =
                 if moving { (from + fraction * (to - from), rate * (to - from)) } else { (0.0, 0.0) };
         }
-        let (mode, kp, kd) = match state.mode {
-            _ if moving => (RobotCommand::MODE_TORQUE, params.hold.kp, params.hold.kd),
-            ControllerTick::MODE_IDLE => (RobotCommand::MODE_IDLE, 0.0, 0.0),
-            _ => (RobotCommand::MODE_DAMPING, 0.0, params.safety.damping),
-        };
-        command.mode = mode;
-        command.kp.fill(kp);
-        command.kd.fill(kd);
+        gains.fill(state.mode, params.safety.damping, command);
     }
-}
-
-/// The fault for a request that the controller does not follow: it only stands.
-fn rejection(op: &OperatorCommand) -> Option<Fault> {
-    let is_followed = op.seq < 0 || op.mode == OperatorCommand::MODE_STAND;
-    let refused = Fault { code: ControllerTick::FAULT_OPERATOR_REFUSED, index: op.mode.into(), value: 0.0 };
-    (!is_followed).then_some(refused)
 }
 
 impl Controller for Hold {
@@ -155,7 +123,7 @@ impl Controller for Hold {
         self.command.run_id = input.run_id;
         limit_command(&self.joints, &mut self.command, &input.state);
         let HoldState { t_ns, tick, mode, fault, fault_index, fault_value, .. } = self.state;
-        let digest_output = command_digest(&self.command);
+        let digest_parameters = self.digest_parameters;
         let status = ControllerTick {
             t_ns,
             tick,
@@ -165,17 +133,11 @@ impl Controller for Hold {
             fault_index,
             fault_value,
             digest_input,
-            digest_output,
-            digest_parameters: self.digest_parameters,
+            digest_parameters,
             ..Default::default()
         };
-        out.clear();
-        let mut put = out.put(channels::ROBOT_COMMAND, &self.command);
-        put = put.and_then(|()| out.put(channels::CONTROLLER_TICK, &status));
-        if tick % SNAPSHOT_TICKS == 0 {
-            put = put.and_then(|()| out.put(channels::CONTROLLER_SNAPSHOT, &self.state));
-        }
-        put.expect("every array has the length of the robot since construction");
+        publish(out, &self.command, status, &self.state)
+            .expect("every array has the length of the robot since construction");
         probe.stage_done(Stage::Output);
     }
 
@@ -208,6 +170,7 @@ impl Controller for Hold {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use lcmtypes::{OperatorCommand, channels};
 
     #[test]
     fn requests_for_other_modes_than_stand_are_rejected_by_name() {

@@ -16,6 +16,7 @@
 //! | [`safety`] | faults, joint checks and command limits |
 //! | [`stack`], [`qp`] | stacks of tasks and the quadratic programs built from them |
 //! | [`tasks`], [`constraints`], [`contact`] | the parts of a stack, for any robot |
+//! | [`posture`] | a controller that moves any robot to a named posture |
 //! | [`model`] | the crate `robot-model`: rigid-body model and dynamics from a URDF |
 //! | [`robot_init`] | a first parameter file for a quadruped from its URDF |
 //!
@@ -35,6 +36,7 @@ pub mod interface;
 mod load;
 pub mod outbox;
 pub mod params;
+pub mod posture;
 pub mod qp;
 pub mod quadruped;
 pub mod robot_init;

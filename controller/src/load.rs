@@ -3,7 +3,9 @@
 use crate::error::LoadError;
 use crate::hold::{self, Hold};
 use crate::interface::Controller;
+use crate::model::{JointKind, UrdfTree};
 use crate::params::{Params, parameters_digest};
+use crate::posture::{self, Posture};
 use crate::quadruped::{self, Quadruped};
 use crate::sequence::{self, Sequence};
 use lcmtypes::{RobotCommand, RunInfo};
@@ -18,14 +20,23 @@ pub fn load(info: &RunInfo) -> Result<Box<dyn Controller>, LoadError> {
     let Some(list) = list else { return load_one(&info.controller, info) };
     let controllers = list.split(',').map(|name| load_one(name.trim(), info)).collect::<Result<_, _>>()?;
     let params = Params::from_toml(&info.params, "parameters")?;
-    let damping = RobotCommand::damping(params.robot.posture.len(), params.safety.damping);
+    let tree = UrdfTree::parse(&info.urdf, &params.robot.urdf)?;
+    let nj = tree.joints.iter().filter(|joint| joint.kind != JointKind::Fixed).count();
+    let damping = RobotCommand::damping(nj, params.safety.damping);
     Ok(Box::new(Sequence::new(controllers, damping, parameters_digest(&info.params))?))
 }
 
-fn load_one(name: &str, info: &RunInfo) -> Result<Box<dyn Controller>, LoadError> {
-    match name {
-        quadruped::NAME => Ok(Box::new(Quadruped::new(&info.urdf, &info.params)?)),
-        hold::NAME => Ok(Box::new(Hold::new(&info.urdf, &info.params)?)),
-        other => Err(LoadError::UnknownController { found: other.to_owned() }),
-    }
+/// A controller of a run.
+type Loaded = Result<Box<dyn Controller>, LoadError>;
+
+/// The kinds of controllers: name, and how one is built.
+const KINDS: &[(&str, fn(&RunInfo) -> Loaded)] = &[
+    (quadruped::NAME, |info| Ok(Box::new(Quadruped::new(&info.urdf, &info.params)?))),
+    (hold::NAME, |info| Ok(Box::new(Hold::new(&info.urdf, &info.params)?))),
+    (posture::NAME, |info| Ok(Box::new(Posture::new(&info.urdf, &info.params)?))),
+];
+
+fn load_one(name: &str, info: &RunInfo) -> Loaded {
+    let kind = KINDS.iter().find(|(known, _)| *known == name);
+    kind.map_or_else(|| Err(LoadError::UnknownController { found: name.to_owned() }), |(_, build)| build(info))
 }

@@ -51,12 +51,6 @@ pub enum DriverError {
         /// The URDF.
         path: PathBuf,
     },
-    /// The robot is described, but no controller and no simulation supports it.
-    #[error("{}: [robot] has no feet: only `hoof robot info` and `hoof robot eval` support a robot that is not a quadruped", path.display())]
-    NotAQuadruped {
-        /// The TOML file.
-        path: PathBuf,
-    },
     /// The description of a robot is invalid.
     #[error(transparent)]
     Description(#[from] robot_model::DescriptionError),

@@ -1,44 +1,25 @@
-//! Moving floors: the ground under one foot drops or rises while the foot is in the air.
+//! Moving floors: the ground under one contact drops or rises while the contact is in the air.
 //!
-//! Each foot with floor moves stands on a separate plane. This plane collides only with the leg of that foot, and the leg collides only
+//! Each contact with floor moves stands on a separate plane. This plane collides only with the chain of that contact, and the chain collides only
 //! with this plane. A move takes effect in one step, while the foot is above the old and the new height, so that no contact sees a
 //! moving floor.
 
+use crate::DriverError;
 use crate::checks::{BadKey, check_range, to_ns};
 use crate::terrain::TerrainKind;
-use controller::quadruped::leg::Leg;
+use robot_model::RobotDescription;
 use serde::Deserialize;
 
 /// Smallest height of the foot above the old and the new floor when the floor moves, m.
 const CLEARANCE: f64 = 0.01;
 
-/// Name of a leg in a scenario.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
-pub(crate) enum LegName {
-    LF,
-    RF,
-    LH,
-    RH,
-}
-
-impl From<LegName> for Leg {
-    fn from(name: LegName) -> Leg {
-        match name {
-            LegName::LF => Leg::LF,
-            LegName::RF => Leg::RF,
-            LegName::LH => Leg::LH,
-            LegName::RH => Leg::RH,
-        }
-    }
-}
-
 /// A `[[floor]]` entry: the floor under one foot moves to another height.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct FloorMove {
     /// Earliest time of the move, ns. The floor moves at the first instant from then on at which the foot is high enough.
     pub t_ns: i64,
-    /// Leg of the foot.
-    pub leg: Leg,
+    /// Name of the contact; the feet of a quadruped are LF RF LH RH.
+    pub contact: String,
     /// New height above the surrounding ground, m.
     pub height: f64,
 }
@@ -47,7 +28,8 @@ pub struct FloorMove {
 #[serde(deny_unknown_fields)]
 pub(crate) struct FloorEntry {
     t_s: f64,
-    leg: LegName,
+    #[serde(alias = "leg")]
+    contact: String,
     height_m: f64,
 }
 
@@ -59,45 +41,67 @@ impl FloorEntry {
             let found = format!("given on terrain of kind {ground:?}").to_lowercase();
             return Err(BadKey { key: "height_m", found, expected: "terrain of kind flat".to_owned() });
         }
-        Ok(FloorMove { t_ns: to_ns(self.t_s), leg: self.leg.into(), height: self.height_m })
+        Ok(FloorMove { t_ns: to_ns(self.t_s), contact: self.contact.clone(), height: self.height_m })
     }
 }
 
 /// State of the floors of one run.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Floors {
-    moves: Vec<FloorMove>,
-    /// Whether each move was made.
-    made: Vec<bool>,
-    height: [f64; 4],
+    moves: Vec<Move>,
+    /// Height under each contact, m.
+    height: Vec<f64>,
+}
+
+#[derive(Clone, Copy, Debug)]
+struct Move {
+    t_ns: i64,
+    contact: usize,
+    height: f64,
+    is_made: bool,
 }
 
 impl Floors {
-    pub fn new(moves: &[FloorMove]) -> Self {
-        Floors { moves: moves.to_vec(), made: vec![false; moves.len()], height: [0.0; 4] }
+    /// Binds the moves to the contacts of a robot.
+    ///
+    /// # Errors
+    /// [`DriverError::Unknown`] for a contact that the robot does not have.
+    pub fn new(moves: &[FloorMove], robot: &RobotDescription) -> Result<Self, DriverError> {
+        let known = || robot.contacts.iter().map(|contact| contact.name.clone());
+        let bind = |of: &FloorMove| match known().position(|name| name == of.contact) {
+            Some(contact) => Ok(Move { t_ns: of.t_ns, contact, height: of.height, is_made: false }),
+            None => Err(DriverError::Unknown {
+                wanted_by: "floor.leg".to_owned(),
+                what: "contact",
+                name: of.contact.clone(),
+                known: known().collect(),
+            }),
+        };
+        Ok(Floors { moves: moves.iter().map(bind).collect::<Result<_, _>>()?, height: vec![0.0; robot.contacts.len()] })
     }
 
-    /// Whether a foot has a floor of its own.
-    pub fn has(&self, leg: usize) -> bool {
-        self.moves.iter().any(|of| of.leg as usize == leg)
+    /// Whether a contact has a floor of its own.
+    pub fn has(&self, contact: usize) -> bool {
+        self.moves.iter().any(|of| of.contact == contact)
     }
 
     /// Returns all floors to their initial height.
     pub fn reset(&mut self) {
-        *self = Floors::new(&self.moves);
+        self.moves.iter_mut().for_each(|of| of.is_made = false);
+        self.height.fill(0.0);
     }
 
-    /// The new height of a foot's floor, m, if it moves now.
+    /// The new height of a contact's floor, m, if it moves now.
     ///
-    /// - `foot`: height of the lowest point of the foot, m.
-    pub fn update(&mut self, t_ns: i64, leg: usize, foot: f64) -> Option<f64> {
-        let due = |(i, of): &(usize, &FloorMove)| !self.made[*i] && of.leg as usize == leg && of.t_ns <= t_ns;
-        let (i, of) = self.moves.iter().enumerate().find(due)?;
-        if foot < self.height[leg].max(of.height) + CLEARANCE {
+    /// - `lowest`: height of the lowest point of the contact, m.
+    pub fn update(&mut self, t_ns: i64, contact: usize, lowest: f64) -> Option<f64> {
+        let due = |of: &&mut Move| !of.is_made && of.contact == contact && of.t_ns <= t_ns;
+        let of = self.moves.iter_mut().find(due)?;
+        let height = &mut self.height[contact];
+        if lowest < height.max(of.height) + CLEARANCE {
             return None;
         }
-        self.made[i] = true;
-        self.height[leg] = of.height;
+        (of.is_made, *height) = (true, of.height);
         Some(of.height)
     }
 }
@@ -105,13 +109,18 @@ impl Floors {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use robot_model::UrdfTree;
 
     #[test]
     fn a_floor_moves_once_and_only_while_the_foot_is_above_both_heights() {
-        let mut floors = Floors::new(&[
-            FloorMove { t_ns: 10, leg: Leg::RF, height: -0.05 },
-            FloorMove { t_ns: 20, leg: Leg::RF, height: 0.03 },
-        ]);
+        let (urdf, toml) = (include_str!("../../robots/hyq/hyq.urdf"), include_str!("../../robots/hyq/hyq.toml"));
+        let robot = RobotDescription::from_toml(toml, "hyq.toml", &UrdfTree::parse(urdf, "hyq.urdf").unwrap()).unwrap();
+        let to = |t_ns, contact: &str, height| FloorMove { t_ns, contact: contact.to_owned(), height };
+        let mut floors = Floors::new(&[to(10, "RF", -0.05), to(20, "RF", 0.03)], &robot).unwrap();
+        let error = Floors::new(&[to(10, "rf", -0.05)], &robot).unwrap_err();
+        assert!(
+            matches!(&error, DriverError::Unknown { what: "contact", name, known, .. } if name == "rf" && known[3] == "RH")
+        );
         assert!(floors.has(1) && !floors.has(0));
         assert_eq!(floors.update(9, 1, 0.1), None, "too early");
         assert_eq!(floors.update(10, 0, 0.1), None, "another foot");

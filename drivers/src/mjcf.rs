@@ -2,28 +2,30 @@
 //!
 //! MuJoCo's own URDF import is not used: it welds the root to the world and loses its mass, rejects helper links without mass, and
 //! creates no actuators. In the text written here, links connected by fixed joints are one body with the sum of their inertias
-//! ([`LinkGroups`]), a free joint carries the root, feet are spheres, and each joint has a motor limited to its effort. Trunk and
-//! legs collide with the ground, so that a fallen robot lies on it, but not with each other. Meshes are not read: a body that has only meshes
-//! receives a shape from joint to joint ([`robot_model::with_shapes`]).
+//! ([`LinkGroups`]), a free joint carries the root of a robot without a fixed base, contacts have the shapes of the description ([`contact`]), and each
+//! joint has a motor limited to its effort. The bodies of a robot collide with the ground, so that a fallen robot lies on it, and with objects, but not
+//! with each other. Meshes are not read: a body that has only meshes receives a shape from joint to joint ([`robot_model::with_shapes`]).
 
-use crate::DriverError;
+mod bodies;
+pub(crate) mod contact;
+pub(crate) mod object;
+
+use crate::scenario::{Object, Weld};
 use crate::terrain::{HEIGHT_QUANTUM, HeightField, Terrain};
-use controller::params::RobotConfig;
-use controller::quadruped::leg::Leg;
-use nalgebra::{Matrix3, Vector3};
-use robot_model::{Joint, JointKind, LinkGroups, Pose, Shape, ShapeKind, UrdfTree, xml_escaped};
+use bodies::{Bodies, Body};
+use contact::{contact_of_link, contact_shape};
+use robot_model::{
+    Base, Joint, JointKind, LinkGroups, Pose, RobotDescription, Shape, ShapeKind, UrdfTree, xml_escaped,
+};
 use std::fmt::Write;
 
-/// Physics time step, s.
+/// Control period, s.
 pub const TIME_STEP_S: f64 = 0.001;
 
-/// Name of the IMU's site; its sensors are this name with `_orientation`, `_gyro`, `_accelerometer`.
+/// Kind of the site of an IMU; its sensors have the site's name with `_orientation`, `_gyro`, `_accelerometer`.
 pub(crate) const IMU: &str = "imu";
-
-/// Mass of a moving body without mass (a helper link), kg; MuJoCo rejects zero.
-const PLACEHOLDER_MASS: f64 = 1e-6;
-/// Its principal moments of inertia, kg m².
-const PLACEHOLDER_INERTIA: f64 = 1e-9;
+/// Kind of the site of a sensor of force and torque.
+pub(crate) const FORCE_TORQUE: &str = "force_torque";
 
 /// End of the height field's element; the heights are inserted before it.
 const END_OF_FIELD: &str = "/></asset>";
@@ -35,33 +37,54 @@ pub(crate) struct Mjcf {
     pub text: String,
     /// For each link of the tree, the name of its body.
     pub body_of_link: Vec<String>,
-    /// Mass of all links, kg.
+    /// For each link of the tree, its pose in its body.
+    pub X_BL: Vec<Pose>,
+    /// Mass of all links and objects, kg.
     pub total_mass: f64,
 }
 
-/// Writes the model. A foot with `own_floor` (LF RF LH RH) stands on a plane of its own, a body named by [`floor_name`].
+/// Writes the model. A contact with `own_floor` stands on a plane of its own, a body named by [`floor_name`].
 ///
-/// # Errors
-/// [`DriverError::Unknown`] for a foot or IMU link that the tree does not have.
+/// - `time_step_s`: physics time step, s.
+/// - `own_floor`: for each contact of the robot.
+/// - `objects`, `welds`: those of the scenario; a weld with an unknown link is left out.
 pub(crate) fn write(
     tree: &UrdfTree,
-    robot: &RobotConfig,
+    robot: &RobotDescription,
     terrain: &Terrain,
     friction: f64,
-    own_floor: [bool; 4],
-) -> Result<Mjcf, DriverError> {
-    for (key, link) in robot.feet.iter().map(|foot| ("robot.feet", foot)).chain([("robot.imu_link", &robot.imu_link)]) {
-        link_index(tree, key, link)?;
-    }
+    time_step_s: f64,
+    own_floor: &[bool],
+    (objects, welds): (&[Object], &[Weld]),
+) -> Mjcf {
     let bodies = Bodies::new(tree);
-    let feet_of_subtree = feet_of_subtree(tree, &robot.feet);
-    let mut writer = Writer { tree, robot, bodies: &bodies, friction, own_floor, feet_of_subtree, text: String::new() };
+    let contact_of_subtree = contact::of_subtree(tree, robot, &|contact| own_floor[contact]);
+    let mut writer = Writer {
+        tree,
+        robot,
+        bodies: &bodies,
+        friction,
+        time_step_s,
+        own_floor,
+        contact_of_subtree,
+        text: String::new(),
+    };
     writer.head(terrain);
     writer.bodies();
+    writer.text.push_str(&object::bodies(objects));
+    writer.line(2, format_args!("</worldbody>"));
+    writer.text.push_str(&object::welds(welds, &|link| {
+        let at = tree.links.iter().position(|other| other.name == link)?;
+        let LinkGroups { first_links, body_of_link, X_BL } = &bodies.groups;
+        Some((body_name(&tree.links[first_links[body_of_link[at]]].name), X_BL[at]))
+    }));
     writer.tail();
-    let LinkGroups { first_links, body_of_link, .. } = &bodies.groups;
+    let LinkGroups { first_links, body_of_link, X_BL } = &bodies.groups;
     let body_of_link = body_of_link.iter().map(|&body| body_name(&tree.links[first_links[body]].name)).collect();
-    Ok(Mjcf { text: writer.text, body_of_link, total_mass: tree.links.iter().map(|link| link.inertial.mass).sum() })
+    let X_BL = X_BL.clone();
+    let of_robot: f64 = tree.links.iter().map(|link| link.inertial.mass).sum();
+    let total_mass = of_robot + objects.iter().filter_map(|object| object.mass).sum::<f64>();
+    Mjcf { text: writer.text, body_of_link, X_BL, total_mass }
 }
 
 /// Heights of a field as MuJoCo stores them: row by row from the smallest y, scaled so that the lowest point is 0 and the highest 1.
@@ -82,126 +105,42 @@ pub(crate) fn with_elevation(text: &str, terrain: &Terrain) -> String {
     text.replacen(END_OF_FIELD, &format!(" elevation=\"\n{}\"{END_OF_FIELD}", rows.join("\n")), 1)
 }
 
-/// For each link, whether it or a descendant is a foot; feet LF RF LH RH.
-pub(crate) fn feet_of_subtree(tree: &UrdfTree, feet: &[String; 4]) -> Vec<[bool; 4]> {
-    let mut carries: Vec<[bool; 4]> =
-        tree.links.iter().map(|link| std::array::from_fn(|foot| link.name == feet[foot])).collect();
-    // Parents come before their children.
-    for link in (0..tree.links.len()).rev() {
-        if let Some(joint) = tree.links[link].parent_joint {
-            let of_child = carries[link];
-            let parent = &mut carries[tree.joints[joint].parent];
-            (0..4).for_each(|foot| parent[foot] |= of_child[foot]);
-        }
-    }
-    carries
-}
-
-/// Name of a link's body, and of the geom of a foot: a link may have a name that MuJoCo reserves, such as `world`.
+/// Name of a link's body: a link may have a name that MuJoCo reserves, such as `world`.
 pub(crate) fn body_name(link: &str) -> String {
     format!("link {link}")
 }
 
-/// Name of the body of a foot's own floor; feet LF RF LH RH.
-pub(crate) fn floor_name(foot: usize) -> String {
-    format!("floor under {}", Leg::ALL[foot].name())
+/// Name of the site of a sensor.
+///
+/// - `kind`: [`IMU`] or [`FORCE_TORQUE`].
+pub(crate) fn sensor_name(kind: &str, sensor: &str) -> String {
+    format!("{kind} {sensor}")
 }
 
-/// Contact bit shared by a foot and its own floor; bit 1 is for all other contacts.
-fn floor_bit(foot: usize) -> u32 {
-    2 << foot
+/// Name of the geom of a contact.
+pub(crate) fn contact_name(contact: &str) -> String {
+    format!("contact {contact}")
 }
 
-/// Index of a link in [`UrdfTree::links`].
-pub(crate) fn link_index(tree: &UrdfTree, wanted_by: &str, name: &str) -> Result<usize, DriverError> {
-    let names = || tree.links.iter().map(|link| &link.name);
-    names().position(|link| link == name).ok_or_else(|| DriverError::Unknown {
-        wanted_by: wanted_by.to_owned(),
-        what: "link",
-        name: name.to_owned(),
-        known: names().cloned().collect(),
-    })
+/// Name of the body of a contact's own floor.
+pub(crate) fn floor_name(contact: &str) -> String {
+    format!("floor under {contact}")
 }
 
-/// Links grouped into bodies. The frame of a body is that of its first link.
-struct Bodies {
-    groups: LinkGroups,
-    list: Vec<Body>,
-}
-
-/// The inertia of a body, and the bodies that hang on it.
-struct Body {
-    /// Links of the body, in the order of the tree.
-    links: Vec<usize>,
-    children: Vec<usize>,
-    mass: f64,
-    /// First moment of mass about the origin of the body, kg m.
-    moment: Vector3<f64>,
-    /// Inertia about the origin of the body, kg m².
-    inertia: Matrix3<f64>,
-}
-
-impl Bodies {
-    fn new(tree: &UrdfTree) -> Self {
-        let groups = LinkGroups::new(tree, |_| Matrix3::identity());
-        let empty = || Body {
-            links: Vec::new(),
-            children: Vec::new(),
-            mass: 0.0,
-            moment: Vector3::zeros(),
-            inertia: Matrix3::zeros(),
-        };
-        let mut list: Vec<Body> = groups.first_links.iter().map(|_| empty()).collect();
-        for (body, &first_link) in groups.first_links.iter().enumerate() {
-            if let Some(joint) = tree.links[first_link].parent_joint {
-                list[groups.body_of_link[tree.joints[joint].parent]].children.push(body);
-            }
-        }
-        for (i, (link, (&body, X_BL))) in
-            tree.links.iter().zip(groups.body_of_link.iter().zip(&groups.X_BL)).enumerate()
-        {
-            list[body].links.push(i);
-            list[body].add(&X_BL.then(&link.inertial.X_LC), link.inertial.mass, &link.inertial.I_C);
-        }
-        Bodies { groups, list }
-    }
-}
-
-impl Body {
-    /// Adds a mass whose centre and inertia axes are at `X_BC`. The formulas differ from those of [`robot_model::Model`] in
-    /// their rounding; they stay as they are, because a changed bit of an inertia changes every simulated run.
-    fn add(&mut self, X_BC: &Pose, mass: f64, I_C: &Matrix3<f64>) {
-        self.mass += mass;
-        self.moment += mass * X_BC.p;
-        self.inertia += X_BC.R * I_C * X_BC.R.transpose() + steiner(mass, &X_BC.p);
-    }
-}
-
-/// Inertia about the origin of a point mass at `p`, kg m².
-fn steiner(mass: f64, p: &Vector3<f64>) -> Matrix3<f64> {
-    mass * (Matrix3::identity() * p.dot(p) - p * p.transpose())
-}
-
-/// The inertia itself; if no mass distribution has it, that of a sphere with the same mean moment. MuJoCo rejects such an inertia, and
-/// [`robot_model::ModelWarning`] reports it.
-fn balanced(I: Matrix3<f64>) -> Matrix3<f64> {
-    let mut moments: [f64; 3] = I.symmetric_eigenvalues().into();
-    moments.sort_by(f64::total_cmp);
-    // MuJoCo's own tolerance is absolute: 1e-15 kg m².
-    if moments[0] > 0.0 && moments[0] + moments[1] >= moments[2] - 1e-15 {
-        return I;
-    }
-    Matrix3::identity() * (I.trace() / 3.0).max(PLACEHOLDER_INERTIA)
+/// Contact bit shared by a contact and its own floor; bit 1 is for all other contacts.
+fn floor_bit(contact: usize) -> u32 {
+    2 << contact
 }
 
 struct Writer<'a> {
     tree: &'a UrdfTree,
-    robot: &'a RobotConfig,
+    robot: &'a RobotDescription,
     bodies: &'a Bodies,
     friction: f64,
-    own_floor: [bool; 4],
-    /// See [`feet_of_subtree`].
-    feet_of_subtree: Vec<[bool; 4]>,
+    time_step_s: f64,
+    own_floor: &'a [bool],
+    /// See [`contact::of_subtree`].
+    contact_of_subtree: Vec<Option<usize>>,
     text: String,
 }
 
@@ -213,13 +152,13 @@ impl Writer<'_> {
     /// Writes options and ground. Robot geoms collide with the ground only: their contype matches its conaffinity. MuJoCo uses the
     /// larger friction of two geoms, so both have the same.
     fn head(&mut self, terrain: &Terrain) {
-        let Self { robot, friction, .. } = *self;
+        let Self { robot, friction, time_step_s, .. } = *self;
         self.line(0, format_args!("<mujoco model=\"{}\">", xml_escaped(&robot.name)));
         self.line(2, format_args!("<compiler angle=\"radian\" autolimits=\"false\"/>"));
         self.line(
             2,
             format_args!(
-                "<option timestep=\"{TIME_STEP_S}\" gravity=\"0 0 -{}\" integrator=\"implicitfast\" solver=\"Newton\" cone=\"elliptic\" \
+                "<option timestep=\"{time_step_s}\" gravity=\"0 0 -{}\" integrator=\"implicitfast\" solver=\"Newton\" cone=\"elliptic\" \
                  impratio=\"10\" tolerance=\"1e-10\"><flag autoreset=\"disable\"/></option>",
                 robot_model::GRAVITY
             ),
@@ -250,9 +189,8 @@ impl Writer<'_> {
             4,
             format_args!("<geom name=\"plane\" class=\"ground\" type=\"plane\" pos=\"0 0 {plane}\" size=\"0 0 1\"/>"),
         );
-        let own_floor = self.own_floor;
-        for foot in (0..4).filter(|&foot| own_floor[foot]) {
-            let (name, bit) = (floor_name(foot), floor_bit(foot));
+        for contact in (0..self.own_floor.len()).filter(|&contact| self.own_floor[contact]) {
+            let (name, bit) = (xml_escaped(&floor_name(&robot.contacts[contact].name)), floor_bit(contact));
             let plane = format!("type=\"plane\" size=\"0 0 1\" conaffinity=\"{bit}\" rgba=\"0 0 0 0\"");
             self.line(4, format_args!("<body name=\"{name}\" mocap=\"true\"><geom class=\"ground\" {plane}/></body>"));
         }
@@ -309,6 +247,7 @@ impl Writer<'_> {
             format_args!("<body name=\"{}\" {}>", xml_escaped(&body_name(&first_link.name)), place(&X_PB)),
         );
         match joint {
+            None if self.robot.base == Base::Fixed => {}
             None => self.line(indent + 2, format_args!("<freejoint/>")),
             Some(joint) => self.line(indent + 2, format_args!("{}", joint_element(joint))),
         }
@@ -319,12 +258,7 @@ impl Writer<'_> {
     }
 
     fn inertial(&mut self, body: &Body, indent: usize) {
-        let (mass, c, I) = if body.mass > PLACEHOLDER_MASS {
-            let c = body.moment / body.mass;
-            (body.mass, c, balanced(body.inertia - steiner(body.mass, &c)))
-        } else {
-            (PLACEHOLDER_MASS, Vector3::zeros(), Matrix3::identity() * PLACEHOLDER_INERTIA)
-        };
+        let (mass, c, I) = body.inertial();
         self.line(
             indent,
             format_args!(
@@ -342,25 +276,25 @@ impl Writer<'_> {
         );
     }
 
-    /// Writes the shapes of a link. A foot is a sphere, whatever shapes the URDF has. A link without collision shapes collides with
-    /// its visual shapes.
+    /// Writes sensors and shapes of a link. A link with a contact has the shape of the contact, whatever shapes the URDF has. A link without collision
+    /// shapes collides with its visual shapes.
     fn link(&mut self, index: usize, indent: usize) {
         let link = &self.tree.links[index];
         let X_BL = &self.bodies.groups.X_BL[index];
-        let floor = self.floor_of(index).map_or(String::new(), |foot| format!(" contype=\"{}\"", floor_bit(foot)));
-        if link.name == self.robot.imu_link {
-            self.line(indent, format_args!("<site name=\"{IMU}\" {} size=\"0.01\" group=\"4\"/>", place(X_BL)));
+        let floor =
+            self.floor_of(index).map_or(String::new(), |contact| format!(" contype=\"{}\"", floor_bit(contact)));
+        let robot = self.robot;
+        for (kind, sensors) in [(IMU, &robot.imus), (FORCE_TORQUE, &robot.force_torque)] {
+            for sensor in sensors.iter().filter(|sensor| sensor.link == link.name) {
+                let name = xml_escaped(&sensor_name(kind, &sensor.name));
+                self.line(indent, format_args!("<site name=\"{name}\" {} size=\"0.01\" group=\"4\"/>", place(X_BL)));
+            }
         }
-        if self.robot.feet.contains(&link.name) {
-            let radius = self.robot.foot_radius;
-            let name = xml_escaped(&body_name(&link.name));
-            self.line(
-                indent,
-                format_args!(
-                    "<geom name=\"{name}\" type=\"sphere\" {} size=\"{radius}\"{floor} rgba=\"0.10 0.10 0.11 1\"/>",
-                    place(X_BL)
-                ),
-            );
+        if let Some(contact) = contact_of_link(robot, &link.name) {
+            let name = xml_escaped(&contact_name(&contact.name));
+            let (form, X_LS) = contact_shape(&contact.geometry, link);
+            let place = place(&X_BL.then(&X_LS));
+            self.line(indent, format_args!("<geom name=\"{name}\" {form} {place}{floor} rgba=\"0.10 0.10 0.11 1\"/>"));
             return;
         }
         let geoms = |shapes: &[Shape]| shapes.iter().filter_map(|shape| geom(X_BL, shape)).collect::<Vec<_>>();
@@ -379,17 +313,16 @@ impl Writer<'_> {
         }
     }
 
-    /// The foot of a link's leg, if it has a floor of its own; the link collides with this floor instead of the ground.
+    /// The contact at the end of a link's chain, if it has a floor of its own; the link collides with this floor instead of the ground.
     fn floor_of(&self, link: usize) -> Option<usize> {
-        let of_leg = |&foot: &usize| self.own_floor[foot] && self.feet_of_subtree[link][foot];
-        (0..4).filter(|_| self.bodies.groups.body_of_link[link] != 0).find(of_leg)
+        self.contact_of_subtree[link].filter(|_| self.bodies.groups.body_of_link[link] != 0)
     }
 
     fn tail(&mut self) {
-        self.line(2, format_args!("</worldbody>"));
         self.line(2, format_args!("<actuator>"));
-        for joint in self.tree.joints.iter().filter(|joint| joint.kind != JointKind::Fixed) {
-            let effort = joint.limits.effort;
+        let joints = self.tree.joints.iter().filter(|joint| joint.kind != JointKind::Fixed);
+        for (joint, described) in joints.zip(&self.robot.joints) {
+            let effort = described.effort.unwrap_or(joint.limits.effort);
             let limit = if effort.is_finite() {
                 format!(" ctrllimited=\"true\" ctrlrange=\"-{effort} {effort}\"")
             } else {
@@ -400,9 +333,12 @@ impl Writer<'_> {
         }
         self.line(2, format_args!("</actuator>"));
         self.line(2, format_args!("<sensor>"));
-        self.line(4, format_args!("<framequat name=\"{IMU}_orientation\" objtype=\"site\" objname=\"{IMU}\"/>"));
-        self.line(4, format_args!("<gyro name=\"{IMU}_gyro\" site=\"{IMU}\"/>"));
-        self.line(4, format_args!("<accelerometer name=\"{IMU}_accelerometer\" site=\"{IMU}\"/>"));
+        for imu in &self.robot.imus {
+            let name = xml_escaped(&sensor_name(IMU, &imu.name));
+            self.line(4, format_args!("<framequat name=\"{name}_orientation\" objtype=\"site\" objname=\"{name}\"/>"));
+            self.line(4, format_args!("<gyro name=\"{name}_gyro\" site=\"{name}\"/>"));
+            self.line(4, format_args!("<accelerometer name=\"{name}_accelerometer\" site=\"{name}\"/>"));
+        }
         self.line(2, format_args!("</sensor>"));
         self.line(0, format_args!("</mujoco>"));
     }

@@ -12,7 +12,7 @@ pub struct RobotFiles {
     pub urdf: String,
     /// Path of the URDF.
     pub urdf_path: PathBuf,
-    /// All parameters as TOML, defaults included; `None` if only a URDF was given, and for a robot that is not a quadruped.
+    /// All parameters as TOML, defaults included; `None` if only a URDF was given.
     pub params: Option<String>,
     /// Path and text of the TOML file, as it is; `None` if only a URDF was given.
     pub toml: Option<(PathBuf, String)>,
@@ -44,15 +44,12 @@ impl RobotFiles {
     /// Same as [`RobotFiles::find`], for a robot that must have parameters; the second value is their TOML text.
     ///
     /// # Errors
-    /// [`DriverError::UrdfAlone`] if `robot` is a URDF file, [`DriverError::NotAQuadruped`] if it has no feet; else as [`RobotFiles::find`].
+    /// [`DriverError::UrdfAlone`] if `robot` is a URDF file; else as [`RobotFiles::find`].
     pub fn find_with_params(robot: &str) -> Result<(Self, String), DriverError> {
         let mut files = Self::find(robot)?;
         match files.params.take() {
             Some(params) => Ok((files, params)),
-            None => Err(match files.toml {
-                Some((path, _)) => DriverError::NotAQuadruped { path },
-                None => DriverError::UrdfAlone { path: robot.into() },
-            }),
+            None => Err(DriverError::UrdfAlone { path: robot.into() }),
         }
     }
 
@@ -91,19 +88,13 @@ impl RobotFiles {
 
     fn with_params(path: &Path) -> Result<Self, DriverError> {
         let text = read(path)?;
-        let (urdf, params) = match RobotDescription::urdf_of_any(&text, &path.display().to_string())? {
-            Some(urdf) => (urdf, None),
-            None => {
-                let params = parse_params(&text, path)?;
-                (params.robot.urdf.clone(), Some(params.to_toml()))
-            }
-        };
-        let urdf_path = path.with_file_name(urdf);
+        let params = parse_params(&text, path)?;
+        let urdf_path = path.with_file_name(&params.robot.urdf);
         let files = vec![path.to_owned(), urdf_path.clone()];
         Ok(RobotFiles {
             urdf: read_urdf(&urdf_path)?,
             urdf_path,
-            params,
+            params: Some(params.to_toml()),
             toml: Some((path.to_owned(), text)),
             read: files,
         })

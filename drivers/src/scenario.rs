@@ -5,6 +5,8 @@
 //! duration_s = 5.0
 //! seed = 1
 //! friction = 0.8
+//! controller = "hold"   # optional: hold, posture, or quadruped, the default
+//! physics_steps = 2     # optional: physics steps per control tick, 1 to 20
 //!
 //! [terrain]
 //! kind = "flat"
@@ -39,8 +41,24 @@
 //!
 //! [[floor]]             # only with flat terrain
 //! t_s = 3.0             # the floor moves when the foot is next in the air
-//! leg = "LF"
+//! leg = "LF"            # or contact = "wheel_1": a contact of the robot
 //! height_m = -0.05
+//!
+//! [[object]]            # a thing beside the robot; a fixture, such as a table, has no mass_kg
+//! name = "crate"
+//! shape = "box"         # or "cylinder" with radius_m and length_m
+//! size_m = [0.4, 0.3, 0.2]
+//! mass_kg = 5.0
+//! friction = 0.5        # of its contacts with ground and robot; default: that of the scenario
+//! position_m = [1.0, 0.0, 0.1]
+//! rpy_rad = [0.0, 0.0, 0.3]
+//!
+//! [[weld]]              # a link holds an object at a pose in the link
+//! t_s = 1.0
+//! duration_s = 2.0
+//! link = "arm1_8"
+//! object = "crate"
+//! position_m = [0.0, 0.0, 0.15]
 //!
 //! [[fault]]             # nan_sensor, stuck_encoder, torque_loss (joint), drop_state, drop_command, late_process, false_touch,
 //! t_s = 4.0             # delay_state (delay_s), clock_jump (jump_s), imu_bias (gyro_rad_s, orientation_rad), drop_operator,
@@ -58,8 +76,10 @@
 //! A scenario is checked completely when it is read. Only names of links and joints are checked later, against the robot.
 
 mod file;
+mod object;
 
 pub use crate::checks::Window;
+pub use object::{Object, ObjectShape, Weld};
 
 use crate::DriverError;
 use crate::checks::to_ns;
@@ -85,6 +105,10 @@ pub struct Scenario {
     pub seed: i64,
     /// Friction coefficient of feet and ground.
     pub friction: f64,
+    /// Controller of the run, as [`controller::load`] expects it.
+    pub controller: String,
+    /// Physics steps per control tick; the joint loops of the drives run in each of them.
+    pub physics_steps: u32,
     /// The ground.
     pub terrain: TerrainParams,
     /// Noise of the sensors.
@@ -99,6 +123,10 @@ pub struct Scenario {
     pub pushes: Vec<Push>,
     /// Moving floors, in the order of the file.
     pub floors: Vec<FloorMove>,
+    /// Objects beside the robot, in the order of the file.
+    pub objects: Vec<Object>,
+    /// Links that hold objects, in the order of the file.
+    pub welds: Vec<Weld>,
     /// Faults, in the order of the file.
     pub faults: Vec<FaultWindow>,
     /// Parameter changes, in order of time.
@@ -110,7 +138,7 @@ pub struct Scenario {
 pub struct Push {
     /// When it acts.
     pub window: Window,
-    /// Link whose body it acts on, at the centre of mass; `None` for the base.
+    /// Link or object whose body it acts on, at the centre of mass; `None` for the base.
     pub link: Option<String>,
     /// Force in W, N.
     pub f_W: [f64; 3],
@@ -163,14 +191,14 @@ impl Scenario {
             let link = link.as_deref().unwrap_or("the base");
             add(*window, format!("push of {f_W:?} N and {tau_W:?} N m on {link}"));
         }
+        for Weld { window, link, object, .. } in &self.welds {
+            add(*window, format!("weld of {object} to {link}"));
+        }
         for FaultWindow { window, kind } in &self.faults {
             add(*window, format!("fault {kind}"));
         }
-        for FloorMove { t_ns, leg, height } in &self.floors {
-            events.push((
-                *t_ns,
-                format!("floor under {} moves to {height} m when the foot is next in the air", leg.name()),
-            ));
+        for FloorMove { t_ns, contact, height } in &self.floors {
+            events.push((*t_ns, format!("floor under {contact} moves to {height} m when the foot is next in the air")));
         }
         events.sort_by_key(|event| event.0);
         events
@@ -180,7 +208,6 @@ impl Scenario {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use controller::quadruped::leg::Leg;
 
     const SMALL: &str =
         "name = \"small\"\nduration_s = 2.0\n[terrain]\nkind = \"flat\"\n[[operator]]\nt_s = 0.0\nmode = \"stand\"\n";
@@ -264,13 +291,11 @@ mod tests {
         bad_value(&format!("{SMALL}[drives]\ngain_in_air = true\n"), 9, "drives.gain_in_air", "true");
         let floor = "[[floor]]\nt_s = 1.0\nleg = \"LF\"\nheight_m = -0.05\n";
         let scenario = Scenario::parse(&format!("{SMALL}{floor}"), "small.toml", &GaitParams::default()).unwrap();
-        assert_eq!(scenario.floors, [FloorMove { t_ns: 1_000_000_000, leg: Leg::LF, height: -0.05 }]);
+        assert_eq!(scenario.floors, [FloorMove { t_ns: 1_000_000_000, contact: "LF".to_owned(), height: -0.05 }]);
         let text = &scenario.timeline()[0].1;
         assert!(text.contains("LF") && text.contains("-0.05 m"), "{text}");
         let rough = format!("{}{floor}", SMALL.replace("flat", "rough"));
         assert_eq!(value_error(&rough).1, "floor[1].height_m");
-        let (line, _, error) = parse_error(&format!("{SMALL}{}", floor.replace("LF", "lf")));
-        assert!(line == 10 && error.contains("`lf`") && error.contains("`LH`"), "{error}");
         let touch = format!("{SMALL}[[fault]]\nt_s = 1.0\nduration_s = 0.1\nkind = \"false_touch\"\n");
         bad_value(&touch, 8, "fault[1].force_N", "missing");
         let needless = format!("{SMALL}[[fault]]\nt_s = 1.0\nduration_s = 0.1\nkind = \"drop_state\"\nleg = \"LF\"\n");

@@ -149,7 +149,7 @@ impl Setup {
         let params = Params::from_toml(params_text, robot)?;
         let seed = scenario.seed;
         let run = Run {
-            controller: controller::quadruped::NAME,
+            controller: &scenario.controller,
             robot,
             urdf,
             params: params_text,

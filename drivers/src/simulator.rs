@@ -42,7 +42,7 @@ pub trait Simulator: Send {
     /// [`DriverError::Diverged`]: the state is not finite.
     fn step(&mut self) -> Result<(), DriverError>;
 
-    /// Adds a force (N) and a torque (N m), both in W, at the centre of mass of the body of a link (`None`: the base).
+    /// Adds a force (N) and a torque (N m), both in W, at the centre of mass of the body of a link or of an object (`None`: the base).
     /// They act in every step until [`Simulator::clear_pushes`].
     ///
     /// # Errors

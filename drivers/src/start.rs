@@ -2,10 +2,13 @@
 
 use crate::DriverError;
 use crate::checks::{BadKey, check_range};
-use controller::params::RobotConfig;
 use robot_model::math::{Rx, Ry, quaternion};
+use robot_model::{NOMINAL, RobotDescription};
 use serde::Deserialize;
 use std::collections::BTreeMap;
+
+/// Name of the posture in which a robot lies on the ground.
+const LYING: &str = "lying";
 
 /// Initial posture.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize)]
@@ -48,13 +51,13 @@ impl StartParams {
     ///
     /// # Errors
     /// [`DriverError::NoLyingPosture`] if the robot has no posture for lying.
-    pub(crate) fn posture_of(&self, robot: &RobotConfig) -> Result<BTreeMap<String, f64>, DriverError> {
+    pub(crate) fn posture_of(&self, robot: &RobotDescription) -> Result<BTreeMap<String, f64>, DriverError> {
         let mut posture = match self.posture {
-            StartPosture::Standing => robot.posture.clone(),
-            StartPosture::Lying if robot.lying.is_empty() => {
-                return Err(DriverError::NoLyingPosture { robot: robot.name.clone() });
+            StartPosture::Standing => robot.postures.get(NOMINAL).cloned().unwrap_or_default(),
+            StartPosture::Lying => {
+                let lying = robot.postures.get(LYING).cloned();
+                lying.ok_or_else(|| DriverError::NoLyingPosture { robot: robot.name.clone() })?
             }
-            StartPosture::Lying => robot.lying.clone(),
         };
         posture.extend(self.joints.clone());
         Ok(posture)

@@ -3,7 +3,6 @@
 #![allow(clippy::unwrap_used, reason = "a test may panic")]
 
 use controller::params::{Params, RobotConfig};
-use controller::quadruped::leg::Leg;
 use drivers::terrain::{TerrainKind, TerrainParams};
 use drivers::{DriveParams, DriverError, FloorMove, MujocoSim, SimParams, Simulator, Terrain};
 use lcmtypes::{GroundTruth, RobotCommand, RobotState};
@@ -95,7 +94,7 @@ fn a_gain_in_air_does_not_affect_stance_legs() {
 #[test]
 fn a_floor_moves_only_under_a_lifted_foot() {
     for (height, lands) in [(0.04, 0.03..0.05), (-0.05, -0.049..-0.005)] {
-        let floors = vec![FloorMove { t_ns: 0, leg: Leg::LF, height }];
+        let floors = vec![FloorMove { t_ns: 0, contact: "LF".to_owned(), height }];
         let mut sim = simulation(SimParams { floors, ..SimParams::default() }).unwrap();
         let (down, up) = (hold(&sim, &[]), hold(&sim, &[("lf_hfe_joint", 1.1), ("lf_kfe_joint", -2.2)]));
         run(&mut sim, &down, 300);

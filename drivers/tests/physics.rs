@@ -8,7 +8,7 @@ use drivers::{DriverError, MujocoSim, NoiseParams, SimParams, Simulator, Terrain
 use lcmtypes::{GroundTruth, RobotCommand, RobotState};
 use mujoco_rs::prelude::{MjData, MjModel};
 use robot_model::math::quaternion;
-use robot_model::{GRAVITY, ModelError, UrdfTree};
+use robot_model::{DescriptionError, GRAVITY, ModelError, UrdfTree};
 
 /// `total_mass` of `robots/hyq/SOURCES`, kg.
 const MASS: f64 = 86.774_005;
@@ -346,7 +346,9 @@ fn an_unknown_imu_link_is_an_error() {
         Terrain::new(&TerrainParams::of_kind(TerrainKind::Flat), 0),
         SimParams::default(),
     );
-    assert!(matches!(result, Err(DriverError::Unknown { ref name, .. }) if name == "nose_imu"));
+    assert!(
+        matches!(result, Err(DriverError::Description(DescriptionError::Unknown { ref name, .. })) if name == "nose_imu")
+    );
 }
 
 #[test]

@@ -4,21 +4,27 @@ use super::read_urdf;
 use crate::{Outcome, say, say_json};
 use analysis::table::{Column, Table};
 use anyhow::Context;
-use controller::robot_init::{Guess, Options, Proposal, propose};
+use controller::model::Base;
+use controller::robot_init::{Guess, Options, Proposal, propose, propose_any};
 use drivers::{mesh, shipped};
 use std::os::unix::fs::MetadataExt;
 use std::path::{Path, PathBuf};
 
 #[derive(clap::Args)]
 #[command(after_help = "Example: hoof robot init my_dog.urdf --out robots/my_dog\n         \
-    hoof sim --robot robots/my_dog/my_dog.toml --scenario scenarios/flat_trot.toml --log run.mcap\n\n\
+    hoof sim --robot robots/my_dog/my_dog.toml --scenario scenarios/flat_trot.toml --log run.mcap\n         \
+    hoof robot init my_arm.urdf --base fixed --out robots/my_arm\n         \
+    hoof sim --robot robots/my_arm/my_arm.toml --scenario scenarios/hold.toml --log run.mcap\n\n\
     Finds legs, feet and IMU in the tree of links, orders the legs by position, and solves for a standing posture within the joint\n\
     limits and for a lying one. Forces, steps, swing frequency and gains are HyQ's, scaled by mass, height of the hips and inertia.\n\
     Where controller or simulator cannot use the URDF as it is (meshes, joints outside of the legs, a root that is not the trunk, effort\n\
     limits above those of a motor), it writes a changed copy. Prints each guess with its reason, and what to check.")]
 pub struct Args {
-    /// URDF of a robot with four legs of three joints each
+    /// URDF of a robot with four legs of three joints each, or of any robot with --base
     urdf: PathBuf,
+    /// Describe a robot that is not such a quadruped, with a root that can move or not: posture, soles and gains for the controllers hold and posture
+    #[arg(long, value_name = "BASE")]
+    base: Option<BaseArg>,
     /// Name of the robot, instead of the URDF's
     #[arg(long)]
     name: Option<String>,
@@ -36,6 +42,15 @@ pub struct Args {
     json: bool,
 }
 
+/// Whether the root of a robot can move.
+#[derive(Clone, Copy, Debug, clap::ValueEnum)]
+enum BaseArg {
+    /// The root can move: a humanoid, a robot on wheels
+    Floating,
+    /// The root is fixed to the world: an arm
+    Fixed,
+}
+
 pub fn run(args: &Args) -> anyhow::Result<Outcome> {
     let text = read_urdf(&args.urdf)?;
     let file = args.urdf.display().to_string();
@@ -47,7 +62,12 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
         fixed: &args.fix,
         bounds: &|name| mesh::bounds(name, &args.urdf),
     };
-    let mut proposal = propose(&text, &file, &options).with_context(|| file.clone())?;
+    let proposal = match args.base {
+        None => propose(&text, &file, &options),
+        Some(BaseArg::Floating) => propose_any(&text, &file, Base::Floating, &options),
+        Some(BaseArg::Fixed) => propose_any(&text, &file, Base::Fixed, &options),
+    };
+    let mut proposal = proposal.with_context(|| file.clone())?;
     let path = write(args, &text, &proposal)?;
     let Proposal { name, look_at, .. } = &mut proposal;
     if args.name.is_none()
@@ -128,7 +148,11 @@ fn print(proposal: &Proposal, path: &Path) -> anyhow::Result<()> {
     for remark in look_at {
         say(format!("- {remark}"))?;
     }
-    say("- the gains, [posture] and [trunk]: they are HyQ's, scaled by the inertia of the legs")?;
+    let (gains, scenario) = match posture.is_empty() {
+        false => ("- the gains, [posture] and [trunk]: they are HyQ's, scaled by the inertia of the legs", "flat_trot"),
+        true => ("- the gains of the drives, [robot.joints], and the posture", "hold"),
+    };
+    say(gains)?;
     say(format!("\nwrote {}", path.display()))?;
-    say(format!("try: hoof sim --robot {} --scenario scenarios/flat_trot.toml --log run.mcap", path.display()))
+    say(format!("try: hoof sim --robot {} --scenario scenarios/{scenario}.toml --log run.mcap", path.display()))
 }

@@ -213,11 +213,10 @@ impl Gathered {
             }
             "GROUND_TRUTH" => {
                 let message = decode::<GroundTruth>(data)?;
-                let n_feet = message.n_feet;
                 if self.truth.len() >= self.thinning.max_truth {
                     self.thin_truth();
                 }
-                self.truth.push(Truth::of(&message).ok_or_else(|| format!("{n_feet} feet, expected 4"))?);
+                self.truth.push(Truth::of(&message));
             }
             _ => {}
         }

@@ -33,22 +33,21 @@ pub struct Truth {
 }
 
 impl Truth {
-    /// `None` if the message has fewer than four feet.
-    pub(super) fn of(message: &GroundTruth) -> Option<Self> {
-        let four = |v: &[[f64; 3]]| Some([*v.first()?, *v.get(1)?, *v.get(2)?, *v.get(3)?]);
-        let contact = &message.contact;
-        Some(Self {
+    /// The first four contacts are the feet; one that the robot does not have is at the origin and touches nothing.
+    pub(super) fn of(message: &GroundTruth) -> Self {
+        let four = |v: &[[f64; 3]]| std::array::from_fn(|foot| v.get(foot).copied().unwrap_or_default());
+        Self {
             t_ns: message.t_ns,
             p_WB: message.p_WB,
             rpy: quaternion::to_rpy(message.q_WB_wxyz),
             v_WB: message.v_WB,
             w_WB_W: message.w_WB_W,
-            p_WF: four(&message.p_WF)?,
-            v_WF: four(&message.v_WF)?,
-            f_F_W: four(&message.f_F_W)?,
-            contact: [contact.first()?, contact.get(1)?, contact.get(2)?, contact.get(3)?].map(|touches| *touches != 0),
+            p_WF: four(&message.p_WF),
+            v_WF: four(&message.v_WF),
+            f_F_W: four(&message.f_F_W),
+            contact: std::array::from_fn(|foot| message.contact.get(foot).is_some_and(|touches| *touches != 0)),
             pushed: message.f_push_W.iter().chain(&message.tau_push_W).any(|&x| x != 0.0),
-        })
+        }
     }
 
     /// Horizontal speed of the center of a foot, m/s; `None` without contact.

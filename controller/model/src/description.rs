@@ -3,7 +3,7 @@
 //! A description is the table `[robot]` of the TOML file beside the URDF. It has one of two forms, which give the same [`RobotDescription`]:
 //!
 //! - any robot: `base`, `[[robot.imu]]`, `[[robot.force_torque]]`, `[[robot.contact]]`, `[[robot.group]]`, `[robot.postures.NAME]`,
-//!   `[robot.joints.NAME]`;
+//!   `[robot.joints.NAME]`, `[robot.virtual_frame]`;
 //! - a quadruped: `feet`, `foot_radius`, `imu_link`, `posture`, `lying`, `drives`. It is described as four point contacts and four legs, named LF RF
 //!   LH RH, one IMU `imu`, and the postures `nominal` and `lying`.
 //!
@@ -12,6 +12,7 @@
 mod error;
 mod file;
 mod resolve;
+mod virtual_frame;
 
 pub use error::DescriptionError;
 
@@ -22,6 +23,9 @@ use crate::names::near_names;
 use crate::tree::UrdfTree;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
+
+/// Name of the posture in which a robot stands, and to which controllers for any robot move it.
+pub const NOMINAL: &str = "nominal";
 
 /// Description of a robot. All names are those of the URDF, or of the description itself.
 #[derive(Clone, Debug, PartialEq)]
@@ -46,6 +50,8 @@ pub struct RobotDescription {
     pub postures: BTreeMap<String, BTreeMap<String, f64>>,
     /// Role and drive of each movable joint, in the order of `q`.
     pub joints: Vec<JointDescription>,
+    /// A frame with virtual joints, for models of controllers.
+    pub virtual_frame: Option<VirtualFrame>,
 }
 
 /// An IMU or a sensor of force and torque: it measures at the origin and in the axes of a link.
@@ -133,6 +139,16 @@ pub enum GroupKind {
     Chain,
 }
 
+/// A frame that travels with the robot, and six virtual joints between it and a link, for the models of controllers.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct VirtualFrame {
+    /// Name of the link of the frame. Its joints are this name with `_tx`, `_ty`, `_tz`, `_rx`, `_ry`, `_rz`, from the robot outward.
+    pub name: String,
+    /// Link of the robot to which the first joint is attached.
+    pub link: String,
+}
+
 /// Whether a joint has a drive and an encoder.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
@@ -190,14 +206,6 @@ impl RobotDescription {
         resolve::resolve(file::read(text, file)?, file, tree)
     }
 
-    /// The URDF of a description that has the keys for any robot; `None` for one that has those of a quadruped, which the controller's parameters check.
-    ///
-    /// # Errors
-    /// [`DescriptionError::Parse`] for a text with the keys for any robot that cannot be read.
-    pub fn urdf_of_any(text: &str, file: &str) -> Result<Option<String>, DescriptionError> {
-        if file::is_for_any_robot(text) { file::read(text, file).map(|table| Some(table.urdf)) } else { Ok(None) }
-    }
-
     /// The model of the URDF with the base and the drives of the description.
     ///
     /// # Errors
@@ -212,6 +220,17 @@ impl RobotDescription {
             info.drive = joint.drive;
         }
         Ok(model)
+    }
+
+    /// The model with the joints of the virtual frame, after those of the robot; without a virtual frame, that of [`RobotDescription::model`].
+    ///
+    /// # Errors
+    /// See [`RobotDescription::model`].
+    pub fn virtual_model(&self, tree: &UrdfTree) -> Result<Model, ModelError> {
+        match &self.virtual_frame {
+            Some(VirtualFrame { name, link }) => self.model(&virtual_frame::extended(tree, name, link)),
+            None => self.model(tree),
+        }
     }
 
     /// The limits of which the URDF has another value. A limit that the URDF does not have is no difference.

@@ -49,7 +49,9 @@ pub use bodies::{Base, FrameId, GRAVITY, JointId, JointInfo, Model, impossible_m
 pub use centroidal::{
     centroidal_momentum, centroidal_momentum_matrix, com, com_bias_acceleration, com_jacobian, com_velocity,
 };
-pub use description::{DescriptionError, RobotDescription};
+pub use description::{
+    Contact, ContactGeometry, DescriptionError, JointDescription, JointRole, NOMINAL, RobotDescription,
+};
 pub use drive::DriveLimits;
 pub use dynamics::{RneaScratch, bias_force, gravity_force, mass_matrix, rnea};
 pub use error::{ModelError, ModelWarning};

@@ -7,8 +7,8 @@ use test_support::replace_once;
 
 const CENTAURO: &str = include_str!("../../../robots/centauro/centauro.toml");
 const CENTAURO_URDF: &str = include_str!("../../../robots/centauro/centauro.urdf");
-const COMAN_PLUS: &str = include_str!("data/coman_plus.toml");
-const COMAN_PLUS_URDF: &str = include_str!("data/coman_plus.urdf");
+const COMAN_PLUS: &str = include_str!("../../../robots/coman_plus/coman_plus.toml");
+const COMAN_PLUS_URDF: &str = include_str!("../../../robots/coman_plus/coman_plus.urdf");
 const HYQ: &str = include_str!("../../../robots/hyq/hyq.toml");
 const HYQ_URDF: &str = include_str!("../../../robots/hyq/hyq.urdf");
 
@@ -47,13 +47,13 @@ fn centauro_has_wheels_hands_legs_and_arms() {
     assert_eq!(grouped, (0..39).collect::<Vec<_>>());
 }
 
-/// In its posture `home` the wheels stand upright at the corners of a square of 0.7 m, and the axes of the wheels are horizontal.
+/// In its posture `nominal` the wheels stand upright at the corners of a square of 0.7 m, and the axes of the wheels are horizontal.
 #[test]
 fn centauro_stands_on_its_wheels() {
     let tree = tree(CENTAURO_URDF);
     let robot = RobotDescription::from_toml(CENTAURO, "centauro.toml", &tree).unwrap();
     let model = robot.model(&tree).unwrap();
-    let home = robot.posture("home").unwrap();
+    let home = robot.posture(NOMINAL).unwrap();
     let q: Vec<f64> = model.joints.iter().map(|joint| home[&joint.name]).collect();
     let mut kin = Kinematics::new(&model);
     kin.update(&model, &BaseState::identity(), &q, &vec![0.0; model.nj()]);
@@ -108,9 +108,9 @@ fn coman_plus_has_soles() {
     assert_eq!((sole.link.as_str(), sole.geometry.force_size(), robot.force_torque.len()), ("l_sole", 6, 4));
     let sizes: Vec<usize> = robot.groups.iter().map(|group| group.joints.len()).collect();
     assert_eq!((sizes, robot.joints.len()), (vec![6, 6, 7, 7, 2], 28));
-    // In the posture `home` the soles are 0.959 m below an upright waist, and its pitch angles add up to 0.06 rad.
+    // In the posture `nominal` the soles are 0.959 m below an upright waist, and its pitch angles add up to 0.06 rad.
     let model = robot.model(&tree).unwrap();
-    let home = robot.posture("home").unwrap();
+    let home = robot.posture(NOMINAL).unwrap();
     let q: Vec<f64> = model.joints.iter().map(|joint| home.get(&joint.name).copied().unwrap_or(0.0)).collect();
     let mut kin = Kinematics::new(&model);
     kin.update(&model, &BaseState::identity(), &q, &vec![0.0; model.nj()]);
@@ -119,6 +119,40 @@ fn coman_plus_has_soles() {
         let (p, R) = (kin.p_WF(&model, frame), kin.R_WF(&model, frame));
         assert!((p.z + 0.959).abs() < 1e-3 && (p.x + 0.088).abs() < 1e-3 && (R[(0, 2)] - 0.06).abs() < 1e-3, "{p} {R}");
     }
+}
+
+/// The virtual frame adds six joints at the end, without mass: the other rows and columns of the mass matrix keep their bits, and a step along each
+/// virtual joint moves the frame by it.
+#[test]
+fn a_virtual_frame_adds_six_joints_without_mass() {
+    let tree = tree(CENTAURO_URDF);
+    let robot = RobotDescription::from_toml(CENTAURO, "centauro.toml", &tree).unwrap();
+    let (plain, model) = (robot.model(&tree).unwrap(), robot.virtual_model(&tree).unwrap());
+    assert_eq!((plain.nv(), model.nv(), model.total_mass().to_bits()), (45, 51, plain.total_mass().to_bits()));
+    let last: Vec<&str> = model.joints[39..].iter().map(|joint| joint.name.as_str()).collect();
+    let names = ["car_frame_tx", "car_frame_ty", "car_frame_tz", "car_frame_rx", "car_frame_ry", "car_frame_rz"];
+    assert_eq!(last, names);
+    let mut q: Vec<f64> = plain.joints.iter().map(|joint| robot.posture(NOMINAL).unwrap()[&joint.name]).collect();
+    let M_of = |model: &Model, q: &[f64]| {
+        let mut kin = Kinematics::new(model);
+        kin.update(model, &BaseState::identity(), q, &vec![0.0; model.nj()]);
+        let mut M = nalgebra::DMatrix::zeros(model.nv(), model.nv());
+        mass_matrix(model, &kin, &mut M);
+        (kin, M)
+    };
+    let (_, small) = M_of(&plain, &q);
+    q.extend([0.1, 0.2, 0.3, 0.0, 0.0, 0.5]);
+    let (kin, large) = M_of(&model, &q);
+    assert_eq!(large.view((0, 0), (45, 45)), small.view((0, 0), (45, 45)));
+    assert!(large.view((45, 0), (6, 51)).iter().all(|x| *x == 0.0));
+    let frame = model.frame("car_frame").unwrap();
+    let (p, R) = (kin.p_WF(&model, frame), kin.R_WF(&model, frame));
+    assert!((p - nalgebra::Vector3::new(0.1, 0.2, 0.3)).norm() < 1e-15, "{p}");
+    assert!((R[(1, 0)] - 0.5_f64.sin()).abs() < 1e-15, "{R}");
+    let bad = CENTAURO.replace("name = \"car_frame\"", "name = \"pel\"");
+    assert!(
+        matches!(read(&bad, CENTAURO_URDF), Err(DescriptionError::BadValue { key, .. }) if key == "robot.virtual_frame.name")
+    );
 }
 
 /// The keys of a quadruped are four point contacts, four legs, an IMU and two postures.
@@ -178,7 +212,7 @@ fn names_that_do_not_exist_are_errors_with_similar_ones() {
             "link",
             "torso_2",
         ),
-        ("torso_yaw = 0.0", "torso_yow = 0.0", "robot.postures.home", "movable joint", "torso_yaw"),
+        ("torso_yaw = 0.0", "torso_yow = 0.0", "robot.postures.nominal", "movable joint", "torso_yaw"),
         ("j_wheel_4 = { effort", "neck_yaw = { effort", "robot.joints", "movable joint", ""),
     ] {
         let error = read(&replace_once(CENTAURO, from, to), CENTAURO_URDF).unwrap_err();
@@ -189,7 +223,7 @@ fn names_that_do_not_exist_are_errors_with_similar_ones() {
     let robot = read(CENTAURO, CENTAURO_URDF).unwrap();
     assert!(matches!(robot.contact("wheel_9"), Err(DescriptionError::Unknown { what: "contact", .. })));
     assert!(matches!(robot.group("leg"), Err(DescriptionError::Unknown { what: "group", .. })));
-    assert!(matches!(robot.posture("hom"), Err(DescriptionError::Unknown { what: "posture", .. })));
+    assert!(matches!(robot.posture("nominl"), Err(DescriptionError::Unknown { what: "posture", .. })));
 }
 
 #[test]
@@ -211,9 +245,8 @@ fn unknown_keys_and_values_of_another_type_are_errors() {
         let DescriptionError::Parse { file, reason } = &error else { panic!("{error}") };
         assert!(file == "robot.toml" && reason.contains(part), "{error}");
     }
-    // A quadruped's file has tables that the controller reads and checks; no other file has any.
-    let error = read(&format!("{CENTAURO}\n[trunk]\nkpp = 1\n"), CENTAURO_URDF).unwrap_err();
-    assert!(matches!(&error, DescriptionError::Parse { reason, .. } if reason.contains("`trunk`")), "{error}");
+    // Other tables belong to controllers, which read and check them.
+    assert!(read(&format!("{CENTAURO}\n[trunk]\nkpp = 1\n"), CENTAURO_URDF).is_ok());
     assert!(matches!(read("[gait]\nduty = 1", HYQ_URDF), Err(DescriptionError::Parse { .. })));
     assert!(matches!(read("[robot", HYQ_URDF), Err(DescriptionError::Parse { .. })));
 }
@@ -228,8 +261,8 @@ fn values_out_of_range_are_errors_with_their_key() {
         (hand, with_hand("wheel = { radius = 0, axis = [0, 0, 1] }"), "robot.contact.hand_2.geometry.wheel.radius"),
         (hand, with_hand("wheel = { radius = 1, axis = [0, 0, 0] }"), "robot.contact.hand_2.geometry.wheel.axis"),
         (hand, with_hand("sole = { x = [1, -1], y = [0, 1] }"), "robot.contact.hand_2.geometry.sole.x"),
-        ("torso_yaw = 0.0", "torso_yaw = 3.0".into(), "robot.postures.home.torso_yaw"),
-        ("torso_yaw = 0.0", "torso_yaw = nan".into(), "robot.postures.home.torso_yaw"),
+        ("torso_yaw = 0.0", "torso_yaw = 3.0".into(), "robot.postures.nominal.torso_yaw"),
+        ("torso_yaw = 0.0", "torso_yaw = nan".into(), "robot.postures.nominal.torso_yaw"),
         ("j_wheel_4 = { effort = 35.0", "j_wheel_4 = { effort = 0.0".into(), "robot.joints.j_wheel_4.effort"),
         ("j_wheel_4 = { ", "j_wheel_4 = { power = 0.0, ".into(), "robot.joints.j_wheel_4.power"),
         (
@@ -237,7 +270,11 @@ fn values_out_of_range_are_errors_with_their_key() {
             "j_wheel_4 = { rated_velocity = 3.0, no_load_velocity = 2.0, ".into(),
             "robot.joints.j_wheel_4.rated_velocity",
         ),
-        ("j_wheel_4 = { ", "j_wheel_4 = { stiffness = -1.0, ".into(), "robot.joints.j_wheel_4.stiffness"),
+        (
+            "j_wheel_4 = { effort = 35.0, velocity = 20.0, stiffness = 350.0",
+            "j_wheel_4 = { effort = 35.0, velocity = 20.0, stiffness = -1.0".into(),
+            "robot.joints.j_wheel_4.stiffness",
+        ),
         ("joints = [\"torso_yaw\"]", "joints = []".into(), "robot.group.torso"),
         ("joints = [\"torso_yaw\"]", "tip = \"pelvis\"".into(), "robot.group.torso"),
         ("joints = [\"torso_yaw\"]", "joints = [\"torso_yaw\"]\ntip = \"torso_2\"".into(), "robot.group.torso"),

@@ -35,11 +35,28 @@ fn centauro() {
 
 #[test]
 fn coman_plus() {
-    let urdf = include_str!("data/coman_plus.urdf");
+    let urdf = include_str!("../../../robots/coman_plus/coman_plus.urdf");
     check(urdf, include_str!("data/coman_plus.json"), Base::Floating);
     let model = Model::new(&UrdfTree::parse(urdf, "coman_plus.urdf").unwrap(), Base::Floating).unwrap();
     assert_eq!((model.nj(), model.nv()), (28, 34));
     assert!((model.total_mass() - 65.267_070_13).abs() < 1e-9, "{}", model.total_mass());
+}
+
+#[test]
+fn coman() {
+    let urdf = include_str!("../../../robots/coman/coman.urdf");
+    check(urdf, include_str!("data/coman.json"), Base::Floating);
+    let model = Model::new(&UrdfTree::parse(urdf, "coman.urdf").unwrap(), Base::Floating).unwrap();
+    assert_eq!((model.nj(), model.nv()), (29, 35));
+    assert!((model.total_mass() - 31.463_860_196).abs() < 1e-9, "{}", model.total_mass());
+}
+
+#[test]
+fn centauro_upper() {
+    let urdf = include_str!("../../../robots/centauro_upper/centauro_upper.urdf");
+    check(urdf, include_str!("data/centauro_upper.json"), Base::Fixed);
+    let model = Model::new(&UrdfTree::parse(urdf, "centauro_upper.urdf").unwrap(), Base::Fixed).unwrap();
+    assert_eq!((model.nj(), model.nv()), (15, 15));
 }
 
 fn check(urdf: &str, fixture: &str, base: Base) {

@@ -7,9 +7,9 @@ use serde::{Deserialize, Serialize};
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct HoldParams {
-    /// Stiffness of every joint, N m/rad.
+    /// Stiffness of every joint that has none in `[robot.joints]`, N m/rad.
     pub kp: f64,
-    /// Damping of every joint, N m s/rad.
+    /// Damping of every joint that has none in `[robot.joints]`, N m s/rad.
     pub kd: f64,
     /// Duration of the motion to the posture, s.
     pub duration: f64,

@@ -108,8 +108,11 @@ fn copy(from: &toml::Table, to: &mut toml::Table, key: &str) {
 /// # Errors
 /// [`ParamsError::UnknownKey`]
 pub fn check_key(key: &str) -> Result<(), ParamsError> {
-    const ANY_ROBOT: &str = "[robot]\nname = \"\"\nurdf = \"\"\nfeet = [\"\", \"\", \"\", \"\"]\nfoot_radius = 1.0\nimu_link = \"\"\nposture = {}\n";
-    if ["robot.posture.", "robot.lying.", "robot.drives.", "stack.tasks."].iter().any(|table| key.starts_with(table)) {
+    const ANY_ROBOT: &str = "[robot]\nname = \"\"\nurdf = \"\"\nfeet = [\"a\", \"b\", \"c\", \"d\"]\nfoot_radius = 1.0\nimu_link = \"imu\"\nposture = { j = 0.0 }\n";
+    if ["robot.posture.", "robot.lying.", "robot.drives.", "robot.postures.", "robot.joints.", "stack.tasks."]
+        .iter()
+        .any(|table| key.starts_with(table))
+    {
         return Ok(());
     }
     let of_gait = match key.split('.').collect::<Vec<_>>()[..] {

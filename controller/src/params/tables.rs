@@ -5,6 +5,7 @@ use super::key::toml_key;
 use super::range::Bound;
 use super::robot::RobotConfig;
 use crate::hold::params::HoldParams;
+use crate::posture::params::MotionParams;
 use crate::qp::QpParams;
 use crate::quadruped::params::{
     ContactParams, FootholdParams, GaitParams, PostureParams, RecoveryParams, RelativeFeetParams, StandParams,
@@ -13,6 +14,9 @@ use crate::quadruped::params::{
 use crate::safety::SafetyParams;
 use crate::stack::{Formula, StackParams};
 use serde::{Deserialize, Serialize};
+
+/// Tables of the controllers that work with any robot.
+pub const FOR_ANY_ROBOT: [&str; 4] = ["robot", "safety", "hold", "motion"];
 
 /// Every parameter of a run.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -65,6 +69,9 @@ pub struct Params {
     /// The hold controller.
     #[serde(default)]
     pub hold: HoldParams,
+    /// The posture controller.
+    #[serde(default)]
+    pub motion: MotionParams,
 }
 
 impl Params {
@@ -75,15 +82,40 @@ impl Params {
     /// # Errors
     /// The text is not TOML, has unknown or missing keys, or values of the wrong type or out of range.
     pub fn from_toml(text: &str, source_name: &str) -> Result<Self, ParamsError> {
-        let params: Params = toml::from_str(text)
-            .map_err(|e| ParamsError::Parse { source_name: source_name.to_owned(), error: e.to_string() })?;
+        let parse_error = |error: String| ParamsError::Parse { source_name: source_name.to_owned(), error };
+        let params: Params = toml::from_str(text).map_err(|error| parse_error(error.to_string()))?;
+        params.check_robot(text).map_err(parse_error)?;
         params.check()?;
         Ok(params)
     }
 
-    /// Writes every parameter as TOML, defaults included. [`Params::from_toml`] reads the same bits back.
+    /// Writes every parameter as TOML, defaults included. [`Params::from_toml`] reads the same bits back. For a robot with the keys for any robot
+    /// these are the tables [`FOR_ANY_ROBOT`].
     pub fn to_toml(&self) -> String {
-        toml::to_string(self).expect("plain structs of numbers, strings and tables always serialize")
+        if self.robot.is_quadruped() {
+            return toml::to_string(self).expect("plain structs of numbers, strings and tables always serialize");
+        }
+        let mut table =
+            toml::Table::try_from(self).expect("plain structs of numbers, strings and tables always serialize");
+        table.retain(|name, _| FOR_ANY_ROBOT.contains(&name));
+        toml::to_string(&table).expect("a table of plain values can be written")
+    }
+
+    /// Checks that the keys of the robot are complete, and that a robot with the keys for any robot has only the tables of controllers for any robot.
+    fn check_robot(&self, text: &str) -> Result<(), String> {
+        if let Some(key) = self.robot.missing() {
+            return Err(format!("missing field `{key}` in table [robot]"));
+        }
+        if self.robot.is_quadruped() {
+            return Ok(());
+        }
+        let table: toml::Table = text.parse().map_err(|error: toml::de::Error| error.to_string())?;
+        match table.keys().find(|name| !FOR_ANY_ROBOT.contains(&name.as_str())) {
+            Some(name) => {
+                Err(format!("table [{name}] is for robots with robot.feet; expected one of {FOR_ANY_ROBOT:?}"))
+            }
+            None => Ok(()),
+        }
     }
 
     /// Checks the range of each number, relations between them, and that the formula of the stack can be parsed.
@@ -114,7 +146,7 @@ impl Params {
 
 /// Each number among the parameters, with its allowed range.
 pub fn bounds() -> impl Iterator<Item = &'static Bound> {
-    let tables: [&[Bound]; 10] = [
+    let tables: [&[Bound]; 11] = [
         RobotConfig::BOUNDS,
         GaitParams::BOUNDS,
         FootholdParams::BOUNDS,
@@ -125,6 +157,7 @@ pub fn bounds() -> impl Iterator<Item = &'static Bound> {
         StandParams::BOUNDS,
         SafetyParams::BOUNDS,
         HoldParams::BOUNDS,
+        MotionParams::BOUNDS,
     ];
     tables.into_iter().flatten()
 }

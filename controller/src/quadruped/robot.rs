@@ -61,10 +61,13 @@ impl Robot {
     /// The URDF is invalid; it lacks a link or joint of `config`; a leg does not have exactly three revolute joints of its own; a joint belongs to
     /// no leg; `robot.posture` lacks a joint, violates a joint limit, or has feet at different heights.
     pub fn new(urdf: &str, config: &RobotConfig) -> Result<Self, LoadError> {
+        let wrong = |what: String| LoadError::Robot { robot: config.name.clone(), what };
+        if !config.is_quadruped() {
+            return Err(wrong("robot.feet is missing, expected the four feet of a quadruped".into()));
+        }
         let tree = UrdfTree::parse(urdf, &config.urdf)?;
         let mut model = Model::new(&tree, Base::Floating)?;
         config.limit_drives(&mut model)?;
-        let wrong = |what: String| LoadError::Robot { robot: config.name.clone(), what };
 
         let mut q_nominal = vec![f64::NAN; model.nj()];
         for (name, &q) in &config.posture {

@@ -5,9 +5,11 @@
 //! - `posture` solves for a standing posture within the joint limits, `lying` for one on the ground.
 //! - `gains` scales gains by the inertia of the legs, `scaled` HyQ's forces and steps by mass and size.
 //! - `toml_text` writes the parameter file.
+//! - `any` writes a description of any other robot.
 //!
 //! It runs before a controller exists; no controller uses it.
 
+mod any;
 mod error;
 mod gains;
 mod legs;
@@ -17,6 +19,7 @@ mod prepare;
 mod scaled;
 mod toml_text;
 
+pub use any::propose_any;
 pub use error::RobotInitError;
 pub use legs::{FoundLeg, FoundLegs};
 pub use posture::Posture;

@@ -2,10 +2,29 @@
 
 use super::{FaultKind, FaultWindow, Quantity};
 use crate::checks::{BadKey, Window, check_range, to_ns};
-use crate::floor::LegName;
 use controller::params::exact::optional_array;
 use controller::quadruped::leg::Leg;
 use serde::Deserialize;
+
+/// Name of a leg in a scenario.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
+pub(crate) enum LegName {
+    LF,
+    RF,
+    LH,
+    RH,
+}
+
+impl From<LegName> for Leg {
+    fn from(name: LegName) -> Leg {
+        match name {
+            LegName::LF => Leg::LF,
+            LegName::RF => Leg::RF,
+            LegName::LH => Leg::LH,
+            LegName::RH => Leg::RH,
+        }
+    }
+}
 
 #[derive(Clone, Copy, Deserialize)]
 #[serde(rename_all = "snake_case")]

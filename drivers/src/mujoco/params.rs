@@ -2,7 +2,7 @@
 
 use crate::drives::DriveParams;
 use crate::floor::FloorMove;
-use crate::scenario::Scenario;
+use crate::scenario::{Object, Scenario, Weld};
 use crate::sensors::NoiseParams;
 use crate::start::StartParams;
 
@@ -11,6 +11,8 @@ use crate::start::StartParams;
 pub struct SimParams {
     /// Friction coefficient of the contacts.
     pub friction: f64,
+    /// Physics steps per control tick, at least 1.
+    pub physics_steps: u32,
     /// Seed of the sensor noise.
     pub seed: i64,
     /// Sensor noise.
@@ -19,6 +21,10 @@ pub struct SimParams {
     pub drives: DriveParams,
     /// Moving floors.
     pub floors: Vec<FloorMove>,
+    /// Objects beside the robot.
+    pub objects: Vec<Object>,
+    /// Links that hold objects.
+    pub welds: Vec<Weld>,
     /// Initial pose of the robot.
     pub start: StartParams,
     /// Base height above the ground below which the robot has fallen, as a fraction of its initial height.
@@ -30,13 +36,16 @@ pub struct SimParams {
 impl SimParams {
     /// The parameters of a scenario; fall limits have their defaults.
     pub fn of(scenario: &Scenario) -> Self {
-        let Scenario { friction, seed, noise, drives, floors, start, .. } = scenario;
+        let Scenario { friction, physics_steps, seed, noise, drives, floors, objects, welds, start, .. } = scenario;
         SimParams {
             friction: *friction,
+            physics_steps: *physics_steps,
             seed: *seed,
             noise: noise.clone(),
             drives: drives.clone(),
             floors: floors.clone(),
+            objects: objects.clone(),
+            welds: welds.clone(),
             start: start.clone(),
             ..SimParams::default()
         }
@@ -47,10 +56,13 @@ impl Default for SimParams {
     fn default() -> Self {
         SimParams {
             friction: 0.8,
+            physics_steps: 1,
             seed: 0,
             noise: NoiseParams::default(),
             drives: DriveParams::default(),
             floors: Vec::new(),
+            objects: Vec::new(),
+            welds: Vec::new(),
             start: StartParams::default(),
             min_height: 0.5,
             max_tilt: 0.6,

@@ -1,5 +1,6 @@
 //! The TOML file of a scenario: its tables, their checks, and the line of an error.
 
+use super::object::{ObjectEntry, WeldEntry};
 use super::{Push, Scenario};
 use crate::DriverError;
 use crate::checks::{BadKey, Window, check_range};
@@ -23,6 +24,7 @@ pub(super) fn parse(text: &str, source_name: &str, gaits: &GaitParams) -> Result
     let top = at("", 0);
     top.check(check_range("duration_s", &[file.duration_s], 0.001..=36_000.0))?;
     top.check(check_range("friction", &[file.friction], 0.01..=5.0))?;
+    top.check(check_range("physics_steps", &[f64::from(file.physics_steps)], 1.0..=20.0))?;
     at("terrain", 0).check(file.terrain.check())?;
     at("noise", 0).check(file.noise.check())?;
     at("drives", 0).check(file.drives.check())?;
@@ -45,6 +47,15 @@ pub(super) fn parse(text: &str, source_name: &str, gaits: &GaitParams) -> Result
         let place = at("floor", index + 1);
         floors.push(place.check(floor.resolve(file.terrain.kind))?);
     }
+    let mut objects = Vec::with_capacity(file.object.len());
+    for (index, object) in file.object.into_iter().enumerate() {
+        let object = at("object", index + 1).check(object.resolve(file.friction, &objects))?;
+        objects.push(object);
+    }
+    let mut welds = Vec::with_capacity(file.weld.len());
+    for (index, weld) in file.weld.into_iter().enumerate() {
+        welds.push(at("weld", index + 1).check(weld.resolve(&objects, index))?);
+    }
     let mut faults = Vec::with_capacity(file.fault.len());
     for (index, fault) in file.fault.into_iter().enumerate() {
         let place = at("fault", index + 1);
@@ -61,6 +72,8 @@ pub(super) fn parse(text: &str, source_name: &str, gaits: &GaitParams) -> Result
         duration_s: file.duration_s,
         seed: file.seed,
         friction: file.friction,
+        controller: file.controller,
+        physics_steps: file.physics_steps,
         terrain: file.terrain,
         noise: file.noise,
         drives: file.drives,
@@ -68,6 +81,8 @@ pub(super) fn parse(text: &str, source_name: &str, gaits: &GaitParams) -> Result
         operator: OperatorScript::new(&file.operator, gaits),
         pushes,
         floors,
+        objects,
+        welds,
         faults,
         parameters,
     })
@@ -82,6 +97,10 @@ struct ScenarioFile {
     seed: i64,
     #[serde(default = "default_friction")]
     friction: f64,
+    #[serde(default = "default_controller")]
+    controller: String,
+    #[serde(default = "default_physics_steps")]
+    physics_steps: u32,
     terrain: TerrainParams,
     #[serde(default)]
     noise: NoiseParams,
@@ -95,9 +114,21 @@ struct ScenarioFile {
     #[serde(default)]
     floor: Vec<FloorEntry>,
     #[serde(default)]
+    object: Vec<ObjectEntry>,
+    #[serde(default)]
+    weld: Vec<WeldEntry>,
+    #[serde(default)]
     fault: Vec<FaultEntry>,
     #[serde(default)]
     parameter: Vec<ParameterEntry>,
+}
+
+fn default_controller() -> String {
+    controller::quadruped::NAME.to_owned()
+}
+
+fn default_physics_steps() -> u32 {
+    1
 }
 
 fn default_friction() -> f64 {

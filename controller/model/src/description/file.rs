@@ -1,7 +1,7 @@
-//! The table `[robot]` of a TOML file as it is written. Unknown keys are errors; other tables of the file belong to the controllers.
+//! The table `[robot]` of a TOML file as it is written. Unknown keys are errors; other tables of the file belong to the controllers, which check them.
 
 use super::error::DescriptionError;
-use super::{ContactGeometry, GroupKind, JointRole};
+use super::{ContactGeometry, GroupKind, JointRole, VirtualFrame};
 use crate::drive::DriveLimits;
 use serde::Deserialize;
 use std::collections::BTreeMap;
@@ -9,8 +9,6 @@ use std::collections::BTreeMap;
 #[derive(Deserialize)]
 struct WholeFile {
     robot: RobotTable,
-    #[serde(flatten)]
-    others: toml::Table,
 }
 
 #[derive(Deserialize)]
@@ -33,6 +31,7 @@ pub(super) struct RobotTable {
     pub(super) postures: BTreeMap<String, BTreeMap<String, f64>>,
     #[serde(default)]
     pub(super) joints: BTreeMap<String, JointTable>,
+    pub(super) virtual_frame: Option<VirtualFrame>,
 
     /// The keys of a quadruped.
     pub(super) feet: Option<[String; 4]>,
@@ -98,19 +97,7 @@ pub(super) struct JointTable {
 
 /// Reads the table `[robot]`.
 pub(super) fn read(text: &str, file: &str) -> Result<RobotTable, DescriptionError> {
-    let failed = |reason: String| DescriptionError::Parse { file: file.to_owned(), reason };
-    let parsed: WholeFile = toml::from_str(text).map_err(|error| failed(error.to_string()))?;
-    // The other tables of a quadruped's file are read and checked with the controller's parameters.
-    match parsed.others.keys().next() {
-        Some(key) if parsed.robot.feet.is_none() => Err(failed(format!("unknown table `{key}`, expected `robot`"))),
-        _ => Ok(parsed.robot),
-    }
-}
-
-/// Whether a text is TOML with keys in `[robot]` that only the form for any robot has.
-pub(super) fn is_for_any_robot(text: &str) -> bool {
-    let Ok(whole) = toml::from_str::<toml::Table>(text) else { return false };
-    let Some(robot) = whole.get("robot").and_then(toml::Value::as_table) else { return false };
-    let keys = ["base", "imu", "force_torque", "contact", "group", "postures", "joints"];
-    !robot.contains_key("feet") && keys.iter().any(|key| robot.contains_key(*key))
+    let parsed: Result<WholeFile, _> = toml::from_str(text);
+    let failed = |error: toml::de::Error| DescriptionError::Parse { file: file.to_owned(), reason: error.to_string() };
+    Ok(parsed.map_err(failed)?.robot)
 }

@@ -38,9 +38,27 @@ pub(super) fn resolve(mut table: RobotTable, file: &str, tree: &UrdfTree) -> Res
         check.posture(&format!("robot.postures.{name}"), posture)?;
     }
     let joints = check.joints(&table.joints, &table.drives)?;
-    let RobotTable { name, urdf, postures, .. } = table;
+    if let Some(frame) = &table.virtual_frame {
+        check.link("robot.virtual_frame.link", &frame.link)?;
+        if tree.links.iter().any(|link| link.name.starts_with(&frame.name)) || frame.name.is_empty() {
+            return Err(check.bad("robot.virtual_frame.name", &frame.name, "a name with which no link begins"));
+        }
+    }
+    let RobotTable { name, urdf, postures, virtual_frame, .. } = table;
     let file = file.to_owned();
-    Ok(RobotDescription { name, file, urdf, base, imus, force_torque, contacts, groups, postures, joints })
+    Ok(RobotDescription {
+        name,
+        file,
+        urdf,
+        base,
+        imus,
+        force_torque,
+        contacts,
+        groups,
+        postures,
+        joints,
+        virtual_frame,
+    })
 }
 
 struct Check<'a> {

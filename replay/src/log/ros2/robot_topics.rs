@@ -8,6 +8,7 @@ use super::messages::{
 };
 use controller::math::quaternion;
 use controller::model::{Base, BaseState, Kinematics, Model, Pose, UrdfTree};
+use controller::params::Params;
 use lcmtypes::channels::{BASE_TRACKING, CONTACT_ESTIMATE, CONTROLLER_INPUT, GROUND_TRUTH, ROBOT_STATE};
 use lcmtypes::{BaseTracking, ContactEstimate, ControllerInput, GroundTruth, Message, RobotState, RunInfo};
 
@@ -73,15 +74,15 @@ impl RobotTopics {
     /// The robot that RUN_INFO describes; `None` if its URDF cannot be read.
     pub fn new(info: &RunInfo, source: BaseSource) -> Option<Self> {
         let tree = UrdfTree::parse(&info.urdf, &info.robot).ok()?;
-        let model = Model::new(&tree, Base::Floating).ok()?;
-        let params: toml::Table = info.params.parse().unwrap_or_default();
-        let robot = params.get("robot").and_then(toml::Value::as_table);
-        let text = |key| robot.and_then(|robot| robot.get(key)).and_then(toml::Value::as_str).unwrap_or_default();
-        let feet = robot.and_then(|robot| robot.get("feet")).and_then(toml::Value::as_array);
+        // Without a valid description a viewer still draws the links.
+        let robot =
+            Params::from_toml(&info.params, "RUN_INFO").ok().and_then(|params| params.robot.description(&tree).ok());
+        let model = Model::new(&tree, robot.as_ref().map_or(Base::Floating, |robot| robot.base)).ok()?;
+        let (imus, contacts) = robot.map(|robot| (robot.imus, robot.contacts)).unwrap_or_default();
         Some(RobotTopics {
             kinematics: Kinematics::new(&model),
-            imu: text("imu_link").to_owned(),
-            feet: feet.into_iter().flatten().filter_map(|foot| foot.as_str().map(str::to_owned)).collect(),
+            imu: imus.into_iter().next().map(|imu| imu.link).unwrap_or_default(),
+            feet: contacts.into_iter().map(|contact| contact.link).collect(),
             tree,
             model,
             source,
@@ -212,7 +213,7 @@ impl RobotTopics {
         out.push(TopicMessage::new("/tf", &TfMessage { transforms: transforms.collect() }));
     }
 
-    /// Contact forces, given in W, as wrenches in the frames of the feet.
+    /// Contact forces, given in W, as wrenches in the frames of the links of the contacts.
     fn wrenches(&mut self, t_ns: i64, topic: &str, f_F_W: &[[f64; 3]], out: &mut Vec<TopicMessage>) {
         if !self.update() {
             return;

@@ -1,0 +1,114 @@
+//! What controllers share that move joints by the position loops of the drives alone: gains, postures, checks and messages.
+
+use super::params::HoldParams;
+use crate::digest::command_digest;
+use crate::error::LoadError;
+use crate::model::{JointDescription, JointInfo, RobotDescription};
+use crate::outbox::Outbox;
+use crate::safety::{Fault, SafetyParams, check_joint_limits, check_joint_values, fault};
+use crate::time::{SNAPSHOT_TICKS, seconds};
+use lcmtypes::channels;
+use lcmtypes::{ControllerInput, ControllerTick, EncodeError, Message, OperatorCommand, RobotCommand};
+
+/// Gains of the position loop of the drives, by joint: those of `[robot.joints]`, else `hold.kp` and `hold.kd`.
+#[derive(Clone, Debug)]
+pub(crate) struct Gains {
+    /// Stiffness, N m/rad or N/m.
+    kp: Vec<f64>,
+    /// Damping, N m s/rad or N s/m.
+    kd: Vec<f64>,
+}
+
+impl Gains {
+    pub fn new(robot: &RobotDescription, params: &HoldParams) -> Self {
+        let joints = robot.joints.iter();
+        Gains {
+            kp: joints.clone().map(|joint| joint.stiffness.unwrap_or(params.kp)).collect(),
+            kd: joints.map(|joint| joint.damping.unwrap_or(params.kd)).collect(),
+        }
+    }
+
+    /// Sets mode and gains of a command.
+    ///
+    /// - `mode`: `controller_tick_t` MODE_*.
+    /// - `damping`: that of the safe state, N m s/rad.
+    pub fn fill(&self, mode: i8, damping: f64, command: &mut RobotCommand) {
+        match mode {
+            ControllerTick::MODE_STAND_UP | ControllerTick::MODE_STANCE => {
+                command.mode = RobotCommand::MODE_TORQUE;
+                command.kp.copy_from_slice(&self.kp);
+                command.kd.copy_from_slice(&self.kd);
+            }
+            ControllerTick::MODE_IDLE => {
+                command.mode = RobotCommand::MODE_IDLE;
+                command.kp.fill(0.0);
+                command.kd.fill(0.0);
+            }
+            _ => {
+                command.mode = RobotCommand::MODE_DAMPING;
+                command.kp.fill(0.0);
+                command.kd.fill(damping);
+            }
+        }
+    }
+}
+
+/// Positions of all joints in a posture of a robot, in the order of the URDF, rad or m.
+///
+/// # Errors
+/// The robot does not have the posture, or the posture lacks a joint.
+pub(crate) fn posture_of(robot: &RobotDescription, name: &str) -> Result<Vec<f64>, LoadError> {
+    let posture = robot.posture(name)?;
+    let of_joint = |joint: &JointDescription| {
+        let what = || format!("joint {} is missing in posture {name}", joint.name);
+        posture.get(&joint.name).copied().ok_or_else(|| LoadError::Robot { robot: robot.name.clone(), what: what() })
+    };
+    robot.joints.iter().map(of_joint).collect()
+}
+
+/// Checks an input. Tilt and contacts are not checked: a robot on a stand may lean, and its feet need no ground.
+pub(crate) fn check(joints: &[JointInfo], params: &SafetyParams, input: &ControllerInput) -> Option<Fault> {
+    if let Some(found) = check_joint_values(joints.len(), &input.state) {
+        return Some(found);
+    }
+    let age = seconds(input.t_ns.saturating_sub(input.state.t_ns));
+    if age.abs() > params.max_state_age {
+        return fault(ControllerTick::FAULT_STATE_STALE, None, age);
+    }
+    if let Some(found) = check_joint_limits(joints, params, &input.state) {
+        return Some(found);
+    }
+    if input.op.mode == OperatorCommand::MODE_DAMPING {
+        return fault(ControllerTick::FAULT_OPERATOR, None, 0.0);
+    }
+    None
+}
+
+/// The fault for a request that the controller does not follow: it only stands.
+pub(crate) fn rejection(op: &OperatorCommand) -> Option<Fault> {
+    let is_followed = op.seq < 0 || op.mode == OperatorCommand::MODE_STAND;
+    let refused = Fault { code: ControllerTick::FAULT_OPERATOR_REFUSED, index: op.mode.into(), value: 0.0 };
+    (!is_followed).then_some(refused)
+}
+
+/// Fills the outbox: command, status, and the state once a second.
+///
+/// - `status`: mode, fault, and the digests of input and parameters.
+///
+/// # Errors
+/// An array with another length than its length field.
+pub(crate) fn publish(
+    out: &mut Outbox,
+    command: &RobotCommand,
+    mut status: ControllerTick,
+    state: &impl Message,
+) -> Result<(), EncodeError> {
+    status.digest_output = command_digest(command);
+    out.clear();
+    out.put(channels::ROBOT_COMMAND, command)?;
+    out.put(channels::CONTROLLER_TICK, &status)?;
+    if status.tick % SNAPSHOT_TICKS == 0 {
+        out.put(channels::CONTROLLER_SNAPSHOT, state)?;
+    }
+    Ok(())
+}

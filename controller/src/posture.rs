@@ -1,0 +1,229 @@
+//! A controller that moves every joint to a named posture with limited velocity and acceleration, and holds it there.
+//!
+//! In each tick the velocity reference of a joint changes towards the largest velocity from which it can still stop at the goal, `v² / (2 a)` before it.
+//! So the posture (`motion.posture`) can be changed at any time: the references continue without a step in position and velocity. Nothing is computed
+//! from the dynamics; the joint loop of the drives follows the references, as with [`crate::hold`].
+
+pub mod params;
+
+use crate::digest::input_digest;
+use crate::error::{LoadError, RestoreError};
+use crate::hold::drive::{Gains, check, posture_of, publish, rejection};
+use crate::interface::{Controller, Probe};
+use crate::model::{JointInfo, NOMINAL, UrdfTree, check_runnable};
+use crate::outbox::Outbox;
+use crate::params::{Params, parameters_digest};
+use crate::safety::{Fault, limit_command};
+use crate::time::step_seconds;
+use lcmtypes::channels::Stage;
+use lcmtypes::{ControllerInput, ControllerTick, Message, PostureState, RobotCommand};
+
+/// Name by which [`crate::load`] finds the controller.
+pub const NAME: &str = "posture";
+/// Largest speed of a joint without a velocity limit, rad/s or m/s.
+const LARGEST_SPEED: f64 = 10.0;
+
+/// The controller.
+pub struct Posture {
+    params: Params,
+    digest_parameters: i64,
+    joints: Vec<JointInfo>,
+    gains: Gains,
+    q_goal: Vec<f64>,
+    state: PostureState,
+    /// Preallocated message for reading snapshots.
+    snapshot_buffer: PostureState,
+    command: RobotCommand,
+}
+
+impl Posture {
+    /// Builds the controller from the URDF text and the TOML text of the parameters.
+    ///
+    /// # Errors
+    /// A text is invalid, the robot does not have the posture `motion.posture`, or the posture lacks a joint of the robot.
+    pub fn new(urdf: &str, params: &str) -> Result<Self, LoadError> {
+        let digest_parameters = parameters_digest(params);
+        let params = Params::from_toml(params, "parameters")?;
+        let tree = UrdfTree::parse(urdf, &params.robot.urdf)?;
+        let robot = params.robot.description(&tree)?;
+        let model = robot.model(&tree)?;
+        let q_goal = posture_of(&robot, &params.motion.posture)?;
+        check_runnable(&model, &posture_of(&robot, NOMINAL)?)?;
+        let gains = Gains::new(&robot, &params.hold);
+        let nj = q_goal.len();
+        let command = RobotCommand::zeros(nj);
+        let state = PostureState {
+            tick: -1,
+            mode: ControllerTick::MODE_IDLE,
+            fault_index: -1,
+            nj: command.nj,
+            q_ref: vec![0.0; nj],
+            qd_ref: vec![0.0; nj],
+            ..PostureState::default()
+        };
+        let (joints, snapshot_buffer) = (model.joints, state.clone());
+        Ok(Posture { params, digest_parameters, joints, gains, q_goal, state, snapshot_buffer, command })
+    }
+
+    /// Updates the state: mode, faults and references.
+    fn advance(&mut self, input: &ControllerInput) {
+        let before_ns = self.state.t_ns;
+        (self.state.t_ns, self.state.tick) = (input.t_ns, input.tick);
+        if self.state.mode == ControllerTick::MODE_DAMPING {
+            return;
+        }
+        let found = check(&self.joints, &self.params.safety, input);
+        let Fault { code, index, value } = found.or_else(|| rejection(&input.op)).unwrap_or_default();
+        (self.state.fault, self.state.fault_index, self.state.fault_value) = (code, index, value);
+        if found.is_some() {
+            // Before the first valid input the robot has no torque: the controller stays in IDLE and reports the fault.
+            if self.state.mode != ControllerTick::MODE_IDLE {
+                self.state.mode = ControllerTick::MODE_DAMPING;
+            }
+            return;
+        }
+        if self.state.mode == ControllerTick::MODE_IDLE {
+            self.state.mode = ControllerTick::MODE_STAND_UP;
+            self.state.q_ref.copy_from_slice(&input.state.q);
+            self.state.qd_ref.fill(0.0);
+            return;
+        }
+        let dt = step_seconds(input.t_ns, before_ns);
+        let Posture { params, joints, q_goal, state, .. } = self;
+        let mut is_there = true;
+        for (j, (&goal, joint)) in q_goal.iter().zip(joints.iter()).enumerate() {
+            let v_max = params.motion.velocity * joint.velocity.min(LARGEST_SPEED);
+            let from = (state.q_ref[j], state.qd_ref[j]);
+            let (q, qd) = approach(from, goal, v_max, params.motion.acceleration, dt);
+            (state.q_ref[j], state.qd_ref[j]) = (q, qd);
+            is_there &= q == goal && qd == 0.0;
+        }
+        self.state.mode = if is_there { ControllerTick::MODE_STANCE } else { ControllerTick::MODE_STAND_UP };
+    }
+
+    /// Computes the command from the state, before effort limits.
+    fn fill_command(&mut self) {
+        let Posture { params, gains, state, command, .. } = self;
+        (command.t_ns, command.tick) = (state.t_ns, state.tick);
+        command.tau.fill(0.0);
+        gains.fill(state.mode, params.safety.damping, command);
+        if command.mode == RobotCommand::MODE_TORQUE {
+            command.q_des.copy_from_slice(&state.q_ref);
+            command.qd_des.copy_from_slice(&state.qd_ref);
+        } else {
+            command.q_des.fill(0.0);
+            command.qd_des.fill(0.0);
+        }
+    }
+}
+
+/// The next position and velocity on the way to a goal, at which the motion ends at rest.
+///
+/// With velocity `v` now and `w` after the step, the way of the step is `(v + w) dt / 2`, and the way to stop from `w` is `w² / (2 a)`. `w` is the
+/// solution of `(v + w) dt / 2 + w² / (2 a) = goal - q`, within the limits of velocity and acceleration.
+///
+/// - `v_max`, `a`: largest velocity and acceleration.
+/// - `dt`: duration of the step, s.
+fn approach((q, v): (f64, f64), goal: f64, v_max: f64, a: f64, dt: f64) -> (f64, f64) {
+    let left = goal - q - 0.5 * v * dt;
+    if left.abs() <= 0.5 * a * dt * dt && v.abs() <= a * dt {
+        return (goal, 0.0);
+    }
+    let fastest = a * ((0.25 * dt * dt + 2.0 * left.abs() / a).sqrt() - 0.5 * dt);
+    let wanted = fastest.min(v_max) * if left < 0.0 { -1.0 } else { 1.0 };
+    let next = wanted.max(v - a * dt).min(v + a * dt);
+    (q + 0.5 * (v + next) * dt, next)
+}
+
+impl Controller for Posture {
+    fn name(&self) -> &'static str {
+        NAME
+    }
+
+    fn step_probed(&mut self, input: &ControllerInput, out: &mut Outbox, probe: &mut dyn Probe) {
+        let digest_input = input_digest(input);
+        self.advance(input);
+        probe.stage_done(Stage::Input);
+        self.fill_command();
+        self.command.run_id = input.run_id;
+        limit_command(&self.joints, &mut self.command, &input.state);
+        let PostureState { t_ns, tick, mode, fault, fault_index, fault_value, .. } = self.state;
+        let digest_parameters = self.digest_parameters;
+        let status = ControllerTick {
+            t_ns,
+            tick,
+            run_id: input.run_id,
+            mode,
+            fault,
+            fault_index,
+            fault_value,
+            digest_input,
+            digest_parameters,
+            ..Default::default()
+        };
+        publish(out, &self.command, status, &self.state)
+            .expect("every array has the length of the robot since construction");
+        probe.stage_done(Stage::Output);
+    }
+
+    fn snapshot(&self, out: &mut Vec<u8>) {
+        self.state.encode(out).expect("the state's arrays have the robot's length");
+    }
+
+    fn restore(&mut self, bytes: &[u8]) -> Result<(), RestoreError> {
+        let state = &mut self.snapshot_buffer;
+        state.decode_into(bytes)?;
+        let (found, expected) = (state.q_ref.len(), self.q_goal.len());
+        if found != expected {
+            return Err(RestoreError::Joints { found, expected });
+        }
+        for (field, values) in [("q_ref", &state.q_ref), ("qd_ref", &state.qd_ref)] {
+            if values.iter().any(|x| !x.is_finite()) {
+                return Err(RestoreError::NotFinite { field });
+            }
+        }
+        std::mem::swap(&mut self.state, &mut self.snapshot_buffer);
+        Ok(())
+    }
+
+    fn poison_workspace(&mut self) {
+        let RobotCommand { tau, q_des, qd_des, kp, kd, .. } = &mut self.command;
+        for values in [tau, q_des, qd_des, kp, kd] {
+            values.fill(f64::NAN);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A motion of 1 rad with 0.5 rad/s and 2 rad/s²: 0.25 s to accelerate and to brake, 1.75 s at full speed. Closed form: 2.25 s.
+    #[test]
+    fn a_motion_takes_the_time_of_its_limits_and_ends_at_the_goal() {
+        let (v_max, a, dt) = (0.5, 2.0, 1e-3);
+        let (mut at, mut steps, mut fastest) = ((0.0, 0.0), 0, 0.0_f64);
+        while at != (1.0, 0.0) && steps < 10_000 {
+            let next = approach(at, 1.0, v_max, a, dt);
+            assert!((next.1 - at.1).abs() <= a * dt * (1.0 + 1e-12) && next.0 <= 1.0, "{at:?} {next:?}");
+            (at, steps, fastest) = (next, steps + 1, fastest.max(next.1));
+        }
+        assert_eq!(fastest, v_max);
+        assert!((2250..=2252).contains(&steps), "{steps}");
+    }
+
+    /// From 0.5 rad/s away from the goal: 0.25 s to stop after 0.0625 m, then back. The references stay continuous.
+    #[test]
+    fn a_new_goal_behind_the_motion_is_reached_without_a_step() {
+        let (a, dt) = (2.0, 1e-3);
+        let (mut at, mut highest) = ((0.0, 0.5), 0.0_f64);
+        for _ in 0..5000 {
+            let next = approach(at, -0.1, 0.5, a, dt);
+            assert!((next.1 - at.1).abs() <= a * dt * (1.0 + 1e-12));
+            at = next;
+            highest = highest.max(at.0);
+        }
+        assert_eq!(at, (-0.1, 0.0));
+        assert!((highest - 0.0625).abs() < 1e-3, "{highest}");
+    }
+}

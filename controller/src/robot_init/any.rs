@@ -1,0 +1,252 @@
+//! A first description for any robot: base, IMU, soles, groups, posture, and gains of the drives for the controllers `hold` and `posture`.
+
+use super::scaled::two_digits;
+use super::{Guess, Options, Proposal, RobotInitError, file_name, prepare};
+use crate::hold::Hold;
+use crate::model::{
+    Base, BaseState, Joint, JointKind, Kinematics, Limits, Link, LinkGroups, Model, Pose, Shape, ShapeKind, UrdfTree,
+    check_runnable, mass_matrix,
+};
+use crate::params::{quoted, toml_key};
+use nalgebra::{DMatrix, Matrix3, Vector3};
+use std::fmt::Write;
+
+/// Period of the drives' joint loop, s.
+const TICK: f64 = 1e-3;
+/// Error of a joint at which its drive gives its effort, rad or m.
+const ERROR_AT_EFFORT: f64 = 0.1;
+/// Largest natural frequency times the period, with the least inertia of a joint.
+const LARGEST_FREQUENCY: f64 = 0.35;
+/// Damping as a multiple of the stiffness, s.
+const DAMPING_TIME: f64 = 0.04;
+/// Largest part of a joint's speed that its damping removes in a period.
+const LARGEST_STEP: f64 = 0.4;
+/// Largest height above the lowest point at which the end of a chain is a foot, m.
+const FOOT_HEIGHT: f64 = 0.03;
+/// Smallest length and width of a sole, m.
+const LEAST_SOLE: f64 = 0.02;
+
+/// Stiffness and damping of each drive, for a position loop that holds the robot: the effort at a small error, as far as the inertia of the joint allows it.
+pub(super) fn drive_gains(model: &Model, q: &[f64]) -> Vec<(f64, f64)> {
+    let mut kin = Kinematics::new(model);
+    kin.update(model, &BaseState::identity(), q, &vec![0.0; model.nj()]);
+    let mut M = DMatrix::zeros(model.nv(), model.nv());
+    mass_matrix(model, &kin, &mut M);
+    let inverse = M.clone().cholesky().map(|factor| factor.inverse());
+    let first = model.nv() - model.nj();
+    let gains = |(j, joint): (usize, &crate::model::JointInfo)| {
+        let at = first + j;
+        // The inertia of a joint while all others are free.
+        let inertia = inverse.as_ref().map_or(M[(at, at)], |inverse| 1.0 / inverse[(at, at)]);
+        let largest = inertia * (LARGEST_FREQUENCY / TICK) * (LARGEST_FREQUENCY / TICK);
+        let kp = (joint.effort / ERROR_AT_EFFORT).min(largest);
+        let kd = (kp * DAMPING_TIME).min(LARGEST_STEP * inertia / TICK);
+        (two_digits(kp), two_digits(kd))
+    };
+    model.joints.iter().enumerate().map(gains).collect()
+}
+
+/// Derives a first description from a URDF, and builds the controller `hold` with it as a check.
+///
+/// - `base`: whether the root can move.
+///
+/// # Errors
+/// An invalid URDF, a joint that cannot move the robot, or a name with characters that a file name should not have.
+pub fn propose_any(urdf: &str, source: &str, base: Base, options: &Options) -> Result<Proposal, RobotInitError> {
+    let mut tree = UrdfTree::parse(urdf, source)?;
+    let original = tree.clone();
+    let name = options.name.map_or_else(|| file_name(&tree.name), str::to_owned);
+    if name.is_empty() || !name.chars().all(|c| c.is_ascii_alphanumeric() || "_-".contains(c)) {
+        return Err(RobotInitError::Name { found: name });
+    }
+    let mut changes = Vec::new();
+    if base == Base::Floating {
+        for link in prepare::trunk_as_root(&mut tree) {
+            changes
+                .push(format!("root link {link} is removed: it has no mass and no shape, and the trunk is elsewhere"));
+        }
+    }
+    for (joint, q) in options.fixed {
+        let others = || tree.joints.iter().filter(|j| j.kind != JointKind::Fixed).map(|j| j.name.clone()).collect();
+        let at = tree.joints.iter().position(|other| other.name == *joint && other.kind != JointKind::Fixed);
+        let at = at.ok_or_else(|| RobotInitError::Fix { joint: joint.clone(), others: others() })?;
+        prepare::fix(&mut tree.joints[at], *q);
+        changes.push(format!("joint {joint} is fixed at {q}"));
+    }
+    for link in prepare::balance(&mut tree) {
+        changes.push(format!("link {link}: no mass distribution has its inertia; it is replaced by that of a sphere"));
+    }
+    let model = Model::new(&tree, base)?;
+    let q: Vec<f64> = model.joints.iter().map(|joint| resting(joint.lower, joint.upper)).collect();
+    check_runnable(&model, &q)?;
+    let soles = if base == Base::Floating { add_soles(&mut tree, &model, &q, options) } else { Vec::new() };
+    for (link, _) in &soles {
+        changes.push(format!("link {link} is added at the bottom of a foot"));
+    }
+    let model = Model::new(&tree, base)?;
+    let gains = drive_gains(&model, &q);
+    let urdf_file = if tree != original { format!("{name}_prepared.urdf") } else { options.urdf_file.to_owned() };
+    let imu = tree.links.iter().find(|link| link.name.to_lowercase().contains("imu")).map(|link| link.name.clone());
+    let imu = imu.or_else(|| (base == Base::Floating).then(|| tree.links[0].name.clone()));
+    let chains = chains(&tree);
+
+    let mut toml = format!(
+        "# Description of {name}: what its URDF does not contain. A first guess by `hoof robot init`.\n\n[robot]\nname = {}\nurdf = {}\nbase = {}\n",
+        quoted(&name),
+        quoted(&urdf_file),
+        if base == Base::Fixed { "\"fixed\"" } else { "\"floating\"" },
+    );
+    let mut add = |text: std::fmt::Arguments| writeln!(toml, "{text}").expect("writing to a String never fails");
+    if let Some(link) = &imu {
+        add(format_args!("\n[[robot.imu]]\nname = \"imu\"\nlink = {}", quoted(link)));
+    }
+    for (link, [x, y]) in &soles {
+        let (link, geometry) = (quoted(link), format!("{{ x = {x:?}, y = {y:?} }}"));
+        add(format_args!("\n[[robot.contact]]\nname = {link}\nlink = {link}\ngeometry.sole = {geometry}"));
+    }
+    for (tip, _) in &chains {
+        add(format_args!("\n[[robot.group]]\nname = {0}\nkind = \"chain\"\ntip = {0}", quoted(tip)));
+    }
+    add(format_args!(
+        "\n# Each joint at 0, or at the middle of its range if that does not contain 0.\n[robot.postures.nominal]"
+    ));
+    for (joint, q) in model.joints.iter().zip(&q) {
+        add(format_args!("{} = {q:?}", toml_key(&joint.name)));
+    }
+    add(format_args!(
+        "\n# Position loops of the drives: the effort at an error of {ERROR_AT_EFFORT} rad, as far as the inertia allows it.\n[robot.joints]"
+    ));
+    for (joint, (kp, kd)) in model.joints.iter().zip(&gains) {
+        add(format_args!("{} = {{ stiffness = {kp:?}, damping = {kd:?} }}", toml_key(&joint.name)));
+    }
+    let written = (tree != original).then(|| {
+        tree.name.clone_from(&name);
+        let mut head = vec![format!("{name}, written by `hoof robot init` from {}. Changes:", options.urdf_file)];
+        head.extend(changes.iter().map(|change| format!("- {change}")));
+        tree.to_urdf(&head)
+    });
+    Hold::new(written.as_deref().unwrap_or(urdf), &toml)
+        .map_err(|source| RobotInitError::Unusable { source: Box::new(source) })?;
+    let guess = |what, value: String, because: &str| Guess { what, value, because: because.to_owned() };
+    let contacts: Vec<String> = soles.into_iter().map(|(link, _)| link).collect();
+    let mut look_at = changes;
+    if contacts.is_empty() && base == Base::Floating {
+        look_at.push(
+            "[[robot.contact]]: no foot was found at the lowest point; the robot stands on its shapes".to_owned(),
+        );
+    }
+    Ok(Proposal {
+        name,
+        urdf: written,
+        urdf_file,
+        toml,
+        total_mass: model.total_mass(),
+        hip_height: 0.0,
+        joints: model.nj(),
+        posture: Vec::new(),
+        guesses: vec![
+            guess(
+                "IMU",
+                imu.unwrap_or_else(|| "none".to_owned()),
+                "the first link with imu in its name, else the root",
+            ),
+            guess("soles", contacts.join(" "), "ends of chains at the lowest point of the robot"),
+            guess("groups", chains.iter().map(|(tip, _)| tip.as_str()).collect::<Vec<_>>().join(" "), "ends of chains"),
+            guess("posture nominal", "see the file".to_owned(), "0, or the middle of the range"),
+            guess("gains", "see the file".to_owned(), "effort at 0.1 rad, limited by the inertia of each joint"),
+        ],
+        look_at,
+    })
+}
+
+/// 0, or the middle of a range that does not contain it.
+fn resting(lower: f64, upper: f64) -> f64 {
+    if (lower..=upper).contains(&0.0) { 0.0 } else { f64::midpoint(lower, upper) }
+}
+
+/// The bodies without a movable child: the name of the first link, and the body.
+fn chains(tree: &UrdfTree) -> Vec<(String, usize)> {
+    let groups = LinkGroups::new(tree, |_| Matrix3::identity());
+    let mut is_end = vec![true; groups.first_links.len()];
+    for joint in tree.joints.iter().filter(|joint| joint.kind != JointKind::Fixed) {
+        is_end[groups.body_of_link[joint.parent]] = false;
+    }
+    let ends = (1..is_end.len()).filter(|&body| is_end[body]);
+    ends.map(|body| (tree.links[groups.first_links[body]].name.clone(), body)).collect()
+}
+
+/// Adds a link at the bottom of each foot: the ends of chains at the lowest point of the robot. Returns the links with the range of their soles in x and y, m.
+fn add_soles(tree: &mut UrdfTree, model: &Model, q: &[f64], options: &Options) -> Vec<(String, [[f64; 2]; 2])> {
+    let groups = LinkGroups::new(tree, |_| Matrix3::identity());
+    let mut kin = Kinematics::new(model);
+    kin.update(model, &BaseState::identity(), q, &vec![0.0; model.nj()]);
+    let mut feet = Vec::new();
+    for (name, body) in chains(tree) {
+        let Ok(frame) = model.frame(&name) else { continue };
+        let R_WB = kin.R_WF(model, frame);
+        let p_WB = kin.p_WF(model, frame);
+        let mut points = Vec::new();
+        for (index, link) in tree.links.iter().enumerate().filter(|(index, _)| groups.body_of_link[*index] == body) {
+            let shapes = if link.collisions.is_empty() { &link.visuals } else { &link.collisions };
+            for shape in shapes {
+                let X_BS = groups.X_BL[index].then(&shape.X_LS);
+                points.extend(corners(shape, options).into_iter().map(|p| R_WB * (X_BS.p + X_BS.R * p)));
+            }
+        }
+        let Some([low, high]) = crate::model::bounds_of(points) else { continue };
+        feet.push((groups.first_links[body], name, R_WB, p_WB.z + low.z, low, high));
+    }
+    let lowest = feet.iter().map(|foot| foot.3).fold(f64::INFINITY, f64::min);
+    let mut soles = Vec::new();
+    for (parent, name, R_WB, height, low, high) in feet {
+        let is_flat = high.x - low.x > LEAST_SOLE && high.y - low.y > LEAST_SOLE;
+        if height > lowest + FOOT_HEIGHT || !is_flat {
+            continue;
+        }
+        // The link has the axes of W in the posture, below the origin of the foot.
+        let name = format!("{name}_bottom");
+        let X_PC = Pose { p: R_WB.transpose() * Vector3::new(0.0, 0.0, low.z), R: R_WB.transpose() };
+        add_link(tree, parent, &name, X_PC);
+        let round = |x: f64| (x * 1e4).round() / 1e4;
+        soles.push((name, [[round(low.x), round(high.x)], [round(low.y), round(high.y)]]));
+    }
+    soles
+}
+
+fn add_link(tree: &mut UrdfTree, parent: usize, name: &str, X_PC: Pose) {
+    tree.joints.push(Joint {
+        name: format!("{name}_joint"),
+        kind: JointKind::Fixed,
+        parent,
+        child: tree.links.len(),
+        X_PC,
+        axis: Vector3::z(),
+        limits: Limits::NONE,
+        damping: 0.0,
+        friction: 0.0,
+    });
+    tree.links.push(Link {
+        name: name.to_owned(),
+        parent_joint: Some(tree.joints.len() - 1),
+        inertial: crate::model::Inertial { X_LC: Pose::identity(), mass: 0.0, I_C: Matrix3::zeros() },
+        visuals: Vec::new(),
+        collisions: Vec::new(),
+    });
+}
+
+/// Corners of the box around a shape, in its axes, m; none for a mesh that cannot be read.
+fn corners(shape: &Shape, options: &Options) -> Vec<Vector3<f64>> {
+    let around = |half: Vector3<f64>| [-half, half];
+    let [low, high] = match &shape.kind {
+        ShapeKind::Box { size } => around(Vector3::from(*size) / 2.0),
+        ShapeKind::Cylinder { radius, length } => around(Vector3::new(*radius, *radius, length / 2.0)),
+        ShapeKind::Capsule { radius, length } => around(Vector3::new(*radius, *radius, length / 2.0 + radius)),
+        ShapeKind::Sphere { radius } => around(Vector3::new(*radius, *radius, *radius)),
+        ShapeKind::Mesh { filename, scale } => {
+            let Some(bounds) = (options.bounds)(filename) else { return Vec::new() };
+            bounds.map(|corner| corner.component_mul(&Vector3::from(*scale)))
+        }
+    };
+    let pick = |i: usize, axis: usize| if i >> axis & 1 == 0 { low[axis] } else { high[axis] };
+    (0..8).map(|i| Vector3::new(pick(i, 0), pick(i, 1), pick(i, 2))).collect()
+}

@@ -1,0 +1,156 @@
+//! Objects of a scenario against closed forms: they slide, are pushed, rest on fixtures, and are held and released by a link.
+#![allow(non_snake_case, clippy::unwrap_used, missing_docs)]
+
+mod common;
+
+use common::description;
+use controller::params::Params;
+use drivers::{DriverError, MujocoSim, Scenario, SimParams, Simulator, Terrain};
+use lcmtypes::RobotCommand;
+use robot_model::{GRAVITY, UrdfTree};
+
+fn scenario(robot: &str, text: &str) -> Result<Scenario, DriverError> {
+    let info = description(robot, &[]);
+    let head =
+        "name = \"objects\"\nduration_s = 2.0\n[terrain]\nkind = \"flat\"\n[[operator]]\nt_s = 0.0\nmode = \"stand\"\n";
+    Scenario::parse(&format!("{head}{text}"), "objects.toml", &Params::from_toml(&info.params, robot).unwrap().gait)
+}
+
+fn simulator(robot: &str, text: &str) -> Result<MujocoSim, DriverError> {
+    let scenario = scenario(robot, text)?;
+    let info = description(robot, &[]);
+    let params = Params::from_toml(&info.params, robot).unwrap();
+    let tree = UrdfTree::parse(&info.urdf, robot).unwrap();
+    MujocoSim::new(&tree, &params.robot, Terrain::new(&scenario.terrain, 0), SimParams::of(&scenario))
+}
+
+/// A robot that stays out of the way: arms on a stand.
+fn with(text: &str) -> MujocoSim {
+    simulator("centauro_upper", text).unwrap()
+}
+
+fn steps(sim: &mut MujocoSim, n: usize) {
+    (0..n).for_each(|_| sim.step().unwrap());
+}
+
+fn cube(mass: &str, friction: f64, p: [f64; 3], rpy: [f64; 3]) -> String {
+    format!(
+        "[[object]]\nname = \"cube\"\nshape = \"box\"\nsize_m = [0.2, 0.2, 0.2]\n{mass}\nfriction = {friction}\nposition_m = {p:?}\nrpy_rad = {rpy:?}\n"
+    )
+}
+
+/// On a ramp a box slides if the angle is above atan(friction), with g (sin - friction cos), and stays below.
+#[test]
+fn a_box_slides_on_a_ramp_steeper_than_its_friction_angle() {
+    let friction = 0.3_f64;
+    for (angle, slides) in [(friction.atan() + 0.06, true), (friction.atan() - 0.06, false)] {
+        let (sin, cos) = angle.sin_cos();
+        let up = |h: f64| [3.0 + h * sin, 0.0, 3.0 + h * cos];
+        let ramp = format!(
+            "[[object]]\nname = \"ramp\"\nshape = \"box\"\nsize_m = [4.0, 1.0, 0.2]\nfriction = {friction}\nposition_m = {:?}\nrpy_rad = [0.0, {angle}, 0.0]\n",
+            up(0.0)
+        );
+        let mut sim = with(&(ramp + &cube("mass_kg = 2.0", friction, up(0.2), [0.0, angle, 0.0])));
+        let start = sim.object_pose("cube").unwrap().p;
+        steps(&mut sim, 500);
+        let way = (sim.object_pose("cube").unwrap().p - start).norm();
+        let expected = 0.5 * GRAVITY * (sin - friction * cos) * 0.5 * 0.5;
+        if slides {
+            assert!((way / expected - 1.0).abs() < 0.05, "{way} m, expected {expected} m");
+        } else {
+            assert!(way < 0.002, "{way} m");
+        }
+    }
+}
+
+/// A push F moves a box by (F / m - friction g) t² / 2; a fixture does not move; another friction than that of the ground counts.
+#[test]
+fn a_push_moves_a_box_and_not_a_fixture() {
+    let (m, friction, F) = (4.0, 0.2, 20.0);
+    let at = [3.0, 0.0, 0.1];
+    for (mass, expected) in [("mass_kg = 4.0", 0.5 * (F / m - friction * GRAVITY) * 0.25), ("", 0.0)] {
+        let mut sim = with(&cube(mass, friction, at, [0.0; 3]));
+        for _ in 0..500 {
+            sim.clear_pushes();
+            sim.add_push(Some("cube"), [F, 0.0, 0.0], [0.0; 3]).unwrap();
+            sim.step().unwrap();
+        }
+        let way = sim.object_pose("cube").unwrap().p.x - 3.0;
+        assert!((way - expected).abs() < 0.02 * expected.max(1e-6), "{way} m, expected {expected} m");
+    }
+}
+
+/// A force F in the air: F / m beside the fall with g. A cylinder falls as a box does.
+#[test]
+fn in_the_air_an_object_moves_as_a_free_mass() {
+    let cylinder = "[[object]]\nname = \"can\"\nshape = \"cylinder\"\nradius_m = 0.05\nlength_m = 0.2\nmass_kg = 0.5\nposition_m = [3.0, 0.0, 5.0]\n";
+    let mut sim = with(cylinder);
+    for _ in 0..400 {
+        sim.clear_pushes();
+        sim.add_push(Some("can"), [0.0, 2.0, 0.0], [0.0; 3]).unwrap();
+        sim.step().unwrap();
+    }
+    let p = sim.object_pose("can").unwrap().p;
+    // Semi-implicit steps: t (t + dt) / 2 instead of t² / 2.
+    let t2 = 0.5 * 0.4 * 0.401;
+    assert!((p.y - 2.0 / 0.5 * t2).abs() < 1e-6 && (p.z - 5.0 + GRAVITY * t2).abs() < 1e-6, "{p}");
+}
+
+/// A held object stays at its pose in the hand; released, it falls with g.
+#[test]
+fn a_hand_holds_an_object_and_releases_it() {
+    let info = description("centauro_upper", &[]);
+    let params = Params::from_toml(&info.params, "centauro_upper").unwrap();
+    let tree = UrdfTree::parse(&info.urdf, "robot").unwrap();
+    let robot = params.robot.description(&tree).unwrap();
+    let X_WL = with("").link_pose("arm1_8").unwrap();
+    // In front of the hand, so that it falls freely.
+    let p_LO = X_WL.R.transpose() * nalgebra::Vector3::new(0.15, 0.0, 0.0);
+    let p: [f64; 3] = (X_WL.p + X_WL.R * p_LO).into();
+    let object = format!(
+        "[[object]]\nname = \"ball\"\nshape = \"box\"\nsize_m = [0.04, 0.04, 0.04]\nmass_kg = 0.5\nposition_m = {p:?}\n"
+    );
+    let at: [f64; 3] = p_LO.into();
+    let weld =
+        format!("[[weld]]\nt_s = 0.0\nduration_s = 1.0\nlink = \"arm1_8\"\nobject = \"ball\"\nposition_m = {at:?}\n");
+    let mut sim = with(&format!("{object}{weld}"));
+    let q_des = sim.joints().iter().map(|joint| robot.postures["nominal"][joint]).collect();
+    let gain =
+        |of: fn(&robot_model::JointDescription) -> Option<f64>| robot.joints.iter().map(|j| of(j).unwrap()).collect();
+    let mut command = RobotCommand::zeros(robot.joints.len());
+    (command.mode, command.q_des) = (RobotCommand::MODE_TORQUE, q_des);
+    (command.kp, command.kd) = (gain(|joint| joint.stiffness), gain(|joint| joint.damping));
+    sim.apply(&command).unwrap();
+    steps(&mut sim, 990);
+    let X_WL = sim.link_pose("arm1_8").unwrap();
+    let held = sim.object_pose("ball").unwrap();
+    let error = (X_WL.p + X_WL.R * p_LO - held.p).norm();
+    assert!(error < 0.005 && (X_WL.R.transpose() * held.R - nalgebra::Matrix3::identity()).norm() < 0.05, "{error} m");
+    steps(&mut sim, 20);
+    let released = sim.object_pose("ball").unwrap().p.z;
+    steps(&mut sim, 300);
+    let fall = released - sim.object_pose("ball").unwrap().p.z;
+    // Released at 1 s: from 10 ms to 310 ms after it.
+    let expected = 0.5 * GRAVITY * (0.31 * 0.31 - 0.01 * 0.01);
+    assert!((fall / expected - 1.0).abs() < 0.05, "{fall} m, expected {expected} m");
+}
+
+#[test]
+fn invalid_objects_and_welds_are_errors_with_their_key() {
+    let ok = cube("mass_kg = 1.0", 0.5, [3.0, 0.0, 1.0], [0.0; 3]);
+    let weld =
+        "[[weld]]\nt_s = 0.0\nduration_s = 1.0\nlink = \"arm1_8\"\nobject = \"cube\"\nposition_m = [0.0, 0.0, 0.1]\n";
+    for (text, key) in [
+        (ok.replace("0.2, 0.2, 0.2", "0.2, 0.0, 0.2"), "object[1].size_m"),
+        (ok.replace("size_m = [0.2, 0.2, 0.2]\n", ""), "object[1].shape"),
+        (ok.replace("mass_kg = 1.0", "mass_kg = -1.0"), "object[1].mass_kg"),
+        (format!("{ok}{ok}"), "object[2].name"),
+        (ok.replace("mass_kg = 1.0", "") + weld, "weld[1].object"),
+        (format!("{ok}{}", weld.replace("cube", "cup")), "weld[1].object"),
+    ] {
+        let error = scenario("centauro_upper", &text).unwrap_err();
+        assert!(matches!(&error, DriverError::Value { key: found, .. } if found == key), "{key}: {error}");
+    }
+    let error = simulator("centauro_upper", &format!("{ok}{}", weld.replace("arm1_8", "arm9"))).err().unwrap();
+    assert!(matches!(&error, DriverError::Unknown { what: "link", name, .. } if name == "arm9"), "{error}");
+}

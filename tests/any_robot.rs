@@ -1,0 +1,36 @@
+//! Robots that are not quadrupeds with the tools that every run has: simulation with proof, replay, report, debugger, export.
+#![allow(clippy::unwrap_used, missing_docs)]
+
+mod common;
+
+use common::{folder, hoof};
+
+/// A log of Centauro replays bit for bit, and a log with one changed bit of an output does not; report, debugger, spy and ROS 2 export read it.
+#[test]
+fn a_log_of_centauro_works_with_every_tool() {
+    let folder = folder("any_robot");
+    for (robot, joints) in [("centauro", 39), ("coman_plus", 28), ("centauro_upper", 15)] {
+        let log = folder.join(format!("{robot}.mcap"));
+        let log = log.display();
+        let sim = format!(
+            "sim --robot {robot} --scenario scenarios/hold.toml --seconds 2 --set hold.duration=0.5 --log {log} --json"
+        );
+        let summary = hoof(&sim).exits(0).json();
+        assert_eq!((&summary["fell"], &summary["ticks"]), (&false.into(), &2000.into()), "{robot}");
+        let replay = hoof(&format!("replay {log} --json")).exits(0).json();
+        assert_eq!((&replay["identical"], &replay["ticks"]), (&true.into(), &2000.into()), "{robot}: {replay}");
+        // Another gain is another output.
+        let other = hoof(&format!("replay {log} --set hold.duration=0.6 --json")).exits(1).json();
+        assert_eq!(other["identical"], false, "{robot}");
+        hoof(&format!("report {log} --out {}", folder.join(format!("report_{robot}")).display())).exits(0);
+        hoof(&format!(
+            "log convert {log} {} --to mcap --encoding ros2",
+            folder.join(format!("{robot}_ros2.mcap")).display()
+        ))
+        .exits(0);
+        hoof(&format!("debug {log} --tick 500 --once")).exits(0);
+        let info = hoof(&format!("log info {log} --json")).exits(0).json();
+        assert_eq!(info["robot"], robot, "{info}");
+        assert_eq!(hoof(&format!("robot info {robot} --json")).exits(0).json()["dof"], joints);
+    }
+}
