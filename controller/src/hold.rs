@@ -12,9 +12,9 @@ use crate::model::{Base, JointInfo, Model, UrdfTree, check_runnable};
 use crate::outbox::Outbox;
 use crate::params::{Params, RobotConfig, parameters_digest};
 use crate::safety::{Fault, check_joint_limits, check_joint_values, fault, limit_command};
-use crate::time::{SNAPSHOT_TICKS, seconds, step_seconds};
-use lcmtypes::channels::{self, Stage};
-use lcmtypes::{ControllerInput, ControllerTick, HoldState, Message, OperatorCommand, RobotCommand};
+use crate::time::{seconds, step_seconds};
+use lcmtypes::channels;
+use lcmtypes::{ControllerTick, HoldState, Message, OperatorCommand, RobotCommand, TickInput};
 
 /// Name by which [`crate::load`] finds the controller.
 pub const NAME: &str = "hold";
@@ -22,14 +22,17 @@ pub const NAME: &str = "hold";
 /// The controller.
 pub struct Hold {
     params: Params,
-    digest_parameters: i64,
     joints: Vec<JointInfo>,
     q_posture: Vec<f64>,
     state: HoldState,
     /// Preallocated message for reading snapshots.
     snapshot_buffer: HoldState,
     command: RobotCommand,
+    status: ControllerTick,
 }
+
+/// Stages of a tick.
+const STAGES: [&str; 2] = ["input", "output"];
 
 impl Hold {
     /// Builds the controller from the URDF text and the TOML text of the parameters.
@@ -59,11 +62,17 @@ impl Hold {
             ..HoldState::default()
         };
         let (joints, snapshot_buffer) = (model.joints, state.clone());
-        Ok(Hold { params, digest_parameters, joints, q_posture, snapshot_buffer, state, command })
+        let status = ControllerTick {
+            n_stages: i32::try_from(STAGES.len()).expect("two stages"),
+            digest: vec![0; STAGES.len()],
+            digest_parameters,
+            ..ControllerTick::default()
+        };
+        Ok(Hold { params, joints, q_posture, snapshot_buffer, state, command, status })
     }
 
     /// Checks an input. Tilt and contacts are not checked: a robot on a stand may lean, and its feet need no ground.
-    fn check(&self, input: &ControllerInput) -> Option<Fault> {
+    fn check(&self, input: &TickInput) -> Option<Fault> {
         if let Some(found) = check_joint_values(self.joints.len(), &input.state) {
             return Some(found);
         }
@@ -81,7 +90,7 @@ impl Hold {
     }
 
     /// Updates the state. The references are a function of it.
-    fn advance(&mut self, input: &ControllerInput) {
+    fn advance(&mut self, input: &TickInput) {
         let before_ns = self.state.t_ns;
         (self.state.t_ns, self.state.tick) = (input.t_ns, input.tick);
         if self.state.mode == ControllerTick::MODE_DAMPING {
@@ -147,36 +156,27 @@ impl Controller for Hold {
         NAME
     }
 
-    fn step_probed(&mut self, input: &ControllerInput, out: &mut Outbox, probe: &mut dyn Probe) {
+    fn stages(&self) -> &[&'static str] {
+        &STAGES
+    }
+
+    fn step_probed(&mut self, input: &TickInput, out: &mut Outbox, probe: &mut dyn Probe) {
         let digest_input = input_digest(input);
         self.advance(input);
-        probe.stage_done(Stage::Input);
+        probe.stage_done(0);
         self.fill_command();
         self.command.run_id = input.run_id;
         limit_command(&self.joints, &mut self.command, &input.state);
         let HoldState { t_ns, tick, mode, fault, fault_index, fault_value, .. } = self.state;
-        let digest_output = command_digest(&self.command);
-        let status = ControllerTick {
-            t_ns,
-            tick,
-            run_id: input.run_id,
-            mode,
-            fault,
-            fault_index,
-            fault_value,
-            digest_input,
-            digest_output,
-            digest_parameters: self.digest_parameters,
-            ..Default::default()
-        };
+        let m = &mut self.status;
+        (m.t_ns, m.tick, m.run_id, m.n_ignored) = (t_ns, tick, input.run_id, input.n_ignored);
+        (m.mode, m.fault, m.fault_index, m.fault_value) = (mode, fault, fault_index, fault_value);
+        m.digest.copy_from_slice(&[digest_input, command_digest(&self.command)]);
         out.clear();
         let mut put = out.put(channels::ROBOT_COMMAND, &self.command);
-        put = put.and_then(|()| out.put(channels::CONTROLLER_TICK, &status));
-        if tick % SNAPSHOT_TICKS == 0 {
-            put = put.and_then(|()| out.put(channels::CONTROLLER_SNAPSHOT, &self.state));
-        }
+        put = put.and_then(|()| out.put(channels::CONTROLLER_TICK, &self.status));
         put.expect("every array has the length of the robot since construction");
-        probe.stage_done(Stage::Output);
+        probe.stage_done(1);
     }
 
     fn snapshot(&self, out: &mut Vec<u8>) {
@@ -208,16 +208,14 @@ impl Controller for Hold {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use lcmtypes::RobotState;
 
     #[test]
     fn requests_for_other_modes_than_stand_are_rejected_by_name() {
         let (urdf, params) = (include_str!("../../robots/hyq/hyq.urdf"), include_str!("../../robots/hyq/hyq.toml"));
         let mut hold = Hold::new(urdf, params).unwrap();
-        let nj = hold.command.nj;
-        let zeros = vec![0.0; hold.q_posture.len()];
-        let mut input = ControllerInput::default();
-        (input.state.nj, input.state.q) = (nj, hold.q_posture.clone());
-        (input.state.qd, input.state.tau, input.state.q_WI_wxyz) = (zeros.clone(), zeros, [1.0, 0.0, 0.0, 0.0]);
+        let mut input = TickInput { state: RobotState::zeros(hold.q_posture.len(), 1, 0), ..TickInput::default() };
+        input.state.q.clone_from(&hold.q_posture);
         let mut out = Outbox::new();
         for (mode, fault) in [
             (OperatorCommand::MODE_STAND, ControllerTick::FAULT_NONE),

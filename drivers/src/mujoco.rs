@@ -307,9 +307,13 @@ impl Simulator for MujocoSim {
         of_joints(self.data.qfrc_actuator(), |joint| joint.qvel, &mut state.tau);
         let [orientation, gyro, accelerometer] = self.imu;
         let read = self.data.sensordata();
-        state.q_WI_wxyz.copy_from_slice(&read[orientation..orientation + 4]);
-        state.w_WI_I.copy_from_slice(&read[gyro..gyro + 3]);
-        state.a_I.copy_from_slice(&read[accelerometer..accelerometer + 3]);
+        state.n_imus = 1;
+        state.q_WI_wxyz.resize(1, [0.0; 4]);
+        state.w_WI_I.resize(1, [0.0; 3]);
+        state.a_I.resize(1, [0.0; 3]);
+        state.q_WI_wxyz[0].copy_from_slice(&read[orientation..orientation + 4]);
+        state.w_WI_I[0].copy_from_slice(&read[gyro..gyro + 3]);
+        state.a_I[0].copy_from_slice(&read[accelerometer..accelerometer + 3]);
         self.sensors.measure(state);
     }
 
@@ -321,7 +325,7 @@ impl Simulator for MujocoSim {
         truth.q_WB_wxyz = self.data.xquat()[self.base];
         truth.v_WB = [vx, vy, vz];
         truth.w_WB_W = (self.X_WB().R * Vector3::new(wx, wy, wz)).into();
-        truth.n_feet = self.feet.len() as i32;
+        truth.n_contacts = self.feet.len() as i32;
         truth.p_WF.clear();
         truth.v_WF.clear();
         for &foot in &self.feet {
@@ -331,6 +335,8 @@ impl Simulator for MujocoSim {
             truth.v_WF.push([vx, vy, vz]);
         }
         truth.f_F_W.clone_from(&self.f_F_W);
+        // A sphere touches in a point.
+        truth.tau_F_W.resize(self.feet.len(), [0.0; 3]);
         truth.contact.clone_from(&self.contact);
         let [fx, fy, fz, tx, ty, tz] = self.data.xfrc_applied()[self.base];
         truth.f_push_W = [fx, fy, fz];

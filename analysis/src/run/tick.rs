@@ -33,22 +33,21 @@ pub struct Truth {
 }
 
 impl Truth {
-    /// `None` if the message has fewer than four feet.
-    pub(super) fn of(message: &GroundTruth) -> Option<Self> {
-        let four = |v: &[[f64; 3]]| Some([*v.first()?, *v.get(1)?, *v.get(2)?, *v.get(3)?]);
-        let contact = &message.contact;
-        Some(Self {
+    /// A foot that the message does not have is at NaN and touches nothing.
+    pub(super) fn of(message: &GroundTruth) -> Self {
+        let four = |v: &[[f64; 3]]| std::array::from_fn(|leg| v.get(leg).copied().unwrap_or([f64::NAN; 3]));
+        Self {
             t_ns: message.t_ns,
             p_WB: message.p_WB,
             rpy: quaternion::to_rpy(message.q_WB_wxyz),
             v_WB: message.v_WB,
             w_WB_W: message.w_WB_W,
-            p_WF: four(&message.p_WF)?,
-            v_WF: four(&message.v_WF)?,
-            f_F_W: four(&message.f_F_W)?,
-            contact: [contact.first()?, contact.get(1)?, contact.get(2)?, contact.get(3)?].map(|touches| *touches != 0),
+            p_WF: four(&message.p_WF),
+            v_WF: four(&message.v_WF),
+            f_F_W: four(&message.f_F_W),
+            contact: std::array::from_fn(|leg| message.contact.get(leg).is_some_and(|touches| *touches != 0)),
             pushed: message.f_push_W.iter().chain(&message.tau_push_W).any(|&x| x != 0.0),
-        })
+        }
     }
 
     /// Horizontal speed of the center of a foot, m/s; `None` without contact.
@@ -95,9 +94,17 @@ pub struct Contact {
     pub n_W: Vec3,
 }
 
-impl From<ContactEstimate> for Contact {
-    fn from(m: ContactEstimate) -> Self {
-        Self { f_F_W: m.f_F_W, f_normal: m.f_normal, contact: m.contact.map(|touches| touches != 0), n_W: m.n_W }
+impl Contact {
+    /// `None` unless the message has four contacts.
+    pub(super) fn of(m: ContactEstimate) -> Option<Self> {
+        let f_normal = m.f_normal.try_into().ok()?;
+        let contact: [i8; 4] = m.contact.try_into().ok()?;
+        Some(Self {
+            f_F_W: m.f_F_W.try_into().ok()?,
+            f_normal,
+            contact: contact.map(|touches| touches != 0),
+            n_W: m.n_W,
+        })
     }
 }
 
@@ -126,8 +133,9 @@ pub struct Wbc {
     pub f_F_W: [Vec3; 4],
 }
 
-impl From<WbcSolution> for Wbc {
-    fn from(m: WbcSolution) -> Self {
+impl Wbc {
+    /// `None` unless the message has four contacts.
+    pub(super) fn of(m: WbcSolution) -> Option<Self> {
         let WbcSolution {
             status,
             iterations,
@@ -141,7 +149,8 @@ impl From<WbcSolution> for Wbc {
             f_F_W,
             ..
         } = m;
-        Self { status, iterations, n_var, n_eq, n_ineq, n_active, n_clamped, residual, base_residual, f_F_W }
+        let f_F_W = f_F_W.try_into().ok()?;
+        Some(Self { status, iterations, n_var, n_eq, n_ineq, n_active, n_clamped, residual, base_residual, f_F_W })
     }
 }
 

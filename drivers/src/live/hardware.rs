@@ -38,10 +38,24 @@ pub trait Hardware: Send {
 /// Joints for which memory is allocated in advance. A robot with more joints causes allocations in its first ticks.
 const JOINTS: usize = 64;
 
-/// A state without joints, with memory allocated for them.
+/// Sensors for which memory is allocated in advance.
+const SENSORS: usize = 16;
+
+/// A state without joints and sensors, with memory allocated for them.
 pub fn empty_state() -> RobotState {
     let room = || Vec::with_capacity(JOINTS);
-    RobotState { q: room(), qd: room(), tau: room(), ..RobotState::default() }
+    let vectors = || Vec::with_capacity(SENSORS);
+    RobotState {
+        q: room(),
+        qd: room(),
+        tau: room(),
+        q_WI_wxyz: Vec::with_capacity(SENSORS),
+        w_WI_I: vectors(),
+        a_I: vectors(),
+        f_S: vectors(),
+        tau_S: vectors(),
+        ..RobotState::default()
+    }
 }
 
 /// No robot: joints at rest in a posture, IMU upright. For tests of the executor and measurements of its jitter.
@@ -52,11 +66,7 @@ pub struct Dummy {
 impl Dummy {
     /// A robot with joint positions `q`, rad.
     pub fn new(q: Vec<f64>) -> Self {
-        let nj = q.len();
-        let mut state = RobotState { seq: -1, q, qd: vec![0.0; nj], tau: vec![0.0; nj], ..RobotState::default() };
-        state.nj = i32::try_from(nj).expect("robots have fewer than 2^31 joints");
-        (state.q_WI_wxyz, state.a_I) = ([1.0, 0.0, 0.0, 0.0], [0.0, 0.0, 9.81]);
-        Dummy { state }
+        Dummy { state: RobotState { seq: -1, q: q.clone(), ..RobotState::zeros(q.len(), 1, 0) } }
     }
 }
 
