@@ -20,4 +20,4 @@ mod unpack;
 
 pub use component::Component;
 pub use delivery::{Delivery, MAX_MESSAGES};
-pub use unpack::Unpacked;
+pub use unpack::{Unpacked, empty_state};

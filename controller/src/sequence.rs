@@ -214,7 +214,11 @@ impl Controller for Sequence {
     }
 
     fn receive(&mut self, channel: &str, data: &[u8]) -> bool {
-        self.members.iter_mut().fold(false, |used, member| member.controller.receive(channel, data) || used)
+        let mut is_used = false;
+        for member in &mut self.members {
+            is_used |= member.controller.receive(channel, data);
+        }
+        is_used
     }
 
     fn step_probed(&mut self, input: &TickInput, out: &mut Outbox, probe: &mut dyn Probe) {

@@ -1,6 +1,6 @@
 //! A controller with its input: what an executor steps and a replay computes again.
 
-use super::unpack::Unpacked;
+use super::unpack::{Unpacked, copy, empty_state};
 use crate::dump::Dump;
 use crate::error::RestoreError;
 use crate::interface::{Controller, NoProbe, Probe};
@@ -23,7 +23,8 @@ pub struct Component {
 impl Component {
     /// A component before its first tick.
     pub fn new(controller: Box<dyn Controller>) -> Self {
-        let mut state = ComponentState::default();
+        let input = TickInput { state: empty_state(), ..TickInput::default() };
+        let mut state = ComponentState { input, ..ComponentState::default() };
         controller.snapshot(&mut state.controller.data);
         let is_snapshot = |tick| tick % SNAPSHOT_TICKS == 0;
         Component { controller, unpacked: Unpacked::default(), is_snapshot, snapshot_buffer: RefCell::new(state) }
@@ -71,7 +72,7 @@ impl Component {
     fn write_state(&self) {
         let mut state = self.snapshot_buffer.borrow_mut();
         let ComponentState { t_ns, tick, input, controller } = &mut *state;
-        input.clone_from(self.unpacked.input());
+        copy(self.unpacked.input(), input);
         (*t_ns, *tick) = (input.t_ns, input.tick);
         controller.data.clear();
         self.controller.snapshot(&mut controller.data);
@@ -93,7 +94,7 @@ impl Component {
         let state = self.snapshot_buffer.get_mut();
         state.decode_into(bytes)?;
         self.controller.restore(&state.controller.data)?;
-        self.unpacked.input.clone_from(&state.input);
+        copy(&state.input, &mut self.unpacked.input);
         Ok(())
     }
 

@@ -3,6 +3,7 @@
 use super::clock::now_ns;
 use super::socket::{LcmReceiver, LcmSender};
 use crate::DriverError;
+use controller::runtime::empty_state;
 use lcmtypes::{Message, RobotState, channels};
 use replay::udpm::Url;
 use std::net::SocketAddrV4;
@@ -32,29 +33,6 @@ pub trait Hardware: Send {
     /// Commands that could not be sent.
     fn unsent(&self) -> u64 {
         0
-    }
-}
-
-/// Joints for which memory is allocated in advance. A robot with more joints causes allocations in its first ticks.
-const JOINTS: usize = 64;
-
-/// Sensors for which memory is allocated in advance.
-const SENSORS: usize = 16;
-
-/// A state without joints and sensors, with memory allocated for them.
-pub fn empty_state() -> RobotState {
-    let room = || Vec::with_capacity(JOINTS);
-    let vectors = || Vec::with_capacity(SENSORS);
-    RobotState {
-        q: room(),
-        qd: room(),
-        tau: room(),
-        q_WI_wxyz: Vec::with_capacity(SENSORS),
-        w_WI_I: vectors(),
-        a_I: vectors(),
-        f_S: vectors(),
-        tau_S: vectors(),
-        ..RobotState::default()
     }
 }
 

@@ -3,10 +3,10 @@
 use super::Hardware;
 use super::call::{Call, CallReceiver, CallResult, Handover, HandoverError, Switch};
 use super::clock::{TickSchedule, now_ns, sleep_until};
-use super::hardware::empty_state;
 use super::message_ring::MessageSender;
 use crate::stage_clock::StageClock;
 use controller::handover::take_over;
+use controller::runtime::empty_state;
 use controller::{Component, Delivery, Outbox};
 use lcmtypes::{ControllerTick, Event, Message, OperatorCommand, RobotState, Running, channels};
 use std::panic::{AssertUnwindSafe, catch_unwind};
