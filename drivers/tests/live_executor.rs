@@ -18,8 +18,8 @@ use lcmtypes::channels::{
     PARAMETER_CHANGE, PARAMETER_REQUEST, REQUEST_REPLY, ROBOT_COMMAND, RUN_INFO,
 };
 use lcmtypes::{
-    ControllerInput, ControllerTick, Event, ExecutorCommand, Message, OperatorCommand, ParameterChange,
-    ParameterRequest, RequestReply, RobotCommand, RunInfo, SequenceState, TickInput,
+    ComponentState, ControllerInput, ControllerTick, Event, ExecutorCommand, Message, OperatorCommand, ParameterChange,
+    ParameterRequest, RequestReply, RobotCommand, RunInfo, TickInput,
 };
 use std::time::{Duration, Instant};
 
@@ -141,7 +141,7 @@ fn after_a_panic_the_joints_are_damped_and_the_log_replays() {
     let modes: Vec<i8> = commands.iter().map(|command| command.mode).collect();
     assert_eq!(modes[..30], [RobotCommand::MODE_TORQUE; 30]);
     assert!(modes[30..].iter().all(|mode| *mode == RobotCommand::MODE_DAMPING));
-    assert_eq!(of::<SequenceState>(&messages, CONTROLLER_SNAPSHOT).len(), 2);
+    assert_eq!(of::<ComponentState>(&messages, CONTROLLER_SNAPSHOT).len(), 2);
     let ticks: Vec<ControllerTick> = of(&messages, CONTROLLER_TICK);
     assert_eq!((ticks[29].fault, ticks[30].fault), (ControllerTick::FAULT_NONE, ControllerTick::FAULT_CONTROLLER));
     let events: Vec<Event> = of(&messages, EVENT);

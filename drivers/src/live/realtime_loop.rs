@@ -149,6 +149,8 @@ pub struct RealtimeLoop {
     delivered_running: Option<i64>,
     outbox: Outbox,
     bytes: Vec<u8>,
+    /// Decoding buffer.
+    status: ControllerTick,
     /// `controller_tick_t` MODE_* of the last tick; `None` before the first one.
     mode: Option<i8>,
     /// Snapshot buffer for a handover.
@@ -171,6 +173,10 @@ impl RealtimeLoop {
     ) -> Self {
         RealtimeLoop {
             clock: StageClock::new(component.stages().len()),
+            status: ControllerTick {
+                digest: Vec::with_capacity(component.stages().len()),
+                ..ControllerTick::default()
+            },
             component,
             hardware,
             calls,
@@ -370,8 +376,9 @@ impl RealtimeLoop {
                 text_of(&*panic)
             ));
         }
-        let tick = self.outbox.get(channels::CONTROLLER_TICK).map(ControllerTick::decode);
-        self.mode = tick.and_then(Result::ok).map(|tick| tick.mode);
+        let RealtimeLoop { outbox, status, mode, .. } = self;
+        let decoded = outbox.get(channels::CONTROLLER_TICK).is_some_and(|bytes| status.decode_into(bytes).is_ok());
+        *mode = decoded.then_some(status.mode);
     }
 
     /// Stops all controllers after several consecutive ticks that took longer than a period.
