@@ -34,7 +34,10 @@ def ticks(hoof):
     def first(channel, holds):
         return next(m["tick"] for m in messages[channel] if holds(m))
 
-    start = messages["CONTROLLER_INPUT"][0]
+    def orientation(m):
+        return next(d["data"]["q_WI_wxyz"] for d in m["messages"] if d["channel"] == "ROBOT_STATE")
+
+    start = orientation(messages["CONTROLLER_INPUT"][0])
     lift_off = first("LEG_STATE", lambda m: any(m["state"]))
     return {
         "start": 0,
@@ -42,7 +45,7 @@ def ticks(hoof):
         "swing+2": lift_off + 2,
         # Every iteration adds a row to the working set or removes one.
         "release": first("WBC_SOLUTION", lambda m: m["iterations"] > m["n_active"]),
-        "tilt": first("CONTROLLER_INPUT", lambda m: m["state"]["q_WI_wxyz"] != start["state"]["q_WI_wxyz"]),
+        "tilt": first("CONTROLLER_INPUT", lambda m: orientation(m) != start),
         "clamps": first("WBC_SOLUTION", lambda m: m["n_clamped"] > 0),
         "moves": first("ROBOT_COMMAND", lambda m: any(m["qd_des"])),
     }

@@ -9,7 +9,8 @@ use common::{Ran, command, hoof, ran};
 use drivers::live::clock::now_ns;
 use lcmtypes::bus::{Bus, LcmBus};
 use lcmtypes::{
-    BaseTracking, ContactEstimate, ControllerTick, Message, OperatorCommand, RobotState, RunInfo, channels,
+    BaseTracking, ComponentInfo, ContactEstimate, ControllerTick, Message, OperatorCommand, RobotState, RunInfo,
+    channels,
 };
 use serde_json::Value;
 use std::io::{BufRead, BufReader};
@@ -37,8 +38,18 @@ impl Run {
         let mut bus = LcmBus::open(url).unwrap();
         bus.subscribe("OPERATOR_.*").unwrap();
         let read = |name: &str| std::fs::read_to_string(format!("robots/hyq/{name}")).unwrap();
-        let info =
-            RunInfo { robot: "hyq".to_owned(), urdf: read("hyq.urdf"), params: read("hyq.toml"), ..RunInfo::default() };
+        let params = controller::params::Params::from_toml(&read("hyq.toml"), "hyq.toml").unwrap();
+        let (imus, contacts) = (vec![params.robot.imu_link], params.robot.feet.to_vec());
+        let info = RunInfo {
+            robot: "hyq".to_owned(),
+            urdf: read("hyq.urdf"),
+            n_imus: 1,
+            imus,
+            n_contacts: 4,
+            contacts,
+            ..RunInfo::default()
+        }
+        .with_component(ComponentInfo::new("quadruped", &read("hyq.toml")));
         Run { bus, info }
     }
 
@@ -54,19 +65,26 @@ impl Run {
         self.put(channels::RUN_INFO, &self.info.clone());
         let state = RobotState {
             t_ns,
-            nj: 12,
             q: (0..12).map(|k| 0.05 * f64::from(k)).collect(),
             qd: (0..12).map(|k| -0.1 * f64::from(k)).collect(),
             tau: (0..12).map(|k| 3.0 * f64::from(k)).collect(),
-            q_WI_wxyz: [0.8, 0.0, 0.6, 0.0],
-            w_WI_I: [0.1, 0.2, 0.3],
-            a_I: [1.0, 2.0, 9.0],
-            ..RobotState::default()
+            q_WI_wxyz: vec![[0.8, 0.0, 0.6, 0.0]],
+            w_WI_I: vec![[0.1, 0.2, 0.3]],
+            a_I: vec![[1.0, 2.0, 9.0]],
+            ..RobotState::zeros(12, 1, 0)
         };
         self.put(channels::ROBOT_STATE, &state);
         let base = BaseTracking { t_ns, rpy_est: RPY, height_est: HEIGHT, ..BaseTracking::default() };
         self.put(channels::BASE_TRACKING, &base);
-        self.put(channels::CONTACT_ESTIMATE, &ContactEstimate { t_ns, f_F_W: FORCES, ..ContactEstimate::default() });
+        let contact = ContactEstimate {
+            t_ns,
+            n_contacts: 4,
+            f_F_W: FORCES.to_vec(),
+            f_normal: vec![0.0; 4],
+            contact: vec![0; 4],
+            ..ContactEstimate::default()
+        };
+        self.put(channels::CONTACT_ESTIMATE, &contact);
         self.put(channels::CONTROLLER_TICK, &ControllerTick { t_ns, mode, ..ControllerTick::default() });
         let until = Instant::now() + Duration::from_millis(10);
         let mut commands = Vec::new();

@@ -4,8 +4,8 @@
 mod common;
 
 use common::{folder, hoof, rewrite, rewrite_one};
-use lcmtypes::channels::{CONTROLLER_INPUT, CONTROLLER_TICK, ROBOT_COMMAND};
-use lcmtypes::{ControllerInput, ControllerTick, Message, RobotCommand};
+use lcmtypes::channels::{CONTROLLER_INPUT, CONTROLLER_TICK, ROBOT_COMMAND, ROBOT_STATE};
+use lcmtypes::{ControllerInput, ControllerTick, Message, RobotCommand, RobotState};
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
 
@@ -49,7 +49,7 @@ fn a_changed_log_fails_by_tick_and_stage_until_it_is_accepted_with_a_reason() {
     assert_eq!(check(&corpus, 0)["ticks"], 2000);
     // As if the controller computed another task in tick 1500.
     alter(&log, |log, altered| {
-        rewrite_one(log, altered, CONTROLLER_TICK, 1500, |tick: &mut ControllerTick| tick.digest_tasks ^= 1);
+        rewrite_one(log, altered, CONTROLLER_TICK, 1500, |tick: &mut ControllerTick| tick.digest[3] ^= 1);
     });
     let found = check(&corpus, 1);
     assert_eq!(found["identical"], false);
@@ -76,7 +76,9 @@ fn a_changed_input_fails_at_its_tick() {
     let (corpus, log) = corpus("changed_input");
     alter(&log, |log, altered| {
         rewrite_one(log, altered, CONTROLLER_INPUT, 42, |input: &mut ControllerInput| {
-            input.state.tau[0] = f64::from_bits(input.state.tau[0].to_bits() ^ 1);
+            assert!(input.change(ROBOT_STATE, |state: &mut RobotState| {
+                state.tau[0] = f64::from_bits(state.tau[0].to_bits() ^ 1);
+            }));
         });
     });
     let divergence = check(&corpus, 1)["first_divergence"].take();

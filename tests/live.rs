@@ -48,7 +48,7 @@ fn a_live_run_replays_bit_for_bit() {
         (&true.into(), &1500.into(), &0.into())
     );
 
-    let inputs: Vec<ControllerInput> = messages(&log, CONTROLLER_INPUT);
+    let inputs = controller::Unpacked::all(&messages::<ControllerInput>(&log, CONTROLLER_INPUT));
     assert!(inputs.iter().map(|input| input.tick).eq(0..1500), "a tick is missing");
     let infos: Vec<RunInfo> = messages(&log, RUN_INFO);
     assert_eq!(infos[0].t_ns, inputs[0].t_ns);
@@ -62,7 +62,7 @@ fn a_live_run_replays_bit_for_bit() {
 fn the_input_holds_the_messages_as_sent() {
     let log = folder("input").join("run.mcap");
     run(2, &log, "--ticks 600");
-    let inputs: Vec<ControllerInput> = messages(&log, CONTROLLER_INPUT);
+    let inputs = controller::Unpacked::all(&messages::<ControllerInput>(&log, CONTROLLER_INPUT));
     let states: Vec<RobotState> = messages(&log, ROBOT_STATE);
     let ops: Vec<OperatorCommand> = messages(&log, OPERATOR_COMMAND);
     let with_state = inputs.iter().filter(|input| input.state.nj > 0);
@@ -94,7 +94,7 @@ fn a_run_ends_in_the_safe_state_and_every_tick_has_a_timing() {
     assert_eq!(ticks[399].mode, ControllerTick::MODE_DAMPING);
     let timings: Vec<Timing> = messages(&log, TIMING);
     for (timing, tick) in timings.iter().zip(&ticks) {
-        let Timing { t_ns, wake_ns, start_ns, end_ns, deadline_ns, stage_ns, .. } = *timing;
+        let Timing { t_ns, wake_ns, start_ns, end_ns, deadline_ns, ref stage_ns, .. } = *timing;
         assert_eq!((timing.tick, t_ns), (tick.tick, tick.t_ns));
         assert!(deadline_ns - 1_000_000 <= wake_ns && wake_ns <= start_ns && start_ns < end_ns, "{timing:?}");
         assert!(stage_ns.iter().sum::<i64>() <= end_ns - start_ns, "{timing:?}");
@@ -161,7 +161,7 @@ fn a_run_over_a_lossy_network_replays() {
     let lost = states.channels[ROBOT_STATE].lost;
     assert!(lost > 20 && commands.channels[ROBOT_COMMAND].lost > 20, "{lost} states lost");
     assert!(recorded["lost"].as_u64().unwrap() > 20, "{recorded}");
-    let inputs: Vec<ControllerInput> = messages(&log, CONTROLLER_INPUT);
+    let inputs = controller::Unpacked::all(&messages::<ControllerInput>(&log, CONTROLLER_INPUT));
     let seqs: Vec<i64> = inputs.iter().filter(|input| input.state.nj > 0).map(|input| input.state.seq).collect();
     let again = seqs.windows(2).filter(|two| two[0] == two[1]).count();
     assert!(again > 20, "only {again} ticks without a new state");
@@ -203,7 +203,7 @@ fn a_log_that_begins_during_the_run_replays_from_its_first_snapshot() {
     recorder.interrupt();
     recorder.end().exits(0);
 
-    let inputs: Vec<ControllerInput> = messages(&log, CONTROLLER_INPUT);
+    let inputs = controller::Unpacked::all(&messages::<ControllerInput>(&log, CONTROLLER_INPUT));
     let (first, last) = (inputs[0].tick, inputs[inputs.len() - 1].tick);
     assert!(first > 100 && inputs.iter().map(|input| input.tick).eq(first..=last));
     // Ticks after the first snapshot are replayed; those before it cannot be.
@@ -248,7 +248,7 @@ fn controllers_are_started_and_stopped_while_the_robot_stands() {
     // It runs from the tick of the first reply up to that of the other, and the log holds all replies.
     let [from, to] = [&started, &stopped].map(|answer| answer["tick"].as_i64().unwrap());
     assert!(from < to);
-    let inputs: Vec<ControllerInput> = messages(&log, CONTROLLER_INPUT);
+    let inputs = controller::Unpacked::all(&messages::<ControllerInput>(&log, CONTROLLER_INPUT));
     let both = inputs.iter().filter(|input| input.running == 0b11).map(|input| input.tick);
     assert!(both.eq(from..to));
     let replies: Vec<RequestReply> = messages(&log, REQUEST_REPLY);

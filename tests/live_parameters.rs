@@ -63,7 +63,7 @@ fn parameters_change_while_the_robot_walks_and_the_log_replays() {
     let events: Vec<Event> = messages(&log, EVENT);
     let texts: BTreeSet<_> = events.into_iter().filter(|event| event.source == "parameters").map(|e| e.text).collect();
     assert_eq!(texts.len(), 5, "{texts:?}");
-    let inputs: Vec<ControllerInput> = messages(&log, CONTROLLER_INPUT);
+    let inputs = controller::Unpacked::all(&messages::<ControllerInput>(&log, CONTROLLER_INPUT));
     assert!(published.iter().all(|change| inputs.iter().any(|i| (i.tick, i.t_ns) == (change.tick, change.t_ns))));
 
     let replay = hoof(&format!("replay --json {}", log.display())).exits(0).json();

@@ -85,7 +85,7 @@ fn the_controller_damps_after_its_driver_died_and_uses_a_second_driver() {
     let stale = ticks.iter().position(|tick| tick.mode == ControllerTick::MODE_DAMPING).unwrap();
     assert_eq!(ticks[stale].fault, ControllerTick::FAULT_STATE_STALE);
     let commands: Vec<RobotCommand> = messages(&log, ROBOT_COMMAND);
-    let inputs: Vec<ControllerInput> = messages(&log, CONTROLLER_INPUT);
+    let inputs = controller::Unpacked::all(&messages::<ControllerInput>(&log, CONTROLLER_INPUT));
     // The first tick with a stale state damps.
     assert_eq!(commands[stale].mode, RobotCommand::MODE_DAMPING);
     assert_eq!(commands[stale - 1].mode, RobotCommand::MODE_TORQUE);
@@ -190,7 +190,7 @@ fn an_emergency_stop_is_followed_while_the_robot_sits_down() {
     run.wait_for(&["controller: ", "DAMPING", enum_names::fault(ControllerTick::FAULT_OPERATOR)]);
     run.end();
     assert_replays(&log);
-    let inputs: Vec<ControllerInput> = messages(&log, CONTROLLER_INPUT);
+    let inputs = controller::Unpacked::all(&messages::<ControllerInput>(&log, CONTROLLER_INPUT));
     let ticks: Vec<ControllerTick> = messages(&log, CONTROLLER_TICK);
     let stopped = inputs.iter().position(|input| input.op.mode == OperatorCommand::MODE_DAMPING).unwrap();
     let at = |tick: i64| ticks.iter().find(|found| found.tick == tick).unwrap().mode;

@@ -7,7 +7,7 @@ use controller::quadruped::Quadruped;
 use controller::stack::{S1, S3};
 use controller::{Controller, Outbox};
 use lcmtypes::channels::{CONTROLLER_INPUT, RUN_INFO};
-use lcmtypes::{ControllerInput, Message, RunInfo};
+use lcmtypes::{ControllerInput, Message, RunInfo, TickInput};
 use nalgebra::DVector;
 use replay::log::LogReader;
 use std::path::PathBuf;
@@ -23,9 +23,9 @@ const MAX_ITERATIONS: u32 = 200;
 const VIOLATION: f64 = 1e-9;
 
 /// Description and inputs of a golden log.
-fn golden(name: &str) -> (RunInfo, Vec<ControllerInput>) {
+fn golden(name: &str) -> (RunInfo, Vec<TickInput>) {
     let path = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("logs/golden").join(name);
-    let (mut info, mut inputs) = (None, Vec::new());
+    let (mut info, mut inputs) = (None, Vec::<ControllerInput>::new());
     for event in LogReader::open(&path).unwrap().events() {
         let event = event.unwrap();
         match &*event.channel {
@@ -34,13 +34,13 @@ fn golden(name: &str) -> (RunInfo, Vec<ControllerInput>) {
             _ => {}
         }
     }
-    (info.unwrap(), inputs)
+    (info.unwrap(), controller::Unpacked::all(&inputs))
 }
 
 /// Largest difference of the two solvers on the programs of a log under a stack, and the number of programs with rows at their limits.
 fn largest_difference(name: &str, formula: &str) -> (f64, usize) {
     let (info, inputs) = golden(name);
-    let params = apply_overrides(&info.params, &[("stack.formula".to_owned(), formula.to_owned())]).unwrap();
+    let params = apply_overrides(info.params(), &[("stack.formula".to_owned(), formula.to_owned())]).unwrap();
     let build = || Quadruped::new(&info.urdf, &params).unwrap();
     let patterns = patterns(&mut build(), &inputs);
     let reference = |qp: &Qp| TOLERANCES.map(|tolerance| Backend::Clarabel.build(qp, MAX_ITERATIONS, tolerance));
@@ -80,7 +80,7 @@ fn largest_difference(name: &str, formula: &str) -> (f64, usize) {
 }
 
 /// For each level, a program with a non-zero entry wherever a program of the run has one.
-fn patterns(controller: &mut Quadruped, inputs: &[ControllerInput]) -> Vec<Qp> {
+fn patterns(controller: &mut Quadruped, inputs: &[TickInput]) -> Vec<Qp> {
     let (mut patterns, mut out) = (Vec::new(), Outbox::new());
     for input in inputs {
         controller.step(input, &mut out);

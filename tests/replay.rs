@@ -4,8 +4,10 @@
 mod common;
 
 use common::{Ran, events, folder, hoof, messages, rewrite_one};
-use lcmtypes::channels::{CONTROLLER_INPUT, CONTROLLER_TICK, LEG_STATE, ROBOT_COMMAND, RUN_INFO, TIMING, WBC_SOLUTION};
-use lcmtypes::{ControllerInput, ControllerTick, LegState, RobotCommand, WbcSolution};
+use lcmtypes::channels::{
+    CONTROLLER_INPUT, CONTROLLER_TICK, LEG_STATE, ROBOT_COMMAND, ROBOT_STATE, RUN_INFO, TIMING, WBC_SOLUTION,
+};
+use lcmtypes::{ControllerInput, ControllerTick, LegState, RobotCommand, RobotState, TickInput, WbcSolution};
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
 
@@ -102,7 +104,9 @@ fn one_flipped_bit_of_one_input_is_found_at_its_tick() {
     run(&log, "").exits(0);
     for tick in [0, 1, 777, 1000, 1001, 1999] {
         rewrite_one(&log, &flipped, CONTROLLER_INPUT, tick, |input: &mut ControllerInput| {
-            input.state.q[4] = f64::from_bits(input.state.q[4].to_bits() ^ 1);
+            assert!(input.change(ROBOT_STATE, |state: &mut RobotState| {
+                state.q[4] = f64::from_bits(state.q[4].to_bits() ^ 1);
+            }));
         });
         let expected = json!({
             "tick": tick, "t_ns": tick * 1_000_000, "stage": "input", "channel": CONTROLLER_TICK, "field": "digest_input",
@@ -140,7 +144,7 @@ fn a_changed_parameter_is_found_at_the_first_tick_that_it_affects() {
     let log = folder.join("run.mcap");
     run(&log, "").exits(0);
     let legs: Vec<LegState> = messages(&log, LEG_STATE);
-    let inputs: Vec<ControllerInput> = messages(&log, CONTROLLER_INPUT);
+    let inputs = controller::Unpacked::all(&messages::<ControllerInput>(&log, CONTROLLER_INPUT));
 
     // The step height is first used when a foot first lifts off.
     let swings = |legs: &&LegState| legs.state.iter().any(|state| *state != LegState::STATE_STANCE);
@@ -171,12 +175,12 @@ fn a_change_in_a_stage_of_the_controller_is_attributed_to_it() {
     let folder = folder("stages");
     let log = folder.join("run.mcap");
     run(&log, "").exits(0);
-    let inputs: Vec<ControllerInput> = messages(&log, CONTROLLER_INPUT);
+    let inputs = controller::Unpacked::all(&messages::<ControllerInput>(&log, CONTROLLER_INPUT));
     let solutions: Vec<WbcSolution> = messages(&log, WBC_SOLUTION);
     let legs: Vec<LegState> = messages(&log, LEG_STATE);
 
     // The velocity filter has no effect before the first joint velocity.
-    let moves = |input: &ControllerInput| input.tick > 0 && input.state.qd.iter().any(|qd| *qd != 0.0);
+    let moves = |input: &TickInput| input.tick > 0 && input.state.qd.iter().any(|qd| *qd != 0.0);
     let moves = inputs.iter().position(moves).unwrap();
     let set = "--set recovery.velocity_time_constant=0.06";
     divergence(replay(&log, set), &json!({ "tick": moves, "stage": "estimation", "field": "digest_estimation" }));
@@ -241,7 +245,7 @@ fn pushes_replay_bit_for_bit() {
     assert_eq!(ticks.len(), 2000);
     let (_, undisturbed) = run_with(&folder, "undisturbed", "");
     // Inputs have the identity of their run; estimates depend on the measured state only.
-    let is_different = |(a, b): (&ControllerTick, &ControllerTick)| a.digest_estimation != b.digest_estimation;
+    let is_different = |(a, b): (&ControllerTick, &ControllerTick)| a.digest[1] != b.digest[1];
     let first_difference = ticks.iter().zip(&undisturbed).position(is_different);
     // A push acts on the step that follows its tick.
     assert_eq!(first_difference, Some(501));
@@ -286,7 +290,7 @@ fn a_stuck_encoder_is_walked_over_and_replays_bit_for_bit() {
     let (ran, ticks) = run_with(&folder, "stuck", fault);
     assert_eq!(ran.exits(0).json()["fell"], false);
     assert!(ticks[900..].iter().all(|tick| tick.mode == ControllerTick::MODE_WALK));
-    let inputs: Vec<ControllerInput> = messages(&folder.join("stuck.mcap"), CONTROLLER_INPUT);
+    let inputs = controller::Unpacked::all(&messages::<ControllerInput>(&folder.join("stuck.mcap"), CONTROLLER_INPUT));
     let held = inputs[900].state.q[2];
     assert!(inputs[900..950].iter().all(|input| input.state.q[2] == held && input.state.qd[2] == 0.0));
     assert!(inputs[949].state.q[1] != inputs[900].state.q[1] && inputs[950].state.q[2] != held);

@@ -44,7 +44,7 @@ impl Probe {
 
     fn torques(&self, formula: &str) -> Vec<Vec<f64>> {
         let set = [("stack.formula".to_owned(), formula.to_owned())];
-        let info = RunInfo { params: apply_overrides(&self.info.params, &set).unwrap(), ..self.info.clone() };
+        let info = self.info.clone().with_params(apply_overrides(self.info.params(), &set).unwrap());
         let torques = |(state, input): &(Vec<u8>, ControllerInput)| {
             let (mut controller, mut out) = (controller::load(&info).unwrap(), Outbox::new());
             controller.restore(state).unwrap();

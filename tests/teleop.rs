@@ -6,7 +6,7 @@ mod common;
 use common::network::url;
 use common::{Ran, command, folder, hoof, messages, ran};
 use lcmtypes::bus::{Bus, LcmBus};
-use lcmtypes::{ControllerInput, ControllerTick, Event, Message, OperatorCommand, RequestReply, channels};
+use lcmtypes::{ControllerInput, ControllerTick, Event, Message, OperatorCommand, RequestReply, TickInput, channels};
 use std::io::Write;
 use std::process::{Child, Command, Stdio};
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -117,7 +117,7 @@ fn beside_a_controller(url: &str, then: impl FnOnce()) {
     }
     let over = AtomicBool::new(false);
     let mut tick = ControllerTick { mode: ControllerTick::MODE_WALK, ..ControllerTick::default() };
-    let mut input = ControllerInput { op: Op { seq: 7, t_ns: 1, ..Op::default() }, ..ControllerInput::default() };
+    let mut op = Op { seq: 7, t_ns: 1, ..Op::default() };
     std::thread::scope(|scope| {
         scope.spawn(|| {
             let mut bus = LcmBus::open(url).unwrap();
@@ -125,14 +125,16 @@ fn beside_a_controller(url: &str, then: impl FnOnce()) {
             let mut bytes = Vec::new();
             while !over.load(Ordering::SeqCst) {
                 for message in bus.handle(Duration::from_millis(5)).unwrap() {
-                    input.op = Op::decode(&message.data).unwrap();
-                    if input.op.mode == Op::MODE_DAMPING {
+                    op = Op::decode(&message.data).unwrap();
+                    if op.mode == Op::MODE_DAMPING {
                         tick.mode = ControllerTick::MODE_DAMPING;
                     }
                 }
                 tick.encode(&mut bytes).unwrap();
                 bus.publish(channels::CONTROLLER_TICK, &bytes).unwrap();
                 bytes.clear();
+                let mut input = ControllerInput::default();
+                input.deliver(channels::OPERATOR_COMMAND, 0, &op).unwrap();
                 input.encode(&mut bytes).unwrap();
                 bus.publish(channels::CONTROLLER_INPUT, &bytes).unwrap();
                 bytes.clear();
@@ -272,10 +274,10 @@ fn teleoperation_overrides_the_scenario_and_stops_the_robot() {
         let found = reported.any(|event| event.text.contains(channel) && event.level == level);
         assert!(found, "{channel}, level {level}: {operator:?}");
     }
-    let inputs: Vec<ControllerInput> = messages(&log, channels::CONTROLLER_INPUT);
+    let inputs = controller::Unpacked::all(&messages::<ControllerInput>(&log, channels::CONTROLLER_INPUT));
     let teleop_id = messages::<Op>(&log, "OPERATOR_TELEOP")[0].sender_id;
     let replies: Vec<RequestReply> = messages(&log, channels::REQUEST_REPLY);
-    let is_stop = |reply: &RequestReply, input: &ControllerInput| {
+    let is_stop = |reply: &RequestReply, input: &TickInput| {
         (input.tick, input.op.seq, input.op.mode) == (reply.tick, reply.request_id, Op::MODE_DAMPING)
     };
     let stop =

@@ -3,6 +3,7 @@
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
 
+use crate::consumed::Consumed;
 use replay::log::{EventRef, Types};
 
 /// A field of the messages of a channel.
@@ -42,6 +43,7 @@ pub struct Samples {
 pub(crate) struct FieldReader<'a> {
     wanted: BTreeMap<&'a str, Vec<&'a Field>>,
     types: Types,
+    consumed: Consumed,
     found: BTreeMap<&'a Field, (Vec<i64>, Vec<f64>)>,
 }
 
@@ -54,7 +56,7 @@ impl<'a> FieldReader<'a> {
                 of_channel.push(field);
             }
         }
-        Self { wanted, types: Types::default(), found: BTreeMap::new() }
+        Self { wanted, types: Types::default(), consumed: Consumed::default(), found: BTreeMap::new() }
     }
 
     /// Appends the wanted fields of a message. A message that cannot be decoded is ignored.
@@ -64,9 +66,14 @@ impl<'a> FieldReader<'a> {
         }
         self.types.learn(event);
         let Some(wanted) = self.wanted.get(&**event.channel) else { return };
-        let Some(ty) = self.types.of_message(event.channel, event.data) else { return };
+        let consumed = self.consumed.bytes(event.channel, event.data);
+        let found = match &consumed {
+            Some(bytes) => lcmtypes::types().of_message(bytes).map(|ty| (ty, &bytes[..])),
+            None => self.types.of_message(event.channel, event.data).map(|ty| (ty, event.data)),
+        };
+        let Some((ty, data)) = found else { return };
         let (mut t_ns, mut name, mut values) = (event.t_ns, String::new(), Vec::with_capacity(wanted.len()));
-        let walked = ty.walk_lenient(event.data, |path, leaf| {
+        let walked = ty.walk_lenient(data, |path, leaf| {
             name.clear();
             let _ = write!(name, "{path}");
             if name == "t_ns" {

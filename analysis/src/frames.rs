@@ -2,7 +2,7 @@
 //!
 //! Columns are named by path, such as `q[3]` or `state.q[3]`. Types come by reflection from the stack or from the log (RUN_INFO), so channels of other
 //! projects are frames, too. Integers become `i64`, floats `f64`; booleans and strings stay. A field that a message does not have (arrays may differ in
-//! length) is null. The first column, `log_t_ns`, is the time of the message in the log.
+//! length) is null. CONTROLLER_INPUT is shown as the controller read it: the fields of `tick_input_t`. The first column, `log_t_ns`, is the time of the message in the log.
 //!
 //! An array with more than 256 values in one message (images, point clouds) is one column of lists, named without indices: `data`, `points.x`.
 
@@ -15,6 +15,7 @@ use lcm_idl::ast::FieldType;
 use polars::prelude::{Column, DataFrame, IdxCa, KeyValueMetadata, NewChunkedArray, ParquetWriter, PolarsError};
 use replay::log::{Health, LogReader, Types};
 
+use crate::consumed::Consumed;
 use crate::frame_rows::Rows;
 use crate::{Error, Progress, Stage};
 
@@ -57,6 +58,7 @@ impl Frames {
         let mut units = BTreeMap::new();
         let mut unreadable: BTreeMap<String, u64> = BTreeMap::new();
         let (mut health, mut number, mut deviating) = (Health::default(), 0_u64, 0);
+        let mut components = Consumed::default();
         while let Some(item) = reader.read().map_err(log_error)? {
             let Some(event) = health.note(item) else { continue };
             if number.is_multiple_of(4096) {
@@ -67,9 +69,14 @@ impl Frames {
             if !wanted(event.channel) {
                 continue;
             }
-            let read = types.of_message(event.channel, event.data).and_then(|ty| {
+            let consumed = components.bytes(event.channel, event.data);
+            let found = match &consumed {
+                Some(bytes) => lcmtypes::types().of_message(bytes).map(|ty| (ty, &bytes[..])),
+                None => types.of_message(event.channel, event.data).map(|ty| (ty, event.data)),
+            };
+            let read = found.and_then(|(ty, data)| {
                 units.entry(event.channel.to_string()).or_insert_with(|| units_of(ty));
-                tables.entry(event.channel.to_string()).or_default().push(event.t_ns, ty, event.data)
+                tables.entry(event.channel.to_string()).or_default().push(event.t_ns, ty, data)
             });
             deviating += u64::from(read.is_some_and(|deviations| !deviations.is_none()));
             if read.is_none() {

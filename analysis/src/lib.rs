@@ -43,6 +43,7 @@ pub mod table;
 pub mod tables;
 pub mod timeline;
 
+mod consumed;
 mod error;
 mod frame_rows;
 mod html;

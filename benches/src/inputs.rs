@@ -1,10 +1,11 @@
 //! Controller and inputs of a log.
 
 use anyhow::{Context, Result, bail};
+use controller::Unpacked;
 use controller::params::apply_overrides;
 use controller::quadruped::Quadruped;
 use controller::stack;
-use lcmtypes::{ControllerInput, Message, RunInfo, channels};
+use lcmtypes::{ControllerInput, Message, RunInfo, TickInput, channels};
 use replay::log::LogReader;
 use std::path::Path;
 
@@ -39,13 +40,13 @@ pub struct Run {
     /// Description of the run: robot and parameters.
     pub info: RunInfo,
     /// Inputs of the controller, tick by tick.
-    pub inputs: Vec<ControllerInput>,
+    pub inputs: Vec<TickInput>,
 }
 
 impl Run {
     /// Reads a log.
     pub fn read(path: &Path) -> Result<Self> {
-        let (mut info, mut inputs) = (None, Vec::new());
+        let (mut info, mut inputs) = (None, Vec::<ControllerInput>::new());
         for event in LogReader::open(path)?.events() {
             let event = event?;
             let what = || format!("{}: {} at byte {}", path.display(), event.channel, event.offset);
@@ -61,13 +62,13 @@ impl Run {
         if inputs.is_empty() {
             bail!("{}: the log has no CONTROLLER_INPUT", path.display());
         }
-        Ok(Run { info, inputs })
+        Ok(Run { info, inputs: Unpacked::all(&inputs) })
     }
 
     /// Builds the controller of the run with this stack of tasks.
     pub fn controller(&self, stack: Stack) -> Result<Quadruped> {
         let formula = [("stack.formula".to_owned(), stack.formula().to_owned())];
-        let params = apply_overrides(&self.info.params, &formula)?;
+        let params = apply_overrides(self.info.params(), &formula)?;
         Ok(Quadruped::new(&self.info.urdf, &params)?)
     }
 }

@@ -1,7 +1,8 @@
 //! Guard against slow-downs: counts the instructions of a replay of a golden log with valgrind's callgrind and compares them with stored counts.
 //!
 //! The number of instructions is not a time, but it is the same in every run (within 0.003 %) and on a loaded machine, so a slow-down is
-//! noticed in the change that causes it. Two counts per tick: the controller's step alone, and the complete replay (reading, decoding, step,
+//! noticed in the change that causes it. Two counts per tick: the component's step (unpacking of the delivered messages and the controller's
+//! step), and the complete replay (reading, decoding, step,
 //! comparison, and a share of building the controller). For an intended change, store new counts with `make guard ACCEPT=1`.
 //!
 //! The stored counts are those of the build of `make test`; an incremental build has other codegen units and counts 0.6 % more.
@@ -14,7 +15,7 @@ use std::process::Command;
 
 /// Largest relative increase over the stored count.
 const MARGIN: f64 = 0.02;
-const STEP: &str = "<controller::quadruped::controller::Quadruped as controller::interface::Controller>::step_probed";
+const STEP: &str = "<controller::runtime::component::Component>::step_probed";
 const ROOT: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/..");
 
 /// Instructions per tick, and the compiler of the build.

@@ -16,7 +16,7 @@ use controller::quadruped::estimation::Estimate;
 use controller::quadruped::leg::Leg;
 use controller::quadruped::robot::Robot;
 use controller::{Controller, Outbox};
-use lcmtypes::{ContactEstimate, ControllerInput, ControllerTick, Message, RobotCommand, WbcSolution, channels};
+use lcmtypes::{ContactEstimate, ControllerTick, Message, RobotCommand, RobotState, TickInput, WbcSolution, channels};
 use nalgebra::Vector3;
 
 const URDF: &str = include_str!("../../robots/hyq/hyq.urdf");
@@ -53,24 +53,22 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
 }
 
 /// Sensor values in the nominal posture with the base rolled by `roll` rad.
-fn standing(robot: &Robot, roll: f64) -> ControllerInput {
-    let mut input = ControllerInput::default();
+fn standing(robot: &Robot, roll: f64) -> TickInput {
+    let mut input = TickInput::default();
     input.op.seq = -1;
     let state = &mut input.state;
-    state.nj = 12;
+    *state = RobotState::zeros(robot.nj(), 1, 0);
     state.q.clone_from(&robot.q_nominal);
-    state.qd = vec![0.0; robot.nj()];
-    state.tau = vec![0.0; robot.nj()];
     // The IMU axes differ from those of the base.
     let R_WI = Rx(roll) * robot.R_IB.transpose();
-    state.q_WI_wxyz = quaternion::from_rotation(&R_WI);
-    state.a_I = (R_WI.transpose() * Vector3::z() * GRAVITY).into();
+    state.q_WI_wxyz[0] = quaternion::from_rotation(&R_WI);
+    state.a_I[0] = (R_WI.transpose() * Vector3::z() * GRAVITY).into();
     carry_weight(robot, &mut input);
     input
 }
 
 /// Writes the joint torques for a quarter of the weight on each foot: `tau = h - Jᵀ F`.
-fn carry_weight(robot: &Robot, input: &mut ControllerInput) {
+fn carry_weight(robot: &Robot, input: &mut TickInput) {
     let mut estimate = Estimate::new(robot);
     estimate.update(robot, &input.state);
     let f_F_W = Vector3::z() * (0.25 * robot.mass() * GRAVITY);

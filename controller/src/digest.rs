@@ -1,6 +1,6 @@
 //! 64-bit digests over the bits of the quantities of a stage. If two digests are equal, the quantities are equal (up to hash collisions).
 
-use lcmtypes::{ControllerInput, RobotCommand};
+use lcmtypes::{RobotCommand, TickInput};
 use nalgebra::{DMatrix, DVector, Matrix3, Vector3};
 
 /// A running digest. Each word is mixed in by a rotation and a multiplication, and the finalizer of SplitMix64 ends it. This is fast enough for
@@ -82,8 +82,8 @@ impl Digest {
 }
 
 /// Digest of a controller input.
-pub fn input_digest(input: &ControllerInput) -> i64 {
-    let ControllerInput { t_ns, tick, run_id, running, t_op_ns, state, op } = input;
+pub fn input_digest(input: &TickInput) -> i64 {
+    let TickInput { t_ns, tick, run_id, running, t_op_ns, n_ignored, n_late, state, op } = input;
     let mut d = Digest::default();
     let senders = [run_id, &state.sender_id, &op.sender_id, &op.t_mode_ns];
     for word in [t_ns, tick, running, t_op_ns, &state.t_ns, &state.seq, &op.t_ns, &op.seq].into_iter().chain(senders) {
@@ -94,9 +94,13 @@ pub fn input_digest(input: &ControllerInput) -> i64 {
         d.word(values.len() as u64);
         d.f64s(values);
     }
-    d.f64s(&state.q_WI_wxyz);
-    d.f64s(&state.w_WI_I);
-    d.f64s(&state.a_I);
+    for number in [n_ignored, n_late, &state.n_imus, &state.n_ft] {
+        d.word(u64::from(number.cast_unsigned()));
+    }
+    d.f64s(state.q_WI_wxyz.as_flattened());
+    for vectors in [&state.w_WI_I, &state.a_I, &state.f_S, &state.tau_S] {
+        d.f64s(vectors.as_flattened());
+    }
     d.word(u64::from(op.mode.cast_unsigned()));
     d.word(u64::from(op.gait.cast_unsigned()));
     d.f64s(&op.v_H);

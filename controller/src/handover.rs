@@ -5,9 +5,9 @@
 //! run with parameter changes replays bit for bit. The complete parameters are checked as at the start of a run; a rejected change has no effect.
 
 use crate::error::{LoadError, RestoreError};
-use crate::interface::Controller;
 use crate::load::load;
 use crate::params::{ParamsError, apply_changes};
+use crate::runtime::Component;
 use lcmtypes::RunInfo;
 
 /// A rejected parameter change.
@@ -51,26 +51,26 @@ impl Parameters {
         if key == "robot" || key.starts_with("robot.") {
             return Err(ChangeError::Fixed { key: key.to_owned() });
         }
-        let params = apply_changes(&self.info.params, &[(key.to_owned(), value.to_owned())])?;
-        Ok(Parameters { info: RunInfo { params, ..self.info.clone() } })
+        let params = apply_changes(self.info.params(), &[(key.to_owned(), value.to_owned())])?;
+        Ok(Parameters { info: self.info.clone().with_params(params) })
     }
 
     /// Builds the run's controller with these parameters. Takes milliseconds.
     ///
     /// # Errors
     /// [`ChangeError::Load`] if no controller can be built.
-    pub fn build(&self) -> Result<Box<dyn Controller>, ChangeError> {
+    pub fn build(&self) -> Result<Component, ChangeError> {
         Ok(load(&self.info)?)
     }
 }
 
-/// Copies the state of one controller to another, between two ticks.
+/// Copies the state of one component to another, between two ticks.
 ///
 /// - `state`: buffer for the state. If its capacity is sufficient, nothing is allocated.
 ///
 /// # Errors
 /// `to` rejects the state; it must not be used then.
-pub fn take_over(from: &dyn Controller, to: &mut dyn Controller, state: &mut Vec<u8>) -> Result<(), RestoreError> {
+pub fn take_over(from: &Component, to: &mut Component, state: &mut Vec<u8>) -> Result<(), RestoreError> {
     state.clear();
     from.snapshot(state);
     to.restore(state)

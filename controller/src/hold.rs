@@ -14,9 +14,8 @@ use crate::outbox::Outbox;
 use crate::params::{Params, parameters_digest};
 use crate::safety::{Fault, limit_command};
 use crate::time::step_seconds;
-use drive::{Gains, check, posture_of, publish, rejection};
-use lcmtypes::channels::Stage;
-use lcmtypes::{ControllerInput, ControllerTick, HoldState, Message, RobotCommand};
+use drive::{Gains, STAGES, check, new_status, posture_of, publish, rejection};
+use lcmtypes::{ControllerTick, HoldState, Message, RobotCommand, TickInput};
 
 /// Name by which [`crate::load`] finds the controller.
 pub const NAME: &str = "hold";
@@ -24,7 +23,6 @@ pub const NAME: &str = "hold";
 /// The controller.
 pub struct Hold {
     params: Params,
-    digest_parameters: i64,
     joints: Vec<JointInfo>,
     gains: Gains,
     q_posture: Vec<f64>,
@@ -32,6 +30,7 @@ pub struct Hold {
     /// Preallocated message for reading snapshots.
     snapshot_buffer: HoldState,
     command: RobotCommand,
+    status: ControllerTick,
 }
 
 impl Hold {
@@ -59,11 +58,12 @@ impl Hold {
         };
         let (joints, snapshot_buffer) = (model.joints, state.clone());
         let gains = Gains::new(&robot, &params.hold);
-        Ok(Hold { params, digest_parameters, joints, gains, q_posture, snapshot_buffer, state, command })
+        let status = new_status(digest_parameters);
+        Ok(Hold { params, joints, gains, q_posture, snapshot_buffer, state, command, status })
     }
 
     /// Updates the state. The references are a function of it.
-    fn advance(&mut self, input: &ControllerInput) {
+    fn advance(&mut self, input: &TickInput) {
         let before_ns = self.state.t_ns;
         (self.state.t_ns, self.state.tick) = (input.t_ns, input.tick);
         if self.state.mode == ControllerTick::MODE_DAMPING {
@@ -115,30 +115,24 @@ impl Controller for Hold {
         NAME
     }
 
-    fn step_probed(&mut self, input: &ControllerInput, out: &mut Outbox, probe: &mut dyn Probe) {
+    fn stages(&self) -> &[&'static str] {
+        &STAGES
+    }
+
+    fn step_probed(&mut self, input: &TickInput, out: &mut Outbox, probe: &mut dyn Probe) {
         let digest_input = input_digest(input);
         self.advance(input);
-        probe.stage_done(Stage::Input);
+        probe.stage_done(0);
         self.fill_command();
         self.command.run_id = input.run_id;
         limit_command(&self.joints, &mut self.command, &input.state);
         let HoldState { t_ns, tick, mode, fault, fault_index, fault_value, .. } = self.state;
-        let digest_parameters = self.digest_parameters;
-        let status = ControllerTick {
-            t_ns,
-            tick,
-            run_id: input.run_id,
-            mode,
-            fault,
-            fault_index,
-            fault_value,
-            digest_input,
-            digest_parameters,
-            ..Default::default()
-        };
-        publish(out, &self.command, status, &self.state)
-            .expect("every array has the length of the robot since construction");
-        probe.stage_done(Stage::Output);
+        let m = &mut self.status;
+        (m.t_ns, m.tick, m.run_id, m.n_ignored) = (t_ns, tick, input.run_id, input.n_ignored);
+        (m.mode, m.fault, m.fault_index, m.fault_value) = (mode, fault, fault_index, fault_value);
+        m.digest[0] = digest_input;
+        publish(out, &self.command, m).expect("every array has the length of the robot since construction");
+        probe.stage_done(1);
     }
 
     fn snapshot(&self, out: &mut Vec<u8>) {
@@ -170,17 +164,14 @@ impl Controller for Hold {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use lcmtypes::{OperatorCommand, channels};
+    use lcmtypes::{OperatorCommand, RobotState, channels};
 
     #[test]
     fn requests_for_other_modes_than_stand_are_rejected_by_name() {
         let (urdf, params) = (include_str!("../../robots/hyq/hyq.urdf"), include_str!("../../robots/hyq/hyq.toml"));
         let mut hold = Hold::new(urdf, params).unwrap();
-        let nj = hold.command.nj;
-        let zeros = vec![0.0; hold.q_posture.len()];
-        let mut input = ControllerInput::default();
-        (input.state.nj, input.state.q) = (nj, hold.q_posture.clone());
-        (input.state.qd, input.state.tau, input.state.q_WI_wxyz) = (zeros.clone(), zeros, [1.0, 0.0, 0.0, 0.0]);
+        let mut input = TickInput { state: RobotState::zeros(hold.q_posture.len(), 1, 0), ..TickInput::default() };
+        input.state.q.clone_from(&hold.q_posture);
         let mut out = Outbox::new();
         for (mode, fault) in [
             (OperatorCommand::MODE_STAND, ControllerTick::FAULT_NONE),

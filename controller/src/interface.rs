@@ -3,41 +3,50 @@
 use crate::dump::Dump;
 use crate::error::RestoreError;
 use crate::outbox::Outbox;
-use lcmtypes::ControllerInput;
-use lcmtypes::channels::Stage;
+use lcmtypes::TickInput;
 
 /// Receives a call at the end of each stage of a tick. An executor's probe reads a clock; the controller gets nothing back from it.
 pub trait Probe {
-    /// The controller has just computed `stage`.
-    fn stage_done(&mut self, stage: Stage);
+    /// The controller has just computed a stage.
+    ///
+    /// - `stage`: index in [`Controller::stages`].
+    fn stage_done(&mut self, stage: usize);
 }
 
 /// A probe that does nothing.
 pub struct NoProbe;
 
 impl Probe for NoProbe {
-    fn stage_done(&mut self, _: Stage) {}
+    fn stage_done(&mut self, _: usize) {}
 }
 
-/// A controller: input message in, encoded output messages out.
+/// A controller: input in, encoded output messages out. A [`crate::runtime::Component`] makes the input from the messages that are delivered.
 pub trait Controller: Send {
     /// The name that [`crate::load`] accepts for this controller.
     fn name(&self) -> &'static str;
 
+    /// Names of the stages of a tick, in the order of execution: the order of `controller_tick_t.digest` and `timing_t.stage_ns`.
+    fn stages(&self) -> &[&'static str];
+
+    /// Takes a message on a channel that [`crate::runtime`] does not unpack, before the step of its tick; what the controller keeps of it is state.
+    /// Returns false if the controller does not know the channel, or cannot decode the message.
+    fn receive(&mut self, _channel: &str, _data: &[u8]) -> bool {
+        false
+    }
+
     /// Computes one tick from the state and `input` alone, updates the state, and fills `out` with the encoded output messages: the same channels
-    /// in the same order in every tick, except [`lcmtypes::channels::CONTROLLER_SNAPSHOT`], which is published once a second.
+    /// in the same order in every tick.
     ///
     /// Never fails. After an invalid input the controller is in its safe state in the same tick, and the tick's `controller_tick_t` contains the
     /// fault code.
-    fn step_probed(&mut self, input: &ControllerInput, out: &mut Outbox, probe: &mut dyn Probe);
+    fn step_probed(&mut self, input: &TickInput, out: &mut Outbox, probe: &mut dyn Probe);
 
     /// [`Controller::step_probed`] without a probe.
-    fn step(&mut self, input: &ControllerInput, out: &mut Outbox) {
+    fn step(&mut self, input: &TickInput, out: &mut Outbox) {
         self.step_probed(input, out, &mut NoProbe);
     }
 
-    /// Appends the complete state between two ticks to `out`, encoded as an LCM message. If the last tick published a CONTROLLER_SNAPSHOT, these
-    /// are the same bytes.
+    /// Appends the complete state between two ticks to `out`, encoded as an LCM message.
     fn snapshot(&self, out: &mut Vec<u8>);
 
     /// Replaces the state by one that [`Controller::snapshot`] wrote.

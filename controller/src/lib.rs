@@ -7,7 +7,8 @@
 //!
 //! | module | contents |
 //! |---|---|
-//! | [`interface`] | the [`Controller`] trait, which executors and the replay engine use |
+//! | [`runtime`] | [`Component`]: delivered messages, what holds of them, snapshots; executors and the replay engine use it |
+//! | [`interface`] | the [`Controller`] trait |
 //! | [`quadruped`] | the locomotion controller |
 //! | [`hold`] | a controller that moves the joints to a posture and holds it |
 //! | [`sequence`] | several controllers in one run |
@@ -40,6 +41,7 @@ pub mod posture;
 pub mod qp;
 pub mod quadruped;
 pub mod robot_init;
+pub mod runtime;
 pub mod safety;
 pub mod sequence;
 pub mod stack;
@@ -50,7 +52,8 @@ pub use dump::Dump;
 pub use error::{LoadError, RestoreError};
 pub use interface::{Controller, NoProbe, Probe};
 pub use lcmtypes::channels::Stage;
-pub use load::load;
+pub use load::{load, load_controller};
 pub use outbox::Outbox;
 pub use robot_model as model;
 pub use robot_model::math;
+pub use runtime::{Component, Delivery, Unpacked};

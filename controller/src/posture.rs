@@ -8,15 +8,14 @@ pub mod params;
 
 use crate::digest::input_digest;
 use crate::error::{LoadError, RestoreError};
-use crate::hold::drive::{Gains, check, posture_of, publish, rejection};
+use crate::hold::drive::{Gains, STAGES, check, new_status, posture_of, publish, rejection};
 use crate::interface::{Controller, Probe};
 use crate::model::{JointInfo, NOMINAL, UrdfTree, check_runnable};
 use crate::outbox::Outbox;
 use crate::params::{Params, parameters_digest};
 use crate::safety::{Fault, limit_command};
 use crate::time::step_seconds;
-use lcmtypes::channels::Stage;
-use lcmtypes::{ControllerInput, ControllerTick, Message, PostureState, RobotCommand};
+use lcmtypes::{ControllerTick, Message, PostureState, RobotCommand, TickInput};
 
 /// Name by which [`crate::load`] finds the controller.
 pub const NAME: &str = "posture";
@@ -26,7 +25,6 @@ const LARGEST_SPEED: f64 = 10.0;
 /// The controller.
 pub struct Posture {
     params: Params,
-    digest_parameters: i64,
     joints: Vec<JointInfo>,
     gains: Gains,
     q_goal: Vec<f64>,
@@ -34,6 +32,7 @@ pub struct Posture {
     /// Preallocated message for reading snapshots.
     snapshot_buffer: PostureState,
     command: RobotCommand,
+    status: ControllerTick,
 }
 
 impl Posture {
@@ -62,11 +61,12 @@ impl Posture {
             ..PostureState::default()
         };
         let (joints, snapshot_buffer) = (model.joints, state.clone());
-        Ok(Posture { params, digest_parameters, joints, gains, q_goal, state, snapshot_buffer, command })
+        let status = new_status(digest_parameters);
+        Ok(Posture { params, joints, gains, q_goal, state, snapshot_buffer, command, status })
     }
 
     /// Updates the state: mode, faults and references.
-    fn advance(&mut self, input: &ControllerInput) {
+    fn advance(&mut self, input: &TickInput) {
         let before_ns = self.state.t_ns;
         (self.state.t_ns, self.state.tick) = (input.t_ns, input.tick);
         if self.state.mode == ControllerTick::MODE_DAMPING {
@@ -140,30 +140,24 @@ impl Controller for Posture {
         NAME
     }
 
-    fn step_probed(&mut self, input: &ControllerInput, out: &mut Outbox, probe: &mut dyn Probe) {
+    fn stages(&self) -> &[&'static str] {
+        &STAGES
+    }
+
+    fn step_probed(&mut self, input: &TickInput, out: &mut Outbox, probe: &mut dyn Probe) {
         let digest_input = input_digest(input);
         self.advance(input);
-        probe.stage_done(Stage::Input);
+        probe.stage_done(0);
         self.fill_command();
         self.command.run_id = input.run_id;
         limit_command(&self.joints, &mut self.command, &input.state);
         let PostureState { t_ns, tick, mode, fault, fault_index, fault_value, .. } = self.state;
-        let digest_parameters = self.digest_parameters;
-        let status = ControllerTick {
-            t_ns,
-            tick,
-            run_id: input.run_id,
-            mode,
-            fault,
-            fault_index,
-            fault_value,
-            digest_input,
-            digest_parameters,
-            ..Default::default()
-        };
-        publish(out, &self.command, status, &self.state)
-            .expect("every array has the length of the robot since construction");
-        probe.stage_done(Stage::Output);
+        let m = &mut self.status;
+        (m.t_ns, m.tick, m.run_id, m.n_ignored) = (t_ns, tick, input.run_id, input.n_ignored);
+        (m.mode, m.fault, m.fault_index, m.fault_value) = (mode, fault, fault_index, fault_value);
+        m.digest[0] = digest_input;
+        publish(out, &self.command, m).expect("every array has the length of the robot since construction");
+        probe.stage_done(1);
     }
 
     fn snapshot(&self, out: &mut Vec<u8>) {

@@ -1,7 +1,8 @@
 //! Several controllers in one run, executed in order; each can be started and stopped while the others run.
 //!
-//! [`ControllerInput::running`] has one bit for each controller, set while it runs. It is part of the input, so a replay needs no other
-//! information. The last running controller commands the robot: its messages are published unchanged. The messages of the other running
+//! [`TickInput::running`] has one bit for each controller, set while it runs. It is part of the input, so a replay needs no other
+//! information. The stages of a sequence are those of its controllers, each name once; a tick has digest 0 for stages that the last running
+//! controller does not have. The last running controller commands the robot: its messages are published unchanged. The messages of the other running
 //! controllers are published on channels with the controller's name as prefix, for example `hold/ROBOT_COMMAND`. So a controller can be tried on a
 //! robot that another controller moves. While no controller runs, the joints are damped.
 //!
@@ -16,9 +17,8 @@ use crate::dump::Dump;
 use crate::error::{LoadError, RestoreError};
 use crate::interface::{Controller, Probe};
 use crate::outbox::Outbox;
-use crate::time::SNAPSHOT_TICKS;
-use lcmtypes::channels::{self, CONTROLLER_SNAPSHOT};
-use lcmtypes::{ControllerInput, ControllerState, ControllerTick, Message, RobotCommand, SequenceState};
+use lcmtypes::channels;
+use lcmtypes::{ControllerState, ControllerTick, Message, RobotCommand, SequenceState, TickInput};
 use std::cell::{RefCell, RefMut};
 use std::collections::BTreeSet;
 use std::sync::PoisonError;
@@ -37,6 +37,11 @@ pub struct Sequence {
     tick: i64,
     member_outbox: Outbox,
     damping: RobotCommand,
+    /// Names of the stages.
+    stages: Vec<&'static str>,
+    /// CONTROLLER_TICK of the sequence, and that of its last running controller.
+    status: ControllerTick,
+    of_member: ControllerTick,
     digest_parameters: i64,
     /// Preallocated message for writing and reading snapshots.
     snapshot_buffer: RefCell<SequenceState>,
@@ -48,6 +53,22 @@ struct Member {
     initial_state: Vec<u8>,
     /// Each channel, and its name with the controller's name as prefix.
     prefixed: Vec<(&'static str, &'static str)>,
+    /// Index of each of its stages in the stages of the sequence.
+    stages: Vec<usize>,
+}
+
+/// Passes the stages of a controller on as those of the sequence.
+struct StageProbe<'p> {
+    probe: &'p mut dyn Probe,
+    stages: &'p [usize],
+}
+
+impl Probe for StageProbe<'_> {
+    fn stage_done(&mut self, stage: usize) {
+        if let Some(stage) = self.stages.get(stage) {
+            self.probe.stage_done(*stage);
+        }
+    }
 }
 
 impl Sequence {
@@ -78,8 +99,14 @@ impl Sequence {
             controller.snapshot(&mut initial_state);
             let prefixed =
                 channels::CHANNELS.iter().map(|c| (c.name, interned(format!("{name}/{}", c.name)))).collect();
-            members.push(Member { controller, initial_state, prefixed });
+            members.push(Member { controller, initial_state, prefixed, stages: Vec::new() });
         }
+        let stages = merged_stages(&mut members);
+        let zeros = |n: usize| ControllerTick {
+            n_stages: i32::try_from(n).expect("a few stages"),
+            digest: vec![0; n],
+            ..ControllerTick::default()
+        };
         let num_parts = i32::try_from(members.len()).expect("at most 63");
         // A state has the same size in every tick.
         let initial = |member: &Member| ControllerState { size: 0, data: member.initial_state.clone() };
@@ -91,12 +118,15 @@ impl Sequence {
             tick: -1,
             member_outbox: Outbox::new(),
             damping,
+            status: zeros(stages.len()),
+            of_member: zeros(stages.len()),
+            stages,
             digest_parameters,
             snapshot_buffer: RefCell::new(state),
         })
     }
 
-    /// Names of the controllers, in the order in which they run: bit k of [`ControllerInput::running`] belongs to the k-th name.
+    /// Names of the controllers, in the order in which they run: bit k of [`TickInput::running`] belongs to the k-th name.
     pub fn names(&self) -> impl Iterator<Item = &'static str> {
         self.members.iter().map(|member| member.controller.name())
     }
@@ -118,6 +148,26 @@ impl Sequence {
         }
         state
     }
+}
+
+/// Names of the stages of all controllers, each once: a stage that is new comes before the next stage of the same controller that is not. Sets
+/// [`Member::stages`].
+fn merged_stages(members: &mut [Member]) -> Vec<&'static str> {
+    let mut merged: Vec<&'static str> = Vec::new();
+    for member in &*members {
+        let mut place = merged.len();
+        for name in member.controller.stages().iter().rev() {
+            match merged.iter().position(|known| known == name) {
+                Some(known) => place = known,
+                None => merged.insert(place, name),
+            }
+        }
+    }
+    for member in members {
+        let place = |name: &&str| merged.iter().position(|known| known == name).expect("every name was added");
+        member.stages = member.controller.stages().iter().map(place).collect();
+    }
+    merged
 }
 
 /// Whether the bit of the k-th controller is set.
@@ -142,13 +192,37 @@ fn interned(name: String) -> &'static str {
     name
 }
 
+/// Copies `from`, a tick of a controller with `stages`, to the stages of the sequence.
+fn with_stages(from: &ControllerTick, stages: &[usize], to: &mut ControllerTick) {
+    let ControllerTick { t_ns, tick, run_id, mode, fault, fault_index, fault_value, n_ignored, .. } = *from;
+    (to.t_ns, to.tick, to.run_id, to.n_ignored) = (t_ns, tick, run_id, n_ignored);
+    (to.mode, to.fault, to.fault_index, to.fault_value) = (mode, fault, fault_index, fault_value);
+    to.digest_parameters = from.digest_parameters;
+    to.digest.fill(0);
+    for (digest, stage) in from.digest.iter().zip(stages) {
+        to.digest[*stage] = *digest;
+    }
+}
+
 impl Controller for Sequence {
     fn name(&self) -> &'static str {
         NAME
     }
 
-    fn step_probed(&mut self, input: &ControllerInput, out: &mut Outbox, probe: &mut dyn Probe) {
-        let Sequence { members, running, member_outbox, damping, digest_parameters, .. } = self;
+    fn stages(&self) -> &[&'static str] {
+        &self.stages
+    }
+
+    fn receive(&mut self, channel: &str, data: &[u8]) -> bool {
+        let mut is_used = false;
+        for member in &mut self.members {
+            is_used |= member.controller.receive(channel, data);
+        }
+        is_used
+    }
+
+    fn step_probed(&mut self, input: &TickInput, out: &mut Outbox, probe: &mut dyn Probe) {
+        let Sequence { members, running, member_outbox, damping, status, of_member, digest_parameters, .. } = self;
         let active = (0..members.len()).rev().find(|&k| runs(input.running, k));
         out.clear();
         let mut put = Ok(());
@@ -162,36 +236,34 @@ impl Controller for Sequence {
             member_outbox.clear();
             let is_active = active == Some(k);
             if is_active {
-                member.controller.step_probed(input, member_outbox, probe);
+                let mut probe = StageProbe { probe: &mut *probe, stages: &member.stages };
+                member.controller.step_probed(input, member_outbox, &mut probe);
             } else {
                 member.controller.step(input, member_outbox);
             }
-            for (channel, bytes) in member_outbox.iter().filter(|(channel, _)| *channel != CONTROLLER_SNAPSHOT) {
+            for (channel, bytes) in member_outbox.iter() {
+                if is_active && channel == channels::CONTROLLER_TICK && of_member.decode_into(bytes).is_ok() {
+                    with_stages(of_member, &member.stages, status);
+                    put = put.and_then(|()| out.put(channel, status));
+                    continue;
+                }
                 let prefixed = || member.prefixed.iter().find(|(name, _)| *name == channel).map(|(_, name)| *name);
                 let channel = if is_active { Some(channel) } else { prefixed() };
                 out.put_bytes(channel.expect("controllers use channels of the table only"), bytes);
             }
         }
-        let ControllerInput { t_ns, tick, run_id, .. } = *input;
+        let TickInput { t_ns, tick, run_id, .. } = *input;
         (self.running, self.t_ns, self.tick) = (input.running, t_ns, tick);
         if active.is_none() {
             (damping.t_ns, damping.tick, damping.run_id) = (t_ns, tick, run_id);
-            let status = ControllerTick {
-                t_ns,
-                tick,
-                run_id,
-                mode: ControllerTick::MODE_IDLE,
-                fault: ControllerTick::FAULT_CONTROLLER,
-                fault_index: -1,
-                digest_input: input_digest(input),
-                digest_parameters: *digest_parameters,
-                ..Default::default()
-            };
+            (status.t_ns, status.tick, status.run_id, status.n_ignored) = (t_ns, tick, run_id, input.n_ignored);
+            (status.mode, status.fault, status.fault_index, status.fault_value) =
+                (ControllerTick::MODE_IDLE, ControllerTick::FAULT_CONTROLLER, -1, 0.0);
+            status.digest.fill(0);
+            status.digest[0] = input_digest(input);
+            status.digest_parameters = *digest_parameters;
             put = put.and_then(|()| out.put(channels::ROBOT_COMMAND, damping));
-            put = put.and_then(|()| out.put(channels::CONTROLLER_TICK, &status));
-        }
-        if tick % SNAPSHOT_TICKS == 0 {
-            put = put.and_then(|()| out.put(CONTROLLER_SNAPSHOT, &*self.state()));
+            put = put.and_then(|()| out.put(channels::CONTROLLER_TICK, status));
         }
         put.expect("every array has had the length of its length field since construction");
     }

@@ -9,8 +9,8 @@ mod common;
 
 use common::{Puppet, hyq, hyq_with, tick_of, wbc_of};
 use controller::quadruped::Quadruped;
-use controller::{Controller, Outbox};
-use lcmtypes::{ControllerTick, OperatorCommand, WbcSolution, channels};
+use controller::{Component, Delivery, Outbox};
+use lcmtypes::{ControllerTick, OperatorCommand, TickInput, WbcSolution, channels};
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::cell::Cell;
 
@@ -60,16 +60,19 @@ fn allocations(f: impl FnOnce()) -> u64 {
 }
 
 /// Every tick after the warm-up: CONTROLLER_TICK, WBC_SOLUTION and the number of allocations.
-fn counted(
-    mut controller: Quadruped,
-    ticks: i64,
-    edit: impl Fn(&mut Puppet),
-) -> Vec<(ControllerTick, WbcSolution, u64)> {
+fn counted(controller: Quadruped, ticks: i64, edit: impl Fn(&mut Puppet)) -> Vec<(ControllerTick, WbcSolution, u64)> {
     let (mut puppet, mut out) = (Puppet::new(3), Outbox::new());
+    let (mut component, mut delivery) = (Component::new(Box::new(controller)), Delivery::new(0));
     let mut counted = Vec::new();
     for tick in 0..ticks {
         edit(&mut puppet);
-        let n = allocations(|| controller.step(&puppet.input, &mut out));
+        let n = allocations(|| {
+            delivery.begin(puppet.input.t_ns, puppet.input.tick);
+            let TickInput { state, op, t_op_ns, .. } = &puppet.input;
+            assert!(delivery.put(channels::ROBOT_STATE, puppet.input.t_ns, state).unwrap());
+            assert!(delivery.put(channels::OPERATOR_COMMAND, *t_op_ns, op).unwrap());
+            component.step(delivery.input(), &mut out);
+        });
         assert_eq!(out.get(channels::CONTROLLER_SNAPSHOT).is_some(), tick % 1000 == 0);
         counted.push((tick_of(&out), wbc_of(&out), n));
         puppet.react(&out);
@@ -152,7 +155,7 @@ fn a_bad_input_and_a_failed_solve_allocate_nothing_more() {
     // The active-set solver fails when the robot is pushed and a second row is violated.
     let pushed = counted(hyq_with(&never), 300, |puppet| {
         if puppet.input.tick > 100 {
-            puppet.input.state.w_WI_I[0] += 3.0;
+            puppet.input.state.w_WI_I[0][0] += 3.0;
         }
     });
     assert!(pushed.iter().any(|(_, wbc, _)| wbc.status == WbcSolution::STATUS_FAILED));

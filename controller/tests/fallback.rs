@@ -33,7 +33,10 @@ fn without_a_solution_the_last_torques_are_repeated_five_times() {
         assert_eq!(controller.state().qp_failures, failures);
         let wbc = wbc_of(&out);
         assert_eq!(wbc.status, WbcSolution::STATUS_FAILED);
-        assert_eq!((wbc.vd, wbc.f_F_W, wbc.residual, wbc.base_residual), (vec![0.0; 18], [[0.0; 3]; 4], [0.0; 3], 0.0));
+        assert_eq!(
+            (wbc.vd, wbc.f_F_W, wbc.residual, wbc.base_residual),
+            (vec![0.0; 18], vec![[0.0; 3]; 4], [0.0; 3], 0.0)
+        );
         puppet.react(&out);
     }
     for tick in 0..20 {
@@ -70,7 +73,7 @@ fn torques_are_limited_to_the_effort_of_the_urdf_and_clamps_are_counted() {
     let mut clamped = 0;
     for tick in 0..60 {
         // Large disturbances: the tasks require more than the effort limits.
-        puppet.input.state.w_WI_I = [if tick % 20 < 10 { 6.0 } else { -6.0 }, 4.0, 0.0];
+        puppet.input.state.w_WI_I[0] = [if tick % 20 < 10 { 6.0 } else { -6.0 }, 4.0, 0.0];
         controller.step(&puppet.input, &mut out);
         let command = command_of(&out);
         for (joint, tau) in controller.robot().model.joints.iter().zip(&command.tau) {

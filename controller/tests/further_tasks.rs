@@ -15,14 +15,14 @@ use controller::quadruped::state::State;
 use controller::quadruped::trunk::TrunkReference;
 use controller::quadruped::wbc::Wbc;
 use controller::stack::{Rows, S1};
-use lcmtypes::ControllerInput;
+use lcmtypes::TickInput;
 use nalgebra::{DMatrix, DVector, Matrix3, Vector3};
 
 /// HyQ with a formula: the parts of a tick that the tasks read, at a random base orientation and random joint positions and velocities.
 struct Bench {
     robot: Robot,
     params: Params,
-    input: ControllerInput,
+    input: TickInput,
     estimate: Estimate,
     references: References,
     state: State,

@@ -12,7 +12,7 @@ use controller::quadruped::leg::{Leg, LegPhase, PerLeg};
 use controller::quadruped::reference::{References, Tick};
 use controller::quadruped::robot::Robot;
 use controller::quadruped::state::State;
-use lcmtypes::ControllerInput;
+use lcmtypes::TickInput;
 use nalgebra::{DVector, Matrix3, Vector3};
 
 fn hyq() -> (Params, Robot) {
@@ -28,7 +28,7 @@ fn turn(w: &Vector3<f64>, dt: f64) -> Matrix3<f64> {
 }
 
 /// Foot contact points at joint angles `q`, from the base, in W axes.
-fn feet(robot: &Robot, input: &ControllerInput, q: &[f64]) -> PerLeg<Vector3<f64>> {
+fn feet(robot: &Robot, input: &TickInput, q: &[f64]) -> PerLeg<Vector3<f64>> {
     let mut at = input.clone();
     at.state.q.copy_from_slice(q);
     let mut estimate = Estimate::new(robot);

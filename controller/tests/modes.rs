@@ -387,7 +387,7 @@ fn quick() -> Quadruped {
 }
 
 /// Inputs and outputs of a run with stand/sit transitions and an emergency stop.
-fn recorded() -> (Vec<lcmtypes::ControllerInput>, Vec<Messages>) {
+fn recorded() -> (Vec<lcmtypes::TickInput>, Vec<Messages>) {
     let mut story = Story::lying_with(quick());
     story.puppet.noise = 0.1;
     let (mut inputs, mut outputs) = (Vec::new(), Vec::new());

@@ -9,15 +9,13 @@ use common::{
 use controller::math::{Rx, Ry};
 use controller::quadruped::Quadruped;
 use controller::{Controller, Outbox};
-use lcmtypes::{
-    ControllerInput, ControllerTick as Tick, LegState, OperatorCommand, RobotCommand, WbcSolution, channels,
-};
+use lcmtypes::{ControllerTick as Tick, LegState, OperatorCommand, RobotCommand, TickInput, WbcSolution, channels};
 use nalgebra::Vector3;
 
 /// Asserts that, after `edit` of its input, the walking controller damps in the same tick, reports `code`, `index` and `value`, and stays in
 /// damping with good input.
 #[track_caller]
-fn damps(edit: impl FnOnce(&mut ControllerInput), code: i32, index: i32, value: f64) {
+fn damps(edit: impl FnOnce(&mut TickInput), code: i32, index: i32, value: f64) {
     let (mut controller, mut puppet, mut out) = walking();
     edit(&mut puppet.input);
     let good_after = Puppet::new(5).input;
@@ -31,7 +29,7 @@ fn damps(edit: impl FnOnce(&mut ControllerInput), code: i32, index: i32, value: 
         assert_damps(&command_of(&out));
         assert_eq!(wbc_of(&out).status, WbcSolution::STATUS_NOT_RUN);
         let t_ns = t0.saturating_add(later + 1);
-        let mut input = ControllerInput { t_ns, tick: GOOD + 1 + later, ..good_after.clone() };
+        let mut input = TickInput { t_ns, tick: GOOD + 1 + later, ..good_after.clone() };
         input.state.t_ns = t_ns;
         controller.step(&input, &mut out);
     }
@@ -39,7 +37,7 @@ fn damps(edit: impl FnOnce(&mut ControllerInput), code: i32, index: i32, value: 
 
 /// Asserts that the walking controller continues after `edit` of its input. Returns controller, puppet and outputs of that tick.
 #[track_caller]
-fn goes_on(edit: impl FnOnce(&mut ControllerInput)) -> (Quadruped, Puppet, Outbox) {
+fn goes_on(edit: impl FnOnce(&mut TickInput)) -> (Quadruped, Puppet, Outbox) {
     let (mut controller, mut puppet, mut out) = walking();
     edit(&mut puppet.input);
     controller.step(&puppet.input, &mut out);
@@ -55,7 +53,7 @@ fn non_finite_values_are_reported_with_the_index_of_the_joint() {
         damps(|i| i.state.q[4] = bad, Tick::FAULT_INPUT_NOT_FINITE, 4, bad);
         damps(|i| i.state.qd[0] = bad, Tick::FAULT_INPUT_NOT_FINITE, 0, bad);
         damps(|i| i.state.tau[11] = bad, Tick::FAULT_INPUT_NOT_FINITE, 11, bad);
-        damps(|i| i.state.w_WI_I[1] = bad, Tick::FAULT_INPUT_NOT_FINITE, -1, bad);
+        damps(|i| i.state.w_WI_I[0][1] = bad, Tick::FAULT_INPUT_NOT_FINITE, -1, bad);
     }
 }
 
@@ -65,7 +63,7 @@ fn implausible_values_count_as_non_finite() {
         damps(|i| i.state.q[4] = bad, Tick::FAULT_INPUT_NOT_FINITE, 4, bad);
         damps(|i| i.state.qd[5] = bad, Tick::FAULT_INPUT_NOT_FINITE, 5, bad);
         damps(|i| i.state.tau[6] = bad, Tick::FAULT_INPUT_NOT_FINITE, 6, bad);
-        damps(|i| i.state.w_WI_I[2] = bad, Tick::FAULT_INPUT_NOT_FINITE, -1, bad);
+        damps(|i| i.state.w_WI_I[0][2] = bad, Tick::FAULT_INPUT_NOT_FINITE, -1, bad);
     }
 }
 
@@ -80,7 +78,7 @@ fn the_largest_accepted_values_give_finite_commands() {
                     0 => state.q.fill(size),
                     1 => state.qd.fill(size),
                     2 => state.tau.fill(size),
-                    _ => state.w_WI_I = [size; 3],
+                    _ => state.w_WI_I[0] = [size; 3],
                 }
                 controller.step(&puppet.input, &mut out);
                 assert!(finite(&command_of(&out)), "array {array}, {size}");
@@ -92,10 +90,10 @@ fn the_largest_accepted_values_give_finite_commands() {
 
 #[test]
 fn a_failed_accelerometer_changes_no_command() {
-    let (_, _, broken) = goes_on(|i| i.state.a_I = [f64::NAN; 3]);
+    let (_, _, broken) = goes_on(|i| i.state.a_I[0] = [f64::NAN; 3]);
     let (_, _, whole) = goes_on(|_| ());
     assert_eq!(command_of(&broken), command_of(&whole));
-    assert_ne!(tick_of(&broken).digest_input, tick_of(&whole).digest_input);
+    assert_ne!(tick_of(&broken).digest[0], tick_of(&whole).digest[0]);
 }
 
 #[test]
@@ -103,16 +101,18 @@ fn arrays_of_wrong_length_are_faults() {
     damps(|i| i.state.q.truncate(11), Tick::FAULT_INPUT_SIZE, -1, 11.0);
     damps(|i| i.state.qd.push(0.0), Tick::FAULT_INPUT_SIZE, -1, 13.0);
     damps(|i| i.state.tau.clear(), Tick::FAULT_INPUT_SIZE, -1, 0.0);
+    damps(|i| i.state.q_WI_wxyz.clear(), Tick::FAULT_INPUT_SIZE, -1, 0.0);
+    damps(|i| i.state.w_WI_I.clear(), Tick::FAULT_INPUT_SIZE, -1, 0.0);
 }
 
 #[test]
 fn orientations_that_are_not_unit_quaternions_are_faults() {
-    damps(|i| i.state.q_WI_wxyz = [0.0; 4], Tick::FAULT_ORIENTATION, -1, 0.0);
-    damps(|i| i.state.q_WI_wxyz = [1.1, 0.0, 0.0, 0.0], Tick::FAULT_ORIENTATION, -1, 1.1);
-    damps(|i| i.state.q_WI_wxyz = [1.0, f64::NAN, 0.0, 0.0], Tick::FAULT_ORIENTATION, -1, 1.0);
-    damps(|i| i.state.q_WI_wxyz = [f64::INFINITY, 0.0, 0.0, 0.0], Tick::FAULT_ORIENTATION, -1, f64::INFINITY);
-    damps(|i| i.state.q_WI_wxyz = [1e200; 4], Tick::FAULT_ORIENTATION, -1, 1e200);
-    goes_on(|i| i.state.q_WI_wxyz = i.state.q_WI_wxyz.map(|x| x * 1.005));
+    damps(|i| i.state.q_WI_wxyz[0] = [0.0; 4], Tick::FAULT_ORIENTATION, -1, 0.0);
+    damps(|i| i.state.q_WI_wxyz[0] = [1.1, 0.0, 0.0, 0.0], Tick::FAULT_ORIENTATION, -1, 1.1);
+    damps(|i| i.state.q_WI_wxyz[0] = [1.0, f64::NAN, 0.0, 0.0], Tick::FAULT_ORIENTATION, -1, 1.0);
+    damps(|i| i.state.q_WI_wxyz[0] = [f64::INFINITY, 0.0, 0.0, 0.0], Tick::FAULT_ORIENTATION, -1, f64::INFINITY);
+    damps(|i| i.state.q_WI_wxyz[0] = [1e200; 4], Tick::FAULT_ORIENTATION, -1, 1e200);
+    goes_on(|i| i.state.q_WI_wxyz[0] = i.state.q_WI_wxyz[0].map(|x| x * 1.005));
 }
 
 #[test]
@@ -172,7 +172,7 @@ fn joints_outside_their_limits_are_faults() {
 #[test]
 fn a_base_that_is_too_low_is_a_fault() {
     // Folded legs while walking. The limit is half of the nominal height: 0.29 m.
-    let fold = |input: &mut ControllerInput, part: f64| {
+    let fold = |input: &mut TickInput, part: f64| {
         let q = hyq().robot().q_nominal.clone();
         for leg in 0..4 {
             input.state.q[3 * leg] = q[3 * leg] - part;
@@ -287,16 +287,16 @@ fn operator_commands_of_any_size_are_limited() {
 fn before_the_first_good_input_the_controller_is_idle_and_reports_the_fault() {
     let (mut controller, mut out) = (hyq(), Outbox::new());
     let good = standing(hyq().robot());
-    type Edit = fn(&mut ControllerInput);
+    type Edit = fn(&mut TickInput);
     let edits: [(Edit, i32); 5] = [
         (|i| i.state = Default::default(), Tick::FAULT_INPUT_SIZE),
         (|i| i.state.q[1] = f64::NAN, Tick::FAULT_INPUT_NOT_FINITE),
-        (|i| i.state.q_WI_wxyz = [0.0; 4], Tick::FAULT_ORIENTATION),
+        (|i| i.state.q_WI_wxyz[0] = [0.0; 4], Tick::FAULT_ORIENTATION),
         (|i| i.state.t_ns -= 1_000_000_000, Tick::FAULT_STATE_STALE),
         (|i| i.op.mode = OperatorCommand::MODE_DAMPING, Tick::FAULT_OPERATOR),
     ];
     for (tick, (edit, code)) in (0..).zip(edits) {
-        let mut input = ControllerInput { t_ns: tick * 1_000_000, tick, ..good.clone() };
+        let mut input = TickInput { t_ns: tick * 1_000_000, tick, ..good.clone() };
         input.state.t_ns = input.t_ns;
         edit(&mut input);
         controller.step(&input, &mut out);
@@ -307,7 +307,7 @@ fn before_the_first_good_input_the_controller_is_idle_and_reports_the_fault() {
         assert_eq!((&command.tau, &command.kp, &command.kd), (&vec![0.0; 12], &vec![0.0; 12], &vec![0.0; 12]));
     }
     // The clock starts with the first good input, even if its time is before that of the bad inputs.
-    let mut input = ControllerInput { t_ns: -5_000_000, tick: 5, ..good };
+    let mut input = TickInput { t_ns: -5_000_000, tick: 5, ..good };
     input.state.t_ns = input.t_ns;
     controller.step(&input, &mut out);
     assert_eq!((tick_of(&out).mode, tick_of(&out).fault), (Tick::MODE_STANCE, Tick::FAULT_NONE));

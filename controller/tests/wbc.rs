@@ -15,7 +15,7 @@ use controller::quadruped::state::State;
 use controller::quadruped::trunk::TrunkReference;
 use controller::quadruped::wbc::Wbc;
 use controller::{Controller, Outbox};
-use lcmtypes::{ControllerInput, LegState, OperatorCommand, WbcSolution, channels};
+use lcmtypes::{LegState, OperatorCommand, TickInput, WbcSolution, channels};
 use nalgebra::{DMatrix, DVector, Matrix3, Vector3};
 
 /// Stacked Jacobians of the four feet, 12 x nv.
@@ -37,7 +37,7 @@ fn a_level_robot_is_carried_by_least_norm_forces_and_static_torques() {
     // No operator, no sway: the joints settle over the virtual footholds.
     puppet.noise = 0.0;
     puppet.input.op = OperatorCommand { seq: -1, ..Default::default() };
-    let mut last: Option<ControllerInput> = None;
+    let mut last: Option<TickInput> = None;
     for _ in 0..3000 {
         controller.step(&puppet.input, &mut out);
         last = Some(puppet.input.clone());
@@ -73,7 +73,7 @@ fn every_solution_satisfies_dynamics_friction_pyramid_and_bounds() {
     for tick in 0..1500 {
         // Occasional pushes make the limits active.
         if tick % 100 < 10 {
-            puppet.input.state.w_WI_I[tick % 3] += 1.0;
+            puppet.input.state.w_WI_I[0][tick % 3] += 1.0;
         }
         let ground = controller.state().gradient_W;
         controller.step(&puppet.input, &mut out);
@@ -116,7 +116,7 @@ fn every_solution_satisfies_dynamics_friction_pyramid_and_bounds() {
 /// HyQ on four feet with a trunk reference, and its program solved at a measured base.
 struct Stand {
     params: Params,
-    input: ControllerInput,
+    input: TickInput,
     estimate: Estimate,
     references: References,
     state: State,
@@ -193,10 +193,12 @@ fn the_solution_has_the_acceleration_of_the_trunk_task() {
 fn nothing_depends_on_the_base_position() {
     // The input has no base position: the estimator uses the origin, at rest. `model_identities` shows that the model does not depend on
     // position and linear velocity of the base.
-    let ControllerInput { t_ns: _, tick: _, run_id: _, running: _, t_op_ns: _, state, op: _ } = Default::default();
-    let lcmtypes::RobotState { t_ns: _, seq: _, sender_id: _, nj: _, q: _, qd: _, tau: _, q_WI_wxyz, w_WI_I, a_I } =
+    let TickInput { t_ns: _, tick: _, run_id: _, running: _, t_op_ns: _, n_ignored: _, n_late: _, state, op: _ } =
+        Default::default();
+    let lcmtypes::RobotState { t_ns: _, seq: _, sender_id: _, nj: _, q: _, qd: _, tau: _, n_imus: _, n_ft: _, .. } =
         state;
-    let _imu = (q_WI_wxyz, w_WI_I, a_I);
+    let lcmtypes::RobotState { q_WI_wxyz, w_WI_I, a_I, f_S, tau_S, .. } = state;
+    let _sensors = (q_WI_wxyz, w_WI_I, a_I, f_S, tau_S);
     let at = *Estimate::new(hyq().robot()).kin.base();
     assert_eq!((at.p_WB, at.v_WB), (Vector3::zeros(), Vector3::zeros()));
 }

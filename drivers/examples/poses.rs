@@ -44,7 +44,7 @@ fn main() -> Result<(), Box<dyn Error>> {
 
 /// Writes the MJCF file and returns the joint names.
 fn write_model(info: &RunInfo, out: &Path) -> Result<Vec<String>, Box<dyn Error>> {
-    let params = Params::from_toml(&info.params, "RUN_INFO")?;
+    let params = Params::from_toml(info.params(), "RUN_INFO")?;
     let scenario = Scenario::parse(&info.scenario, &info.scenario_name, &params.gait)?;
     let terrain = Terrain::new(&scenario.terrain, info.seed);
     let tree = UrdfTree::parse(&info.urdf, &params.robot.urdf)?;

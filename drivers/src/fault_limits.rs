@@ -15,7 +15,7 @@ pub struct FaultLimits {
 impl FaultLimits {
     /// The limits at the start of a run; `None` if its description cannot be read.
     pub fn new(info: &RunInfo) -> Option<Self> {
-        let params = Params::from_toml(&info.params, "RUN_INFO").ok()?;
+        let params = Params::from_toml(info.params(), "RUN_INFO").ok()?;
         let tree = UrdfTree::parse(&info.urdf, "RUN_INFO").ok()?;
         let joints = tree.joints.into_iter().filter(|joint| joint.kind != JointKind::Fixed).collect();
         Some(FaultLimits { params, joints })
@@ -75,7 +75,8 @@ mod tests {
     #[test]
     fn limits_are_those_of_the_parameters_in_force() {
         let (files, params) = RobotFiles::find_with_params("hyq").unwrap();
-        let mut limits = FaultLimits::new(&RunInfo { urdf: files.urdf, params, ..RunInfo::default() }).unwrap();
+        let mut limits =
+            FaultLimits::new(&RunInfo { urdf: files.urdf, ..RunInfo::default() }.with_params(params)).unwrap();
         for (key, value, fault, index) in [
             ("safety.max_tilt", "0.71", ControllerTick::FAULT_TILT, None),
             ("trunk.max_orientation", "0.21", ControllerTick::FAULT_OPERATOR_RANGE, Some(4)),

@@ -4,15 +4,15 @@
 //! seed give equal logs except for TIMING, which contains the wall clock.
 
 use crate::parameter_requests::{self, ParameterRequestHandler, Proposal, Refusal};
-use crate::robot_info::{ROBOT_INFO_EVERY_NS, robot_info};
+use crate::robot_info::{ROBOT_INFO_EVERY_NS, of_run};
 use crate::stage_clock::StageClock;
 use crate::watch::{ModeEvent, ModeWatch};
 use crate::{DriverError, FaultInjection, Scenario, Simulator};
 use controller::handover::take_over;
-use controller::{Controller, Outbox};
+use controller::{Component, Delivery, Outbox};
 use lcmtypes::{
-    ControllerInput, ControllerTick, Event, EventNumbers, GroundTruth, LegState, Message, ParameterChange,
-    ParameterRequest, RequestReply, RobotCommand, RobotInfo, RobotState, RunInfo, channels,
+    ControllerTick, Event, EventNumbers, GroundTruth, LegState, Message, ParameterChange, ParameterRequest,
+    RequestReply, RobotCommand, RobotInfo, RobotState, RunInfo, Running, channels,
 };
 use replay::record::EventSink;
 use robot_model::math::WalkedDistance;
@@ -51,11 +51,11 @@ pub fn run(
     scenario: &Scenario,
     info: &RunInfo,
     sim: &mut dyn Simulator,
-    controller: &mut dyn Controller,
+    controller: &mut Component,
     log: &mut dyn EventSink,
     progress: &mut dyn FnMut(f64),
 ) -> Result<Outcome, DriverError> {
-    let mut run = Run::new(scenario, info, sim)?;
+    let mut run = Run::new(scenario, info, sim, controller.stages().len())?;
     check_pushes(scenario, sim)?;
     let period_ns = sim.period_ns();
     let ticks = scenario.duration_ns() / period_ns;
@@ -103,10 +103,11 @@ struct Run {
     requests: VecDeque<ParameterRequest>,
     parameters: ParameterRequestHandler,
     /// The controller after the first parameter change.
-    changed: Option<Box<dyn Controller>>,
+    changed: Option<Component>,
     /// Snapshot buffer for a handover.
     state: Vec<u8>,
-    input: ControllerInput,
+    delivery: Delivery,
+    run_id: i64,
     measured: RobotState,
     truth: GroundTruth,
     command: RobotCommand,
@@ -124,9 +125,7 @@ struct Run {
 }
 
 impl Run {
-    fn new(scenario: &Scenario, info: &RunInfo, sim: &dyn Simulator) -> Result<Self, DriverError> {
-        let mut input = ControllerInput::default();
-        (input.run_id, input.running, input.op.seq) = (info.run_id, 1, -1);
+    fn new(scenario: &Scenario, info: &RunInfo, sim: &dyn Simulator, n_stages: usize) -> Result<Self, DriverError> {
         Ok(Run {
             operator: scenario.operator.clone(),
             faults: FaultInjection::new(&scenario.faults, sim.joints())?,
@@ -135,17 +134,18 @@ impl Run {
             parameters: ParameterRequestHandler::new(info),
             changed: None,
             state: Vec::new(),
-            input,
+            delivery: Delivery::new(info.run_id),
+            run_id: info.run_id,
             measured: RobotState { sender_id: info.run_id, ..RobotState::default() },
             truth: GroundTruth::default(),
             command: RobotCommand::default(),
             outbox: Outbox::new(),
             bytes: Vec::new(),
-            clock: StageClock::default(),
+            clock: StageClock::new(n_stages),
             t_swing: [0.0; 4],
             mode: ModeWatch::new(sim.joints().to_vec()).with_limits(info),
             events: EventNumbers::new(info.run_id),
-            info: robot_info(&info.robot, &info.urdf, sim.joints(), info.run_id),
+            info: of_run(info),
             fell_at: None,
             safe_state: None,
             walked: WalkedDistance::default(),
@@ -156,7 +156,7 @@ impl Run {
         &mut self,
         scenario: &Scenario,
         sim: &mut dyn Simulator,
-        controller: &mut dyn Controller,
+        controller: &mut Component,
         log: &mut dyn EventSink,
         tick: i64,
         t_ns: i64,
@@ -168,17 +168,21 @@ impl Run {
             self.info.t_ns = t_ns;
             put(&mut self.bytes, log, channels::ROBOT_INFO, t_ns, &self.info)?;
         }
+        self.delivery.begin(t_ns, tick);
+        if tick == 0 {
+            self.delivery.put(channels::RUNNING, t_ns, &Running { t_ns, running: 1 })?;
+        }
         if let Some(mut op) = self.operator.operator_at(t_ns) {
-            op.sender_id = self.input.run_id;
+            op.sender_id = self.run_id;
             self.put(log, channels::OPERATOR_COMMAND, t_ns, &op)?;
             if self.faults.operator_arrives(t_ns) {
-                (self.input.t_op_ns, self.input.op) = (t_ns, op);
+                self.delivery.put(channels::OPERATOR_COMMAND, t_ns, &op)?;
             }
         }
         sim.robot_state(t_ns, tick, &mut self.measured);
         self.add_false_touches(sim, t_ns);
         if self.faults.on_state(t_ns, &mut self.measured) {
-            self.input.state.clone_from(&self.measured);
+            self.delivery.put(channels::ROBOT_STATE, t_ns, &self.measured)?;
             put(&mut self.bytes, log, channels::ROBOT_STATE, t_ns, &self.measured)?;
         }
         sim.ground_truth(t_ns, &mut self.truth);
@@ -186,16 +190,15 @@ impl Run {
         self.walked.add(t_ns, self.truth.p_WB);
 
         self.change_parameters(controller, log, t_ns, tick)?;
-        let controller = self.changed.as_deref_mut().map_or(controller, |changed| changed as &mut dyn Controller);
-        (self.input.t_ns, self.input.tick) = (t_ns, tick);
-        put(&mut self.bytes, log, channels::CONTROLLER_INPUT, t_ns, &self.input)?;
+        let controller = self.changed.as_mut().unwrap_or(controller);
+        put(&mut self.bytes, log, channels::CONTROLLER_INPUT, t_ns, self.delivery.input())?;
         self.clock.start();
-        controller.step_probed(&self.input, &mut self.outbox, &mut self.clock);
+        controller.step_probed(self.delivery.input(), &mut self.outbox, &mut self.clock);
         for (channel, bytes) in self.outbox.iter() {
             log.write(channel, t_ns, bytes)?;
         }
         let timing = self.clock.timing(t_ns, tick);
-        put(&mut self.bytes, log, channels::TIMING, t_ns, &timing)?;
+        put(&mut self.bytes, log, channels::TIMING, t_ns, timing)?;
         self.watch_mode(log, t_ns, tick)?;
         self.watch_swings()?;
 
@@ -229,7 +232,7 @@ impl Run {
     /// Handles the parameter requests that are due: a controller with the new parameter takes over before this tick.
     fn change_parameters(
         &mut self,
-        controller: &dyn Controller,
+        controller: &Component,
         log: &mut dyn EventSink,
         t_ns: i64,
         tick: i64,
@@ -238,10 +241,9 @@ impl Run {
             self.put(log, channels::PARAMETER_REQUEST, t_ns, &request)?;
             let outcome =
                 self.parameters.propose(&request).and_then(|Proposal { controller: mut next, change, parameters }| {
-                    let now = self.changed.as_deref().map_or(controller, |changed| changed as &dyn Controller);
-                    take_over(now, &mut *next, &mut self.state).map_err(|why| {
-                        Refusal::of_parameter(&change.key, &change.value, RequestReply::CODE_WRONG_STATE, &why)
-                    })?;
+                    take_over(self.changed.as_ref().unwrap_or(controller), &mut next, &mut self.state).map_err(
+                        |why| Refusal::of_parameter(&change.key, &change.value, RequestReply::CODE_WRONG_STATE, &why),
+                    )?;
                     self.changed = Some(next);
                     self.mode.change(&change.key, &change.value);
                     self.parameters.accept(parameters);

@@ -304,13 +304,16 @@ impl Simulator for MujocoSim {
         of_joints(self.data.qpos(), |joint| joint.qpos, &mut state.q);
         of_joints(self.data.qvel(), |joint| joint.qvel, &mut state.qd);
         of_joints(self.data.qfrc_actuator(), |joint| joint.qvel, &mut state.tau);
-        // A robot without IMU reports a level one at rest.
-        (state.q_WI_wxyz, state.w_WI_I, state.a_I) = ([1.0, 0.0, 0.0, 0.0], [0.0; 3], [0.0, 0.0, GRAVITY]);
+        let n = usize::from(self.imu.is_some());
+        state.n_imus = n as i32;
+        state.q_WI_wxyz.resize(n, [0.0; 4]);
+        state.w_WI_I.resize(n, [0.0; 3]);
+        state.a_I.resize(n, [0.0; 3]);
         if let Some([orientation, gyro, accelerometer]) = self.imu {
             let read = self.data.sensordata();
-            state.q_WI_wxyz.copy_from_slice(&read[orientation..orientation + 4]);
-            state.w_WI_I.copy_from_slice(&read[gyro..gyro + 3]);
-            state.a_I.copy_from_slice(&read[accelerometer..accelerometer + 3]);
+            state.q_WI_wxyz[0].copy_from_slice(&read[orientation..orientation + 4]);
+            state.w_WI_I[0].copy_from_slice(&read[gyro..gyro + 3]);
+            state.a_I[0].copy_from_slice(&read[accelerometer..accelerometer + 3]);
         }
         self.sensors.measure(state);
     }
@@ -324,7 +327,7 @@ impl Simulator for MujocoSim {
         truth.q_WB_wxyz = self.data.xquat()[self.base];
         truth.v_WB = [vx, vy, vz];
         truth.w_WB_W = (self.X_WB().R * Vector3::new(wx, wy, wz)).into();
-        truth.n_feet = self.contacts.len() as i32;
+        truth.n_contacts = self.contacts.len() as i32;
         truth.p_WF.clear();
         truth.v_WF.clear();
         for contact in &self.contacts {
@@ -333,6 +336,8 @@ impl Simulator for MujocoSim {
             truth.v_WF.push([vx, vy, vz]);
         }
         truth.f_F_W.clone_from(&self.f_F_W);
+        // A sphere touches in a point.
+        truth.tau_F_W.resize(self.feet.len(), [0.0; 3]);
         truth.contact.clone_from(&self.contact);
         let [fx, fy, fz, tx, ty, tz] = self.data.xfrc_applied()[self.base];
         truth.f_push_W = [fx, fy, fz];

@@ -1,7 +1,7 @@
 //! Requests to change controller parameters during a run: those of a scenario, and the handler for requests of any sender.
 
 use crate::checks::{BadKey, check_range, to_ns};
-use controller::Controller;
+use controller::Component;
 use controller::handover::{ChangeError, Parameters};
 use controller::params::{ParamsError, check_key};
 use lcmtypes::{Event, ParameterChange, ParameterRequest, RequestReply, RunInfo};
@@ -47,7 +47,7 @@ pub struct ParameterRequestHandler {
 /// A change that is ready to take effect.
 pub struct Proposal {
     /// The controller with the new parameters.
-    pub controller: Box<dyn Controller>,
+    pub controller: Component,
     /// The change; time and tick are set when the controller takes over.
     pub change: ParameterChange,
     /// All parameters after the change, for [`ParameterRequestHandler::accept`].

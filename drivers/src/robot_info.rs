@@ -1,6 +1,6 @@
 //! ROBOT_INFO: the robot that a driver moves, compared with the robot that a run controls.
 
-use lcmtypes::RobotInfo;
+use lcmtypes::{RobotInfo, RunInfo};
 use sha2::{Digest, Sha256};
 use std::fmt::Write as _;
 
@@ -24,10 +24,31 @@ pub fn robot_info(robot: &str, urdf: &str, joints: &[String], sender_id: i64) ->
         num_joints: i32::try_from(joints.len()).expect("robots have fewer than 2^31 joints"),
         joint_names: joints.to_vec(),
         urdf_sha256,
+        ..RobotInfo::default()
     }
 }
 
-/// How a robot differs from the expected one, as a sentence; `None` if name, joints and URDF are equal. An empty hash is not compared.
+/// The same robot with the names of its sensors.
+#[must_use]
+pub fn with_sensors(robot: RobotInfo, imus: &[String], force_torque_sensors: &[String]) -> RobotInfo {
+    let count = |names: &[String]| i32::try_from(names.len()).expect("robots have fewer than 2^31 sensors");
+    RobotInfo {
+        num_imus: count(imus),
+        imus: imus.to_vec(),
+        num_ft: count(force_torque_sensors),
+        force_torque_sensors: force_torque_sensors.to_vec(),
+        ..robot
+    }
+}
+
+/// The robot that a run controls.
+pub fn of_run(info: &RunInfo) -> RobotInfo {
+    let robot = robot_info(&info.robot, &info.urdf, &info.joints, info.run_id);
+    with_sensors(robot, &info.imus, &info.force_torque_sensors)
+}
+
+/// How a robot differs from the expected one, as a sentence; `None` if name, joints, sensors and URDF are equal. A driver with an empty hash and no sensors is
+/// compared by its joints only.
 pub fn difference(found: &RobotInfo, expected: &RobotInfo) -> Option<String> {
     if found.robot != expected.robot {
         return Some(format!("robot {:?}, expected {:?}", short(&found.robot), short(&expected.robot)));
@@ -39,6 +60,13 @@ pub fn difference(found: &RobotInfo, expected: &RobotInfo) -> Option<String> {
     let mut joints = found.joint_names.iter().zip(&expected.joint_names).enumerate();
     if let Some((j, (a, b))) = joints.find(|(_, (a, b))| a != b) {
         return Some(format!("joint {j} is {:?}, expected {:?}", short(a), short(b)));
+    }
+    let sensors = |info: &RobotInfo| [info.imus.clone(), info.force_torque_sensors.clone()].concat();
+    let (a, b) = (sensors(found), sensors(expected));
+    let knows_sensors = !found.urdf_sha256.is_empty() || !a.is_empty();
+    if let Some(k) = (0..a.len().max(b.len())).find(|k| a.get(*k) != b.get(*k)).filter(|_| knows_sensors) {
+        let name = |names: &[String]| names.get(k).map_or("none".to_owned(), |name| format!("{:?}", short(name)));
+        return Some(format!("sensor {k} is {}, expected {}", name(&a), name(&b)));
     }
     let [a, b] = [found, expected].map(|info| short(&info.urdf_sha256));
     (a != b && !a.is_empty() && !b.is_empty()).then(|| format!("URDF with SHA-256 {a}, expected {b}"))
@@ -66,6 +94,7 @@ mod tests {
             (robot_info("b", "<robot/>", &joints(["x", "y"]), 1), "\"b\""),
             (robot_info("a", "<robot/>", &joints(["y", "x"]), 1), "joint 0"),
             (robot_info("a", "<robot/>", &joints(["x", "y"])[..1], 1), "1 joints"),
+            (with_sensors(expected.clone(), &["imu".to_owned()], &[]), "sensor 0"),
             (robot_info("a", "<robot />", &joints(["x", "y"]), 1), "SHA-256"),
         ] {
             assert!(difference(&found, &expected).is_some_and(|text| text.contains(named)), "{named}");

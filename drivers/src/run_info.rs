@@ -1,8 +1,10 @@
 //! RUN_INFO: everything a log needs to rebuild its controller and to identify the build and machine that wrote it.
 
 use controller::digest::Digest;
-use lcmtypes::{Message, RunInfo, TextFile};
+use controller::params::Params;
+use lcmtypes::{ComponentInfo, Message, RunInfo, TextFile};
 use replay::engine::Build;
+use robot_model::{JointKind, UrdfTree};
 
 /// The part of RUN_INFO that differs between runs of one build.
 #[derive(Clone, Copy, Debug)]
@@ -31,10 +33,8 @@ pub fn describe(run: &Run, build: &Build) -> RunInfo {
     let mut info = RunInfo {
         t_ns: 0,
         run_id: 0,
-        controller: run.controller.to_owned(),
         robot: run.robot.to_owned(),
         urdf: run.urdf.to_owned(),
-        params: run.params.to_owned(),
         scenario_name: run.scenario.0.to_owned(),
         scenario: run.scenario.1.to_owned(),
         seed: run.seed,
@@ -46,9 +46,32 @@ pub fn describe(run: &Run, build: &Build) -> RunInfo {
         realtime: "lockstep".to_owned(),
         num_lcm_types: i32::try_from(lcm_types.len()).expect("there are a few dozen types"),
         lcm_types,
-    };
+        ..RunInfo::default()
+    }
+    .with_component(ComponentInfo::new(run.controller, run.params));
+    name_parts(&mut info);
     info.run_id = content_id(&info);
     info
+}
+
+/// Fills in the names of joints, sensors, contacts and stages. Texts that cannot be read leave them empty: building the controller reports the error.
+fn name_parts(info: &mut RunInfo) {
+    let count = |n: usize| i32::try_from(n).expect("robots have fewer than 2^31 parts");
+    if let Ok(tree) = UrdfTree::parse(&info.urdf, &info.robot) {
+        let joints = tree.joints.into_iter().filter(|joint| joint.kind != JointKind::Fixed);
+        info.joints = joints.map(|joint| joint.name).collect();
+    }
+    if let Ok(params) = Params::from_toml(info.params(), "parameters") {
+        info.imus = vec![params.robot.imu_link];
+        info.contacts = params.robot.feet.to_vec();
+    }
+    (info.n_joints, info.n_imus) = (count(info.joints.len()), count(info.imus.len()));
+    info.n_contacts = count(info.contacts.len());
+    let stages = controller::load(info).map(|component| component.stages().iter().map(ToString::to_string).collect());
+    if let (Ok(stages), Some(first)) = (stages, info.components.first_mut()) {
+        (first.stages, first.joints) = (stages, info.joints.clone());
+        (first.n_stages, first.n_joints) = (count(first.stages.len()), info.n_joints);
+    }
 }
 
 /// 64-bit digest of a description.

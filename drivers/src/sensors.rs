@@ -52,13 +52,15 @@ impl Sensors {
         channel(&mut state.q, &mut rng, noise.position, resolution.position);
         channel(&mut state.qd, &mut rng, noise.velocity, resolution.velocity);
         channel(&mut state.tau, &mut rng, noise.torque, resolution.torque);
-        channel(&mut state.w_WI_I, &mut rng, noise.gyro, resolution.gyro);
-        channel(&mut state.a_I, &mut rng, noise.acceleration, resolution.acceleration);
-        if noise.orientation > 0.0 {
-            let turn = std::array::from_fn(|_| noise.orientation * rng.normal());
-            state.q_WI_wxyz = turned(state.q_WI_wxyz, turn);
+        for ((q_WI_wxyz, w_WI_I), a_I) in state.q_WI_wxyz.iter_mut().zip(&mut state.w_WI_I).zip(&mut state.a_I) {
+            channel(w_WI_I, &mut rng, noise.gyro, resolution.gyro);
+            channel(a_I, &mut rng, noise.acceleration, resolution.acceleration);
+            if noise.orientation > 0.0 {
+                let turn = std::array::from_fn(|_| noise.orientation * rng.normal());
+                *q_WI_wxyz = turned(*q_WI_wxyz, turn);
+            }
+            channel(q_WI_wxyz, &mut rng, 0.0, resolution.orientation);
         }
-        channel(&mut state.q_WI_wxyz, &mut rng, 0.0, resolution.orientation);
     }
 }
 
@@ -98,9 +100,10 @@ mod tests {
             q: vec![0.123_456_789],
             qd: vec![-1e-9],
             tau: vec![48.123],
-            q_WI_wxyz: [0.6, 0.0, 0.8, 0.0],
-            w_WI_I: [0.1, 0.2, 0.3],
-            a_I: [0.0, 0.0, 9.81],
+            n_imus: 1,
+            q_WI_wxyz: vec![[0.6, 0.0, 0.8, 0.0]],
+            w_WI_I: vec![[0.1, 0.2, 0.3]],
+            a_I: vec![[0.0, 0.0, 9.81]],
             ..RobotState::default()
         }
     }
@@ -115,9 +118,9 @@ mod tests {
     fn values_are_rounded_to_multiples_of_the_resolution() {
         let state = measured(&sensors(NoiseParams::default()), 0);
         let multiple = |value: f64, bits: i32| (value * f64::from(1 << bits)).fract() == 0.0;
-        assert!(multiple(state.q[0], 18) && multiple(state.tau[0], 7) && multiple(state.a_I[2], 10));
+        assert!(multiple(state.q[0], 18) && multiple(state.tau[0], 7) && multiple(state.a_I[0][2], 10));
         assert!((state.q[0] - 0.123_456_789).abs() <= 0.5 / f64::from(1 << 18));
-        assert!((state.a_I[2] - 9.81).abs() <= 0.5 / f64::from(1 << 10));
+        assert!((state.a_I[0][2] - 9.81).abs() <= 0.5 / f64::from(1 << 10));
         assert_eq!(state.qd[0].to_bits(), 0.0f64.to_bits());
     }
 
@@ -147,7 +150,7 @@ mod tests {
         for seq in 0..n {
             let state = measured(&noisy, seq);
             position += (state.q[0] - 0.123_456_789).powi(2);
-            let cos = state.q_WI_wxyz[0] * 0.6 + state.q_WI_wxyz[2] * 0.8;
+            let cos = state.q_WI_wxyz[0][0] * 0.6 + state.q_WI_wxyz[0][2] * 0.8;
             angle += (2.0 * cos.min(1.0).acos()).powi(2);
         }
         // Standard error of a variance from n samples: sqrt(2 / n) = 2 %. The angle is the norm of three samples.

@@ -168,7 +168,7 @@ impl Setup {
                 .map_err(|source| DriverError::Folder { path: folder.to_owned(), source })?;
         }
         let mut log = RingWriter::create(log_path, &RingOptions::lockstep())?;
-        let outcome = lockstep::run(scenario, &info, &mut sim, controller.as_mut(), &mut log, &mut |t_s| {
+        let outcome = lockstep::run(scenario, &info, &mut sim, &mut controller, &mut log, &mut |t_s| {
             progress(t_s / scenario.duration_s);
         });
         let outcome = match outcome {

@@ -34,7 +34,7 @@ fn both_robots_get_up_and_sit_down_on_flat_and_slightly_rough_ground() {
                 // At nominal height before the sit command.
                 let info = common::description(robot, &[]);
                 let nominal =
-                    controller::quadruped::Quadruped::new(&info.urdf, &info.params).unwrap().robot().nominal_height;
+                    controller::quadruped::Quadruped::new(&info.urdf, info.params()).unwrap().robot().nominal_height;
                 let height = seen.truth[7400].p_WB[2];
                 assert!((height - nominal).abs() < 0.05, "{what}: at {height} m of {nominal}");
                 // Down again at the initial height without a fall: a free fall of 0.13 m ends at 1.6 m/s.

@@ -7,6 +7,7 @@
 #[path = "../../tests/common/network.rs"]
 mod network;
 
+use controller::Unpacked;
 use controller::params::apply_overrides;
 use drivers::live::clock::{TickSchedule, now_ns, sleep_until};
 use drivers::live::{
@@ -17,7 +18,7 @@ use drivers::parameter_requests::{ParameterRequestHandler, Proposal};
 use lcmtypes::channels::{
     CONTROLLER_INPUT, CONTROLLER_SNAPSHOT, CONTROLLER_TICK, PARAMETER_CHANGE, ROBOT_STATE, RUN_INFO,
 };
-use lcmtypes::{ControllerInput, ControllerTick, Message, ParameterRequest, RunInfo};
+use lcmtypes::{ComponentInfo, ControllerInput, ControllerTick, Message, ParameterRequest, RunInfo, TickInput};
 use replay::log::LogReader;
 use replay::udpm::Url;
 use std::collections::BTreeMap;
@@ -31,9 +32,9 @@ const TICKS: i64 = 2500;
 const CHANGES: usize = 10;
 const SCHEDULE: TickSchedule = TickSchedule { period_ns: 1_000_000, phase_ns: 0 };
 
-fn golden() -> (RunInfo, Vec<ControllerInput>) {
+fn golden() -> (RunInfo, Vec<TickInput>) {
     let log = Path::new(env!("CARGO_MANIFEST_DIR")).join("../logs/golden/flat_trot.mcap");
-    let (mut info, mut inputs) = (None, Vec::new());
+    let (mut info, mut inputs) = (None, Vec::<ControllerInput>::new());
     for event in LogReader::open(log).unwrap().events().map(Result::unwrap) {
         match &*event.channel {
             RUN_INFO => info = Some(RunInfo::decode(&event.data).unwrap()),
@@ -41,12 +42,12 @@ fn golden() -> (RunInfo, Vec<ControllerInput>) {
             _ => {}
         }
     }
-    (info.unwrap(), inputs)
+    (info.unwrap(), Unpacked::all(&inputs))
 }
 
 /// Sends measurements, operator commands and calls until `over`. Returns the refusals of the handovers, and how many switches took effect.
 fn send(
-    inputs: Vec<ControllerInput>,
+    inputs: Vec<TickInput>,
     url: &Url,
     (mut calls, mut changes): (CallSender, Vec<Proposal>),
     over: &AtomicBool,
@@ -105,8 +106,8 @@ fn the_real_time_thread_allocates_nothing() {
         .filter_map(|set| set.split_once('='))
         .map(|(key, value)| (key.to_owned(), value.to_owned()))
         .collect();
-    info.params = apply_overrides(&info.params, &lenient).unwrap();
-    info.controller = "sequence(hold, quadruped)".to_owned();
+    let params = apply_overrides(info.params(), &lenient).unwrap();
+    info = info.with_component(ComponentInfo::new("sequence(hold, quadruped)", &params));
     let handler = ParameterRequestHandler::new(&info);
     let request = |k: usize| ParameterRequest {
         key: "trunk.kp".to_owned(),

@@ -4,7 +4,7 @@
 use controller::handover::Parameters;
 use controller::quadruped::params::GaitParams;
 use controller::sequence::Sequence;
-use controller::{Controller, Outbox, Probe, RestoreError};
+use controller::{Component, Controller, Outbox, Probe, RestoreError, Unpacked};
 use drivers::Scenario;
 use drivers::command_mux::{CommandMux, default_sources};
 use drivers::live::clock::{TickSchedule, now_ns};
@@ -18,15 +18,15 @@ use lcmtypes::channels::{
     PARAMETER_CHANGE, PARAMETER_REQUEST, REQUEST_REPLY, ROBOT_COMMAND, RUN_INFO,
 };
 use lcmtypes::{
-    ControllerInput, ControllerTick, Event, ExecutorCommand, Message, OperatorCommand, ParameterChange,
-    ParameterRequest, RequestReply, RobotCommand, RunInfo, SequenceState,
+    ComponentState, ControllerInput, ControllerTick, Event, ExecutorCommand, Message, OperatorCommand, ParameterChange,
+    ParameterRequest, RequestReply, RobotCommand, RunInfo, TickInput,
 };
 use std::time::{Duration, Instant};
 
 const SCHEDULE: TickSchedule = TickSchedule { period_ns: 1_000_000, phase_ns: 0 };
 
 /// Work of a test controller in a tick.
-type Work = fn(&ControllerInput);
+type Work = fn(&TickInput);
 
 /// Counts its ticks since it was started; the count is its state and its command.
 struct Counter {
@@ -40,10 +40,14 @@ impl Controller for Counter {
         self.name
     }
 
-    fn step_probed(&mut self, input: &ControllerInput, out: &mut Outbox, _: &mut dyn Probe) {
+    fn stages(&self) -> &[&'static str] {
+        &["output"]
+    }
+
+    fn step_probed(&mut self, input: &TickInput, out: &mut Outbox, _: &mut dyn Probe) {
         self.ticks += 1;
         (self.work)(input);
-        let ControllerInput { t_ns, tick, .. } = *input;
+        let TickInput { t_ns, tick, .. } = *input;
         let command = RobotCommand { t_ns, tick, mode: RobotCommand::MODE_TORQUE, nj: 1, ..RobotCommand::default() };
         let torque = f64::from(i32::try_from(self.ticks).unwrap());
         let [q_des, qd_des, kp, kd] = [(); 4].map(|()| vec![0.0]);
@@ -81,7 +85,7 @@ fn start_with(controllers: &[(&'static str, Work)], ticks: i64, hardware: Box<dy
     let mut bus = MemoryBus::new();
     bus.subscribe(".*").unwrap();
     let plan = Plan {
-        controller: Box::new(sequence(controllers)),
+        component: Component::new(Box::new(sequence(controllers))),
         controllers: controllers.iter().enumerate().map(|(k, (name, _))| ((*name).to_owned(), k == 0)).collect(),
         hardware,
         bus: Box::new(bus.connect()),
@@ -108,10 +112,15 @@ fn of<M: Message>(messages: &[Received], channel: &str) -> Vec<M> {
     messages.iter().filter(|m| m.channel == channel).map(|m| M::decode(&m.data).unwrap()).collect()
 }
 
+/// What the controllers read in each tick.
+fn inputs_of(messages: &[Received]) -> Vec<TickInput> {
+    Unpacked::all(&of::<ControllerInput>(messages, CONTROLLER_INPUT))
+}
+
 /// Steps a new controller with the inputs of a run; its outputs must be those of the run.
 #[track_caller]
 fn replays(controllers: &[(&'static str, Work)], messages: &[Received]) {
-    let (mut fresh, mut out) = (sequence(controllers), Outbox::new());
+    let (mut fresh, mut out) = (Component::new(Box::new(sequence(controllers))), Outbox::new());
     for input in of::<ControllerInput>(messages, CONTROLLER_INPUT) {
         fresh.step(&input, &mut out);
         for (channel, bytes) in out.iter() {
@@ -132,7 +141,7 @@ fn after_a_panic_the_joints_are_damped_and_the_log_replays() {
     let modes: Vec<i8> = commands.iter().map(|command| command.mode).collect();
     assert_eq!(modes[..30], [RobotCommand::MODE_TORQUE; 30]);
     assert!(modes[30..].iter().all(|mode| *mode == RobotCommand::MODE_DAMPING));
-    assert_eq!(of::<SequenceState>(&messages, CONTROLLER_SNAPSHOT).len(), 2);
+    assert_eq!(of::<ComponentState>(&messages, CONTROLLER_SNAPSHOT).len(), 2);
     let ticks: Vec<ControllerTick> = of(&messages, CONTROLLER_TICK);
     assert_eq!((ticks[29].fault, ticks[30].fault), (ControllerTick::FAULT_NONE, ControllerTick::FAULT_CONTROLLER));
     let events: Vec<Event> = of(&messages, EVENT);
@@ -152,8 +161,7 @@ fn controllers_are_stopped_after_four_consecutive_overruns() {
     };
     let (summary, messages) = run(&[("slow", slow)], 40);
     // Sooner on a machine that stalls, never later.
-    let stopped =
-        of::<ControllerInput>(&messages, CONTROLLER_INPUT).iter().position(|input| input.running == 0).unwrap();
+    let stopped = inputs_of(&messages).iter().position(|input| input.running == 0).unwrap();
     assert!(stopped <= 14, "stopped in tick {stopped}");
     assert!(summary.realtime.late >= 4 && summary.realtime.skipped >= 4);
     let levels: Vec<i8> = of::<Event>(&messages, EVENT)
@@ -221,7 +229,7 @@ fn controllers_start_and_stop_on_request() {
     executor.finish();
     received.extend(bus.handle(Duration::ZERO).unwrap());
 
-    let inputs: Vec<ControllerInput> = of(&received, CONTROLLER_INPUT);
+    let inputs = inputs_of(&received);
     let mut ticks = inputs.iter().map(|input| input.tick);
     assert!(ticks.by_ref().eq(0..i64::try_from(inputs.len()).unwrap()), "a tick is missing");
     for input in &inputs {
@@ -271,7 +279,7 @@ fn a_repeated_request_is_carried_out_once_and_gets_the_same_reply() {
     assert!(other.code == RequestReply::CODE_DONE && other.tick > reply.tick, "{other:?}");
     executor.finish();
     received.extend(bus.handle(Duration::ZERO).unwrap());
-    let running: Vec<i64> = of::<ControllerInput>(&received, CONTROLLER_INPUT).iter().map(|i| i.running).collect();
+    let running: Vec<i64> = inputs_of(&received).iter().map(|i| i.running).collect();
     let mut changes = running.clone();
     changes.dedup();
     // The first tick may have consumed the first request already.
@@ -314,7 +322,7 @@ fn an_operators_mode_request_is_answered() {
     executor.finish();
     received.extend(bus.handle(Duration::ZERO).unwrap());
     // If the machine stalled for longer than the time-out of OPERATOR_TELEOP, the other operator was active by then.
-    let inputs: Vec<ControllerInput> = of(&received, CONTROLLER_INPUT);
+    let inputs = inputs_of(&received);
     let consumed = inputs.iter().any(|input| input.op.mode == OperatorCommand::MODE_WALK && input.op.seq == 3);
     assert_eq!(other.code, if consumed { RequestReply::CODE_DONE } else { RequestReply::CODE_REJECTED });
     let input = inputs.iter().find(|input| input.tick == followed.tick).unwrap();
@@ -342,6 +350,7 @@ fn faults_of_a_scenario_are_injected_into_the_hardware() {
     executor.finish();
     // The rest: the last tick may be incomplete.
     received.extend(bus.handle(Duration::ZERO).unwrap());
+    let inputs = Unpacked::all(&inputs);
     // A tick wakes before it measures, long before if the machine stalls: only ticks well inside a window are checked.
     for pair in inputs.windows(2) {
         let (before, now) = (&pair[0], &pair[1]);
@@ -380,7 +389,11 @@ impl Controller for Fragile {
         "fragile"
     }
 
-    fn step_probed(&mut self, _: &ControllerInput, _: &mut Outbox, _: &mut dyn Probe) {}
+    fn stages(&self) -> &[&'static str] {
+        &[]
+    }
+
+    fn step_probed(&mut self, _: &TickInput, _: &mut Outbox, _: &mut dyn Probe) {}
 
     fn snapshot(&self, _: &mut Vec<u8>) {}
 
@@ -397,11 +410,17 @@ fn a_panic_in_a_handover_damps_the_joints() {
     let (messages_in, mut messages_out) = message_ring(1 << 20);
     let (mut calls, calls_out) = call_ring();
     let dummy = Box::new(Dummy::new(vec![0.0]));
-    let mut realtime =
-        RealtimeLoop::new(Box::new(sequence(controllers)), (3, 1), dummy, calls_out, messages_in, SCHEDULE);
+    let mut realtime = RealtimeLoop::new(
+        Component::new(Box::new(sequence(controllers))),
+        (3, 1),
+        dummy,
+        calls_out,
+        messages_in,
+        SCHEDULE,
+    );
     let (change, info) = (ParameterChange::default(), RunInfo::default());
     let parameters = Parameters::new(&info);
-    let (id, controller) = (RequestId::default(), Box::new(Fragile));
+    let (id, controller) = (RequestId::default(), Component::new(Box::new(Fragile)));
     let handover = Handover { id, controller, change, parameters, refused: None };
     assert!(calls.send(Call::Handover(Box::new(handover))));
     let report = realtime.run(30, &Ending::default());

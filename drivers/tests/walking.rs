@@ -5,8 +5,8 @@ use controller::Outbox;
 use controller::params::{Params, apply_overrides};
 use drivers::{MujocoSim, Scenario, SimParams, Simulator, Terrain};
 use lcmtypes::{
-    BaseTracking, ContactEstimate, ControllerInput, ControllerTick, GroundTruth, LegState, Message, OperatorCommand,
-    RobotCommand, RobotState, RunInfo, channels,
+    BaseTracking, ComponentInfo, ContactEstimate, ControllerTick, GroundTruth, LegState, Message, OperatorCommand,
+    RobotCommand, RobotState, RunInfo, TickInput, channels,
 };
 use robot_model::UrdfTree;
 use std::path::Path;
@@ -44,18 +44,13 @@ fn walk_commanded(
     let urdf = read(format!("robots/{robot}/{}", params.robot.urdf));
     let scenario = edit(read(format!("scenarios/{scenario}.toml")));
     let scenario = Scenario::parse(&scenario, "test", &params.gait).unwrap();
-    let info = RunInfo {
-        controller: "quadruped".to_owned(),
-        robot: robot.to_owned(),
-        urdf,
-        params: text,
-        ..RunInfo::default()
-    };
-    let mut controller = controller::load(&info).unwrap();
+    let info = RunInfo { robot: robot.to_owned(), urdf, ..RunInfo::default() }
+        .with_component(ComponentInfo::new("quadruped", &text));
+    let mut controller = controller::load_controller(&info).unwrap();
     let tree = UrdfTree::parse(&info.urdf, robot).unwrap();
     let terrain = Terrain::new(&scenario.terrain, scenario.seed);
     let mut sim = MujocoSim::new(&tree, &params.robot, terrain, SimParams::of(&scenario)).unwrap();
-    let (mut operator, mut input, mut out) = (scenario.operator.clone(), ControllerInput::default(), Outbox::new());
+    let (mut operator, mut input, mut out) = (scenario.operator.clone(), TickInput::default(), Outbox::new());
     let (mut state, mut truth) = (RobotState::default(), GroundTruth::default());
     input.op.seq = -1;
     for tick in 0..scenario.duration_ns() / sim.period_ns() {

@@ -4,8 +4,8 @@ use anyhow::Context;
 use controller::params::apply_overrides;
 use controller::quadruped::Quadruped;
 use controller::quadruped::estimation::AssumedBase;
-use controller::{Controller, Outbox};
-use lcmtypes::{ControllerInput, GroundTruth, Message, RobotCommand, RunInfo, channels};
+use controller::{Controller, Outbox, Unpacked};
+use lcmtypes::{ControllerInput, GroundTruth, Message, RobotCommand, RunInfo, TickInput, channels};
 use replay::log::LogReader;
 use std::path::Path;
 
@@ -13,7 +13,7 @@ use std::path::Path;
 pub struct States {
     info: RunInfo,
     /// One entry per tick, in order.
-    pub ticks: Vec<(ControllerInput, AssumedBase)>,
+    pub ticks: Vec<(TickInput, AssumedBase)>,
 }
 
 impl States {
@@ -23,6 +23,7 @@ impl States {
     /// A log that cannot be read, or that has no RUN_INFO, no CONTROLLER_INPUT, or no GROUND_TRUTH before its first input.
     pub fn read(log: &Path) -> anyhow::Result<Self> {
         let (mut info, mut ticks, mut place) = (None, Vec::new(), None);
+        let mut unpacked = Unpacked::default();
         for event in LogReader::open(log)?.events() {
             let event = event?;
             match &*event.channel {
@@ -35,7 +36,7 @@ impl States {
                     let place = place.with_context(|| {
                         format!("{}: CONTROLLER_INPUT before the first GROUND_TRUTH", log.display())
                     })?;
-                    ticks.push((ControllerInput::decode(&event.data)?, place));
+                    ticks.push((unpacked.update(&ControllerInput::decode(&event.data)?).clone(), place));
                 }
                 _ => {}
             }
@@ -51,7 +52,7 @@ impl States {
     /// An unknown key or an invalid value.
     pub fn controller(&self, set: &[(&str, &str)]) -> anyhow::Result<Quadruped> {
         let set: Vec<_> = set.iter().map(|(key, value)| ((*key).to_owned(), (*value).to_owned())).collect();
-        Ok(Quadruped::new(&self.info.urdf, &apply_overrides(&self.info.params, &set)?)?)
+        Ok(Quadruped::new(&self.info.urdf, &apply_overrides(self.info.params(), &set)?)?)
     }
 }
 
@@ -73,7 +74,7 @@ impl OpenLoop {
     ///
     /// # Errors
     /// A tick without ROBOT_COMMAND.
-    pub fn torques(&mut self, input: &ControllerInput) -> anyhow::Result<Option<&[f64]>> {
+    pub fn torques(&mut self, input: &TickInput) -> anyhow::Result<Option<&[f64]>> {
         self.controller.step(input, &mut self.out);
         let bytes = self.out.get(channels::ROBOT_COMMAND).context("a tick without ROBOT_COMMAND")?;
         self.command = RobotCommand::decode(bytes)?;

@@ -1,9 +1,9 @@
 //! Table of all channels: name, type, tick stage and class.
 
 use crate::{
-    BaseTracking, ContactEstimate, ControllerInput, ControllerTick, Event, ExecutorCommand, GroundTruth, LegState,
-    Message, OperatorCommand, ParameterChange, ParameterRequest, QuadrupedState, RequestReply, RobotCommand, RobotInfo,
-    RobotState, RunInfo, Timing, WbcSolution,
+    BaseTracking, ComponentState, ContactEstimate, ControllerInput, ControllerTick, Event, ExecutorCommand,
+    GroundTruth, LegState, Message, OperatorCommand, ParameterChange, ParameterRequest, RequestReply, RobotCommand,
+    RobotInfo, RobotState, RunInfo, Running, Timing, WbcSolution,
 };
 
 /// Description of the run, which makes a log self-contained; first message of a run.
@@ -18,13 +18,15 @@ pub const ROBOT_STATE: &str = "ROBOT_STATE";
 pub const OPERATOR_COMMAND: &str = "OPERATOR_COMMAND";
 /// Request to start or stop a controller of a live run.
 pub const EXECUTOR_COMMAND: &str = "EXECUTOR_COMMAND";
+/// Which controllers of a sequence run; only inside CONTROLLER_INPUT.
+pub const RUNNING: &str = "RUNNING";
 /// Request to change a parameter of the controller.
 pub const PARAMETER_REQUEST: &str = "PARAMETER_REQUEST";
 /// Outcome of a request.
 pub const REQUEST_REPLY: &str = "REQUEST_REPLY";
 /// Change of a controller parameter, and the first tick that uses it.
 pub const PARAMETER_CHANGE: &str = "PARAMETER_CHANGE";
-/// Everything that the controller consumed in one tick.
+/// Everything that a component consumed in one tick.
 pub const CONTROLLER_INPUT: &str = "CONTROLLER_INPUT";
 /// Mode and fault of the controller after a tick, with one digest per stage.
 pub const CONTROLLER_TICK: &str = "CONTROLLER_TICK";
@@ -38,7 +40,7 @@ pub const LEG_STATE: &str = "LEG_STATE";
 pub const WBC_SOLUTION: &str = "WBC_SOLUTION";
 /// Joint command of the controller.
 pub const ROBOT_COMMAND: &str = "ROBOT_COMMAND";
-/// Complete state of the controller, once a second.
+/// Complete state of a component, once a second.
 pub const CONTROLLER_SNAPSHOT: &str = "CONTROLLER_SNAPSHOT";
 /// True state of a simulation; no controller reads it.
 pub const GROUND_TRUTH: &str = "GROUND_TRUTH";
@@ -67,17 +69,12 @@ pub enum Stage {
 impl Stage {
     /// All stages, in the order of execution.
     pub const ALL: [Self; 6] = [Self::Input, Self::Estimation, Self::Gait, Self::Tasks, Self::Qp, Self::Output];
+    /// Their names, as a component that has all of them lists them in RUN_INFO.
+    pub const NAMES: [&'static str; 6] = ["input", "estimation", "gait", "tasks", "qp", "output"];
 
     /// Name in reports: `input`, `estimation`, `gait`, `tasks`, `qp`, `output`.
     pub fn name(self) -> &'static str {
-        match self {
-            Self::Input => "input",
-            Self::Estimation => "estimation",
-            Self::Gait => "gait",
-            Self::Tasks => "tasks",
-            Self::Qp => "qp",
-            Self::Output => "output",
-        }
+        Self::NAMES[self as usize]
     }
 }
 
@@ -126,6 +123,7 @@ pub const CHANNELS: &[Channel] = &[
     channel::<RobotState>(ROBOT_STATE, None, Class::Debug),
     channel::<OperatorCommand>(OPERATOR_COMMAND, None, Class::Debug),
     channel::<ExecutorCommand>(EXECUTOR_COMMAND, None, Class::Debug),
+    channel::<Running>(RUNNING, None, Class::Debug),
     channel::<ParameterRequest>(PARAMETER_REQUEST, None, Class::Debug),
     channel::<RequestReply>(REQUEST_REPLY, None, Class::Debug),
     channel::<ParameterChange>(PARAMETER_CHANGE, None, Class::ReplayInput),
@@ -136,7 +134,7 @@ pub const CHANNELS: &[Channel] = &[
     channel::<LegState>(LEG_STATE, Some(Stage::Gait), Class::Debug),
     channel::<WbcSolution>(WBC_SOLUTION, Some(Stage::Qp), Class::Debug),
     channel::<RobotCommand>(ROBOT_COMMAND, Some(Stage::Output), Class::Output),
-    channel::<QuadrupedState>(CONTROLLER_SNAPSHOT, Some(Stage::Output), Class::Output),
+    channel::<ComponentState>(CONTROLLER_SNAPSHOT, Some(Stage::Output), Class::Output),
     channel::<GroundTruth>(GROUND_TRUTH, None, Class::Truth),
     channel::<Timing>(TIMING, None, Class::Timing),
     channel::<Event>(EVENT, None, Class::Meta),

@@ -29,8 +29,11 @@ mod generated {
     include!(concat!(env!("OUT_DIR"), "/types.rs"));
 }
 
+mod controller_input;
 pub mod enum_names;
 mod robot_command;
+mod robot_state;
+mod run_info;
 mod sender;
 
 use std::sync::LazyLock;

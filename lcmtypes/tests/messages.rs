@@ -5,7 +5,7 @@
 use lcmtypes::channels::{CHANNELS, Class, Stage};
 use lcmtypes::{
     BaseTracking, ControllerInput, ControllerTick, DecodeError, EncodeError, GroundTruth, Message, OperatorCommand,
-    RobotState, RunInfo, TextFile,
+    RobotState, RunInfo, TextFile, TickInput,
 };
 
 fn state() -> RobotState {
@@ -17,9 +17,13 @@ fn state() -> RobotState {
         q: vec![0.1, f64::MIN_POSITIVE],
         qd: vec![-0.0, f64::INFINITY],
         tau: vec![1e300, -3.5],
-        q_WI_wxyz: [1.0, 0.0, 0.0, 0.0],
-        w_WI_I: [1.0, 2.0, 3.0],
-        a_I: [0.0, 0.0, 9.81],
+        n_imus: 1,
+        q_WI_wxyz: vec![[1.0, 0.0, 0.0, 0.0]],
+        w_WI_I: vec![[1.0, 2.0, 3.0]],
+        a_I: vec![[0.0, 0.0, 9.81]],
+        n_ft: 2,
+        f_S: vec![[1.0; 3], [2.0; 3]],
+        tau_S: vec![[3.0; 3], [4.0; 3]],
     }
 }
 
@@ -32,7 +36,7 @@ fn bytes<M: Message>(message: &M) -> Vec<u8> {
 #[test]
 fn a_message_is_fingerprint_and_fields_big_endian() {
     let bytes = bytes(&state());
-    assert_eq!(bytes.len(), 8 + 3 * 8 + 4 + 3 * 2 * 8 + (4 + 3 + 3) * 8);
+    assert_eq!(bytes.len(), 8 + 3 * 8 + 4 + 3 * 2 * 8 + 4 + (4 + 3 + 3) * 8 + 4 + 2 * 2 * 3 * 8);
     assert_eq!(bytes[..8], RobotState::FINGERPRINT.to_be_bytes());
     assert_eq!(bytes[8..16], (-2i64).to_be_bytes());
     assert_eq!(bytes[32..36], [0, 0, 0, 2]);
@@ -43,8 +47,35 @@ fn a_message_is_fingerprint_and_fields_big_endian() {
 #[test]
 fn nested_messages_and_strings_survive_encoding() {
     let op = OperatorCommand { seq: -1, mode: OperatorCommand::MODE_WALK, v_H: [0.5, -0.25], ..Default::default() };
-    let input = ControllerInput { t_ns: 7, tick: 3, run_id: 4, running: 1, t_op_ns: 6, state: state(), op };
-    assert_eq!(ControllerInput::decode(&bytes(&input)).unwrap(), input);
+    let input = TickInput {
+        t_ns: 7,
+        tick: 3,
+        run_id: 4,
+        running: 1,
+        t_op_ns: 6,
+        n_ignored: 0,
+        n_late: 0,
+        state: state(),
+        op: op.clone(),
+    };
+    assert_eq!(TickInput::decode(&bytes(&input)).unwrap(), input);
+
+    let mut input = ControllerInput { t_ns: 7, tick: 3, run_id: 4, ..Default::default() };
+    input.deliver("OPERATOR_COMMAND", 5, &OperatorCommand::default()).unwrap();
+    input.deliver("ROBOT_STATE", 6, &state()).unwrap();
+    input.deliver("OPERATOR_COMMAND", 6, &op).unwrap();
+    let encoded = bytes(&input);
+    assert_eq!(ControllerInput::decode(&encoded).unwrap(), input);
+    // A longer name and more bytes than before: memory is used again, what was there is not.
+    let mut again = ControllerInput::default();
+    again.deliver("OPERATOR_COMMAND_OF_ANOTHER", 9, &RunInfo::default()).unwrap();
+    again.decode_into(&encoded).unwrap();
+    assert_eq!(again, input);
+    assert_eq!(input.newest::<OperatorCommand>("OPERATOR_COMMAND"), Some(op));
+    assert_eq!(input.newest::<RobotState>("OPERATOR_COMMAND"), None, "another type");
+    assert!(input.change("ROBOT_STATE", |state: &mut RobotState| state.seq = 77));
+    assert_eq!(input.newest::<RobotState>("ROBOT_STATE").map(|state| state.seq), Some(77));
+    assert_eq!(input.messages[1].size as usize, input.messages[1].data.len());
 
     let file = TextFile { name: "ä.lcm".into(), text: "a\0b\n".into() };
     let info =
@@ -52,11 +83,17 @@ fn nested_messages_and_strings_survive_encoding() {
     assert_eq!(RunInfo::decode(&bytes(&info)).unwrap(), info);
 
     let truth = GroundTruth {
-        n_feet: 1,
+        n_contacts: 1,
         p_WF: vec![[1.0; 3]],
         v_WF: vec![[2.0; 3]],
         f_F_W: vec![[3.0; 3]],
+        tau_F_W: vec![[4.0; 3]],
         contact: vec![1],
+        n_objects: 1,
+        p_WO: vec![[5.0; 3]],
+        q_WO_wxyz: vec![[1.0, 0.0, 0.0, 0.0]],
+        v_WO: vec![[6.0; 3]],
+        w_WO_W: vec![[7.0; 3]],
         ..Default::default()
     };
     assert_eq!(GroundTruth::decode(&bytes(&truth)).unwrap(), truth);
@@ -93,21 +130,21 @@ fn encode_refuses_a_length_field_that_differs_from_the_array() {
 
 #[test]
 fn decode_names_the_field() {
-    let input = ControllerInput { state: state(), ..Default::default() };
+    let input = TickInput { state: state(), ..Default::default() };
     let bytes = bytes(&input);
-    let error = |bytes: &[u8]| ControllerInput::decode(bytes).unwrap_err().to_string();
-    // The second joint velocity is at byte 8 + 40 + 28 + 16 + 8 = 100.
+    let error = |bytes: &[u8]| TickInput::decode(bytes).unwrap_err().to_string();
+    // The second joint velocity is at byte 8 + 48 + 28 + 16 + 8 = 108.
     assert_eq!(
-        error(&bytes[..72]),
-        "hoofprint.controller_input_t, field state.nj, byte 72: 0 bytes remain, expected at least 4"
+        error(&bytes[..80]),
+        "hoofprint.tick_input_t, field state.nj, byte 80: 0 bytes remain, expected at least 4"
     );
     assert_eq!(
-        error(&bytes[..102]),
-        "hoofprint.controller_input_t, field state.qd, byte 92: 10 bytes remain, expected at least 16"
+        error(&bytes[..110]),
+        "hoofprint.tick_input_t, field state.qd, byte 100: 10 bytes remain, expected at least 16"
     );
     assert_eq!(
         error(&[&bytes[..], &[0]].concat()),
-        format!("hoofprint.controller_input_t, byte {}: 1 bytes follow the last field, expected none", bytes.len())
+        format!("hoofprint.tick_input_t, byte {}: 1 bytes follow the last field, expected none", bytes.len())
     );
     let DecodeError { offset, .. } = BaseTracking::decode(&bytes).unwrap_err();
     assert_eq!(offset, 0);
@@ -118,7 +155,7 @@ fn hostile_lengths_do_not_allocate() {
     let mut bytes = bytes(&state());
     bytes[32..36].copy_from_slice(&i32::MAX.to_be_bytes());
     let error = RobotState::decode(&bytes).unwrap_err().to_string();
-    assert_eq!(error, "hoofprint.robot_state_t, field q, byte 36: 128 bytes remain, expected at least 17179869176");
+    assert_eq!(error, "hoofprint.robot_state_t, field q, byte 36: 232 bytes remain, expected at least 17179869176");
     bytes[32..36].copy_from_slice(&(-1i32).to_be_bytes());
     let error = RobotState::decode(&bytes).unwrap_err().to_string();
     assert_eq!(error, "hoofprint.robot_state_t, field q, byte 36: nj is -1, expected a length of 0 or more");
@@ -152,5 +189,6 @@ fn the_channel_table_agrees_with_the_lcm_files() {
     let inputs: Vec<&str> = CHANNELS.iter().filter(|c| c.class == Class::ReplayInput).map(|c| c.name).collect();
     assert_eq!(inputs, ["PARAMETER_CHANGE", "CONTROLLER_INPUT"], "the inputs of a replay");
     assert!(CHANNELS.iter().all(|c| c.stage.is_none() || c.class != Class::Timing));
-    assert_eq!(Stage::ALL.map(Stage::name), ["input", "estimation", "gait", "tasks", "qp", "output"]);
+    assert_eq!(Stage::ALL.map(Stage::name), Stage::NAMES);
+    assert_eq!(Stage::NAMES, ["input", "estimation", "gait", "tasks", "qp", "output"]);
 }

@@ -15,7 +15,7 @@ pub use keep::{CHANNELS, Part, SAMPLE_TICKS, trim_to_golden};
 
 use crate::Error;
 use crate::engine::{Divergence, Options, Replay};
-use controller::{Controller, LoadError};
+use controller::{Component, LoadError};
 use keep::{copy, copy_inputs, copy_part, copy_ticks, is_kept, shown_ticks};
 use lcmtypes::RunInfo;
 use sha2::{Digest, Sha256};
@@ -130,7 +130,7 @@ impl<'a> Corpus<'a> {
     /// [`Error::Io`] if the directory does not exist, [`Error::Manifest`] for an invalid manifest.
     pub fn open_with(
         dir: impl AsRef<Path>,
-        load: impl Fn(&RunInfo) -> Result<Box<dyn Controller>, LoadError> + Sync + 'a,
+        load: impl Fn(&RunInfo) -> Result<Component, LoadError> + Sync + 'a,
     ) -> Result<Self, Error> {
         let dir = dir.as_ref();
         std::fs::read_dir(dir).map_err(|source| io(dir, source))?;

@@ -45,14 +45,14 @@ pub(crate) use judgement::Judgement;
 pub use options::{Load, Options};
 pub use origin::{Build, Deviation};
 pub use outputs::MissingOutputs;
-pub use report::ReplayReport;
+pub use report::{ComponentReport, ReplayReport};
 pub(crate) use run_messages::RunMessages;
 pub use what_if::{DEFAULT_BOUND, Departure, Sample, TimedOverride, WhatIf, When};
 
 use crate::Error;
 use crate::log::{LogReader, RunClock};
 use builder::Builder;
-use controller::{Controller, LoadError};
+use controller::{Component, LoadError};
 use lcmtypes::{Message, RunInfo, channels};
 use out::Out;
 use segment::{Segment, Source, Step};
@@ -86,16 +86,11 @@ impl<'a> Replay<'a> {
     /// As [`Replay::open`].
     pub fn open_with(
         path: impl AsRef<Path>,
-        load: impl Fn(&RunInfo) -> Result<Box<dyn Controller>, LoadError> + Sync + 'a,
+        load: impl Fn(&RunInfo) -> Result<Component, LoadError> + Sync + 'a,
     ) -> Result<Self, Error> {
         let path = path.as_ref();
         let (info, clock) = (run_info(path)?, RunClock::read(path)?);
-        let snapshot = load(&info).ok().map(|controller| {
-            let mut bytes = Vec::new();
-            controller.snapshot(&mut bytes);
-            bytes
-        });
-        let messages = RunMessages::of(&info, snapshot.as_deref());
+        let messages = RunMessages::of(&info);
         Ok(Replay { path: path.into(), info, clock, messages, load: Box::new(load) })
     }
 
@@ -159,7 +154,8 @@ impl<'a> Replay<'a> {
         if !segment.has_input {
             return Err(Error::NoInput { path: self.path.clone() });
         }
-        let mut report = counts.report(account, ticks.health(), begin.elapsed().as_secs_f64());
+        let mut report =
+            counts.report(self.info.component().to_owned(), account, ticks.health(), begin.elapsed().as_secs_f64());
         report.deviations = origin::deviations(&self.info, &builder.info, options.here.as_ref());
         report.what_if = found;
         Ok(report)
@@ -185,8 +181,9 @@ impl<'a> Replay<'a> {
     fn with_params(&self, info: &RunInfo, set: &[(String, String)]) -> Result<RunInfo, Error> {
         let mut info = info.clone();
         if !set.is_empty() {
-            info.params = controller::params::apply_overrides(&info.params, set)
+            let params = controller::params::apply_overrides(info.params(), set)
                 .map_err(|source| Error::Load { path: self.path.clone(), source: Box::new(source.into()) })?;
+            info = info.with_params(params);
         }
         Ok(info)
     }

@@ -22,7 +22,7 @@ fn log(name: &str, change: impl FnOnce(&mut Vec<Message>)) -> PathBuf {
 }
 
 fn open(path: &Path, change: impl Fn(Toy) -> Toy + Sync + 'static) -> Replay<'static> {
-    Replay::open_with(path, move |info| Ok(Box::new(change(toy::toy(info)?)))).unwrap()
+    Replay::open_with(path, move |info| Ok(toy::component(change(toy::toy(info)?)))).unwrap()
 }
 
 fn set(key: &str, value: &str) -> (String, String) {
@@ -73,7 +73,7 @@ fn a_cursor_finds_the_first_tick_that_differs() {
     let mut cursor = Cursor::open(&replay, &Options::default(), &mut |_| {}).unwrap();
     let found = cursor.search(40, u64::MAX, &mut |moment| moment.divergence.is_some()).unwrap().unwrap();
     let first = found.divergence.unwrap();
-    assert_eq!((found.tick, first.stage, first.last_agreed_tick), (777, "qp", Some(776)));
+    assert_eq!((found.tick, &*first.stage, first.last_agreed_tick), (777, "qp", Some(776)));
     assert!(cursor.search(40, 700, &mut |moment| moment.divergence.is_some()).unwrap().is_none());
 }
 
@@ -129,7 +129,7 @@ fn a_timed_override_keeps_the_state() {
         let report =
             replay.run(&Options { timed_overrides: vec![change(when)], ..Options::default() }, &mut |_| {}).unwrap();
         let first = report.first_divergence.unwrap();
-        assert_eq!((first.tick, first.stage, first.last_agreed_tick), (tick, "tasks", Some(tick - 1)), "{when:?}");
+        assert_eq!((first.tick, &*first.stage, first.last_agreed_tick), (tick, "tasks", Some(tick - 1)), "{when:?}");
     }
     // An override with the same value changes nothing, so the state is handed over completely.
     let same = TimedOverride { when: When::Tick(500), key: GAIN.to_owned(), value: "2.0".to_owned() };
@@ -187,7 +187,8 @@ fn differences_in_build_and_parameters_are_reported() {
     assert!(named.starts_with(&["revision", "dirty", "toolchain"]) && named.contains(&"wbc.friction"), "{named:?}");
     let complete = log("complete.mcap", |events| {
         let mut info = <RunInfo as lcmtypes::Message>::decode(&events[0].2).unwrap();
-        info.params = controller::params::Params::from_toml(&info.params, "").unwrap().to_toml();
+        let params = controller::params::Params::from_toml(info.params(), "").unwrap().to_toml();
+        info = info.with_params(params);
         events[0].2 = toy::encoded(&info);
     });
     let replay = open(&complete, |toy| toy);

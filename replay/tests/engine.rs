@@ -6,7 +6,7 @@ mod common;
 use common::toy::{self, PERIOD_NS, SNAPSHOT, Toy};
 use common::{Message, path};
 use lcmtypes::channels::{self, Stage};
-use lcmtypes::{ControllerInput, ControllerTick, QuadrupedState, RobotCommand, RunInfo, WbcSolution};
+use lcmtypes::{ControllerTick, QuadrupedState, RobotCommand, RobotState, RunInfo, WbcSolution};
 use replay::Error;
 use replay::engine::{Divergence, Index, Options, OtherParameters, Replay, ReplayReport};
 use std::path::Path;
@@ -29,12 +29,12 @@ fn replay(path: &Path, options: &Options) -> ReplayReport {
 
 /// Replays with a changed toy.
 fn replay_toy(path: &Path, options: &Options, change: impl Fn(Toy) -> Toy + Sync) -> ReplayReport {
-    let replay = Replay::open_with(path, |info| Ok(Box::new(change(toy::toy(info)?)))).unwrap();
+    let replay = Replay::open_with(path, |info| Ok(toy::component(change(toy::toy(info)?)))).unwrap();
     replay.run(options, &mut |_| {}).unwrap()
 }
 
 fn place(divergence: &Divergence) -> (i64, &str, &str, &str) {
-    (divergence.tick, divergence.stage, &divergence.channel, &divergence.field)
+    (divergence.tick, &divergence.stage, &divergence.channel, &divergence.field)
 }
 
 /// The report without wall-clock times.
@@ -51,6 +51,9 @@ fn an_unchanged_controller_replays_bit_for_bit() {
         assert_eq!((report.ticks, report.snapshots_compared), (TICKS as u64, (TICKS / SNAPSHOT) as u64));
         assert_eq!(report.messages_compared, TICKS as u64 * OUTPUTS + report.snapshots_compared);
         assert_eq!((report.unverifiable_ticks, report.messages_not_recorded, report.messages_different), (0, 0, 0));
+        let [component] = &report.components[..] else { panic!("{:?}", report.components) };
+        assert_eq!((&*component.name, component.ticks, component.late_results), ("toy", TICKS as u64, 0));
+        assert!(component.identical && component.first_divergence.is_none());
         assert_eq!((report.first_t_ns, report.last_t_ns), (Some(0), Some((TICKS - 1) * PERIOD_NS)));
     }
 }
@@ -95,14 +98,14 @@ fn a_divergence_shows_both_values_to_the_last_bit() {
 
 #[test]
 fn one_flipped_bit_of_an_input_is_found() {
-    let flip = |input: &mut ControllerInput| input.state.q[0] = f64::from_bits(input.state.q[0].to_bits() ^ 1 << 20);
-    let path = log("flip.mcap", |events| toy::change(events, channels::CONTROLLER_INPUT, 437, flip));
+    let flip = |state: &mut RobotState| state.q[0] = f64::from_bits(state.q[0].to_bits() ^ 1 << 20);
+    let path = log("flip.mcap", |events| toy::change_input(events, 437, flip));
     let first = replay(&path, &Options::default()).first_divergence.unwrap();
     assert_eq!(place(&first), (437, "input", "CONTROLLER_TICK", "digest_input"));
 
     // Without digests the difference is found in the first stage with a channel.
     let path = log("flip_no_digests.mcap", |events| {
-        toy::change(events, channels::CONTROLLER_INPUT, 437, flip);
+        toy::change_input(events, 437, flip);
         events.retain(|(channel, ..)| channel != channels::CONTROLLER_TICK);
     });
     let report = replay(&path, &Options::default());
@@ -180,13 +183,13 @@ fn after_a_missing_input_the_replay_continues_from_the_next_snapshot() {
 #[test]
 fn a_perturbed_state_is_found_in_the_snapshot() {
     let path = log("state.mcap", |events| {
-        toy::change(events, channels::CONTROLLER_SNAPSHOT, 299, |state: &mut QuadrupedState| {
+        toy::change_state(events, 299, |state: &mut QuadrupedState| {
             state.zeta = state.zeta.next_down();
         });
     });
     let report = replay(&path, &Options::default());
     let first = report.first_divergence.unwrap();
-    assert_eq!(place(&first), (299, "output", "CONTROLLER_SNAPSHOT", "zeta"));
+    assert_eq!(place(&first), (299, "output", "CONTROLLER_SNAPSHOT", "controller.data.zeta"));
     assert_eq!(first.ulp, Some(1));
 }
 
@@ -230,12 +233,12 @@ fn a_part_of_a_log_includes_its_first_tick() {
 
 #[test]
 fn threads_do_not_change_the_report() {
-    let flip = |input: &mut ControllerInput| input.state.q[0] += 1.0;
+    let flip = |state: &mut RobotState| state.q[0] += 1.0;
     let logs = [
         log("jobs.mcap", |_| {}),
         log("jobs_flip.mcap", |events| {
-            toy::change(events, channels::CONTROLLER_INPUT, 437, flip);
-            toy::change(events, channels::CONTROLLER_INPUT, 855, flip);
+            toy::change_input(events, 437, flip);
+            toy::change_input(events, 855, flip);
         }),
         log("jobs_gap.mcap", |events| events.retain(|(_, t_ns, _)| !(295..310).contains(&(t_ns / PERIOD_NS)))),
         log("jobs_late.mcap", |events| events.retain(|(c, t_ns, _)| c == "RUN_INFO" || *t_ns > 150 * PERIOD_NS)),
@@ -258,7 +261,7 @@ fn a_long_log_without_snapshots_is_replayed_by_any_number_of_threads() {
     let path = path("stateless.mcap");
     let mut events = toy::events(5000);
     events.retain(|(channel, t_ns, _)| channel != channels::CONTROLLER_SNAPSHOT || *t_ns > 4500 * PERIOD_NS);
-    toy::change(&mut events, channels::CONTROLLER_INPUT, 3210, |input: &mut ControllerInput| input.state.q[0] += 1.0);
+    toy::change_input(&mut events, 3210, |state: &mut RobotState| state.q[0] += 1.0);
     toy::write(&path, &events);
     let report = |jobs| timeless(replay(&path, &Options { jobs, ..Options::default() }));
     let serial = report(1);
@@ -274,8 +277,8 @@ fn of_several_errors_any_number_of_threads_reports_the_first() {
     let reject = |state: &mut QuadrupedState| state.height = f64::NAN;
     let path = log("errors.mcap", |events| {
         events.retain(|(c, t_ns, _)| c != channels::CONTROLLER_INPUT || ![350, 650].contains(&(t_ns / PERIOD_NS)));
-        toy::change(events, channels::CONTROLLER_SNAPSHOT, 399, reject);
-        toy::change(events, channels::CONTROLLER_SNAPSHOT, 699, reject);
+        toy::change_state(events, 399, reject);
+        toy::change_state(events, 699, reject);
     });
     for jobs in 1..5 {
         let run = || Replay::open_with(&path, toy::load)?.run(&Options { jobs, ..Options::default() }, &mut |_| {});
@@ -382,7 +385,7 @@ fn the_log_of_a_replay_is_the_replayed_log() {
     let set = vec![("gait.trot.swing_frequency".to_owned(), "2.5".to_owned())];
     replay(&log("out_c.mcap", |_| {}), &Options { out: Some(out.clone()), set, ..Options::default() });
     assert!(replay(&out, &Options::default()).identical);
-    assert!(Replay::open(&out).unwrap().info().params.contains("2.5"));
+    assert!(Replay::open(&out).unwrap().info().params().contains("2.5"));
 }
 
 #[test]

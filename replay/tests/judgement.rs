@@ -7,7 +7,7 @@ mod common;
 use common::toy::{self, PERIOD_NS};
 use common::{Message, path};
 use lcmtypes::channels::{self, CONTROLLER_INPUT, CONTROLLER_TICK, ROBOT_COMMAND};
-use lcmtypes::{ControllerInput, ParameterChange, RobotCommand};
+use lcmtypes::{ParameterChange, RobotCommand};
 use replay::engine::{Options, OtherParameters, Replay, ReplayReport, Unused};
 use replay::log::{EventFilter, Excerpt, LogSummary, RunClock, Types, copy_excerpt, path_of_run};
 
@@ -96,8 +96,7 @@ fn a_doubled_message_is_named() {
     let report = replay_of("doubled_input.mcap", |events| {
         double(events, CONTROLLER_INPUT);
         let at = place(events, CONTROLLER_INPUT, 599);
-        let other = |input: &mut ControllerInput| input.state.q[0] += 1.0;
-        toy::change(&mut events[at + 1..], CONTROLLER_INPUT, 599, other);
+        toy::change_input(&mut events[at + 1..], 599, |state| state.q[0] += 1.0);
     });
     assert_eq!(first_unused(&report), (CONTROLLER_INPUT, Some(599), Unused::DoubledOtherBytes));
     assert!(report.identical && !report.complete);
@@ -381,8 +380,7 @@ fn a_replay_from_a_time_starts_near_it() {
 fn state_that_a_snapshot_lacks_is_found_with_one_thread() {
     let path = path("hidden.mcap");
     toy::write(&path, &toy::events(TICKS));
-    let load =
-        |info: &_| Ok(Box::new(toy::Toy { forgets: true, ..toy::toy(info)? }) as Box<dyn controller::Controller>);
+    let load = |info: &_| Ok(toy::component(toy::Toy { forgets: true, ..toy::toy(info)? }));
     for jobs in 1..4 {
         let replay = Replay::open_with(&path, load).unwrap();
         let report = replay.run(&Options { jobs, ..Options::default() }, &mut |_| {}).unwrap();

@@ -66,6 +66,45 @@ fn fields_are_matched_by_name_and_differences_listed() {
     assert!(String::from_utf8_lossy(&first.channel.schema.as_ref().unwrap().data).contains("int64_t added"));
 }
 
+/// The type of the outer message is the same; only the message in its bytes has grown.
+#[test]
+fn messages_inside_messages_are_rewritten() {
+    const BOX: &str =
+        "package p; struct box_t { int32_t n; part_t parts[n]; } struct part_t { int32_t size; byte data[size]; }";
+    let (old_text, new_text) =
+        (format!("{BOX} struct in_t {{ float f; }}"), format!("{BOX} struct in_t {{ double f; int8_t b; }}"));
+    let parse = |text: &str| TypeSet::parse([("t.lcm", text)]).unwrap();
+    let (old, new) = (parse(&old_text), parse(&new_text));
+    let mut inner = old.by_name("p.in_t").unwrap().default_value();
+    inner.set("f", 1.5_f32).unwrap();
+    let data = old.by_name("p.in_t").unwrap().encode(&inner).unwrap();
+    let (folder, log, out) = (common::path("box_types"), common::path("box_old.mcap"), common::path("box_new.mcap"));
+    std::fs::create_dir_all(&folder).unwrap();
+    std::fs::write(folder.join("t.lcm"), &new_text).unwrap();
+    let boxed = |data: &[u8]| {
+        let mut part = old.by_name("p.part_t").unwrap().default_value();
+        part.set("size", i32::try_from(data.len()).unwrap()).unwrap();
+        *part.get_mut("data").unwrap() = Value::Array(data.iter().map(|byte| Value::Byte(*byte)).collect());
+        let mut value = old.by_name("p.box_t").unwrap().default_value();
+        value.set("n", 1_i32).unwrap();
+        *value.get_mut("parts").unwrap() = Value::Array(vec![part]);
+        old.by_name("p.box_t").unwrap().encode(&value).unwrap()
+    };
+    let mut writer = LogWriter::create(&log).unwrap();
+    writer.add_types(&[("t.lcm".into(), old_text.clone())]).unwrap();
+    writer.write("IN", 4, &data).unwrap();
+    writer.write("BOX", 5, &boxed(&data)).unwrap();
+    writer.write("BOX", 6, &boxed(b"no message")).unwrap();
+    writer.finish().unwrap();
+    let report = retype(&log, &out, &[folder], &EventFilter::default(), Types::default(), &mut |_| ()).unwrap();
+    assert_eq!((report.converted, report.unchanged), (2, 0));
+    let events: Vec<_> = LogReader::open(&out).unwrap().events().map(Result::unwrap).collect();
+    let (opened, _) = new.by_name("p.box_t").unwrap().decode_opened(&events[1].data).unwrap();
+    assert_eq!(opened.get("parts[0].data.f").and_then(Value::as_f64), Some(1.5));
+    assert_eq!(opened.get("parts[0].size").and_then(Value::as_i64), Some(8 + 8 + 1));
+    assert_eq!(events[2].data, boxed(b"no message"));
+}
+
 #[test]
 fn rewritten_messages_keep_their_publish_time() {
     let types = TypeSet::parse([("old.lcm", OLD)]).unwrap();

@@ -34,7 +34,7 @@ fn live_log(name: &str) -> PathBuf {
 }
 
 fn open(path: &Path) -> Replay<'static> {
-    let mutant = |info: &_| Ok(Box::new(toy::Toy { mutant: Some((Stage::Qp, 777)), ..toy::toy(info)? }) as _);
+    let mutant = |info: &_| Ok(toy::component(toy::Toy { mutant: Some((Stage::Qp, 777)), ..toy::toy(info)? }));
     Replay::open_with(path, mutant).unwrap()
 }
 

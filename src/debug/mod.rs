@@ -57,7 +57,7 @@ pub struct Args {
 
 pub fn run(args: &Args) -> anyhow::Result<Outcome> {
     let replay = Replay::open(args.one_run.of(&args.log))?;
-    check_overrides("--set", &replay.info().params, &args.set)?;
+    check_overrides("--set", replay.info().params(), &args.set)?;
     let options = Options { set: overrides(&args.set)?, here: Some(run_info::build()), ..Options::default() };
     let bar = Progress::new("read the log");
     let mut cursor = Cursor::open(&replay, &options, &mut |part| bar.set(part))?;

@@ -7,7 +7,7 @@ use controller::dump::{
     ContactSummary, Dump, GaitSummary, LevelSummary, Overview, Phase, PhaseKind, Quantity, TermSummary, Value,
 };
 use controller::qp::{NamedViolation, QpStatus};
-use lcmtypes::{ControllerInput, ControllerTick, Message, RobotCommand, RunInfo, channels};
+use lcmtypes::{ControllerTick, Message, RobotCommand, RunInfo, TickInput, channels};
 use replay::engine::Moment;
 use std::collections::BTreeSet;
 
@@ -76,7 +76,7 @@ fn moment(overview: Overview) -> Moment {
         tick: 123_456,
         t_ns: 0,
         since_s: 123.456,
-        input: ControllerInput::default(),
+        input: TickInput::default(),
         recorded: Vec::new(),
         replayed: vec![
             (channels::CONTROLLER_TICK, encoded(&|bytes| tick.encode(bytes).unwrap())),

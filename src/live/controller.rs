@@ -43,9 +43,9 @@ pub fn run(args: &ControllerArgs) -> anyhow::Result<Outcome> {
     let stop = Stop::new(args.shared.parent)?;
     let (info, hardware) = prepare(&file, &url)?;
     let schedule = file.executor.schedule();
-    let joints = live::joints(&info);
+    let joints = info.joints.clone();
     let executor = Executor::start(Plan {
-        controller: controller::load(&info).with_context(|| file.robot.clone())?,
+        component: controller::load(&info).with_context(|| file.robot.clone())?,
         controllers: file.controllers.iter().map(|controller| (controller.name.clone(), controller.start)).collect(),
         hardware,
         bus: Box::new(LcmBus::open(&url.to_string())?),

@@ -7,7 +7,7 @@ use controller::model::{Base, Model};
 use controller::params::Params;
 use drivers::live::plant::{self, Plant, Summary};
 use drivers::live::{JointRange, LcmReceiver, LcmSender, RealtimeParams};
-use drivers::robot_info::robot_info;
+use drivers::robot_info::{robot_info, with_sensors};
 use drivers::{MujocoSim, Scenario, SimParams, Simulator, Terrain};
 use lcmtypes::channels;
 use std::sync::Arc;
@@ -54,6 +54,7 @@ pub fn run(args: &DriverArgs) -> anyhow::Result<Outcome> {
     let joints = JointRange::of(&Model::new(&tree, Base::Floating)?.joints, &params);
     let damping = params.safety.damping;
     let info = robot_info(&params.robot.name, &files.urdf, sim.joints(), 0);
+    let info = with_sensors(info, std::slice::from_ref(&params.robot.imu_link), &[]);
     let send_operator = simulation.operator;
     let thread = std::thread::Builder::new().name("real-time".to_owned()).spawn(move || {
         let granted = realtime.apply();

@@ -66,7 +66,7 @@ pub fn run(args: &RunArgs) -> anyhow::Result<Outcome> {
     if let Some(folder) = log.parent() {
         std::fs::create_dir_all(folder).with_context(|| folder.display().to_string())?;
     }
-    let gaits = Params::from_toml(&info.params, &file.robot)?.gait;
+    let gaits = Params::from_toml(info.params(), &file.robot)?.gait;
     let load = |simulation: &Simulation| Scenario::load(&simulation.scenario, &gaits);
     let scenario = file.simulation.as_ref().map(load).transpose()?;
     let screen = Screen::new(log.clone());

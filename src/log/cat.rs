@@ -115,7 +115,7 @@ fn text_line(event: &EventRef<'_>, since_ns: i64, types: &Types, line: &mut Stri
     let (sign, ns) = (if since_ns < 0 { "-" } else { "" }, since_ns.unsigned_abs());
     let (s, ns) = (ns / 1_000_000_000, ns % 1_000_000_000);
     write!(line, "{sign}{s}.{ns:09} {} ", printable(event.channel)).expect(STRING);
-    match types.of_message(event.channel, event.data).map(|ty| ty.decode_lenient(event.data)) {
+    match types.of_message(event.channel, event.data).map(|ty| ty.decode_opened(event.data)) {
         Some(Ok((value, deviations))) => {
             write!(line, "{value}").expect(STRING);
             if !deviations.is_none() {
@@ -143,7 +143,7 @@ fn json_line(event: &EventRef<'_>, types: &Types, line: &mut String) {
         Some(name) => json_text(name, line),
         None => line.push_str("null"),
     }
-    match ty.map(|ty| ty.decode_lenient(event.data)) {
+    match ty.map(|ty| ty.decode_opened(event.data)) {
         Some(Ok((value, deviations))) => {
             line.push_str(",\"fields\":");
             json_value(&value, line);

@@ -29,7 +29,7 @@ pub fn tree(moment: &Moment) -> Group {
         .with("agrees", moment.divergence.is_none());
     if let Some(d) = &moment.divergence {
         let mut difference = Group::new()
-            .with("stage", d.stage)
+            .with("stage", d.stage.clone())
             .with("channel", d.channel.as_str())
             .with("field", d.field.as_str())
             .with("recorded", d.recorded.as_str())

@@ -145,7 +145,7 @@ fn run_log(args: &Args, log: &Path, options: &Options) -> anyhow::Result<Outcome
         inputs.try_for_each(|input| replay::Error::check_distinct_files(input, out)).context(option)?;
     }
     let replay = Replay::open(log)?;
-    check_overrides("--set", &replay.info().params, &args.set)?;
+    check_overrides("--set", replay.info().params(), &args.set)?;
     if let Some(tick) = args.at {
         return break_at::run(log, options, tick, args.json);
     }

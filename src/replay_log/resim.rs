@@ -5,11 +5,12 @@ use crate::{Outcome, run_info, say, say_json, sim};
 use analysis::table::{Column, Table};
 use analysis::{Metrics, Run};
 use anyhow::{Context, ensure};
+use controller::Unpacked;
 use controller::params::Params;
 use drivers::Scenario;
 use drivers::operator_script::OperatorScript;
 use drivers::simulation::Setup;
-use lcmtypes::{ControllerInput, Message, OperatorCommand, ParameterRequest, channels};
+use lcmtypes::{ControllerInput, Message, OperatorCommand, ParameterRequest, TickInput, channels};
 use replay::engine::{Options, Replay};
 use replay::log::LogReader;
 use std::path::Path;
@@ -24,7 +25,7 @@ pub fn run(log: &Path, options: &Options, out: &Path, json: bool) -> anyhow::Res
         "{}: RUN_INFO contains no scenario; --resim needs the log of a simulation",
         log.display()
     );
-    let gaits = Params::from_toml(&recorded.params, &format!("parameters of {}", log.display()))?.gait;
+    let gaits = Params::from_toml(recorded.params(), &format!("parameters of {}", log.display()))?.gait;
     let mut scenario = Scenario::parse(&recorded.scenario, &format!("scenario of {}", log.display()), &gaits)?;
     // A live run has monotonic clock times, and operators on several channels.
     let live = recorded.realtime.starts_with("live");
@@ -35,7 +36,7 @@ pub fn run(log: &Path, options: &Options, out: &Path, json: bool) -> anyhow::Res
     // A parameter that is set on the command line keeps its value.
     let held = |key: &String| options.set.iter().any(|(set, _)| set == key);
     scenario.parameters = parameters.into_iter().filter(|request| !held(&request.key)).collect();
-    let params = controller::params::apply_overrides(&recorded.params, &options.set)?;
+    let params = controller::params::apply_overrides(recorded.params(), &options.set)?;
     let urdf = options.urdf.clone().unwrap_or_else(|| recorded.urdf.clone());
     let setup = Setup {
         robot: recorded.robot.clone(),
@@ -80,7 +81,7 @@ impl Requests {
     /// Reads a log: commands as the operator sent them or, for a live run, as the controller consumed them.
     fn of(log: &Path, live: bool) -> anyhow::Result<Self> {
         let (mut commands, mut parameters) = (Vec::<OperatorCommand>::new(), Vec::new());
-        let (mut first, mut times) = (None, (0, 0));
+        let (mut first, mut times, mut unpacked) = (None, (0, 0), Unpacked::default());
         for event in LogReader::open(log)?.events() {
             let event = event?;
             let place = || format!("{}: {}, byte {}", log.display(), event.channel, event.offset);
@@ -96,14 +97,14 @@ impl Requests {
                     }
                 }
                 channels::CONTROLLER_INPUT => {
-                    let ControllerInput { t_ns, tick, t_op_ns, op, .. } =
-                        ControllerInput::decode(&event.data).with_context(place)?;
+                    let input = ControllerInput::decode(&event.data).with_context(place)?;
+                    let TickInput { t_ns, tick, t_op_ns, ref op, .. } = *unpacked.update(&input);
                     times = (times.1, t_ns);
                     first.get_or_insert((tick, t_ns));
                     // At the end of a run the executor damps the joints with a command of its own, with the time of the tick.
                     let of_executor = op.mode == OperatorCommand::MODE_DAMPING && t_op_ns == t_ns;
                     if live && op.seq >= 0 && !of_executor && commands.last().is_none_or(|last| last.t_ns < t_op_ns) {
-                        commands.push(OperatorCommand { t_ns: t_op_ns, ..op });
+                        commands.push(OperatorCommand { t_ns: t_op_ns, ..op.clone() });
                     }
                 }
                 _ => {}

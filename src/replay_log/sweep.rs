@@ -19,7 +19,7 @@ struct Row {
     value: String,
     identical: bool,
     first_tick: Option<i64>,
-    first_stage: Option<&'static str>,
+    first_stage: Option<String>,
     #[serde(flatten)]
     what_if: WhatIf,
 }
@@ -35,7 +35,7 @@ pub fn run(
         .split_once('=')
         .with_context(|| format!("--sweep {sweep}: found no =, expected KEY=FROM:TO:COUNT or KEY=VALUE|VALUE"))?;
     let values = values(spec).with_context(|| format!("--sweep {sweep}"))?;
-    let params = &Replay::open(log)?.info().params.clone();
+    let params = &Replay::open(log)?.info().params().to_owned();
     let as_found = |value: &String| filled(params, key, value);
     let settings: Vec<String> = values.iter().map(as_found).collect();
     for value in &settings {

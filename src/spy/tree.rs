@@ -61,7 +61,7 @@ pub fn decode(types: &Types, channel: &str, bytes: &[u8], length: usize) -> Deco
     let Some(ty) = types.of_message(channel, bytes) else {
         return Decoded::Bytes(format!("{length} bytes of unknown type (--lcm-types DIR)"), hex(bytes));
     };
-    match ty.decode_lenient(bytes) {
+    match ty.decode_opened(bytes) {
         Ok((value, _)) => Decoded::Fields(fields(&value, Some(ty))),
         Err(error) => Decoded::Bytes(error.to_string(), hex(bytes)),
     }
@@ -247,33 +247,37 @@ mod tests {
     fn input() -> ControllerInput {
         let (q, qd, tau) = (vec![0.25, -1.0 / 3.0], vec![0.0; 2], vec![0.0; 2]);
         let state = RobotState { seq: 7, nj: 2, q, qd, tau, ..Default::default() };
-        ControllerInput { tick: 3, state, ..Default::default() }
+        let mut input = ControllerInput { tick: 3, ..Default::default() };
+        input.deliver(channels::ROBOT_STATE, 5, &state).unwrap();
+        input
     }
 
     #[test]
     fn structs_are_expanded_and_number_arrays_collapsed() {
         let tree = decoded(channels::CONTROLLER_INPUT, &input());
         let lines = shown(&tree, &[]);
-        for line in ["tick 3", "state ", "state.seq 7", "state.q [2] 0.250 -0.333"] {
+        for line in [
+            "tick 3",
+            "messages[0].channel \"ROBOT_STATE\"",
+            "messages[0].data.seq 7",
+            "messages[0].data.q [2] 0.250 -0.333",
+        ] {
             assert!(lines.iter().any(|found| found == line), "{line:?} in {lines:#?}");
         }
-        let lines = shown(&tree, &["state.q", "op"]);
-        for line in ["state.q[1] -0.3333333333333333", "state.q [2] 0.250 -0.333"] {
+        let lines = shown(&tree, &["messages[0].data.q"]);
+        for line in ["messages[0].data.q[1] -0.3333333333333333", "messages[0].data.q [2] 0.250 -0.333"] {
             assert!(lines.iter().any(|found| found == line), "{line:?} in {lines:#?}");
         }
-        assert!(
-            !lines.iter().any(|found| found.starts_with("op.")) && lines.iter().any(|found| found.starts_with("op {"))
-        );
-        assert!(!shown(&tree, &["state"]).iter().any(|found| found.starts_with("state.")));
+        assert!(!shown(&tree, &["messages"]).iter().any(|found| found.starts_with("messages[0]")));
     }
 
     #[test]
     fn a_text_expands_into_its_lines() {
-        let info =
-            RunInfo { params: "[robot]\nname = \"hyq\"\n".to_owned(), robot: "hyq".to_owned(), ..Default::default() };
-        let lines = shown(&decoded(channels::RUN_INFO, &info), &["params"]);
-        let at = lines.iter().position(|line| line == "params [2] [robot] name = \"hyq\"").unwrap();
-        assert_eq!(lines[at + 1..at + 3], ["params[0] [robot]", "params[1] name = \"hyq\""]);
+        let scenario = "[noise]\ngyro = 0.1\n".to_owned();
+        let info = RunInfo { scenario, robot: "hyq".to_owned(), ..Default::default() };
+        let lines = shown(&decoded(channels::RUN_INFO, &info), &["scenario"]);
+        let at = lines.iter().position(|line| line == "scenario [2] [noise] gyro = 0.1").unwrap();
+        assert_eq!(lines[at + 1..at + 3], ["scenario[0] [noise]", "scenario[1] gyro = 0.1"]);
         assert!(lines.iter().any(|line| line == "robot \"hyq\""));
     }
 

@@ -160,8 +160,11 @@ impl Link {
         if let Some(Ok(tick)) = newest(channels::CONTROLLER_TICK).map(ControllerTick::decode) {
             self.status.tick = Some((tick, now_ns));
         }
-        if let Some(Ok(input)) = newest(channels::CONTROLLER_INPUT).map(ControllerInput::decode) {
-            self.status.follows = follows(self.sender_id, &input.op);
+        // A command holds until the next one is delivered.
+        let inputs = messages.iter().rev().filter(|m| m.channel == channels::CONTROLLER_INPUT);
+        let mut inputs = inputs.filter_map(|m| ControllerInput::decode(&m.data).ok());
+        if let Some(op) = inputs.find_map(|input| input.newest(channels::OPERATOR_COMMAND)) {
+            self.status.follows = follows(self.sender_id, &op);
         }
         if let Some(bytes) = newest(channels::RUN_INFO)
             && now_ns >= self.info_due_ns
@@ -170,7 +173,7 @@ impl Link {
             self.info = bytes.to_vec();
             self.info_due_ns = now_ns.saturating_add(INFO_EVERY_NS);
             if let Ok(info) = RunInfo::decode(bytes)
-                && let Ok(params) = Params::from_toml(&info.params, "RUN_INFO")
+                && let Ok(params) = Params::from_toml(info.params(), "RUN_INFO")
             {
                 self.status.robot = Some((info.robot, Limits::of(&params, &info.urdf)));
             }
@@ -336,8 +339,14 @@ mod tests {
             put(&mut theirs, channels::EVENT, &Event { text: number.to_string(), ..Event::default() });
         }
         let op = OperatorCommand { sender_id: link.sender_id, ..mine };
-        let input = ControllerInput { op: op.clone(), ..ControllerInput::default() };
-        put(&mut theirs, channels::CONTROLLER_INPUT, &input);
+        let of = |op: &OperatorCommand| {
+            let mut input = ControllerInput::default();
+            input.deliver(channels::OPERATOR_COMMAND, 0, op).unwrap();
+            input
+        };
+        put(&mut theirs, channels::CONTROLLER_INPUT, &of(&op));
+        // A tick without a new command.
+        put(&mut theirs, channels::CONTROLLER_INPUT, &ControllerInput::default());
         link.receive(2_000_000_000).unwrap();
         let status = &link.status;
         assert_eq!(status.tick.as_ref().map(|(tick, at)| (tick.tick, *at)), Some((999, 2_000_000_000)));
@@ -346,7 +355,7 @@ mod tests {
         assert_eq!((status.events.len(), &*status.events[0].text), (EVENTS, "10"));
         assert_eq!(status.follows, Follows::Us);
         let other = OperatorCommand { sender_id: link.sender_id + 1, ..op };
-        put(&mut theirs, channels::CONTROLLER_INPUT, &ControllerInput { op: other, ..ControllerInput::default() });
+        put(&mut theirs, channels::CONTROLLER_INPUT, &of(&other));
         link.receive(2_000_000_000).unwrap();
         assert_eq!(link.status.follows, Follows::Another);
     }
@@ -435,7 +444,7 @@ mod tests {
         let of = |max_speed: f64| {
             let set = [format!("foothold.max_speed={max_speed}")];
             let params = drivers::robot_files::with_overrides(&params, &set).unwrap();
-            RunInfo { robot: "anymal_b".to_owned(), params, ..RunInfo::default() }
+            RunInfo { robot: "anymal_b".to_owned(), ..RunInfo::default() }.with_params(params)
         };
         // A second one within a second is not read, and a repetition is not read again.
         for (now_ns, max_speed, expected) in

@@ -30,11 +30,12 @@ static void contact_estimate(const hoofprint_contact_estimate_t *m) {
 }
 
 static void controller_input(const hoofprint_controller_input_t *m) {
-    integer(m->tick), integer(m->state.seq), real(m->state.q[5]), real(m->op.v_H[0]), integer(m->op.seq);
+    const hoofprint_delivered_t *first = &m->messages[0];
+    integer(m->tick), printf(" %s", first->channel), integer(first->size), integer(first->t_arrival_ns);
 }
 
 static void controller_tick(const hoofprint_controller_tick_t *m) {
-    integer(m->tick), integer(m->mode), real(m->fault_value), integer(m->digest_output);
+    integer(m->tick), integer(m->mode), real(m->fault_value), integer(m->digest[5]);
 }
 
 static void event(const hoofprint_event_t *m) {
@@ -42,7 +43,7 @@ static void event(const hoofprint_event_t *m) {
 }
 
 static void ground_truth(const hoofprint_ground_truth_t *m) {
-    integer(m->n_feet), real(m->p_WF[3][2]), real(m->f_F_W[1][0]), integer(m->contact[2]), real(m->tau_push_W[2]);
+    integer(m->n_contacts), real(m->p_WF[3][2]), real(m->f_F_W[1][0]), integer(m->contact[2]), real(m->tau_push_W[2]);
 }
 
 static void leg_state(const hoofprint_leg_state_t *m) {
@@ -65,8 +66,8 @@ static void request_reply(const hoofprint_request_reply_t *m) {
     integer(m->tick), integer(m->request_id), integer(m->code), printf(" %s", m->reason);
 }
 
-static void quadruped_state(const hoofprint_quadruped_state_t *m) {
-    integer(m->started), integer(m->contact_count[1]), real(m->q_des[m->nj - 1]), real(m->yaw_rate_des);
+static void component_state(const hoofprint_component_state_t *m) {
+    integer(m->tick), real(m->input.state.q[5]), real(m->input.op.v_H[0]), integer(m->controller.size);
 }
 
 static void robot_command(const hoofprint_robot_command_t *m) {
@@ -76,7 +77,7 @@ static void robot_command(const hoofprint_robot_command_t *m) {
 static void robot_state(const hoofprint_robot_state_t *m) {
     integer(m->seq);
     for (int j = 0; j < m->nj; j++) real(m->q[j]);
-    real(m->tau[m->nj - 1]), real(m->a_I[2]);
+    real(m->tau[m->nj - 1]), real(m->a_I[0][2]);
 }
 
 static void robot_info(const hoofprint_robot_info_t *m) {
@@ -133,7 +134,7 @@ static int print(const lcm_eventlog_event_t *e) {
     CHANNEL("LEG_STATE", leg_state)
     CHANNEL("WBC_SOLUTION", wbc_solution)
     CHANNEL("ROBOT_COMMAND", robot_command)
-    CHANNEL("CONTROLLER_SNAPSHOT", quadruped_state)
+    CHANNEL("CONTROLLER_SNAPSHOT", component_state)
     CHANNEL("GROUND_TRUTH", ground_truth)
     CHANNEL("PARAMETER_REQUEST", parameter_request)
     CHANNEL("REQUEST_REPLY", request_reply)

@@ -8,7 +8,7 @@ use super::figure_spec::{FigureSpec, Named, whole};
 use super::panel::Range;
 use super::style::{BLUE, LEG_COLORS, Mark, REFERENCE_LINE, VERMILLION, pale};
 use super::trace::{Timeline, run_stroke};
-use crate::metrics::{period_us, qp_us, tick_us};
+use crate::metrics::{period_us, qp_stage, stage_us, tick_us};
 use crate::run::Run;
 use crate::stats::Distribution;
 
@@ -33,13 +33,18 @@ fn times(run: &Run, window: Range) -> Result<Vec<Times>, String> {
     }
     let timeline = Timeline::new(run, window);
     let positive = |us: f64| (us > 0.0).then_some(us);
-    let of_tick =
-        |value: fn(&lcmtypes::Timing) -> f64| timeline.series(|t| t.timing.as_ref().map(value).and_then(positive));
+    let of_tick = |value: &dyn Fn(&lcmtypes::Timing) -> Option<f64>| {
+        timeline.series(|t| t.timing.as_ref().and_then(value).and_then(positive))
+    };
+    let of_qp = qp_stage(run).map(|stage| of_tick(&|timing| stage_us(timing, stage)));
     let xs = timeline.xs();
-    let mut all = vec![
-        Times { name: "computation", stroke: TICK_LINE, xs: Rc::clone(&xs), us: of_tick(tick_us) },
-        Times { name: "QP", stroke: QP_LINE, xs: Rc::clone(&xs), us: of_tick(qp_us) },
-    ];
+    let mut all = vec![Times {
+        name: "computation",
+        stroke: TICK_LINE,
+        xs: Rc::clone(&xs),
+        us: of_tick(&|timing| Some(tick_us(timing))),
+    }];
+    all.extend(of_qp.map(|us| Times { name: "QP", stroke: QP_LINE, xs: Rc::clone(&xs), us }));
     if is_live(run) {
         let (at, us) = periods(timeline.ticks);
         all.insert(0, Times { name: "period", stroke: PERIOD_LINE, xs: at, us });

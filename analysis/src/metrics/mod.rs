@@ -21,7 +21,7 @@ pub use locomotion::{Fault, Locomotion, Safety};
 pub use reference::Reference;
 pub use slip::FootSlip;
 pub use timing::{Qp, QpStatus, StageTime, TimingMetrics};
-pub(crate) use timing::{period_us, qp_us, skipped, tick_us};
+pub(crate) use timing::{period_us, qp_stage, skipped, stage_us, tick_us};
 pub use tracking::{FootTracking, Tracking, orientation_error};
 
 use crate::run::{Run, TICK_CHANNELS};
@@ -122,8 +122,8 @@ fn summary(run: &Run) -> RunSummary {
     let info = run.info.clone().unwrap_or_default();
     RunSummary {
         log_sha256: run.sha256.clone(),
-        robot: info.robot,
-        controller: info.controller,
+        robot: info.robot.clone(),
+        controller: info.controller().to_owned(),
         scenario: info.scenario_name,
         seed: info.seed,
         revision: info.revision,

@@ -6,17 +6,15 @@ use serde::Serialize;
 use crate::run::{Run, Wbc};
 use crate::stats::Distribution;
 
-/// Names of the stages, in the order of `timing_t.stage_ns`.
-const STAGES: [&str; 6] = ["input", "estimation", "gait", "tasks", "QP", "output"];
-/// Index of the quadratic program among them.
-const QP_STAGE: usize = 4;
+/// Name of the stage of the quadratic program in RUN_INFO.
+const QP_STAGE: &str = "qp";
 
 /// Durations by the wall clock, µs.
 #[derive(Clone, Debug, Serialize)]
 pub struct TimingMetrics {
     /// From the begin of a tick to its command, µs.
     pub tick_us: Option<Distribution>,
-    /// Stages: input, estimation, gait, tasks, QP, output.
+    /// Stages, by the names in RUN_INFO.
     pub stages: Vec<StageTime>,
     /// From the wake-up of the executor to the begin of the tick, µs.
     pub start_latency_us: Option<Distribution>,
@@ -36,7 +34,7 @@ pub struct TimingMetrics {
 #[derive(Clone, Debug, Serialize)]
 pub struct StageTime {
     /// Name of the stage.
-    pub stage: &'static str,
+    pub stage: String,
     /// Duration of the stage, µs.
     pub us: Option<Distribution>,
 }
@@ -72,9 +70,14 @@ pub(crate) fn tick_us(timing: &Timing) -> f64 {
     timing.end_ns.saturating_sub(timing.start_ns) as f64 * 1e-3
 }
 
-/// Duration of its quadratic program, µs.
-pub(crate) fn qp_us(timing: &Timing) -> f64 {
-    timing.stage_ns[QP_STAGE] as f64 * 1e-3
+/// Index of the stage of the quadratic program; `None` if the controller has none.
+pub(crate) fn qp_stage(run: &Run) -> Option<usize> {
+    run.info.as_ref()?.stages().iter().position(|name| name == QP_STAGE)
+}
+
+/// Duration of a stage, µs; `None` if the message does not have it.
+pub(crate) fn stage_us(timing: &Timing, stage: usize) -> Option<f64> {
+    timing.stage_ns.get(stage).map(|ns| *ns as f64 * 1e-3)
 }
 
 /// Time between the wake-ups of a tick and the next, µs; `None` if ticks between them are missing.
@@ -99,13 +102,14 @@ impl TimingMetrics {
         let live = timings.iter().any(|t| t.deadline_ns > 0);
         let periods = timings.windows(2).filter_map(|pair| period_us(pair[0], pair[1]));
         let period_errors = periods.map(|us| us - nominal_us);
-        let stage = |k: usize| StageTime {
-            stage: STAGES[k],
-            us: Distribution::of(timings.iter().map(|t| t.stage_ns[k] as f64 * 1e-3)),
+        let stages = run.info.as_ref().map_or(&[][..], |info| info.stages());
+        let stage = |(k, name): (usize, &String)| StageTime {
+            stage: if name == QP_STAGE { "QP".to_owned() } else { name.clone() },
+            us: Distribution::of(timings.iter().filter_map(|t| stage_us(t, k))),
         };
         Some(Self {
             tick_us: Distribution::of(timings.iter().map(|t| tick_us(t))),
-            stages: (0..STAGES.len()).map(stage).collect(),
+            stages: stages.iter().enumerate().map(stage).collect(),
             start_latency_us: Distribution::of(
                 timings.iter().map(|t| t.start_ns.saturating_sub(t.wake_ns) as f64 * 1e-3),
             ),

@@ -137,7 +137,7 @@ impl Run {
     /// The gaits in the parameters of RUN_INFO; without valid ones, the default gaits.
     pub fn gaits(&self) -> GaitParams {
         let read = || {
-            let table: toml::Table = self.info.as_ref()?.params.parse().ok()?;
+            let table: toml::Table = self.info.as_ref()?.params().parse().ok()?;
             let gaits: GaitParams = table.get("gait")?.clone().try_into().ok()?;
             gaits.check().ok().map(|()| gaits)
         };
@@ -146,7 +146,7 @@ impl Run {
 
     /// A number in the parameters of RUN_INFO, by dotted key.
     pub fn parameter(&self, key: &str) -> Option<f64> {
-        let table: toml::Table = self.info.as_ref()?.params.parse().ok()?;
+        let table: toml::Table = self.info.as_ref()?.params().parse().ok()?;
         let mut parts = key.split('.');
         let first = table.get(parts.next()?)?;
         let value = parts.try_fold(first, |value, part| value.get(part))?;

@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 use std::io::Read;
 use std::path::Path;
 
+use controller::Unpacked;
 use lcmtypes::{
     BaseTracking, ContactEstimate, ControllerInput, ControllerTick, GroundTruth, LegState, Message, RobotCommand,
     RobotState, RunInfo, Timing, WbcSolution,
@@ -13,7 +14,7 @@ use sha2::{Digest, Sha256};
 
 use super::joints::Rows;
 use super::thin::{MAX_EVENTS, MAX_TICKS, Thinning};
-use super::{Consumed, Joints, Run, TICK_CHANNELS, Tick, Truth};
+use super::{Consumed, Contact, Joints, Run, TICK_CHANNELS, Tick, Truth, Wbc};
 use crate::fields::{Field, FieldReader};
 use crate::robot::Robot;
 use crate::{Error, Progress, Stage};
@@ -37,6 +38,8 @@ pub(super) struct Gathered {
     pub truth: Vec<Truth>,
     pub joints: Joints,
     pub thinning: Thinning,
+    /// What the controller has consumed.
+    pub unpacked: Unpacked,
     /// Joint states by the clock of the driver: time and row. Used for a log without CONTROLLER_INPUT.
     pub raw: (Vec<(i64, u32)>, Rows),
 }
@@ -172,12 +175,12 @@ impl Gathered {
             "CONTACT_ESTIMATE" => {
                 let m = decode::<ContactEstimate>(data)?;
                 let tick = self.at(m.t_ns);
-                tick.contact = Some(m.into());
+                tick.contact = Contact::of(m);
             }
             "WBC_SOLUTION" => {
                 let m = decode::<WbcSolution>(data)?;
                 let tick = self.at(m.t_ns);
-                tick.wbc = Some(m.into());
+                tick.wbc = Wbc::of(m);
             }
             "CONTROLLER_TICK" => {
                 let m = decode::<ControllerTick>(data)?;
@@ -190,11 +193,13 @@ impl Gathered {
                 tick.timing = Some(m);
             }
             "CONTROLLER_INPUT" => {
-                let m = decode::<ControllerInput>(data)?;
+                let consumed = decode::<ControllerInput>(data)?;
+                let m = self.unpacked.update(&consumed);
                 let row = self.joints.measured.push_state(&m.state)?;
                 let age_s = m.t_ns.saturating_sub(m.state.t_ns) as f64 / 1e9;
-                let tick = self.at(m.t_ns);
-                tick.consumed = Some(Consumed { tick: m.tick, seq: m.state.seq, age_s });
+                let found = Consumed { tick: m.tick, seq: m.state.seq, age_s };
+                let tick = self.at(consumed.t_ns);
+                tick.consumed = Some(found);
                 tick.joint_rows[0] = Some(row);
             }
             "ROBOT_COMMAND" => {

@@ -147,10 +147,11 @@ mod tests {
             let feet = || vec![[0.0; 3]; 4];
             let truth = GroundTruth {
                 t_ns: t_ns - 300,
-                n_feet: 4,
+                n_contacts: 4,
                 p_WF: feet(),
                 v_WF: feet(),
                 f_F_W: feet(),
+                tau_F_W: feet(),
                 contact: vec![1; 4],
                 ..GroundTruth::default()
             };

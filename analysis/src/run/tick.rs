@@ -33,9 +33,9 @@ pub struct Truth {
 }
 
 impl Truth {
-    /// The first four contacts are the feet; one that the robot does not have is at the origin and touches nothing.
+    /// The first four contacts are the feet; one that the robot does not have is at NaN and touches nothing.
     pub(super) fn of(message: &GroundTruth) -> Self {
-        let four = |v: &[[f64; 3]]| std::array::from_fn(|foot| v.get(foot).copied().unwrap_or_default());
+        let four = |v: &[[f64; 3]]| std::array::from_fn(|leg| v.get(leg).copied().unwrap_or([f64::NAN; 3]));
         Self {
             t_ns: message.t_ns,
             p_WB: message.p_WB,
@@ -45,7 +45,7 @@ impl Truth {
             p_WF: four(&message.p_WF),
             v_WF: four(&message.v_WF),
             f_F_W: four(&message.f_F_W),
-            contact: std::array::from_fn(|foot| message.contact.get(foot).is_some_and(|touches| *touches != 0)),
+            contact: std::array::from_fn(|leg| message.contact.get(leg).is_some_and(|touches| *touches != 0)),
             pushed: message.f_push_W.iter().chain(&message.tau_push_W).any(|&x| x != 0.0),
         }
     }
@@ -94,9 +94,17 @@ pub struct Contact {
     pub n_W: Vec3,
 }
 
-impl From<ContactEstimate> for Contact {
-    fn from(m: ContactEstimate) -> Self {
-        Self { f_F_W: m.f_F_W, f_normal: m.f_normal, contact: m.contact.map(|touches| touches != 0), n_W: m.n_W }
+impl Contact {
+    /// `None` unless the message has four contacts.
+    pub(super) fn of(m: ContactEstimate) -> Option<Self> {
+        let f_normal = m.f_normal.try_into().ok()?;
+        let contact: [i8; 4] = m.contact.try_into().ok()?;
+        Some(Self {
+            f_F_W: m.f_F_W.try_into().ok()?,
+            f_normal,
+            contact: contact.map(|touches| touches != 0),
+            n_W: m.n_W,
+        })
     }
 }
 
@@ -125,8 +133,9 @@ pub struct Wbc {
     pub f_F_W: [Vec3; 4],
 }
 
-impl From<WbcSolution> for Wbc {
-    fn from(m: WbcSolution) -> Self {
+impl Wbc {
+    /// `None` unless the message has four contacts.
+    pub(super) fn of(m: WbcSolution) -> Option<Self> {
         let WbcSolution {
             status,
             iterations,
@@ -140,7 +149,8 @@ impl From<WbcSolution> for Wbc {
             f_F_W,
             ..
         } = m;
-        Self { status, iterations, n_var, n_eq, n_ineq, n_active, n_clamped, residual, base_residual, f_F_W }
+        let f_F_W = f_F_W.try_into().ok()?;
+        Some(Self { status, iterations, n_var, n_eq, n_ineq, n_active, n_clamped, residual, base_residual, f_F_W })
     }
 }
 

@@ -10,8 +10,8 @@
 use std::path::Path;
 
 use lcmtypes::{
-    BaseTracking, ContactEstimate, ControllerInput, ControllerTick, Event, GroundTruth, LegState, Message,
-    RobotCommand, RobotState, RunInfo, Timing, WbcSolution,
+    BaseTracking, ComponentInfo, ContactEstimate, ControllerInput, ControllerTick, Event, GroundTruth, LegState,
+    Message, OperatorCommand, RobotCommand, RobotState, RunInfo, Timing, WbcSolution, channels,
 };
 use replay::log::LogWriter;
 
@@ -104,8 +104,9 @@ pub fn write(path: &Path, plan: &Plan) {
             log.write(channel, t_ns, &bytes).unwrap();
         }
     };
+    let mut component = ComponentInfo::new("quadruped", "[wbc]\nfriction = 0.7\n");
+    (component.n_stages, component.stages) = (6, channels::Stage::NAMES.map(str::to_owned).to_vec());
     let info = RunInfo {
-        controller: "quadruped".into(),
         robot: "hyq".into(),
         scenario_name: "synthetic <trot> & more".into(),
         seed: plan.seed,
@@ -114,9 +115,9 @@ pub fn write(path: &Path, plan: &Plan) {
         toolchain: "rustc".into(),
         realtime: "lockstep".into(),
         urdf: if plan.urdf.is_empty() { urdf(plan.joints) } else { plan.urdf.into() },
-        params: "[wbc]\nfriction = 0.7\n".into(),
         ..RunInfo::default()
-    };
+    }
+    .with_component(component);
     put("RUN_INFO", 0, &|out| info.encode(out).unwrap());
     let mut position = [0.0_f64, 0.0];
     for tick in 0..plan.ticks {
@@ -233,14 +234,15 @@ impl Moment {
         let state = RobotState {
             t_ns: self.t_ns,
             seq,
-            nj: n as i32,
             q: self.q(),
             qd: vec![JOINT_VELOCITY; n],
             tau: vec![JOINT_TORQUE; n],
-            q_WI_wxyz: [1.0, 0.0, 0.0, 0.0],
-            ..RobotState::default()
+            ..RobotState::zeros(n, 1, 0)
         };
-        ControllerInput { t_ns: self.t_ns, tick: self.tick, state, ..ControllerInput::default() }
+        let mut input = ControllerInput { t_ns: self.t_ns, tick: self.tick, ..ControllerInput::default() };
+        input.deliver(channels::ROBOT_STATE, self.t_ns, &state).unwrap();
+        input.deliver(channels::OPERATOR_COMMAND, self.t_ns, &OperatorCommand::default()).unwrap();
+        input
     }
 
     fn command(&self) -> RobotCommand {
@@ -275,13 +277,15 @@ impl Moment {
     }
 
     fn contact(&self) -> ContactEstimate {
-        let f_normal = std::array::from_fn(|leg| self.force(leg) + if self.touches(leg) { FORCE_ERROR } else { -3.0 });
+        let f_normal: [f64; 4] =
+            std::array::from_fn(|leg| self.force(leg) + if self.touches(leg) { FORCE_ERROR } else { -3.0 });
         ContactEstimate {
             t_ns: self.t_ns,
             tick: self.tick,
-            f_F_W: f_normal.map(|f| [0.0, 0.0, f]),
-            f_normal,
-            contact: std::array::from_fn(|leg| i8::from(swing_ticks(leg, self.tick).is_none())),
+            n_contacts: 4,
+            f_F_W: f_normal.map(|f| [0.0, 0.0, f]).to_vec(),
+            f_normal: f_normal.to_vec(),
+            contact: (0..4).map(|leg| i8::from(swing_ticks(leg, self.tick).is_none())).collect(),
             height: HEIGHT,
             n_W: [0.0, 0.0, 1.0],
         }
@@ -295,6 +299,9 @@ impl Moment {
             iterations: 10 + (self.tick % 3) as i32,
             n_var: 30,
             n_clamped: i32::from(self.tick % 1000 == 500) * 2,
+            n_contacts: 4,
+            f_F_W: vec![[0.0; 3]; 4],
+            tau_F_W: vec![[0.0; 3]; 4],
             ..WbcSolution::default()
         }
     }
@@ -326,13 +333,14 @@ impl Moment {
             q_WB_wxyz: quaternion(if self.tick < self.fall { self.rpy() } else { [0.7, 0.0, self.yaw] }),
             v_WB: [self.speed * cos, self.speed * sin, 0.0],
             w_WB_W: [0.0, 0.0, if self.speed > 0.0 { YAW_RATE } else { 0.0 }],
-            n_feet: 4,
+            n_contacts: 4,
             p_WF,
             v_WF: vec![[0.0; 3]; 4],
             f_F_W: (0..4).map(|leg| [0.0, 0.0, self.force(leg)]).collect(),
+            tau_F_W: vec![[0.0; 3]; 4],
             contact: (0..4).map(|leg| i8::from(self.touches(leg))).collect(),
             f_push_W: [0.0, if (3000..3300).contains(&self.tick) { 60.0 } else { 0.0 }, 0.0],
-            tau_push_W: [0.0; 3],
+            ..GroundTruth::default()
         }
     }
 
@@ -348,7 +356,8 @@ impl Moment {
             start_ns,
             end_ns: start_ns + tick_ns,
             deadline_ns: if self.live { start_ns - late_ns + 1_000_000 } else { 0 },
-            stage_ns: [1_000, tick_ns / 8, tick_ns / 16, tick_ns / 4, tick_ns / 2, 2_000],
+            n_stages: 6,
+            stage_ns: vec![1_000, tick_ns / 8, tick_ns / 16, tick_ns / 4, tick_ns / 2, 2_000],
             ..Timing::default()
         }
     }

@@ -6,9 +6,9 @@ use crate::error::LoadError;
 use crate::model::{JointDescription, JointInfo, RobotDescription};
 use crate::outbox::Outbox;
 use crate::safety::{Fault, SafetyParams, check_joint_limits, check_joint_values, fault};
-use crate::time::{SNAPSHOT_TICKS, seconds};
+use crate::time::seconds;
 use lcmtypes::channels;
-use lcmtypes::{ControllerInput, ControllerTick, EncodeError, Message, OperatorCommand, RobotCommand};
+use lcmtypes::{ControllerTick, EncodeError, OperatorCommand, RobotCommand, TickInput};
 
 /// Gains of the position loop of the drives, by joint: those of `[robot.joints]`, else `hold.kp` and `hold.kd`.
 #[derive(Clone, Debug)]
@@ -67,7 +67,7 @@ pub(crate) fn posture_of(robot: &RobotDescription, name: &str) -> Result<Vec<f64
 }
 
 /// Checks an input. Tilt and contacts are not checked: a robot on a stand may lean, and its feet need no ground.
-pub(crate) fn check(joints: &[JointInfo], params: &SafetyParams, input: &ControllerInput) -> Option<Fault> {
+pub(crate) fn check(joints: &[JointInfo], params: &SafetyParams, input: &TickInput) -> Option<Fault> {
     if let Some(found) = check_joint_values(joints.len(), &input.state) {
         return Some(found);
     }
@@ -91,24 +91,30 @@ pub(crate) fn rejection(op: &OperatorCommand) -> Option<Fault> {
     (!is_followed).then_some(refused)
 }
 
-/// Fills the outbox: command, status, and the state once a second.
-///
-/// - `status`: mode, fault, and the digests of input and parameters.
+/// Stages of a tick.
+pub(crate) const STAGES: [&str; 2] = ["input", "output"];
+
+/// A status of a tick with memory for the digests.
+pub(crate) fn new_status(digest_parameters: i64) -> ControllerTick {
+    ControllerTick {
+        n_stages: i32::try_from(STAGES.len()).expect("two stages"),
+        digest: vec![0; STAGES.len()],
+        digest_parameters,
+        ..ControllerTick::default()
+    }
+}
+
+/// Fills the outbox: command, and status with the digest of the command.
 ///
 /// # Errors
 /// An array with another length than its length field.
 pub(crate) fn publish(
     out: &mut Outbox,
     command: &RobotCommand,
-    mut status: ControllerTick,
-    state: &impl Message,
+    status: &mut ControllerTick,
 ) -> Result<(), EncodeError> {
-    status.digest_output = command_digest(command);
+    status.digest[1] = command_digest(command);
     out.clear();
     out.put(channels::ROBOT_COMMAND, command)?;
-    out.put(channels::CONTROLLER_TICK, &status)?;
-    if status.tick % SNAPSHOT_TICKS == 0 {
-        out.put(channels::CONTROLLER_SNAPSHOT, state)?;
-    }
-    Ok(())
+    out.put(channels::CONTROLLER_TICK, status)
 }

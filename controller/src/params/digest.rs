@@ -22,19 +22,40 @@ fn table(digest: &mut Digest, table: &toml::Table) {
     }
 }
 
+/// Every value begins with a word for its type: 1, 1.0 and "1" differ, and so do a table and an array.
 fn value(digest: &mut Digest, value: &toml::Value) {
     use toml::Value;
+    let mut of_type = |number: u64| digest.word(number);
     match value {
-        Value::String(text) => bytes(digest, text),
-        Value::Integer(number) => digest.word(number.cast_unsigned()),
-        Value::Float(number) => digest.f64(*number),
-        Value::Boolean(flag) => digest.word(u64::from(*flag)),
-        Value::Datetime(time) => bytes(digest, &time.to_string()),
+        Value::String(text) => {
+            of_type(1);
+            bytes(digest, text);
+        }
+        Value::Integer(number) => {
+            of_type(2);
+            digest.word(number.cast_unsigned());
+        }
+        Value::Float(number) => {
+            of_type(3);
+            digest.f64(*number);
+        }
+        Value::Boolean(flag) => {
+            of_type(4);
+            digest.word(u64::from(*flag));
+        }
+        Value::Datetime(time) => {
+            of_type(5);
+            bytes(digest, &time.to_string());
+        }
         Value::Array(values) => {
+            of_type(6);
             digest.word(values.len() as u64);
             values.iter().for_each(|element| self::value(digest, element));
         }
-        Value::Table(inner) => table(digest, inner),
+        Value::Table(inner) => {
+            of_type(7);
+            table(digest, inner);
+        }
     }
 }
 
@@ -52,8 +73,16 @@ mod tests {
         let text = "[a]\nx = 1.0\nname = \"p\"\n[b]\ny = [1, 2]\non = true\n";
         let same = "# comment\nb = { on = true, y = [1,2] }\n[a]\nname = 'p'\nx = 1.0\n";
         assert_eq!(parameters_digest(text), parameters_digest(same));
-        for (old, new) in [("1.0", "1.5"), ("\"p\"", "\"q\""), ("[1, 2]", "[2, 1]"), ("true", "false"), ("y =", "z =")]
-        {
+        for (old, new) in [
+            ("1.0", "1.5"),
+            ("\"p\"", "\"q\""),
+            ("[1, 2]", "[2, 1]"),
+            ("true", "false"),
+            ("y =", "z ="),
+            ("1.0", "1"),
+            ("1.0", "\"1\""),
+            ("true", "1"),
+        ] {
             assert_ne!(parameters_digest(text), parameters_digest(&text.replace(old, new)), "{old}");
         }
     }

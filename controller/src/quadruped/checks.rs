@@ -9,18 +9,22 @@ use super::swing::held_depth;
 use crate::params::Params;
 use crate::safety::{Fault, check_joint_values, fault, is_plausible};
 use crate::time::seconds;
-use lcmtypes::{ControllerInput, ControllerTick, OperatorCommand, RobotState};
+use lcmtypes::{ControllerTick, OperatorCommand, RobotState, TickInput};
 
 /// Depth below the end of the search for the ground at which a robot with a held foot is falling, as a multiple of the step height.
 const SINKING: f64 = 1.5;
 
 /// Checks an input: array sizes, non-finite or implausible values, the norm of the orientation quaternion, the age of the measurement, and that the
 /// clock advances. The accelerometer is not checked, because nothing is computed from it.
-pub fn check_input(robot: &Robot, params: &Params, state: &State, input: &ControllerInput) -> Option<Fault> {
+pub fn check_input(robot: &Robot, params: &Params, state: &State, input: &TickInput) -> Option<Fault> {
     let RobotState { t_ns, q_WI_wxyz, w_WI_I, .. } = &input.state;
     if let Some(found) = check_joint_values(robot.nj(), &input.state) {
         return Some(found);
     }
+    // The base is estimated from the first IMU; the others are not used.
+    let (Some(q_WI_wxyz), Some(w_WI_I)) = (q_WI_wxyz.first(), w_WI_I.first()) else {
+        return fault(ControllerTick::FAULT_INPUT_SIZE, None, 0.0);
+    };
     if let Some(x) = w_WI_I.iter().find(|x| !is_plausible(**x)) {
         return fault(ControllerTick::FAULT_INPUT_NOT_FINITE, None, *x);
     }

@@ -23,9 +23,9 @@ use crate::outbox::Outbox;
 use crate::params::{Params, parameters_digest};
 use crate::qp::NamedViolation;
 use crate::safety::{Fault, check_command, fault, limit_command};
-use crate::time::{SNAPSHOT_TICKS, step_seconds};
+use crate::time::step_seconds;
 use lcmtypes::channels::{self, Stage};
-use lcmtypes::{ControllerInput, ControllerTick, Message, QuadrupedState};
+use lcmtypes::{ControllerTick, Message, QuadrupedState, TickInput};
 use nalgebra::{Matrix3, Vector3};
 use std::cell::RefCell;
 
@@ -131,7 +131,7 @@ impl Quadruped {
     /// Computes a tick of standing or walking, with the digests and messages of all its stages. Returns the fault that ends it, if any.
     fn step_locomotion(
         &mut self,
-        input: &ControllerInput,
+        input: &TickInput,
         request: &OperatorRequest,
         dt: f64,
         digests: &mut Digests,
@@ -153,7 +153,7 @@ impl Quadruped {
             return Some(fault);
         }
         digests.0[Stage::Estimation as usize] = digests::estimation(estimate, state);
-        probe.stage_done(Stage::Estimation);
+        probe.stage_done(Stage::Estimation as usize);
 
         let rate =
             |now: [f64; 2], before: [f64; 2]| [0, 1].map(|k| if dt > 0.0 { (now[k] - before[k]) / dt } else { 0.0 });
@@ -171,15 +171,15 @@ impl Quadruped {
         let q = &input.state.q;
         references.update(&Tick { robot, params, estimate, q, transitions: &transitions, dt }, state);
         digests.0[Stage::Gait as usize] = digests::gait(references, state);
-        probe.stage_done(Stage::Gait);
+        probe.stage_done(Stage::Gait as usize);
 
         wbc.build(robot, params, &input.state, estimate, trunk, references, state);
         digests.0[Stage::Tasks as usize] = digests::tasks(wbc);
-        probe.stage_done(Stage::Tasks);
+        probe.stage_done(Stage::Tasks as usize);
 
         wbc.solve(estimate, state);
         digests.0[Stage::Qp as usize] = digests::qp(wbc);
-        probe.stage_done(Stage::Qp);
+        probe.stage_done(Stage::Qp as usize);
 
         let n_clamped = apply_torques(params, robot, &input.state.qd, wbc, state);
         messages.estimation(robot, estimate, trunk, wbc, state);
@@ -194,7 +194,7 @@ impl Quadruped {
     /// Computes a tick of standing up or sitting down. Returns the fault that ends it, if any.
     fn step_stand_sit(
         &mut self,
-        input: &ControllerInput,
+        input: &TickInput,
         request: &OperatorRequest,
         dt: f64,
         digests: &mut Digests,
@@ -209,12 +209,12 @@ impl Quadruped {
         estimate.contact_forces(robot, params, &input.state.tau, state);
         estimate.height(state);
         digests.0[Stage::Estimation as usize] = digests::estimation(estimate, state);
-        probe.stage_done(Stage::Estimation);
+        probe.stage_done(Stage::Estimation as usize);
 
         state.set_fault(request.rejected.unwrap_or_default());
         let fault = stand_sit.update(robot, params, estimate, &input.state, state, dt);
         digests.0[Stage::Gait as usize] = digests::stand_sit(state);
-        probe.stage_done(Stage::Gait);
+        probe.stage_done(Stage::Gait as usize);
 
         messages.clear(state);
         messages.stand_sit(robot, estimate, state);
@@ -248,27 +248,18 @@ impl Quadruped {
     }
 
     /// Writes command and tick messages, and puts all messages into the outbox.
-    fn publish(&mut self, input: &ControllerInput, digests: &Digests, out: &mut Outbox) {
+    fn publish(&mut self, input: &TickInput, digests: &Digests, out: &mut Outbox) {
         let Quadruped { params, digest_parameters, robot, stand_sit, state, scratch, messages, .. } = self;
         messages.command(robot, params, stand_sit, &scratch.references, state);
         messages.command.run_id = input.run_id;
         limit_command(&robot.model.joints, &mut messages.command, &input.state);
-        messages.tick = ControllerTick {
-            t_ns: state.t_ns,
-            tick: state.tick,
-            run_id: input.run_id,
-            mode: state.mode as i8,
-            fault: state.fault,
-            fault_index: state.fault_index,
-            fault_value: state.fault_value,
-            digest_input: digests.0[Stage::Input as usize],
-            digest_estimation: digests.0[Stage::Estimation as usize],
-            digest_gait: digests.0[Stage::Gait as usize],
-            digest_tasks: digests.0[Stage::Tasks as usize],
-            digest_qp: digests.0[Stage::Qp as usize],
-            digest_output: command_digest(&messages.command),
-            digest_parameters: *digest_parameters,
-        };
+        let m = &mut messages.tick;
+        (m.t_ns, m.tick, m.run_id, m.n_ignored) = (state.t_ns, state.tick, input.run_id, input.n_ignored);
+        (m.mode, m.fault, m.fault_index, m.fault_value) =
+            (state.mode as i8, state.fault, state.fault_index, state.fault_value);
+        m.digest.copy_from_slice(&digests.0);
+        m.digest[Stage::Output as usize] = command_digest(&messages.command);
+        m.digest_parameters = *digest_parameters;
         out.clear();
         let mut put = Ok(());
         put = put.and_then(|()| out.put(channels::CONTACT_ESTIMATE, &messages.contact));
@@ -277,10 +268,6 @@ impl Quadruped {
         put = put.and_then(|()| out.put(channels::WBC_SOLUTION, &messages.wbc));
         put = put.and_then(|()| out.put(channels::ROBOT_COMMAND, &messages.command));
         put = put.and_then(|()| out.put(channels::CONTROLLER_TICK, &messages.tick));
-        if state.tick % SNAPSHOT_TICKS == 0 {
-            state.write(&mut messages.snapshot);
-            put = put.and_then(|()| out.put(channels::CONTROLLER_SNAPSHOT, &messages.snapshot));
-        }
         put.expect("every array has the length of the robot since construction");
     }
 }
@@ -290,7 +277,11 @@ impl Controller for Quadruped {
         NAME
     }
 
-    fn step_probed(&mut self, input: &ControllerInput, out: &mut Outbox, probe: &mut dyn Probe) {
+    fn stages(&self) -> &[&'static str] {
+        &Stage::NAMES
+    }
+
+    fn step_probed(&mut self, input: &TickInput, out: &mut Outbox, probe: &mut dyn Probe) {
         let mut digests = Digests::default();
         digests.0[Stage::Input as usize] = input_digest(input);
         let found = checks::check_input(&self.robot, &self.params, &self.state, input);
@@ -305,7 +296,7 @@ impl Controller for Quadruped {
             modes::update_rest_time(state, &input.state, dt);
             modes::follow(robot, params, stand_sit, &mut scratch.estimate, state, input, &mut request)
         });
-        probe.stage_done(Stage::Input);
+        probe.stage_done(Stage::Input as usize);
 
         let found = match self.state.mode {
             _ if found.is_some() => found,
@@ -331,7 +322,7 @@ impl Controller for Quadruped {
             }
         }
         self.publish(input, &digests, out);
-        probe.stage_done(Stage::Output);
+        probe.stage_done(Stage::Output as usize);
     }
 
     fn snapshot(&self, out: &mut Vec<u8>) {

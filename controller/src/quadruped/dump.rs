@@ -28,23 +28,23 @@ impl Quadruped {
         let ran = &self.messages.tick;
         let mut stages = Vec::new();
         let mut overview = Overview::default();
-        if ran.digest_estimation != 0 || ran.digest_gait != 0 {
+        if ran.digest[Stage::Estimation as usize] != 0 || ran.digest[Stage::Gait as usize] != 0 {
             overview.contacts =
                 Leg::ALL.map(|leg| ContactSummary { name: leg.name().to_owned(), ..ContactSummary::default() }).into();
         }
-        if ran.digest_estimation != 0 {
+        if ran.digest[Stage::Estimation as usize] != 0 {
             stages.push((Stage::Estimation, self.estimation()));
             self.summarize_estimation(&mut overview);
         }
-        if ran.digest_gait != 0 {
+        if ran.digest[Stage::Gait as usize] != 0 {
             stages.push((Stage::Gait, self.gait()));
             self.summarize_gait(&mut overview);
         }
-        if ran.digest_tasks != 0 {
+        if ran.digest[Stage::Tasks as usize] != 0 {
             stages.push((Stage::Tasks, self.tasks()));
             self.summarize_tasks(&mut overview);
         }
-        if ran.digest_qp != 0 {
+        if ran.digest[Stage::Qp as usize] != 0 {
             let row_names = self.scratch.wbc.row_names(&self.robot);
             overview.levels = self
                 .scratch

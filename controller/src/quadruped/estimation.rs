@@ -188,13 +188,13 @@ impl Estimate {
 
 /// Computes base orientation and rates from the IMU.
 pub fn base_estimate(robot: &Robot, measured: &RobotState) -> BaseEstimate {
-    let [w, x, y, z] = measured.q_WI_wxyz;
+    let [w, x, y, z] = measured.q_WI_wxyz[0];
     let length = (w * w + x * x + y * y + z * z).sqrt();
     let R_WI = quaternion::to_rotation([w / length, x / length, y / length, z / length]);
     let R_WB = R_WI * robot.R_IB;
     let rpy = rpy_of(&R_WB);
     let R_WH = Rz(rpy[2]);
-    let w_WB_W = R_WI * Vector3::from(measured.w_WI_I);
+    let w_WB_W = R_WI * Vector3::from(measured.w_WI_I[0]);
     // The heading is that of the base's x axis, so its rate is the rate of the axis' horizontal projection.
     let x_B = R_WB.column(0).into_owned();
     let xd_B = w_WB_W.cross(&x_B);

@@ -35,7 +35,7 @@ use super::state::{Mode, MovePhase, State};
 use crate::params::Params;
 use crate::safety::{Fault, check_joint_limits, fault};
 use crate::time::seconds;
-use lcmtypes::{ControllerInput, ControllerTick, OperatorCommand, RobotState};
+use lcmtypes::{ControllerTick, OperatorCommand, RobotState, TickInput};
 
 /// Length of the legs above which the robot counts as standing, as a fraction of the nominal height.
 const STANDING: f64 = 0.75;
@@ -70,7 +70,7 @@ pub struct OperatorRequest {
 
 /// Reads the operator's request. A command that is too old, contains non-finite numbers or has an unknown mode requests nothing; a request for
 /// damping is valid at any age.
-pub fn operator_request(params: &Params, input: &ControllerInput) -> OperatorRequest {
+pub fn operator_request(params: &Params, input: &TickInput) -> OperatorRequest {
     let op = &input.op;
     let none = |rejected| OperatorRequest { mode: ModeRequest::None, rejected };
     if op.mode == OperatorCommand::MODE_DAMPING {
@@ -105,7 +105,7 @@ pub fn follow(
     stand_sit: &StandSit,
     estimate: &mut Estimate,
     state: &mut State,
-    input: &ControllerInput,
+    input: &TickInput,
     request: &mut OperatorRequest,
 ) -> Option<Fault> {
     let measured = &input.state;

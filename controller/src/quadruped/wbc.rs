@@ -242,8 +242,8 @@ impl Wbc {
     fn check_at_home(&mut self, robot: &Robot, params: &Params) -> Result<(), StackError> {
         let mut estimate = Estimate::new(robot);
         let nj = robot.nj();
-        let mut measured = RobotState { q: robot.q_nominal.clone(), qd: vec![0.0; nj], ..RobotState::default() };
-        measured.q_WI_wxyz = quaternion::from_rotation(&robot.R_IB.transpose());
+        let mut measured = RobotState { q: robot.q_nominal.clone(), ..RobotState::zeros(nj, 1, 0) };
+        measured.q_WI_wxyz[0] = quaternion::from_rotation(&robot.R_IB.transpose());
         estimate.update(robot, &measured);
         let trunk = TrunkReference { R_WB: Matrix3::identity(), w_WB_W: Vector3::zeros() };
         let mut references = References::new(robot);

@@ -13,6 +13,7 @@ use crate::math::rpy_of;
 use crate::params::Params;
 use crate::qp::QpStatus;
 use crate::stack::Level;
+use lcmtypes::channels::Stage;
 use lcmtypes::{BaseTracking, ContactEstimate, ControllerTick, LegState, QuadrupedState, RobotCommand, WbcSolution};
 
 /// The messages of a tick. They are reused in every tick, so that their arrays are allocated only once.
@@ -30,7 +31,7 @@ pub struct Messages {
     pub command: RobotCommand,
     /// CONTROLLER_TICK.
     pub tick: ControllerTick,
-    /// CONTROLLER_SNAPSHOT.
+    /// The controller's part of CONTROLLER_SNAPSHOT.
     pub snapshot: QuadrupedState,
 }
 
@@ -39,6 +40,16 @@ impl Messages {
     pub fn new(robot: &Robot, wbc: &Wbc) -> Self {
         let (nj, nv, n_levels) = (robot.nj(), robot.model.nv(), wbc.stack.levels.len());
         let mut m = Messages { command: RobotCommand::zeros(nj), ..Messages::default() };
+        let n_contacts = i32::try_from(Leg::ALL.len()).expect("four legs");
+        m.contact.n_contacts = n_contacts;
+        m.contact.f_F_W = vec![[0.0; 3]; Leg::ALL.len()];
+        m.contact.f_normal = vec![0.0; Leg::ALL.len()];
+        m.contact.contact = vec![0; Leg::ALL.len()];
+        m.wbc.n_contacts = n_contacts;
+        m.wbc.f_F_W = vec![[0.0; 3]; Leg::ALL.len()];
+        m.wbc.tau_F_W = vec![[0.0; 3]; Leg::ALL.len()];
+        m.tick.digest = vec![0; Stage::ALL.len()];
+        m.tick.n_stages = i32::try_from(Stage::ALL.len()).expect("six stages");
         m.wbc.vd.resize(nv, 0.0);
         m.wbc.level_status.resize(n_levels, WbcSolution::STATUS_NOT_RUN);
         m.wbc.n_levels = i32::try_from(n_levels).expect("a formula has fewer than 2^31 levels");
@@ -49,14 +60,8 @@ impl Messages {
 
     /// Fills CONTACT_ESTIMATE and BASE_TRACKING.
     pub fn estimation(&mut self, robot: &Robot, estimate: &Estimate, trunk: &TrunkReference, wbc: &Wbc, state: &State) {
-        let m = &mut self.contact;
-        (m.t_ns, m.tick) = (state.t_ns, state.tick);
-        m.f_F_W = state.f_F_W.0.map(Into::into);
-        m.f_normal = state.f_F_W.0.map(|f| estimate.n_W.dot(&f));
-        m.contact = state.contact.0.map(i8::from);
-        m.height = state.height;
-        m.n_W = estimate.n_W.into();
-
+        (self.contact.t_ns, self.contact.tick) = (state.t_ns, state.tick);
+        self.contacts(estimate, state);
         let m = &mut self.base;
         (m.t_ns, m.tick) = (state.t_ns, state.tick);
         m.rpy_des = rpy_of(&trunk.R_WB);
@@ -68,6 +73,19 @@ impl Messages {
         m.height_est = state.height;
         m.v_H_des = state.v_H_des;
         m.yaw_rate_des = state.yaw_rate_des;
+    }
+
+    /// Fills the estimates of CONTACT_ESTIMATE.
+    fn contacts(&mut self, estimate: &Estimate, state: &State) {
+        let m = &mut self.contact;
+        for leg in Leg::ALL {
+            let i = leg as usize;
+            m.f_F_W[i] = state.f_F_W[leg].into();
+            m.f_normal[i] = estimate.n_W.dot(&state.f_F_W[leg]);
+            m.contact[i] = i8::from(state.contact[leg]);
+        }
+        m.height = state.height;
+        m.n_W = estimate.n_W.into();
     }
 
     /// Fills LEG_STATE.
@@ -119,13 +137,17 @@ impl Messages {
             ([0.0; 3], 0.0)
         };
         m.vd.copy_from_slice(wbc.vd.as_slice());
-        m.f_F_W = wbc.f_F_W.0.map(Into::into);
+        m.f_F_W.copy_from_slice(&wbc.f_F_W.0.map(Into::into));
     }
 
     /// Fills all estimation and solution messages with the values of a tick that computed nothing: zeros, and STATUS_NOT_RUN.
     pub fn clear(&mut self, state: &State) {
         let (t_ns, tick) = (state.t_ns, state.tick);
-        self.contact = ContactEstimate { t_ns, tick, ..Default::default() };
+        let m = &mut self.contact;
+        (m.t_ns, m.tick, m.height, m.n_W) = (t_ns, tick, 0.0, [0.0; 3]);
+        m.f_F_W.fill([0.0; 3]);
+        m.f_normal.fill(0.0);
+        m.contact.fill(0);
         self.base = BaseTracking { t_ns, tick, ..Default::default() };
         self.legs = LegState { t_ns, tick, ..Default::default() };
         let m = &mut self.wbc;
@@ -133,7 +155,8 @@ impl Messages {
         (m.iterations, m.n_active, m.n_clamped) = (0, 0, 0);
         (m.n_var, m.n_eq, m.n_ineq, m.level) = (0, 0, 0, -1);
         m.level_status.fill(WbcSolution::STATUS_NOT_RUN);
-        (m.residual, m.base_residual, m.f_F_W) = ([0.0; 3], 0.0, [[0.0; 3]; 4]);
+        (m.residual, m.base_residual) = ([0.0; 3], 0.0);
+        m.f_F_W.fill([0.0; 3]);
         m.torque_slack = 0.0;
         m.vd.fill(0.0);
     }
@@ -141,11 +164,7 @@ impl Messages {
     /// Fills CONTACT_ESTIMATE, BASE_TRACKING and LEG_STATE in a tick of standing up or sitting down: the estimates, and a level base as the only
     /// reference.
     pub fn stand_sit(&mut self, robot: &Robot, estimate: &Estimate, state: &State) {
-        self.contact.f_F_W = state.f_F_W.0.map(Into::into);
-        self.contact.f_normal = state.f_F_W.0.map(|f| estimate.n_W.dot(&f));
-        self.contact.contact = state.contact.0.map(i8::from);
-        self.contact.height = state.height;
-        self.contact.n_W = estimate.n_W.into();
+        self.contacts(estimate, state);
         let base = &mut self.base;
         base.rpy_des = [0.0, 0.0, estimate.base.rpy[2]];
         base.rpy_est = estimate.base.rpy;

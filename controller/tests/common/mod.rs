@@ -15,7 +15,7 @@ use controller::quadruped::state::Cadence;
 use controller::quadruped::timing::Timing;
 use controller::{Controller, Outbox};
 use lcmtypes::{
-    BaseTracking, ControllerInput, ControllerTick, LegState, Message, OperatorCommand, RobotCommand, WbcSolution,
+    BaseTracking, ControllerTick, LegState, Message, OperatorCommand, RobotCommand, RobotState, TickInput, WbcSolution,
     channels,
 };
 use nalgebra::{Matrix3, Vector3};
@@ -82,15 +82,15 @@ pub fn wbc_of(out: &Outbox) -> WbcSolution {
 }
 
 /// Writes orientation and angular velocity of the base to a measurement, as the IMU would measure them.
-pub fn set_base(robot: &Robot, input: &mut ControllerInput, R_WB: &Matrix3<f64>, w_WB_W: &Vector3<f64>) {
+pub fn set_base(robot: &Robot, input: &mut TickInput, R_WB: &Matrix3<f64>, w_WB_W: &Vector3<f64>) {
     let R_WI = R_WB * robot.R_IB.transpose();
-    input.state.q_WI_wxyz = quaternion::from_rotation(&R_WI);
-    input.state.w_WI_I = (R_WI.transpose() * w_WB_W).into();
-    input.state.a_I = (R_WI.transpose() * Vector3::z() * GRAVITY).into();
+    input.state.q_WI_wxyz[0] = quaternion::from_rotation(&R_WI);
+    input.state.w_WI_I[0] = (R_WI.transpose() * w_WB_W).into();
+    input.state.a_I[0] = (R_WI.transpose() * Vector3::z() * GRAVITY).into();
 }
 
 /// Writes the joint torques from which the estimator computes the forces `f_F_W`: `tau = h - Jᵀ F` at the joints.
-pub fn set_torques(robot: &Robot, estimate: &mut Estimate, input: &mut ControllerInput, f_F_W: &[Vector3<f64>; 4]) {
+pub fn set_torques(robot: &Robot, estimate: &mut Estimate, input: &mut TickInput, f_F_W: &[Vector3<f64>; 4]) {
     estimate.update(robot, &input.state);
     for j in 0..robot.nj() {
         let lever = |leg: Leg| estimate.contacts[leg].J.column(6 + j).dot(&f_F_W[leg as usize]);
@@ -99,14 +99,11 @@ pub fn set_torques(robot: &Robot, estimate: &mut Estimate, input: &mut Controlle
 }
 
 /// A measurement of HyQ: level, in the nominal posture, the weight on all feet, no operator message yet.
-pub fn standing(robot: &Robot) -> ControllerInput {
-    let mut input = ControllerInput::default();
-    let nj = robot.nj();
+pub fn standing(robot: &Robot) -> TickInput {
+    let mut input = TickInput::default();
     input.op.seq = -1;
-    input.state.nj = i32::try_from(nj).unwrap();
+    input.state = RobotState::zeros(robot.nj(), 1, 0);
     input.state.q.clone_from(&robot.q_nominal);
-    input.state.qd = vec![0.0; nj];
-    input.state.tau = vec![0.0; nj];
     set_base(robot, &mut input, &Matrix3::identity(), &Vector3::zeros());
     let f = Vector3::z() * (robot.mass() * GRAVITY / 4.0);
     set_torques(robot, &mut Estimate::new(robot), &mut input, &[f; 4]);
@@ -142,7 +139,7 @@ pub fn operator_at(tick: i64) -> OperatorCommand {
 /// Computes the input of each tick from the outputs of the tick before.
 pub struct Puppet {
     /// The input of the next tick.
-    pub input: ControllerInput,
+    pub input: TickInput,
     /// Factor on sway and sensor noise.
     pub noise: f64,
     robot: Robot,
@@ -258,7 +255,7 @@ pub fn messages(out: &Outbox) -> Messages {
 
 /// Inputs and outputs, tick by tick.
 pub struct Run {
-    pub inputs: Vec<ControllerInput>,
+    pub inputs: Vec<TickInput>,
     pub outputs: Vec<Messages>,
 }
 

@@ -115,8 +115,10 @@ impl FaultInjection {
                 }
                 Effect::ClockJump { jump_ns } => state.t_ns = state.t_ns.saturating_add(*jump_ns),
                 Effect::ImuBias { gyro, turn_wxyz } => {
-                    state.w_WI_I.iter_mut().zip(gyro).for_each(|(read, bias)| *read += *bias);
-                    state.q_WI_wxyz = quaternion::product(state.q_WI_wxyz, *turn_wxyz);
+                    for (w_WI_I, q_WI_wxyz) in state.w_WI_I.iter_mut().zip(&mut state.q_WI_wxyz) {
+                        w_WI_I.iter_mut().zip(&*gyro).for_each(|(read, bias)| *read += *bias);
+                        *q_WI_wxyz = quaternion::product(*q_WI_wxyz, *turn_wxyz);
+                    }
                 }
                 Effect::DropOperator | Effect::DropCommand | Effect::TorqueLoss { .. } | Effect::FalseTouch { .. } => {}
             }
@@ -298,11 +300,12 @@ mod tests {
         let quarter = std::f64::consts::FRAC_PI_2;
         let mut faults = faults(FaultKind::ImuBias { gyro: [0.1, 0.0, -0.2], orientation: [quarter, 0.0, 0.0] });
         let half = std::f64::consts::FRAC_1_SQRT_2;
-        let mut state = RobotState { q_WI_wxyz: [half, 0.0, 0.0, half], w_WI_I: [1.0, 2.0, 3.0], ..state(12) };
+        let mut state =
+            RobotState { q_WI_wxyz: vec![[half, 0.0, 0.0, half]], w_WI_I: vec![[1.0, 2.0, 3.0]], ..state(12) };
         assert!(faults.on_state(12, &mut state));
-        assert_eq!(state.w_WI_I, [1.1, 2.0, 2.8]);
+        assert_eq!(state.w_WI_I, [[1.1, 2.0, 2.8]]);
         // (1 + k)(1 + i) / 2 = (1 + i + k + ki) / 2, and ki = j.
-        state.q_WI_wxyz.iter().for_each(|part| assert!((part - 0.5).abs() < 1e-15, "{:?}", state.q_WI_wxyz));
+        state.q_WI_wxyz[0].iter().for_each(|part| assert!((part - 0.5).abs() < 1e-15, "{:?}", state.q_WI_wxyz));
     }
 
     #[test]

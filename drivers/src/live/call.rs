@@ -1,7 +1,7 @@
 //! Calls from other threads to the real-time thread, and their results on the way back.
 
 use controller::handover::Parameters;
-use controller::{Controller, RestoreError};
+use controller::{Component, RestoreError};
 use lcmtypes::{OperatorCommand, ParameterChange};
 use rtrb::{Consumer, Producer, RingBuffer};
 
@@ -52,7 +52,7 @@ pub struct Handover {
     /// The request.
     pub id: RequestId,
     /// The new controller; on return the replaced one, or the new one if it was refused.
-    pub controller: Box<dyn Controller>,
+    pub controller: Component,
     /// The change; the real-time thread sets its time and tick.
     pub change: ParameterChange,
     /// All parameters after the change.

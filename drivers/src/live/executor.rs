@@ -2,13 +2,13 @@
 
 use super::clock::{TickSchedule, now_ns};
 use super::peers::{Finding, Peers};
-use super::publisher::{Publisher, PublisherReport, joints};
+use super::publisher::{Publisher, PublisherReport};
 use super::realtime_loop::{End, EndCause, Ending, RealtimeLoop, RealtimeReport};
 use super::{Granted, Hardware, Lateness, RealtimeParams, call_ring, message_ring};
 use crate::DriverError;
 use crate::command_mux::CommandMux;
-use crate::robot_info::robot_info;
-use controller::Controller;
+use crate::robot_info::of_run;
+use controller::Component;
 use lcmtypes::bus::Bus;
 use lcmtypes::{Message, RobotInfo, RunInfo, channels, new_sender_id};
 use std::sync::Arc;
@@ -27,8 +27,8 @@ const PUBLISHER_PRIORITY: u8 = 1;
 
 /// Description of a run for [`Executor::start`].
 pub struct Plan {
-    /// The controllers as one, as in RUN_INFO.
-    pub controller: Box<dyn Controller>,
+    /// The component that commands the robot, as in RUN_INFO.
+    pub component: Component,
     /// Name of each controller, and whether it runs from the first tick on; in the order of RUN_INFO.
     pub controllers: Vec<(String, bool)>,
     /// The robot.
@@ -78,7 +78,7 @@ impl Executor {
     /// # Errors
     /// If the bus refuses a subscription, a thread cannot be started, the driver has another robot, or another run is active.
     pub fn start(plan: Plan) -> Result<Self, DriverError> {
-        let Plan { controller, controllers, mut hardware, mut bus, mut operators, mut info, schedule, ticks, realtime } =
+        let Plan { component, controllers, mut hardware, mut bus, mut operators, mut info, schedule, ticks, realtime } =
             plan;
         operators.start(now_ns());
         bus.subscribe(channels::EXECUTOR_COMMAND)?;
@@ -89,7 +89,7 @@ impl Executor {
         let (calls_in, calls_out) = call_ring();
         info.run_id = new_sender_id();
         let peers = if hardware.is_on_bus() {
-            let robot = robot_info(&info.robot, &info.urdf, &joints(&info), info.run_id);
+            let robot = of_run(&info);
             let mut peers = Peers::new(RobotInfo { t_start_ns: now_ns(), ..robot });
             hardware.listen_to(find_driver(&mut peers, &mut *bus)?);
             Some(peers)
@@ -99,7 +99,7 @@ impl Executor {
         let (granted_in, granted_out) = mpsc::channel();
         let running = controllers.iter().enumerate().fold(0, |bits, (k, (_, starts))| bits | i64::from(*starts) << k);
         let mut realtime_loop =
-            RealtimeLoop::new(controller, (info.run_id, running), hardware, calls_out, messages_in, schedule);
+            RealtimeLoop::new(component, (info.run_id, running), hardware, calls_out, messages_in, schedule);
         let realtime_thread = spawn("real-time", {
             let (ending, realtime) = (ending.clone(), realtime.clone());
             move || {
@@ -112,7 +112,7 @@ impl Executor {
         let granted = granted_out.recv().unwrap_or_default();
         info.realtime = format!("live, every {} us, {}", schedule.period_ns / 1000, granted.text());
         let names = controllers.into_iter().map(|(name, _)| name).collect();
-        let lateness = Lateness::new(schedule.period_ns);
+        let lateness = Lateness::new(schedule.period_ns, info.stages());
         let publisher =
             Publisher::new((messages_out, calls_in), (bus, peers), operators, info, names, lateness, ending.clone());
         // On a busy machine it must not fall behind by more than the window within which a log's reader sorts messages.

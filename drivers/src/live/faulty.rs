@@ -6,9 +6,9 @@
 
 use super::Hardware;
 use super::clock::{now_ns, sleep_until};
-use super::hardware::empty_state;
 use crate::fault_injection::{FaultKind, FaultWindow};
 use crate::{DriverError, FaultInjection};
+use controller::runtime::empty_state;
 use lcmtypes::RobotState;
 
 /// Hardware with injected faults. The scenario's time starts with the first measurement.

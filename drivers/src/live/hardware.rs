@@ -3,6 +3,7 @@
 use super::clock::now_ns;
 use super::socket::{LcmReceiver, LcmSender};
 use crate::DriverError;
+use controller::runtime::empty_state;
 use lcmtypes::{Message, RobotState, channels};
 use replay::udpm::Url;
 use std::net::SocketAddrV4;
@@ -35,15 +36,6 @@ pub trait Hardware: Send {
     }
 }
 
-/// Joints for which memory is allocated in advance. A robot with more joints causes allocations in its first ticks.
-const JOINTS: usize = 64;
-
-/// A state without joints, with memory allocated for them.
-pub fn empty_state() -> RobotState {
-    let room = || Vec::with_capacity(JOINTS);
-    RobotState { q: room(), qd: room(), tau: room(), ..RobotState::default() }
-}
-
 /// No robot: joints at rest in a posture, IMU upright. For tests of the executor and measurements of its jitter.
 pub struct Dummy {
     state: RobotState,
@@ -52,11 +44,7 @@ pub struct Dummy {
 impl Dummy {
     /// A robot with joint positions `q`, rad.
     pub fn new(q: Vec<f64>) -> Self {
-        let nj = q.len();
-        let mut state = RobotState { seq: -1, q, qd: vec![0.0; nj], tau: vec![0.0; nj], ..RobotState::default() };
-        state.nj = i32::try_from(nj).expect("robots have fewer than 2^31 joints");
-        (state.q_WI_wxyz, state.a_I) = ([1.0, 0.0, 0.0, 0.0], [0.0, 0.0, 9.81]);
-        Dummy { state }
+        Dummy { state: RobotState { seq: -1, q: q.clone(), ..RobotState::zeros(q.len(), 1, 0) } }
     }
 }
 

@@ -1,6 +1,6 @@
 //! Late and skipped ticks, summarized in at most one sentence per second.
 
-use lcmtypes::{Timing, channels::Stage};
+use lcmtypes::Timing;
 
 /// Shortest time between two reports, ns.
 const EVERY_NS: i64 = 1_000_000_000;
@@ -9,6 +9,8 @@ const EVERY_NS: i64 = 1_000_000_000;
 #[derive(Debug)]
 pub struct Lateness {
     period_ns: i64,
+    /// Names of the stages.
+    stages: Vec<String>,
     last: Option<Timing>,
     next_report_ns: i64,
     unreported: Unreported,
@@ -32,9 +34,15 @@ struct Worst {
 }
 
 impl Lateness {
-    /// For ticks that are due every `period_ns`.
-    pub fn new(period_ns: i64) -> Self {
-        Lateness { period_ns, last: None, next_report_ns: i64::MIN, unreported: Unreported::default() }
+    /// For ticks that are due every `period_ns`, with the names of their stages.
+    pub fn new(period_ns: i64, stages: &[String]) -> Self {
+        Lateness {
+            period_ns,
+            stages: stages.to_vec(),
+            last: None,
+            next_report_ns: i64::MIN,
+            unreported: Unreported::default(),
+        }
     }
 
     /// Takes the timing of the next tick.
@@ -51,7 +59,7 @@ impl Lateness {
         let late_ns = timing.end_ns - timing.deadline_ns;
         if late_ns > 0 {
             self.unreported.late += 1;
-            self.note(late_ns, timing, longest_part(timing, self.period_ns));
+            self.note(late_ns, timing, longest_part(timing, self.period_ns, &self.stages));
         }
         self.last = Some(timing.clone());
     }
@@ -82,13 +90,11 @@ impl Lateness {
 }
 
 /// The part of a late tick that took longest: its wake-up, receiving, a stage, or sending.
-fn longest_part(timing: &Timing, period_ns: i64) -> String {
+fn longest_part(timing: &Timing, period_ns: i64, stages: &[String]) -> String {
     let Timing { wake_ns, start_ns, end_ns, deadline_ns, stage_ns, .. } = timing;
     let due_ns = deadline_ns - period_ns;
     let mut parts = vec![("wake-up".to_owned(), wake_ns - due_ns), ("receiving".to_owned(), start_ns - wake_ns)];
-    for stage in Stage::ALL {
-        parts.push((format!("stage {}", stage.name()), stage_ns[stage as usize]));
-    }
+    parts.extend(stages.iter().zip(stage_ns).map(|(stage, ns)| (format!("stage {stage}"), *ns)));
     parts.push(("sending".to_owned(), end_ns - start_ns - stage_ns.iter().sum::<i64>()));
     let (what, ns) = parts.into_iter().max_by_key(|(_, ns)| *ns).expect("there are several parts");
     format!("{what} took {} us", ns / 1000)
@@ -97,21 +103,27 @@ fn longest_part(timing: &Timing, period_ns: i64) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use lcmtypes::channels::Stage;
+
+    fn lateness() -> Lateness {
+        Lateness::new(1_000_000, &Stage::NAMES.map(str::to_owned))
+    }
 
     const US: i64 = 1000;
 
     /// A tick that is due at `due` µs; it wakes and ends so many µs later, with most of the time in the solver.
     fn timing(tick: i64, due: i64, woken: i64, done: i64) -> Timing {
         let t = |us: i64| (1_000_000 + due + us) * US;
-        let mut stage_ns = [US; 6];
+        let mut stage_ns = vec![US; Stage::ALL.len()];
         stage_ns[Stage::Qp as usize] = (done - woken - 6) * US;
         let (wake_ns, start_ns, end_ns) = (t(woken), t(woken), t(done));
-        Timing { t_ns: wake_ns, tick, wall_ns: 0, wake_ns, start_ns, end_ns, deadline_ns: t(1000), stage_ns }
+        let (deadline_ns, n_stages) = (t(1000), 6);
+        Timing { t_ns: wake_ns, tick, wall_ns: 0, wake_ns, start_ns, end_ns, deadline_ns, n_stages, stage_ns }
     }
 
     /// Late ticks, skipped ticks, delay in us and tick of the worst delay, and whether the reason contains `why`.
     fn check(ticks: &[Timing], counts: Option<(u64, u64, i64, i64)>, why: &str) {
-        let mut lateness = Lateness::new(1_000_000);
+        let mut lateness = self::lateness();
         ticks.iter().for_each(|tick| lateness.add(tick));
         let Unreported { late, skipped, worst } = &lateness.unreported;
         let found = worst.as_ref().map(|worst| (*late, *skipped, worst.delay_ns / US, worst.tick));
@@ -135,7 +147,7 @@ mod tests {
 
     #[test]
     fn there_is_at_most_one_report_per_second_and_one_at_the_end() {
-        let mut lateness = Lateness::new(1_000_000);
+        let mut lateness = self::lateness();
         let mut reports = 0;
         for tick in 0..2500 {
             lateness.add(&timing(tick, tick * 2000, 10, 1500));

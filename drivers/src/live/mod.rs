@@ -49,7 +49,7 @@ pub use hardware::{Dummy, Hardware, LcmRobot};
 pub use joint_range::JointRange;
 pub use lateness::Lateness;
 pub use message_ring::{MessageReceiver, MessageSender, RingMessage, message_ring};
-pub use publisher::{PublisherReport, RUN_INFO_EVERY_NS, joints};
+pub use publisher::{PublisherReport, RUN_INFO_EVERY_NS};
 pub use realtime::{Granted, LIMITS_FIX, RealtimeParams, memory_limit};
 pub use realtime_loop::{End, EndCause, Ending, RealtimeLoop, RealtimeReport};
 pub use socket::{LcmReceiver, LcmSender, has_traffic};

@@ -1,6 +1,6 @@
 //! Outcome of operator commands, as REQUEST_REPLY: whether the controller follows the mode that an operator requests.
 
-use lcmtypes::{ControllerInput, ControllerTick, OperatorCommand, RequestReply, enum_names};
+use lcmtypes::{ControllerTick, OperatorCommand, RequestReply, TickInput, enum_names};
 use std::collections::VecDeque;
 
 /// Forwarded commands that are remembered: more than can wait for the real-time thread.
@@ -52,7 +52,7 @@ impl OperatorReplies {
     }
 
     /// Takes input and result of a tick. A result of another tick than the input is ignored: its request is unknown.
-    pub fn tick(&mut self, input: &ControllerInput, tick: &ControllerTick) -> Option<RequestReply> {
+    pub fn tick(&mut self, input: &TickInput, tick: &ControllerTick) -> Option<RequestReply> {
         let op = &input.op;
         let consumed = (op.sender_id, op.seq, input.t_op_ns);
         if input.tick != tick.tick || !self.forwarded.contains(&consumed) {
@@ -131,7 +131,7 @@ mod tests {
 
     /// Code and request of the reply to a command that arrived at 5 ns and is consumed by tick 40.
     fn consumed(replies: &mut OperatorReplies, op: &OperatorCommand, mode: i8, fault: i32) -> Option<(i8, i64)> {
-        let input = ControllerInput { op: op.clone(), tick: 40, t_op_ns: 5, ..ControllerInput::default() };
+        let input = TickInput { op: op.clone(), tick: 40, t_op_ns: 5, ..TickInput::default() };
         let tick = ControllerTick { mode, fault, tick: 40, ..ControllerTick::default() };
         replies.tick(&input, &tick).map(|reply| (reply.code, reply.request_id))
     }
@@ -159,7 +159,7 @@ mod tests {
         replies.forwarded(5, &stand);
         let of = |sender_id, t_op_ns, tick| {
             let op = OperatorCommand { sender_id, ..stand.clone() };
-            ControllerInput { op, t_op_ns, tick, ..ControllerInput::default() }
+            TickInput { op, t_op_ns, tick, ..TickInput::default() }
         };
         let tick = ControllerTick { mode: ControllerTick::MODE_STANCE, tick: 40, ..ControllerTick::default() };
         for other in [of(PLANNER, 5, 40), of(PAD, 6, 40), of(PAD, 5, 39)] {

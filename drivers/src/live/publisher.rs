@@ -9,12 +9,12 @@ use super::requests::Requests;
 use super::{CallSender, Lateness};
 use crate::command_mux::CommandMux;
 use crate::watch::{FaultOfRun, ModeEvent, ModeWatch};
+use controller::Unpacked;
 use lcmtypes::bus::{Bus, Received};
 use lcmtypes::{
-    ControllerInput, ControllerTick, DecodeError, Event, Message, ParameterChange, RobotInfo, RunInfo, Timing,
-    channels, enum_names,
+    ControllerInput, ControllerTick, DecodeError, Event, Message, ParameterChange, RobotInfo, RunInfo, TickInput,
+    Timing, channels, enum_names,
 };
-use robot_model::{JointKind, UrdfTree};
 use std::sync::Arc;
 use std::sync::atomic::Ordering;
 use std::time::Duration;
@@ -274,8 +274,9 @@ struct TickEvents {
     is_ending: bool,
     modes: ModeWatch,
     lateness: Lateness,
-    /// Decoded messages of the present tick.
+    /// Decoded messages of the present tick, and what holds of them.
     input: ControllerInput,
+    unpacked: Unpacked,
     timing: Timing,
 }
 
@@ -286,9 +287,10 @@ impl TickEvents {
             running: 0,
             ending,
             is_ending: false,
-            modes: ModeWatch::new(joints(info)).with_limits(info),
+            modes: ModeWatch::new(info.joints.clone()).with_limits(info),
             lateness,
             input: ControllerInput::default(),
+            unpacked: Unpacked::default(),
             timing: Timing::default(),
         }
     }
@@ -297,6 +299,7 @@ impl TickEvents {
     fn take(&mut self, message: RingMessage, requests: &mut Requests, out: &mut Outgoing) {
         match message.channel {
             channels::CONTROLLER_INPUT if self.input.decode_into(message.data).is_ok() => {
+                self.unpacked.update(&self.input);
                 self.report_running(out);
                 self.report_end(out);
             }
@@ -305,7 +308,7 @@ impl TickEvents {
                     if let Some(ModeEvent { level, text, .. }) = self.modes.update(&tick) {
                         out.event(tick.t_ns, tick.tick, level, "controller", text);
                     }
-                    requests.tick(&self.input, &tick, out);
+                    requests.tick(self.unpacked.input(), &tick, out);
                 }
             }
             channels::PARAMETER_CHANGE => {
@@ -323,7 +326,7 @@ impl TickEvents {
 
     /// Reports which controllers were started and stopped.
     fn report_running(&mut self, out: &mut Outgoing) {
-        let ControllerInput { t_ns, tick, running, .. } = self.input;
+        let TickInput { t_ns, tick, running, .. } = *self.unpacked.input();
         let changed = std::mem::replace(&mut self.running, running) ^ running;
         for (k, name) in self.controllers.iter().enumerate().filter(|(k, _)| changed >> k & 1 == 1) {
             let what = if running >> k & 1 == 1 { "started" } else { "stopped" };
@@ -333,7 +336,7 @@ impl TickEvents {
 
     /// Reports that the run is ending: from then on the executor's command replaces the operator's, with the time of the tick itself.
     fn report_end(&mut self, out: &mut Outgoing) {
-        let ControllerInput { t_ns, tick, t_op_ns, ref op, .. } = self.input;
+        let TickInput { t_ns, tick, t_op_ns, ref op, .. } = *self.unpacked.input();
         if !self.is_ending && t_op_ns == t_ns {
             self.is_ending = true;
             let cause = self.ending.cause();
@@ -348,11 +351,4 @@ impl TickEvents {
             out.event(t_ns, tick, Event::LEVEL_WARNING, "executor", text);
         }
     }
-}
-
-/// Names of the robot's actuated joints, in URDF order; empty if the URDF cannot be read.
-pub fn joints(info: &RunInfo) -> Vec<String> {
-    let tree = UrdfTree::parse(&info.urdf, &info.robot).ok();
-    let joints = tree.into_iter().flat_map(|tree| tree.joints);
-    joints.filter(|joint| joint.kind != JointKind::Fixed).map(|joint| joint.name).collect()
 }

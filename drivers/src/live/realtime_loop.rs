@@ -3,12 +3,12 @@
 use super::Hardware;
 use super::call::{Call, CallReceiver, CallResult, Handover, HandoverError, Switch};
 use super::clock::{TickSchedule, now_ns, sleep_until};
-use super::hardware::empty_state;
 use super::message_ring::MessageSender;
 use crate::stage_clock::StageClock;
 use controller::handover::take_over;
-use controller::{Controller, Outbox};
-use lcmtypes::{ControllerInput, ControllerTick, Event, Message, OperatorCommand, Timing, channels};
+use controller::runtime::empty_state;
+use controller::{Component, Delivery, Outbox};
+use lcmtypes::{ControllerTick, Event, Message, OperatorCommand, RobotState, Running, channels};
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::atomic::{AtomicU8, AtomicU64, Ordering};
 
@@ -18,6 +18,8 @@ pub const LAST_TICKS: i64 = 20;
 const SIT_NS: i64 = 15_000_000_000;
 /// Longest time until the robot begins to sit down, ns: it may have steps to finish. Some controllers cannot sit.
 const SIT_BEGINS_NS: i64 = 3_000_000_000;
+/// Messages of a tick that are left for the executor's own: its request, and changes of the running controllers.
+const RESERVED: usize = 4;
 /// Consecutive ticks that may take longer than a period.
 const OVERRUNS: u32 = 3;
 
@@ -131,14 +133,24 @@ pub struct RealtimeReport {
 
 /// Data of the real-time thread.
 pub struct RealtimeLoop {
-    controller: Box<dyn Controller>,
+    component: Component,
     hardware: Box<dyn Hardware>,
     calls: CallReceiver,
     ring: MessageSender,
     schedule: TickSchedule,
-    input: ControllerInput,
+    delivery: Delivery,
+    run_id: i64,
+    /// The newest measurement.
+    robot: RobotState,
+    /// The newest command that was delivered.
+    op: OperatorCommand,
+    /// Bit k: the k-th controller runs; and the bits that were delivered last.
+    running: i64,
+    delivered_running: Option<i64>,
     outbox: Outbox,
     bytes: Vec<u8>,
+    /// Decoding buffer.
+    status: ControllerTick,
     /// `controller_tick_t` MODE_* of the last tick; `None` before the first one.
     mode: Option<i8>,
     /// Snapshot buffer for a handover.
@@ -152,27 +164,34 @@ pub struct RealtimeLoop {
 impl RealtimeLoop {
     /// Allocates all that a tick needs. `run_id`: as in RUN_INFO. Bit k of `running`: the k-th controller runs from the first tick on.
     pub fn new(
-        controller: Box<dyn Controller>,
+        component: Component,
         (run_id, running): (i64, i64),
         hardware: Box<dyn Hardware>,
         calls: CallReceiver,
         ring: MessageSender,
         schedule: TickSchedule,
     ) -> Self {
-        let mut input = ControllerInput { run_id, running, state: empty_state(), ..ControllerInput::default() };
-        input.op.seq = -1;
         RealtimeLoop {
-            controller,
+            clock: StageClock::new(component.stages().len()),
+            status: ControllerTick {
+                digest: Vec::with_capacity(component.stages().len()),
+                ..ControllerTick::default()
+            },
+            component,
             hardware,
             calls,
             ring,
             schedule,
-            input,
+            delivery: Delivery::new(run_id),
+            run_id,
+            robot: empty_state(),
+            op: OperatorCommand { seq: -1, ..OperatorCommand::default() },
+            running,
+            delivered_running: None,
             outbox: Outbox::new(),
             bytes: Vec::with_capacity(1 << 16),
             mode: None,
             state: Vec::with_capacity(1 << 16),
-            clock: StageClock::default(),
             overruns: 0,
             report: RealtimeReport::default(),
         }
@@ -227,14 +246,20 @@ impl RealtimeLoop {
 
     /// One tick. `instead`: mode that the executor requests in place of the operator; an emergency stop stays in force.
     fn tick(&mut self, wake_ns: i64, deadline_ns: i64, instead: Option<i8>) {
-        self.hardware.receive(&mut self.input.state);
-        (self.input.t_ns, self.input.tick) = (wake_ns, self.report.ticks);
-        while let Some(call) = self.calls.next() {
+        self.delivery.begin(wake_ns, self.report.ticks);
+        if self.hardware.receive(&mut self.robot) {
+            let Self { delivery, robot, .. } = self;
+            deliver(delivery, channels::ROBOT_STATE, wake_ns, robot);
+        }
+        // Calls beyond that wait for the next tick.
+        while self.delivery.room() > RESERVED
+            && let Some(call) = self.calls.next()
+        {
             match call {
                 Call::Operator { t_ns, command } => {
                     let is_stop = |op: &OperatorCommand| op.mode == OperatorCommand::MODE_DAMPING;
-                    let begins_stop = is_stop(&command) && !is_stop(&self.input.op);
-                    (self.input.t_op_ns, self.input.op) = (t_ns, command);
+                    let begins_stop = is_stop(&command) && !is_stop(&self.op);
+                    self.deliver_operator(t_ns, command);
                     // Later calls wait for the next tick, so that a tick consumes the emergency stop even if it is cleared at once.
                     if begins_stop {
                         break;
@@ -245,12 +270,12 @@ impl RealtimeLoop {
                 Call::Handover(handover) => self.hand_over(handover),
             }
         }
-        let is_stopped = self.input.op.mode == OperatorCommand::MODE_DAMPING;
+        let is_stopped = self.op.mode == OperatorCommand::MODE_DAMPING;
         if let Some(mode) = instead.filter(|mode| !is_stopped || *mode == OperatorCommand::MODE_DAMPING) {
-            let seq = self.input.op.seq.max(0);
-            (self.input.t_op_ns, self.input.op) =
-                (wake_ns, OperatorCommand { sender_id: self.input.run_id, mode, seq, ..OperatorCommand::default() });
+            let (sender_id, seq) = (self.run_id, self.op.seq.max(0));
+            self.deliver_operator(wake_ns, OperatorCommand { sender_id, mode, seq, ..OperatorCommand::default() });
         }
+        self.deliver_running();
 
         self.step();
         if let Some(command) = self.outbox.get(channels::ROBOT_COMMAND) {
@@ -261,38 +286,58 @@ impl RealtimeLoop {
         self.pass_tick();
         self.stop_overrun(self.clock.elapsed_ns(end_ns));
 
-        let timing = self.clock.timing(wake_ns, self.input.tick);
-        encode(&mut self.bytes, &Timing { wake_ns, end_ns, deadline_ns, ..timing });
+        let timing = self.clock.timing(wake_ns, self.report.ticks);
+        (timing.wake_ns, timing.end_ns, timing.deadline_ns) = (wake_ns, end_ns, deadline_ns);
+        encode(&mut self.bytes, timing);
         self.pass_bytes(channels::TIMING);
         self.report.ticks += 1;
     }
 
+    fn deliver_operator(&mut self, t_arrival_ns: i64, command: OperatorCommand) {
+        deliver(&mut self.delivery, channels::OPERATOR_COMMAND, t_arrival_ns, &command);
+        self.op = command;
+    }
+
+    /// Delivers which controllers run, if it has changed.
+    fn deliver_running(&mut self) {
+        if self.delivered_running != Some(self.running) {
+            self.delivered_running = Some(self.running);
+            let (t_ns, running) = (self.t_ns(), self.running);
+            deliver(&mut self.delivery, channels::RUNNING, t_ns, &Running { t_ns, running });
+        }
+    }
+
+    /// Time of the present tick, ns.
+    fn t_ns(&self) -> i64 {
+        self.delivery.input().t_ns
+    }
+
     /// Starts or stops a controller.
     fn switch(&mut self, switch: Switch) {
-        let running = &mut self.input.running;
+        let running = &mut self.running;
         let before = std::mem::replace(
             running,
             if switch.start { *running | 1 << switch.controller } else { *running & !(1 << switch.controller) },
         );
-        let ControllerInput { t_ns, tick, running, .. } = self.input;
-        self.put_result(CallResult::Switched { switch, t_ns, tick, changed: running != before });
+        let (t_ns, tick, changed) = (self.t_ns(), self.report.ticks, self.running != before);
+        self.put_result(CallResult::Switched { switch, t_ns, tick, changed });
     }
 
     /// Replaces the controller by one with other parameters before this tick's step, and logs it before this tick's input.
     fn hand_over(&mut self, mut handover: Box<Handover>) {
         let Handover { controller: next, change, refused, .. } = &mut *handover;
-        let (now, state) = (&*self.controller, &mut self.state);
-        match catch_unwind(AssertUnwindSafe(|| take_over(now, &mut **next, state))) {
+        let (now, state) = (&self.component, &mut self.state);
+        match catch_unwind(AssertUnwindSafe(|| take_over(now, next, state))) {
             Ok(Ok(())) => {
-                std::mem::swap(&mut self.controller, next);
-                (change.t_ns, change.tick) = (self.input.t_ns, self.input.tick);
+                std::mem::swap(&mut self.component, next);
+                (change.t_ns, change.tick) = (self.delivery.input().t_ns, self.report.ticks);
                 encode(&mut self.bytes, change);
                 self.pass_bytes(channels::PARAMETER_CHANGE);
             }
             Ok(Err(error)) => *refused = Some(error.into()),
             Err(panic) => {
                 *refused = Some(HandoverError::Panicked);
-                let running = std::mem::take(&mut self.input.running);
+                let running = std::mem::take(&mut self.running);
                 self.report.panics += 1;
                 self.report_error(format!(
                     "controller panicked in a handover, all controllers stopped: {}; running was {running}",
@@ -312,13 +357,15 @@ impl RealtimeLoop {
     /// logged, and a replay computes the same.
     fn step(&mut self) {
         self.clock.start();
-        let RealtimeLoop { controller, input, outbox, clock, .. } = self;
+        let RealtimeLoop { component, delivery, outbox, clock, .. } = self;
         // A panic leaves only scratch memory, and state that the next start resets, half written.
-        let stepped = catch_unwind(AssertUnwindSafe(|| controller.step_probed(input, outbox, clock)));
+        let stepped = catch_unwind(AssertUnwindSafe(|| component.step_probed(delivery.input(), outbox, clock)));
         if let Err(panic) = stepped {
-            let running = std::mem::take(&mut input.running);
+            let running = std::mem::take(&mut self.running);
+            self.deliver_running();
+            let RealtimeLoop { component, delivery, outbox, clock, .. } = self;
             outbox.clear();
-            let damped = catch_unwind(AssertUnwindSafe(|| controller.step_probed(input, outbox, clock)));
+            let damped = catch_unwind(AssertUnwindSafe(|| component.step_probed(delivery.input(), outbox, clock)));
             // If this fails too, no command is sent and the driver's watchdog damps.
             if damped.is_err() {
                 outbox.clear();
@@ -329,18 +376,19 @@ impl RealtimeLoop {
                 text_of(&*panic)
             ));
         }
-        let tick = self.outbox.get(channels::CONTROLLER_TICK).map(ControllerTick::decode);
-        self.mode = tick.and_then(Result::ok).map(|tick| tick.mode);
+        let RealtimeLoop { outbox, status, mode, .. } = self;
+        let decoded = outbox.get(channels::CONTROLLER_TICK).is_some_and(|bytes| status.decode_into(bytes).is_ok());
+        *mode = decoded.then_some(status.mode);
     }
 
     /// Stops all controllers after several consecutive ticks that took longer than a period.
     fn stop_overrun(&mut self, took_ns: i64) {
-        let is_long = took_ns > self.schedule.period_ns && self.input.running != 0;
+        let is_long = took_ns > self.schedule.period_ns && self.running != 0;
         self.overruns = if is_long { self.overruns + 1 } else { 0 };
         if self.overruns > OVERRUNS {
             self.overruns = 0;
             self.report.overrun_stops += 1;
-            self.input.running = 0;
+            self.running = 0;
             self.report_error(format!(
                 "all controllers stopped: {} consecutive ticks took longer than a period",
                 OVERRUNS + 1
@@ -350,7 +398,7 @@ impl RealtimeLoop {
 
     /// Sends an EVENT. This allocates; the controllers have been stopped by then.
     fn report_error(&mut self, text: String) {
-        let ControllerInput { t_ns, tick, .. } = self.input;
+        let (t_ns, tick) = (self.t_ns(), self.report.ticks);
         let (level, source) = (Event::LEVEL_ERROR, "executor".to_owned());
         let event = Event { t_ns, tick, level, source, text, ..Event::default() };
         encode(&mut self.bytes, &event);
@@ -359,19 +407,25 @@ impl RealtimeLoop {
 
     /// Passes input and outputs of the tick to the publisher.
     fn pass_tick(&mut self) {
-        encode(&mut self.bytes, &self.input);
+        encode(&mut self.bytes, self.delivery.input());
         self.pass_bytes(channels::CONTROLLER_INPUT);
         for (channel, bytes) in self.outbox.iter() {
             if channel != channels::ROBOT_COMMAND || !self.hardware.is_on_bus() {
-                self.report.not_carried += u64::from(!self.ring.push(self.input.t_ns, channel, bytes));
+                self.report.not_carried += u64::from(!self.ring.push(self.delivery.input().t_ns, channel, bytes));
             }
         }
     }
 
     /// Passes the encoded message in `bytes` to the publisher.
     fn pass_bytes(&mut self, channel: &str) {
-        self.report.not_carried += u64::from(!self.ring.push(self.input.t_ns, channel, &self.bytes));
+        self.report.not_carried += u64::from(!self.ring.push(self.t_ns(), channel, &self.bytes));
     }
+}
+
+/// Delivers a message; there is always room: the loop leaves [`RESERVED`].
+fn deliver(delivery: &mut Delivery, channel: &str, t_arrival_ns: i64, message: &impl Message) {
+    let delivered = delivery.put(channel, t_arrival_ns, message);
+    delivered.expect("arrays have the length that a decoder or this module gave them");
 }
 
 /// Message of a panic.

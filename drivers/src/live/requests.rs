@@ -18,8 +18,8 @@ use crate::command_mux::CommandMux;
 use crate::parameter_requests::{self, ParameterRequestHandler, Proposal, Refusal};
 use lcmtypes::bus::Received;
 use lcmtypes::{
-    ControllerInput, ControllerTick, DecodeError, Event, ExecutorCommand, Message, OperatorCommand, ParameterRequest,
-    RequestReply, RunInfo, channels,
+    ControllerTick, DecodeError, Event, ExecutorCommand, Message, OperatorCommand, ParameterRequest, RequestReply,
+    RunInfo, TickInput, channels,
 };
 use std::collections::VecDeque;
 
@@ -112,7 +112,7 @@ impl Requests {
     }
 
     /// Takes input and result of a tick, which show the outcome of an operator command.
-    pub fn tick(&mut self, input: &ControllerInput, tick: &ControllerTick, out: &mut Outgoing) {
+    pub fn tick(&mut self, input: &TickInput, tick: &ControllerTick, out: &mut Outgoing) {
         if let Some(reply) = self.operator_replies.tick(input, tick) {
             out.put(channels::REQUEST_REPLY, &reply);
         }

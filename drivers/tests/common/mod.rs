@@ -4,7 +4,9 @@
 use controller::params::{Params, apply_overrides};
 use drivers::lockstep::{self, Outcome};
 use drivers::{MujocoSim, Scenario, SimParams, Terrain};
-use lcmtypes::{ControllerTick, Event, GroundTruth, Message, RobotCommand, RobotState, RunInfo, channels};
+use lcmtypes::{
+    ComponentInfo, ControllerTick, Event, GroundTruth, Message, RobotCommand, RobotState, RunInfo, channels,
+};
 use replay::record::EventSink;
 use robot_model::UrdfTree;
 use std::path::Path;
@@ -66,19 +68,14 @@ pub fn description(robot: &str, set: &[(&str, &str)]) -> RunInfo {
     let set: Vec<_> = set.iter().map(|(k, v)| ((*k).to_owned(), (*v).to_owned())).collect();
     let params = apply_overrides(&read(format!("robots/{robot}/{robot}.toml")), &set).unwrap();
     let urdf = Params::from_toml(&params, robot).unwrap().robot.urdf;
-    RunInfo {
-        controller: "quadruped".to_owned(),
-        robot: robot.to_owned(),
-        urdf: read(format!("robots/{robot}/{urdf}")),
-        params,
-        ..RunInfo::default()
-    }
+    RunInfo { robot: robot.to_owned(), urdf: read(format!("robots/{robot}/{urdf}")), ..RunInfo::default() }
+        .with_component(ComponentInfo::new("quadruped", &params))
 }
 
 /// Runs a scenario in lockstep.
 pub fn run(robot: &str, scenario: &str, set: &[(&str, &str)]) -> (Seen, Outcome) {
     let mut info = description(robot, set);
-    let params = Params::from_toml(&info.params, robot).unwrap();
+    let params = Params::from_toml(info.params(), robot).unwrap();
     let scenario = Scenario::parse(scenario, "test", &params.gait).unwrap();
     info.controller.clone_from(&scenario.controller);
     let tree = UrdfTree::parse(&info.urdf, robot).unwrap();
@@ -86,7 +83,7 @@ pub fn run(robot: &str, scenario: &str, set: &[(&str, &str)]) -> (Seen, Outcome)
     let mut sim = MujocoSim::new(&tree, &params.robot, terrain, SimParams::of(&scenario)).unwrap();
     let mut controller = controller::load(&info).unwrap();
     let mut seen = Seen::default();
-    let outcome = lockstep::run(&scenario, &info, &mut sim, &mut *controller, &mut seen, &mut |_| {}).unwrap();
+    let outcome = lockstep::run(&scenario, &info, &mut sim, &mut controller, &mut seen, &mut |_| {}).unwrap();
     (seen, outcome)
 }
 

@@ -209,6 +209,10 @@ fn default(dims: &[Dim], element: Element) -> String {
     }
 }
 
+fn is_byte(element: Element) -> bool {
+    matches!(element, Element::Primitive(Primitive::Byte))
+}
+
 fn is_fixed(dims: &[Dim]) -> bool {
     dims.iter().all(|d| matches!(d, Dim::Constant { .. }))
 }
@@ -236,6 +240,10 @@ fn put(out: &mut String, fields: &[Field], field: &Field, dims: &[Dim], place: &
             field.name
         );
     }
+    if inner.is_empty() && matches!(field.ty, FieldType::Primitive(Primitive::Byte)) {
+        let _ = writeln!(out, "{indent}out.extend_from_slice(&{place});");
+        return;
+    }
     let item = format!("item_{depth}");
     let _ = writeln!(out, "{indent}for {item} in {place}.iter() {{");
     put(out, fields, field, inner, &item, depth + 1);
@@ -251,6 +259,9 @@ fn take(set: &TypeSet, fields: &[Field], dims: &[Dim], element: Element, place: 
     };
     match outer {
         Dim::Constant { .. } => format!("|wire| wire.array({})", take(set, fields, inner, element, place)),
+        Dim::Variable { field, name } if inner.is_empty() && is_byte(element) => {
+            format!("|wire| wire.byte_list(\"{name}\", {}).map(<[u8]>::to_vec)", length(fields, *field, place))
+        }
         Dim::Variable { .. } => format!("|wire| wire.list({})", list(set, fields, dims, element, place)),
     }
 }
@@ -264,6 +275,16 @@ fn retake(out: &mut String, set: &TypeSet, fields: &[Field], field: &Field, iden
             let (length, smallest) = (length(fields, *index, place), set.structs[ty].min_size);
             let list = format!("wire.retake_list(&mut self.{ident}, \"{of}\", {length}, {smallest})");
             writeln!(out, "        wire.field(\"{name}\", |wire| {list})?;")
+        }
+        ([Dim::Variable { field: index, name: of }], element) if is_byte(element) => {
+            let bytes = format!("wire.byte_list(\"{of}\", {})", length(fields, *index, place));
+            writeln!(out, "        let bytes = wire.field(\"{name}\", |wire| {bytes})?;")
+                .and_then(|()| writeln!(out, "        self.{ident}.clear();"))
+                .and_then(|()| writeln!(out, "        self.{ident}.extend_from_slice(bytes);"))
+        }
+        ([], Element::Primitive(Primitive::String)) => {
+            let retake = format!("lcm_wire::Wire::retake(&mut self.{ident}, wire)");
+            writeln!(out, "        wire.field(\"{name}\", |wire| {retake})?;")
         }
         ([Dim::Variable { .. }, ..], _) => {
             let list = list(set, fields, &field.dims, element, &place);

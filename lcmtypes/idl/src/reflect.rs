@@ -102,10 +102,20 @@ impl<'a> Type<'a> {
     /// # Errors
     /// As [`Type::decode`].
     pub fn decode_lenient(&self, bytes: &[u8]) -> Result<(Value, Deviations), DecodeError> {
-        self.traverse_with(Reader::lenient(bytes), Tree)
+        self.traverse_with(Reader::lenient(bytes), Tree, false)
     }
 
-    /// As [`Type::walk`], and accepts what LCM's decoders accept: see [`Deviations`].
+    /// As [`Type::decode_lenient`]. Bytes that are a message of the set, such as the field `data` of a message that contains others, are decoded too: the
+    /// value of the array is then that message.
+    ///
+    /// # Errors
+    /// As [`Type::decode`].
+    pub fn decode_opened(&self, bytes: &[u8]) -> Result<(Value, Deviations), DecodeError> {
+        self.traverse_with(Reader::lenient(bytes), Tree, true)
+    }
+
+    /// As [`Type::walk`], and accepts what LCM's decoders accept: see [`Deviations`]. Bytes that are a message of the set are walked too, with paths such
+    /// as `data.q[3]`.
     ///
     /// # Errors
     /// As [`Type::walk`].
@@ -114,7 +124,7 @@ impl<'a> Type<'a> {
         bytes: &'b [u8],
         visit: impl FnMut(&Path<'a>, Leaf<'b>),
     ) -> Result<Deviations, DecodeError> {
-        self.traverse_with(Reader::lenient(bytes), Walk(visit)).map(|((), deviations)| deviations)
+        self.traverse_with(Reader::lenient(bytes), Walk(visit), true).map(|((), deviations)| deviations)
     }
 
     /// Calls `visit` with path and value of every leaf of a message, in wire order.
@@ -189,15 +199,17 @@ impl<'a> Type<'a> {
     }
 
     fn traverse<'b, S: Sink<'a, 'b>>(&self, bytes: &'b [u8], sink: S) -> Result<S::Out, DecodeError> {
-        self.traverse_with(Reader::new(bytes), sink).map(|(out, _)| out)
+        self.traverse_with(Reader::new(bytes), sink, false).map(|(out, _)| out)
     }
 
     fn traverse_with<'b, S: Sink<'a, 'b>>(
         &self,
         wire: Reader<'b>,
         sink: S,
+        opens: bool,
     ) -> Result<(S::Out, Deviations), DecodeError> {
-        let mut traversal = Traversal { set: self.set, wire, path: Path::default(), sink };
+        let depth = 0;
+        let mut traversal = Traversal { set: self.set, wire, path: Path::default(), sink, opens, depth };
         let fingerprint = traversal.wire.fingerprint(self.fingerprint());
         let out = fingerprint.and_then(|()| traversal.structure(self.linked()));
         let out = out.and_then(|out| traversal.wire.finish().map(|()| (out, traversal.wire.deviations)));
@@ -240,13 +252,29 @@ impl<'a, 'b, F: FnMut(&Path<'a>, Leaf<'b>)> Sink<'a, 'b> for Walk<F> {
     fn structure(&mut self, _: &'a Linked, _: Vec<()>) {}
 }
 
+/// A walk that visits nothing.
+struct Nothing;
+
+impl<'a, 'b> Sink<'a, 'b> for Nothing {
+    type Out = ();
+    fn leaf(&mut self, _: &Path<'a>, _: Leaf<'b>) {}
+    fn array(&mut self, _: Vec<()>) {}
+    fn structure(&mut self, _: &'a Linked, _: Vec<()>) {}
+}
+
 /// On failure `path` keeps the place of the error.
 struct Traversal<'a, 'b, S> {
     set: &'a TypeSet,
     wire: Reader<'b>,
     path: Path<'a>,
     sink: S,
+    /// Messages in arrays of bytes are read too; the number of messages around the present one.
+    opens: bool,
+    depth: usize,
 }
+
+/// Messages inside messages that are read.
+const MAX_MESSAGES: usize = 8;
 
 impl<'a, 'b, S: Sink<'a, 'b>> Traversal<'a, 'b, S> {
     fn structure(&mut self, linked: &'a Linked) -> Result<S::Out, DecodeError> {
@@ -275,6 +303,15 @@ impl<'a, 'b, S: Sink<'a, 'b>> Traversal<'a, 'b, S> {
         let row_size = wire::row_size(&inner_lengths, self.min_size(element));
         let name = if let Dim::Variable { name, .. } = outer { name } else { "the array size" };
         let length = self.wire.claim(name, dim_length(outer, integers), row_size)?;
+        let is_bytes = inner.is_empty() && matches!(element, Element::Primitive(Primitive::Byte));
+        if is_bytes && self.opens && self.depth < MAX_MESSAGES {
+            let before = self.wire.clone();
+            let bytes = self.wire.slice(length)?;
+            if let Some(out) = self.message(bytes)? {
+                return Ok(out);
+            }
+            self.wire = before;
+        }
         let mut items = Vec::with_capacity(length);
         for index in 0..length {
             self.path.0.push(Segment::Index(index));
@@ -282,6 +319,21 @@ impl<'a, 'b, S: Sink<'a, 'b>> Traversal<'a, 'b, S> {
             self.path.0.pop();
         }
         Ok(self.sink.array(items))
+    }
+
+    /// Reads bytes as a message; `None` if they are no message of the set.
+    fn message(&mut self, bytes: &'b [u8]) -> Result<Option<S::Out>, DecodeError> {
+        let Some(ty) = self.set.of_message(bytes) else { return Ok(None) };
+        // Once without effect, because bytes that merely begin like a message are shown as bytes.
+        if ty.traverse(bytes, Nothing).is_err() {
+            return Ok(None);
+        }
+        let around = std::mem::replace(&mut self.wire, Reader::lenient(bytes));
+        self.depth += 1;
+        let out = self.wire.fingerprint(ty.fingerprint()).and_then(|()| self.structure(ty.linked()));
+        self.depth -= 1;
+        self.wire = around;
+        out.map(Some)
     }
 
     fn min_size(&self, element: Element) -> usize {

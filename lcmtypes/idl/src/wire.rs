@@ -38,8 +38,8 @@ pub trait Message: Wire + Clone + Default + PartialEq + std::fmt::Debug {
         message.and_then(|m| wire.finish().map(|()| m)).map_err(|e| e.of_type(Self::TYPE))
     }
 
-    /// Reads a whole message over this one. Its vectors are used again, also those of structs in a list, so this does not allocate once they have the
-    /// capacity; strings are new. After an error the message is partly the new one.
+    /// Reads a whole message over this one. Its vectors and strings are used again, also those of structs in a list, so this does not allocate once they
+    /// have the capacity. Lists of strings are new. After an error the message is partly the new one.
     ///
     /// # Errors
     /// As [`Message::decode`].
@@ -117,6 +117,12 @@ impl Wire for String {
     }
     fn take(wire: &mut Reader<'_>) -> Result<Self, DecodeError> {
         wire.text().map(str::to_owned)
+    }
+    fn retake(&mut self, wire: &mut Reader<'_>) -> Result<(), DecodeError> {
+        let text = wire.text()?;
+        self.clear();
+        self.push_str(text);
+        Ok(())
     }
 }
 
@@ -373,6 +379,15 @@ impl<'a> Reader<'a> {
         let mut list = Vec::new();
         self.refill(&mut list, length_field, length, min_item, item)?;
         Ok(list)
+    }
+
+    /// Reads an array of bytes of the length that `length_field` holds, without copying it.
+    ///
+    /// # Errors
+    /// As [`Reader::list`].
+    pub fn byte_list(&mut self, length_field: &str, length: i64) -> Result<&'a [u8], DecodeError> {
+        let length = self.claim(length_field, length, 1)?;
+        self.slice(length)
     }
 
     /// [`Reader::list`], in the place of what is in `list`.

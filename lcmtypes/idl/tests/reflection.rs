@@ -259,3 +259,44 @@ fn complete_types_are_used_and_others_are_named() {
     let files: Vec<_> = texts.iter().map(|text| text.split(':').next().unwrap()).collect();
     assert_eq!(files, ["notes.lcm", "again.lcm", "other.lcm", "lost.lcm", "lost.lcm", "loop.lcm"]);
 }
+
+/// Bytes that are a message of the set are opened by lenient walks and by `decode_opened`, and stay bytes in `decode`.
+#[test]
+fn messages_inside_bytes_are_opened_for_people() {
+    let text = "struct inner_t { int32_t n; double v[n]; } struct box_t { int32_t size; byte data[size]; byte last; }";
+    let types = TypeSet::parse([("t", text)]).unwrap();
+    let inner = |v: f64| {
+        let ty = types.by_name("inner_t").unwrap();
+        let value =
+            Value::Struct(vec![("n".into(), Value::Int32(1)), ("v".into(), Value::Array(vec![Value::Double(v)]))]);
+        ty.encode(&value).unwrap()
+    };
+    let ty = types.by_name("box_t").unwrap();
+    let boxed = |data: &[u8]| {
+        let bytes = data.iter().map(|byte| Value::Byte(*byte)).collect();
+        let size = Value::Int32(i32::try_from(data.len()).unwrap());
+        let fields = vec![("size".into(), size), ("data".into(), Value::Array(bytes)), ("last".into(), Value::Byte(7))];
+        ty.encode(&Value::Struct(fields)).unwrap()
+    };
+    let message = boxed(&inner(2.5));
+    let (opened, deviations) = ty.decode_opened(&message).unwrap();
+    assert_eq!(opened.get("data.v[0]").and_then(Value::as_f64), Some(2.5));
+    assert_eq!(opened.get("last").and_then(Value::as_i64), Some(7), "what follows is read from its place");
+    assert!(deviations.is_none());
+    let plain = ty.decode(&message).unwrap();
+    assert_eq!(plain.get("data").and_then(Value::as_array).map(<[Value]>::len), Some(20));
+    assert_eq!(ty.encode(&plain).unwrap(), message);
+    let found = ty.first_difference(&message, &boxed(&inner(3.0))).unwrap().unwrap();
+    assert_eq!((&*found.path, found.left, found.right), ("data.v[0]", Value::Double(2.5), Value::Double(3.0)));
+
+    // Cut, with a byte too many, or a message inside itself deeper than anybody sends: bytes.
+    let mut deep = inner(1.0);
+    for _ in 0..20 {
+        deep = boxed(&deep);
+    }
+    for data in [&inner(2.5)[..19], &[&inner(2.5)[..], &[0]].concat(), b"short"] {
+        let (opened, _) = ty.decode_opened(&boxed(data)).unwrap();
+        assert_eq!(opened.get("data").and_then(Value::as_array).map(<[Value]>::len), Some(data.len()));
+    }
+    assert!(ty.decode_opened(&deep).is_ok());
+}

@@ -72,7 +72,7 @@ pub(super) fn copy_part(log: &Path, out: &Path, part: Part, more: &[&str]) -> Re
     let (from_s, to_s) = (part.around_s - 0.5 * part.span_s, part.around_s + 0.5 * part.span_s);
     let clock = RunClock::read(log)?;
     let (mut start, mut last) = (None, None);
-    let mut ticks = Ticks::open(log, &RunMessages::of(&run_info(log)?, None), Beside::Nothing)?;
+    let mut ticks = Ticks::open(log, &RunMessages::of(&run_info(log)?), Beside::Nothing)?;
     while let Some(tick) = ticks.next()? {
         let Some(input) = &tick.input else { continue };
         let since_s = clock.since_ns(input.t_ns) as f64 * 1e-9;

@@ -3,7 +3,7 @@
 use super::{Load, Options, TimedOverride, When};
 use crate::Error;
 use controller::params::{apply_changes, parameters_digest};
-use controller::{Controller, LoadError};
+use controller::{Component, LoadError};
 use lcmtypes::{ParameterChange, RunInfo};
 use std::collections::VecDeque;
 use std::path::Path;
@@ -33,12 +33,17 @@ impl<'b> Builder<'b> {
     ///
     /// # Errors
     /// [`Error::Load`].
-    pub fn build(&self, changes: &[ParameterChange]) -> Result<Box<dyn Controller>, Error> {
+    pub fn build(&self, changes: &[ParameterChange]) -> Result<Component, Error> {
         if changes.is_empty() {
             return (self.load)(&self.info).map_err(|source| self.wrong(source));
         }
         let params = self.parameters(changes)?;
-        (self.load)(&RunInfo { params, ..RunInfo::clone(&self.info) }).map_err(|source| self.wrong(source))
+        (self.load)(&RunInfo::clone(&self.info).with_params(params)).map_err(|source| self.wrong(source))
+    }
+
+    /// Names of the stages of a tick.
+    pub fn stages(&self) -> &[String] {
+        self.info.stages()
     }
 
     /// Digest of the parameters after parameter changes, as in `controller_tick_t`.
@@ -52,9 +57,9 @@ impl<'b> Builder<'b> {
     fn parameters(&self, changes: &[ParameterChange]) -> Result<String, Error> {
         let set: Vec<_> = changes.iter().map(|change| (change.key.clone(), change.value.clone())).collect();
         if set.is_empty() {
-            return Ok(self.info.params.clone());
+            return Ok(self.info.params().to_owned());
         }
-        apply_changes(&self.info.params, &set).map_err(|source| self.wrong(source.into()))
+        apply_changes(self.info.params(), &set).map_err(|source| self.wrong(source.into()))
     }
 
     fn wrong(&self, source: LoadError) -> Error {

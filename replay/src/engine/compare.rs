@@ -15,8 +15,8 @@ pub struct Divergence {
     pub t_ns: i64,
     /// The same, s since the run's first tick.
     pub t_s: f64,
-    /// The earliest stage of the tick that differs: input, estimation, gait, tasks, qp, output.
-    pub stage: &'static str,
+    /// The earliest stage of the tick that differs, by the names in RUN_INFO; those of the quadruped: input, estimation, gait, tasks, qp, output.
+    pub stage: String,
     /// Channel with the difference.
     pub channel: String,
     /// Field, such as `state.q`; empty if the message is on one side only.
@@ -86,15 +86,32 @@ pub(super) fn is_same_tick(channel: &str, recorded: &[u8], replayed: &[u8]) -> b
 /// Finds the first difference of a tick.
 ///
 /// - `different`: all different pairs in the order of the controller's outputs.
+/// - `stages`: names of the stages of a tick.
 /// - `is_what_if`: the parameters may differ.
-pub(super) fn attribute(tick: i64, t_ns: i64, t_s: f64, different: &[Pair], is_what_if: bool) -> Option<Divergence> {
+pub(super) fn attribute(
+    tick: i64,
+    t_ns: i64,
+    t_s: f64,
+    different: &[Pair],
+    stages: &[String],
+    is_what_if: bool,
+) -> Option<Divergence> {
     let digests = different.iter().find(|pair| pair.channel == channels::CONTROLLER_TICK);
+    let name_of = |stage: usize| stages.get(stage).map_or_else(|| stage.to_string(), Clone::clone);
+    // Channels outside the table are computed last.
+    let stage_of = |channel: &str| {
+        let known = channels::find(channel).and_then(|known| known.stage).unwrap_or(Stage::Output);
+        stages.iter().position(|name| name == known.name()).unwrap_or(stages.len().saturating_sub(1))
+    };
     let (stage, shown) = match digests.and_then(|pair| first_digest(pair, is_what_if)) {
-        Some((stage, field, recorded, replayed)) => {
+        Some((stage, digest, recorded, replayed)) => {
             let shown = different.iter().find(|pair| stage_of(pair.channel) == stage && !is_tick(pair));
             let digest = FieldDifference {
                 channel: channels::CONTROLLER_TICK.to_owned(),
-                field: field.to_owned(),
+                field: match digest {
+                    Digests::Parameters => "digest_parameters".to_owned(),
+                    Digests::Stage => format!("digest_{}", name_of(stage)),
+                },
                 index: None,
                 recorded: format!("{recorded:#018x}"),
                 replayed: format!("{replayed:#018x}"),
@@ -110,7 +127,7 @@ pub(super) fn attribute(tick: i64, t_ns: i64, t_s: f64, different: &[Pair], is_w
     let others = different.iter().filter(|pair| pair.channel != shown.channel && !is_tick(pair));
     let also = others.map(difference).collect();
     let FieldDifference { channel, field, index, recorded, replayed, ulp } = shown;
-    let (stage, last_agreed_tick, inputs) = (stage.name(), None, Group::new());
+    let (stage, last_agreed_tick, inputs) = (name_of(stage), None, Group::new());
     Some(Divergence {
         tick,
         t_ns,
@@ -133,28 +150,29 @@ fn is_tick(pair: &Pair) -> bool {
     pair.channel == channels::CONTROLLER_TICK
 }
 
-/// The stage of a channel; output for unknown channels.
-fn stage_of(channel: &str) -> Stage {
-    channels::find(channel).and_then(|known| known.stage).unwrap_or(Stage::Output)
+/// What a digest covers.
+#[derive(Clone, Copy)]
+enum Digests {
+    Stage,
+    Parameters,
 }
 
-/// The earliest stage with different digests, the field, and both digests. The parameters count as an input, except in a what-if replay.
-fn first_digest(pair: &Pair, is_what_if: bool) -> Option<(Stage, &'static str, i64, i64)> {
+/// The earliest stage with different digests, what they cover, and both digests. The parameters count as an input, except in a what-if replay.
+fn first_digest(pair: &Pair, is_what_if: bool) -> Option<(usize, Digests, i64, i64)> {
     let recorded = ControllerTick::decode(pair.recorded?).ok()?;
     let replayed = ControllerTick::decode(pair.replayed?).ok()?;
-    let digests = |tick: ControllerTick| {
-        [
-            (Stage::Input, "digest_input", tick.digest_input),
-            (Stage::Input, "digest_parameters", if is_what_if { 0 } else { tick.digest_parameters }),
-            (Stage::Estimation, "digest_estimation", tick.digest_estimation),
-            (Stage::Gait, "digest_gait", tick.digest_gait),
-            (Stage::Tasks, "digest_tasks", tick.digest_tasks),
-            (Stage::Qp, "digest_qp", tick.digest_qp),
-            (Stage::Output, "digest_output", tick.digest_output),
-        ]
-    };
-    let both = digests(recorded).into_iter().zip(digests(replayed));
-    both.map(|((stage, field, a), (.., b))| (stage, field, a, b)).find(|(.., a, b)| a != b)
+    let parameters = |tick: &ControllerTick| if is_what_if { 0 } else { tick.digest_parameters };
+    let mut found = None;
+    let stages = recorded.digest.iter().zip(&replayed.digest).enumerate();
+    if let Some((stage, (a, b))) = { stages }.find(|(_, (a, b))| a != b) {
+        found = Some((stage, Digests::Stage, *a, *b));
+    }
+    // The input comes before the parameters, and these before every other stage.
+    let [a, b] = [&recorded, &replayed].map(parameters);
+    if a != b && found.is_none_or(|(stage, ..)| stage > 0) {
+        found = Some((0, Digests::Parameters, a, b));
+    }
+    found
 }
 
 /// The first different field of a pair, by reflection.

@@ -9,7 +9,7 @@ use crate::Error;
 use crate::log::Event;
 use controller::Dump;
 use controller::dump::Value;
-use lcmtypes::{ControllerInput, ParameterChange};
+use lcmtypes::{ParameterChange, TickInput};
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
@@ -27,8 +27,8 @@ pub struct Moment {
     pub t_ns: i64,
     /// Time since the run's first tick, s.
     pub since_s: f64,
-    /// Input of the controller.
-    pub input: ControllerInput,
+    /// What the controller read in this tick.
+    pub input: TickInput,
     /// Recorded outputs by channel.
     pub recorded: Vec<(Arc<str>, Vec<u8>)>,
     /// Replayed outputs by channel.
@@ -258,7 +258,7 @@ impl<'r> Cursor<'r> {
             tick: tick.tick,
             t_ns: input.t_ns,
             since_s: self.replay.clock.since_ns(input.t_ns) as f64 * 1e-9,
-            input: input.clone(),
+            input: self.stepper.controller().input().clone(),
             recorded: tick.recorded.clone(),
             replayed,
             beside: tick.beside.clone(),

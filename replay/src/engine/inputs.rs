@@ -3,7 +3,7 @@
 use controller::dump::{Dump, Group, Quantity, Value};
 use lcm_idl::Value as Field;
 use lcmtypes::channels::Stage;
-use lcmtypes::{ControllerInput, Message};
+use lcmtypes::{Message, TickInput};
 
 /// Largest number of entries of a vector or matrix that [`brief`] writes out.
 const WRITTEN_OUT: usize = 48;
@@ -11,11 +11,11 @@ const WRITTEN_OUT: usize = 48;
 /// Inputs of a stage besides the state before the tick: results of earlier stages. Matrices and long vectors are replaced by their digest.
 ///
 /// - `stage`: name of the stage, see [`Stage::name`].
-pub(super) fn stage_inputs(stage: &str, input: Option<&ControllerInput>, dump: &Dump) -> Group {
+pub(super) fn stage_inputs(stage: &str, input: &TickInput, dump: &Dump) -> Group {
     let stage = Stage::ALL.into_iter().find(|s| s.name() == stage).unwrap_or(Stage::Output);
     let (from_input, earlier): (_, &[Stage]) = match stage {
-        Stage::Input | Stage::Estimation => (input.and_then(of_message).map(|input| ("input", input)), &[]),
-        Stage::Gait => (input.and_then(|input| of_message(&input.op)).map(|op| ("op", op)), &[Stage::Estimation]),
+        Stage::Input | Stage::Estimation => (of_message(input).map(|input| ("input", input)), &[]),
+        Stage::Gait => (of_message(&input.op).map(|op| ("op", op)), &[Stage::Estimation]),
         Stage::Tasks => (None, &[Stage::Estimation, Stage::Gait]),
         Stage::Qp => (None, &[Stage::Tasks]),
         Stage::Output => (None, &[Stage::Qp, Stage::Gait]),

@@ -6,6 +6,7 @@ use super::expected::ExpectedOutputs;
 use super::ticks::{Beside, Ticks};
 use super::{Account, MissingOutputs, OtherParameters, Replay};
 use crate::Error;
+use controller::Unpacked;
 use std::path::Path;
 
 /// What a replay of the whole log would find, apart from differences.
@@ -64,12 +65,13 @@ impl Judgement {
 
     fn read(&mut self, log: &Path, progress: &mut dyn FnMut(f64)) -> Result<(), Error> {
         let replay = Replay::open(log)?;
-        self.controller = Some(replay.info.controller.clone());
+        self.controller = Some(replay.info.controller().to_owned());
         let builder = replay.builder(&super::Options::default())?;
         builder.build(&[])?;
         let (mut changes, mut digest) = (Vec::new(), builder.digest(&[])?);
         let mut ticks = Ticks::open(log, &replay.messages, Beside::Nothing)?;
         let bytes = super::file_length(log)?.max(1);
+        let mut unpacked = Unpacked::default();
         let (mut continuity, mut outputs) = (Continuity::default(), ExpectedOutputs::default());
         while let Some(tick) = ticks.next()? {
             if tick.tick % 1024 == 0 {
@@ -87,7 +89,7 @@ impl Judgement {
             if continuity.can_compute(&tick, tick.has_parameters(digest)) {
                 self.computable += 1;
                 self.outputs += u64::from(!tick.recorded.is_empty());
-                let running = tick.input.as_ref().map_or(0, |input| input.running);
+                let running = tick.input.as_ref().map_or(0, |input| unpacked.update(input).running);
                 outputs.take(tick.tick, running, tick.recorded.iter().map(|(channel, _)| channel));
             } else if tick.snapshot().is_some() {
                 continuity.restored(tick.tick);

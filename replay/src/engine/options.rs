@@ -1,7 +1,7 @@
 //! Options of a replay.
 
 use super::{Build, TimedOverride};
-use controller::{Controller, LoadError};
+use controller::{Component, LoadError};
 use lcmtypes::RunInfo;
 use std::path::PathBuf;
 
@@ -36,4 +36,4 @@ impl Options {
 }
 
 /// Builds a controller from a run's description.
-pub type Load<'a> = dyn Fn(&RunInfo) -> Result<Box<dyn Controller>, LoadError> + Sync + 'a;
+pub type Load<'a> = dyn Fn(&RunInfo) -> Result<Component, LoadError> + Sync + 'a;

@@ -67,7 +67,7 @@ pub(super) fn deviations(log: &RunInfo, used: &RunInfo, here: Option<&Build>) ->
     // Complete the text, so that the defaults of parameters added after the log count too.
     let completed =
         |text: &str| Params::from_toml(text, "").map_or_else(|_| text.to_owned(), |params| params.to_toml());
-    let (before, now) = (keys(&log.params), keys(&completed(&used.params)));
+    let (before, now) = (keys(log.params()), keys(&completed(used.params())));
     let mut names: Vec<&String> = before.keys().chain(now.keys()).collect();
     names.sort();
     names.dedup();

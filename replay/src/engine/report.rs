@@ -60,12 +60,30 @@ pub struct ReplayReport {
     pub what_if: Option<WhatIf>,
     /// The first difference.
     pub first_divergence: Option<Divergence>,
+    /// The components that were replayed; `identical` is the conjunction of theirs.
+    pub components: Vec<ComponentReport>,
+}
+
+/// The replay of one component.
+#[derive(Debug, Clone, PartialEq, serde::Serialize)]
+pub struct ComponentReport {
+    /// Name of the component in RUN_INFO.
+    pub name: String,
+    /// Computed ticks.
+    pub ticks: u64,
+    /// At least one message was compared, and all compared ones are equal in every bit.
+    pub identical: bool,
+    /// Results of other components that were late in the computed ticks.
+    pub late_results: u64,
+    /// The first difference.
+    pub first_divergence: Option<Divergence>,
 }
 
 /// Counts of a replay. Those of different segments can be added in any order.
 #[derive(Default)]
 pub(super) struct Counts {
     pub ticks: u64,
+    pub late_results: u64,
     pub compared: u64,
     pub different: u64,
     pub snapshots: u64,
@@ -83,6 +101,7 @@ impl Counts {
     pub fn add(&mut self, other: Counts) {
         let Counts {
             ticks,
+            late_results,
             compared,
             different,
             snapshots,
@@ -95,6 +114,7 @@ impl Counts {
             first,
         } = other;
         self.ticks += ticks;
+        self.late_results += late_results;
         self.compared += compared;
         self.different += different;
         self.snapshots += snapshots;
@@ -134,13 +154,27 @@ impl Counts {
         }
     }
 
-    pub fn report(self, account: Account, health: &crate::log::Health, wall_seconds: f64) -> ReplayReport {
+    /// - `name`: name of the component.
+    pub fn report(
+        self,
+        name: String,
+        account: Account,
+        health: &crate::log::Health,
+        wall_seconds: f64,
+    ) -> ReplayReport {
         let (missing_outputs, missing_ticks) = (self.outputs.missing(), self.continuity.gaps());
         let Continuity { missing, skipped, other_parameters, .. } = self.continuity;
         let is_whole = missing == 0 && other_parameters.is_none() && missing_outputs.is_empty();
         let replayed = self.t_ns.map_or(0.0, |(from, to)| to.saturating_sub(from) as f64 * 1e-9);
-        ReplayReport {
+        let component = ComponentReport {
+            name,
+            ticks: self.ticks,
             identical: self.compared > 0 && self.first.is_none(),
+            late_results: self.late_results,
+            first_divergence: self.first.clone(),
+        };
+        ReplayReport {
+            identical: component.identical,
             complete: is_whole && account.is_complete() && health.is_good(),
             ticks: self.ticks,
             messages_compared: self.compared,
@@ -164,6 +198,7 @@ impl Counts {
             largest_ulp: self.ulp,
             what_if: None,
             first_divergence: self.first,
+            components: vec![component],
         }
     }
 }

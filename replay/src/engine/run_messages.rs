@@ -36,17 +36,14 @@ pub(crate) struct RunMessages {
     members: Vec<String>,
     /// Parameters of the run at its start, as TOML.
     pub(super) params: Arc<str>,
-    /// Type of the controller's snapshots; `None`: any type of this build.
-    snapshot: Option<u64>,
 }
 
 impl RunMessages {
-    /// - `snapshot`: a snapshot of the run's controller, from which its type is taken.
-    pub fn of(info: &RunInfo, snapshot: Option<&[u8]>) -> Self {
-        let list = info.controller.split_once('(').and_then(|(_, rest)| rest.split_once(')')).map(|(list, _)| list);
+    /// Those of the run that RUN_INFO describes.
+    pub fn of(info: &RunInfo) -> Self {
+        let list = info.controller().split_once('(').and_then(|(_, rest)| rest.split_once(')')).map(|(list, _)| list);
         let members = list.into_iter().flat_map(|list| list.split(',')).map(|name| name.trim().to_owned()).collect();
-        let snapshot = snapshot.and_then(crate::log::fingerprint);
-        RunMessages { run_id: Some(info.run_id), members, params: info.params.as_str().into(), snapshot }
+        RunMessages { run_id: Some(info.run_id), members, params: info.params().into() }
     }
 
     /// Whether this is the run.
@@ -93,15 +90,11 @@ impl RunMessages {
             _ if is_output(known) => Role::Output,
             _ => return Role::Other,
         };
-        let is_snapshot = known.name == channels::CONTROLLER_SNAPSHOT;
-        let same = match self.snapshot.filter(|_| is_snapshot) {
-            None if is_snapshot => fingerprint.is_some_and(has_tick),
-            expected => fingerprint == Some(expected.unwrap_or(known.fingerprint)),
-        };
+        let same = fingerprint == Some(known.fingerprint);
         match role {
             _ if same => role,
             Role::Beside => Role::Other,
-            _ => Role::OtherType(known, self.snapshot.filter(|_| is_snapshot).unwrap_or(known.fingerprint)),
+            _ => Role::OtherType(known, known.fingerprint),
         }
     }
 }

@@ -8,7 +8,7 @@ use super::ticks::Tick;
 use super::what_if::Collector;
 use crate::Error;
 use controller::handover::take_over;
-use controller::{Controller, Outbox};
+use controller::{Component, Outbox};
 use lcmtypes::ParameterChange;
 use lcmtypes::channels::{CONTROLLER_SNAPSHOT, ROBOT_COMMAND};
 use std::sync::Arc;
@@ -36,7 +36,7 @@ pub(super) struct Stepper<'b> {
 
 /// A controller, and the parameter changes that it is built with, in order.
 struct Built {
-    controller: Box<dyn Controller>,
+    controller: Component,
     changes: Vec<ParameterChange>,
     /// Digest of its parameters.
     digest: i64,
@@ -90,8 +90,8 @@ impl<'b> Stepper<'b> {
     }
 
     /// The controller, after the last tick.
-    pub fn controller(&self) -> &dyn Controller {
-        &*self.active.controller
+    pub fn controller(&self) -> &Component {
+        &self.active.controller
     }
 
     /// Continues after `tick` with its snapshot and the parameters after `changes`, the parameter changes of the log up to there.
@@ -135,6 +135,7 @@ impl<'b> Stepper<'b> {
         self.outbox.clear();
         self.active.controller.step(input, &mut self.outbox);
         self.counts.ticks += 1;
+        self.counts.late_results += input.late.len() as u64;
         self.counts.time(input.t_ns);
         self.compare(tick, input.t_ns)?;
         Ok(Some(&self.outbox))
@@ -152,7 +153,7 @@ impl<'b> Stepper<'b> {
             return Ok(());
         }
         let mut next = self.builder.build(&self.active.changes)?;
-        take_over(&*self.active.controller, &mut *next, &mut self.state)
+        take_over(&self.active.controller, &mut next, &mut self.state)
             .map_err(|source| self.builder.restore_error(tick.tick, source))?;
         (self.active.controller, self.active.digest) = (next, self.builder.digest(&self.active.changes)?);
         Ok(())
@@ -192,10 +193,10 @@ impl<'b> Stepper<'b> {
         let place = |channel: &str| outbox.iter().position(|(c, _)| c == channel).unwrap_or(usize::MAX);
         different.sort_by_key(|pair| place(pair.channel));
         if counts.first.is_none()
-            && let Some(mut first) = attribute(tick.tick, t_ns, t_s, &different, is_what_if)
+            && let Some(mut first) = attribute(tick.tick, t_ns, t_s, &different, self.builder.stages(), is_what_if)
         {
             first.last_agreed_tick = self.agreed;
-            first.inputs = stage_inputs(first.stage, tick.input.as_ref(), &self.active.controller.dump());
+            first.inputs = stage_inputs(&first.stage, self.active.controller.input(), &self.active.controller.dump());
             counts.first = Some(first);
         }
         if compared > 0 && different.is_empty() {

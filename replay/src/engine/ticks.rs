@@ -237,7 +237,17 @@ impl Ticks {
                 self.other(event);
             }
             Role::Input => match ControllerInput::decode(&event.data) {
-                Ok(input) => self.input(input, &event),
+                Ok(input) => {
+                    // The fingerprint of CONTROLLER_INPUT does not cover the types of the messages in it.
+                    for message in &input.messages {
+                        let known = channels::find(&message.channel);
+                        let found = crate::log::fingerprint(&message.data);
+                        if let Some(known) = known.filter(|known| found != Some(known.fingerprint)) {
+                            self.account.other_type(&message.channel, known, found, known.fingerprint);
+                        }
+                    }
+                    self.input(input, &event);
+                }
                 Err(_) => {
                     let tick = integer_at(&event.data, 16);
                     self.account.unused(&event.channel, tick, event.offset, Unused::Undecodable);

@@ -47,7 +47,7 @@ pub fn copy_excerpt(
     types: Types,
     progress: &mut dyn FnMut(f64),
 ) -> Result<CopyReport, Error> {
-    let messages = RunMessages::of(&run_info(log)?, None);
+    let messages = RunMessages::of(&run_info(log)?);
     let clock = RunClock::read(log)?;
     let part = Part::find(log, &clock, &messages, &excerpt, &mut |part| progress(part / 2.0))?;
     let mut times = EventTimes::new(clock);

@@ -127,11 +127,21 @@ fn converted(
     let old = types.of_message(event.channel, event.data)?;
     let to = new.given_by_name(old.name())?;
     let is_run_info = **event.channel == *channels::RUN_INFO;
-    if to.fingerprint() == old.fingerprint() && !is_run_info {
+    let is_same = to.fingerprint() == old.fingerprint() && !is_run_info;
+    if is_same && !has_bytes(old, 0) {
         return Some(None);
     }
-    let (value, _) = old.decode_lenient(event.data).ok()?;
+    let (mut value, _) = old.decode_lenient(event.data).ok()?;
     let mut found = Vec::new();
+    let has_changed = messages_inside(old, &mut value, &mut |data| {
+        let ty = types.of_message("", data)?;
+        let to = new.given_by_name(ty.name()).filter(|to| to.fingerprint() != ty.fingerprint())?;
+        let (value, _) = ty.decode_lenient(data).ok()?;
+        to.encode(&structure(ty, &value, to, &mut found)).ok()
+    });
+    if is_same && !has_changed {
+        return Some(None);
+    }
     let mut value = structure(old, &value, to, &mut found);
     if is_run_info {
         describe(&mut value, to, new);
@@ -143,6 +153,49 @@ fn converted(
         *changes.entry(change).or_default() += 1;
     }
     Some(Some(data))
+}
+
+/// Nesting of structs in which messages are looked for.
+const MAX_DEPTH: usize = 4;
+
+/// Whether a type has an array of bytes, which may hold a message.
+fn has_bytes(ty: Type<'_>, depth: usize) -> bool {
+    let mut fields = ty.def().fields.iter().enumerate();
+    fields.any(|(place, field)| {
+        is_bytes(field) || depth < MAX_DEPTH && ty.element(place).is_some_and(|inner| has_bytes(inner, depth + 1))
+    })
+}
+
+fn is_bytes(field: &Field) -> bool {
+    matches!((&field.dims[..], &field.ty), ([Dim::Variable { .. }], FieldType::Primitive(Primitive::Byte)))
+}
+
+/// Replaces the messages in arrays of bytes. `convert`: a message in its new type, `None` if it does not change. Returns whether one has changed.
+fn messages_inside(ty: Type<'_>, value: &mut Value, convert: &mut dyn FnMut(&[u8]) -> Option<Vec<u8>>) -> bool {
+    let Value::Struct(fields) = value else { return false };
+    let mut has_changed = false;
+    for (place, field) in ty.def().fields.iter().enumerate() {
+        let value = &mut fields[place].1;
+        if is_bytes(field) {
+            let bytes = value.as_array().unwrap_or_default().iter().filter_map(Value::as_i64);
+            let bytes: Vec<u8> = bytes.filter_map(|byte| u8::try_from(byte).ok()).collect();
+            if let Some(data) = convert(&bytes) {
+                *value = Value::Array(data.into_iter().map(Value::Byte).collect());
+                has_changed = true;
+            }
+        } else if let Some(inner) = ty.element(place) {
+            has_changed |= match value {
+                Value::Array(items) => {
+                    items.iter_mut().fold(false, |changed, item| messages_inside(inner, item, convert) | changed)
+                }
+                one => messages_inside(inner, one, convert),
+            };
+        }
+    }
+    if has_changed {
+        set_lengths(ty, fields);
+    }
+    has_changed
 }
 
 /// Puts the new texts into a RUN_INFO.

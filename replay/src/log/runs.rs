@@ -73,7 +73,7 @@ impl Runs {
             }
             RUN_INFO if run.controller.is_none() => {
                 if let Ok(info) = RunInfo::decode(event.data) {
-                    (run.controller, run.robot) = (Some(info.controller), Some(info.robot));
+                    (run.controller, run.robot) = (Some(info.controller().to_owned()), Some(info.robot));
                     run.scenario = Some(info.scenario_name);
                 }
             }

@@ -11,8 +11,8 @@ use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-/// Known message types of a log. Sources in order of precedence: `.lcm` texts from the user, the log itself (RUN_INFO, schemas of an
-/// MCAP), and this build.
+/// Known message types of a log. Sources in order of precedence: `.lcm` texts from the user, this build for its own channels and types, the
+/// log itself (RUN_INFO, schemas of an MCAP), and this build.
 #[derive(Default)]
 pub struct Types {
     given: Vec<Texts>,
@@ -168,12 +168,12 @@ impl Types {
     /// The type and the texts that contain it; no texts for a type of this build.
     fn find(&self, channel: &str, fingerprint: u64) -> Option<(Type<'_>, Option<&Texts>)> {
         let name = channels::find(channel).filter(|c| c.fingerprint == fingerprint).map(|c| c.type_name);
-        for texts in self.given.iter().chain(&self.of_log) {
-            if let Some(ty) = among(&texts.types, name, fingerprint) {
-                return Some((ty, Some(texts)));
-            }
-        }
-        among(lcmtypes::types(), name, fingerprint).map(|ty| (ty, None))
+        // The texts of a log may lack the types of messages inside its messages; this build has all of its own.
+        let ours = name.and_then(|name| lcmtypes::types().by_name(name)).map(|ty| (ty, None));
+        in_texts(&self.given, name, fingerprint)
+            .or(ours)
+            .or_else(|| in_texts(&self.of_log, name, fingerprint))
+            .or_else(|| among(lcmtypes::types(), name, fingerprint).map(|ty| (ty, None)))
     }
 
     /// The schema of a type for an MCAP file: the schema of the file that the message comes from; else the `.lcm` text of the type, followed
@@ -208,6 +208,11 @@ impl Texts {
         let (types, errors) = TypeSet::parse_valid(sources.iter().map(|(name, text)| (name.as_str(), text.as_str())));
         (Texts { types, texts: sources.iter().cloned().collect() }, errors)
     }
+}
+
+/// The first of the texts with a type of this fingerprint, and the type.
+fn in_texts<'t>(all: &'t [Texts], name: Option<&str>, fingerprint: u64) -> Option<(Type<'t>, Option<&'t Texts>)> {
+    all.iter().find_map(|texts| among(&texts.types, name, fingerprint).map(|ty| (ty, Some(texts))))
 }
 
 /// The type of this name if it has the fingerprint, else the first type that has it.

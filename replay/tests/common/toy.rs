@@ -1,12 +1,13 @@
 //! A small controller with a filter and an integrator, so that its replay depends on its state.
 
 use controller::digest::Digest;
+use controller::handover::take_over;
 use controller::params::{Params, parameters_digest};
-use controller::{Controller, LoadError, Outbox, Probe, RestoreError};
+use controller::{Component, Controller, Delivery, LoadError, Outbox, Probe, RestoreError};
 use lcmtypes::channels::Stage;
 use lcmtypes::{
-    ContactEstimate, ControllerInput, ControllerTick, Message, QuadrupedState, RobotCommand, RobotState, RunInfo,
-    TextFile, Timing, WbcSolution, channels,
+    ComponentInfo, ComponentState, ContactEstimate, ControllerInput, ControllerTick, Message, QuadrupedState,
+    RobotCommand, RobotState, RunInfo, TextFile, TickInput, Timing, WbcSolution, channels,
 };
 use replay::log::LogWriter;
 use std::path::Path;
@@ -41,13 +42,17 @@ pub struct Toy {
 }
 
 /// Builds the toy, as [`controller::load`] builds real controllers.
-pub fn load(info: &RunInfo) -> Result<Box<dyn Controller>, LoadError> {
-    Ok(Box::new(toy(info)?))
+pub fn load(info: &RunInfo) -> Result<Component, LoadError> {
+    Ok(component(toy(info)?))
+}
+
+pub fn component(toy: Toy) -> Component {
+    Component::new(Box::new(toy)).with_snapshots(|tick| tick % SNAPSHOT == SNAPSHOT - 1)
 }
 
 pub fn toy(info: &RunInfo) -> Result<Toy, LoadError> {
-    let gain = Params::from_toml(&info.params, "toy")?.gait.trot.swing_frequency;
-    Ok(Toy { gain, digest_parameters: parameters_digest(&info.params), ..Toy::default() })
+    let gain = Params::from_toml(info.params(), "toy")?.gait.trot.swing_frequency;
+    Ok(Toy { gain, digest_parameters: parameters_digest(info.params()), ..Toy::default() })
 }
 
 fn digest(values: &[f64]) -> i64 {
@@ -65,7 +70,11 @@ impl Controller for Toy {
         "toy"
     }
 
-    fn step_probed(&mut self, input: &ControllerInput, out: &mut Outbox, _: &mut dyn Probe) {
+    fn stages(&self) -> &[&'static str] {
+        &Stage::NAMES
+    }
+
+    fn step_probed(&mut self, input: &TickInput, out: &mut Outbox, _: &mut dyn Probe) {
         let (t_ns, tick) = (input.t_ns, input.tick);
         let mutant = |stage| self.mutant.is_some_and(|(s, from)| s == stage && tick >= from);
         let mut q = input.state.q[0];
@@ -95,6 +104,8 @@ impl Controller for Toy {
             next_up(&mut tau);
         }
         let mut contact = ContactEstimate { t_ns, tick, height: self.height, ..Default::default() };
+        (contact.n_contacts, contact.f_F_W) = (4, vec![[0.0; 3]; 4]);
+        (contact.f_normal, contact.contact) = (vec![0.0; 4], vec![0; 4]);
         contact.f_F_W[2][1] = -self.height;
         out.put(channels::CONTACT_ESTIMATE, &contact).unwrap();
         let solution = WbcSolution { t_ns, tick, nv: 2, vd: vec![0.5, vd], ..Default::default() };
@@ -105,20 +116,16 @@ impl Controller for Toy {
             t_ns,
             tick,
             run_id: input.run_id,
-            digest_input,
-            digest_estimation: digest(&[self.height]),
-            digest_gait: digest(&[gait]),
-            digest_tasks: digest(&[task]),
-            digest_qp: digest(&[vd]),
-            digest_output: digest(&[tau]),
+            n_stages: 6,
+            digest: [digest_input]
+                .into_iter()
+                .chain([self.height, gait, task, vd, tau].map(|x| digest(&[x])))
+                .collect(),
             digest_parameters: self.digest_parameters,
             ..Default::default()
         };
         out.put(channels::CONTROLLER_TICK, &digests).unwrap();
         self.last = (t_ns, tick);
-        if tick % SNAPSHOT == SNAPSHOT - 1 {
-            out.put(channels::CONTROLLER_SNAPSHOT, &self.state()).unwrap();
-        }
     }
 
     fn snapshot(&self, out: &mut Vec<u8>) {
@@ -181,29 +188,31 @@ fn events_of(run_id: i64, ticks: i64, t0_ns: i64, change: Option<(i64, &str, &st
     let lcm_types: Vec<_> =
         lcmtypes::SOURCES.iter().map(|(n, t)| TextFile { name: n.to_string(), text: t.to_string() }).collect();
     let num_lcm_types = lcm_types.len() as i32;
-    let (controller, params) = ("toy".to_owned(), PARAMS.to_owned());
-    let info = RunInfo { t_ns: t0_ns, run_id, controller, params, num_lcm_types, lcm_types, ..Default::default() };
-    let mut toy = toy(&info).unwrap();
+    let mut component = ComponentInfo::new("toy", PARAMS);
+    (component.n_stages, component.stages) = (6, Stage::NAMES.map(str::to_owned).to_vec());
+    let info =
+        RunInfo { t_ns: t0_ns, run_id, num_lcm_types, lcm_types, ..Default::default() }.with_component(component);
+    let (mut toy, mut delivery) = (load(&info).unwrap(), Delivery::new(run_id));
     let mut events = vec![(channels::RUN_INFO.to_owned(), t0_ns, encoded(&info))];
     let (mut random, mut out) = (super::Random(5), Outbox::new());
     for tick in 0..ticks {
         let t_ns = t0_ns + tick * PERIOD_NS;
         if let Some((_, key, value)) = change.filter(|(at, ..)| *at == tick) {
             let set = [(key.to_owned(), value.to_owned())];
-            let params = controller::params::apply_changes(&info.params, &set).unwrap();
-            let Toy { height, integral, last, .. } = toy;
-            toy = Toy { height, integral, last, ..self::toy(&RunInfo { params, ..info.clone() }).unwrap() };
+            let params = controller::params::apply_changes(info.params(), &set).unwrap();
+            let mut next = load(&info.clone().with_params(params)).unwrap();
+            take_over(&toy, &mut next, &mut Vec::new()).unwrap();
+            toy = next;
         }
         let mut put = |channel: &str, bytes: Vec<u8>| events.push((channel.to_owned(), t_ns, bytes));
         let q = (random.next() >> 11) as f64 / (1_u64 << 53) as f64;
-        let zeros = vec![0.0; 1];
-        let state =
-            RobotState { t_ns, seq: tick, nj: 1, q: vec![q], qd: zeros.clone(), tau: zeros, ..Default::default() };
+        let state = RobotState { t_ns, seq: tick, q: vec![q], ..RobotState::zeros(1, 0, 0) };
         put(channels::ROBOT_STATE, encoded(&state));
-        let input = ControllerInput { t_ns, tick, run_id, state, ..Default::default() };
-        put(channels::CONTROLLER_INPUT, encoded(&input));
+        delivery.begin(t_ns, tick);
+        delivery.put(channels::ROBOT_STATE, t_ns, &state).unwrap();
+        put(channels::CONTROLLER_INPUT, encoded(delivery.input()));
         out.clear();
-        toy.step(&input, &mut out);
+        toy.step(delivery.input(), &mut out);
         out.iter().for_each(|(channel, bytes)| put(channel, bytes.to_vec()));
         put(channels::TIMING, encoded(&Timing { t_ns, tick, wall_ns: 17 * tick, ..Default::default() }));
     }
@@ -226,4 +235,21 @@ pub fn change<M: Message>(events: &mut [super::Message], channel: &str, tick: i6
     let mut message = M::decode(data).unwrap();
     change(&mut message);
     *data = encoded(&message);
+}
+
+/// Changes the measurement in the input of a tick.
+pub fn change_input(events: &mut [super::Message], tick: i64, edit: impl FnOnce(&mut RobotState)) {
+    change(events, channels::CONTROLLER_INPUT, tick, |input: &mut ControllerInput| {
+        assert!(input.change(channels::ROBOT_STATE, edit));
+    });
+}
+
+/// Changes the toy's state in the snapshot of a tick.
+pub fn change_state(events: &mut [super::Message], tick: i64, edit: impl FnOnce(&mut QuadrupedState)) {
+    change(events, channels::CONTROLLER_SNAPSHOT, tick, |state: &mut ComponentState| {
+        let mut toy = QuadrupedState::decode(&state.controller.data).unwrap();
+        edit(&mut toy);
+        state.controller.data = encoded(&toy);
+        state.controller.size = state.controller.data.len() as i32;
+    });
 }

@@ -6,6 +6,7 @@
 use super::messages::{
     Header, Imu, JointState, Quaternion, StandardMessage, Text, TfMessage, TransformStamped, WrenchStamped, to_cdr,
 };
+use controller::Unpacked;
 use controller::math::quaternion;
 use controller::model::{Base, BaseState, Kinematics, Model, Pose, UrdfTree};
 use controller::params::Params;
@@ -59,8 +60,11 @@ pub struct RobotTopics {
     tree: UrdfTree,
     model: Model,
     kinematics: Kinematics,
-    imu: String,
-    feet: Vec<String>,
+    imus: Vec<String>,
+    force_torque_sensors: Vec<String>,
+    contacts: Vec<String>,
+    /// What the controller has consumed, for the base orientation of its input.
+    unpacked: Unpacked,
     /// Source of the base pose in `/tf`.
     pub source: BaseSource,
     /// Added to the time of each message, ns: a live run has the monotonic clock, ROS 2 the wall clock.
@@ -76,13 +80,14 @@ impl RobotTopics {
         let tree = UrdfTree::parse(&info.urdf, &info.robot).ok()?;
         // Without a valid description a viewer still draws the links.
         let robot =
-            Params::from_toml(&info.params, "RUN_INFO").ok().and_then(|params| params.robot.description(&tree).ok());
+            Params::from_toml(info.params(), "RUN_INFO").ok().and_then(|params| params.robot.description(&tree).ok());
         let model = Model::new(&tree, robot.as_ref().map_or(Base::Floating, |robot| robot.base)).ok()?;
-        let (imus, contacts) = robot.map(|robot| (robot.imus, robot.contacts)).unwrap_or_default();
         Some(RobotTopics {
             kinematics: Kinematics::new(&model),
-            imu: imus.into_iter().next().map(|imu| imu.link).unwrap_or_default(),
-            feet: contacts.into_iter().map(|contact| contact.link).collect(),
+            imus: info.imus.clone(),
+            contacts: info.contacts.clone(),
+            force_torque_sensors: info.force_torque_sensors.clone(),
+            unpacked: Unpacked::default(),
             tree,
             model,
             source,
@@ -99,7 +104,8 @@ impl RobotTopics {
             ROBOT_STATE => {
                 let Ok(state) = RobotState::decode(data) else { return };
                 out.push(self.joint_state(&state));
-                out.push(self.imu(&state));
+                self.imus(&state, out);
+                self.force_torques(&state, out);
                 self.state = state;
             }
             GROUND_TRUTH => {
@@ -107,11 +113,11 @@ impl RobotTopics {
                 self.base.p_WB = truth.p_WB.into();
                 self.base.R_WB = quaternion::to_rotation(truth.q_WB_wxyz);
                 self.transforms(truth.t_ns, out);
-                self.wrenches(truth.t_ns, "contact_truth", &truth.f_F_W, out);
+                self.wrenches(truth.t_ns, "contact_truth", &truth.f_F_W, &truth.tau_F_W, out);
             }
             CONTROLLER_INPUT if self.source == BaseSource::Imu || self.state.nj == 0 => {
                 let Ok(input) = ControllerInput::decode(data) else { return };
-                self.state = input.state;
+                self.state.clone_from(&self.unpacked.update(&input).state);
                 if self.source == BaseSource::Imu {
                     self.base.R_WB = self.base_by_imu();
                     self.transforms(input.t_ns, out);
@@ -125,7 +131,7 @@ impl RobotTopics {
             }
             CONTACT_ESTIMATE => {
                 let Ok(estimate) = ContactEstimate::decode(data) else { return };
-                self.wrenches(estimate.t_ns, "contact", &estimate.f_F_W, out);
+                self.wrenches(estimate.t_ns, "contact", &estimate.f_F_W, &[], out);
             }
             _ => {}
         }
@@ -146,17 +152,34 @@ impl RobotTopics {
         TopicMessage::new("/joint_states", &message)
     }
 
-    fn imu(&self, state: &RobotState) -> TopicMessage {
-        let message = Imu {
-            header: self.header(state.t_ns, &self.imu),
-            orientation: Quaternion::of_wxyz(state.q_WI_wxyz),
-            orientation_covariance: [0.0; 9],
-            angular_velocity: state.w_WI_I,
-            angular_velocity_covariance: [0.0; 9],
-            linear_acceleration: state.a_I,
-            linear_acceleration_covariance: [0.0; 9],
-        };
-        TopicMessage::new("/imu", &message)
+    /// The first IMU on `/imu`, further ones on `/imu/NAME`.
+    fn imus(&self, state: &RobotState, out: &mut Vec<TopicMessage>) {
+        let vectors = state.w_WI_I.iter().zip(&state.a_I);
+        let names = self.imus.iter().map(String::as_str).chain(std::iter::repeat(""));
+        for (i, ((q_WI_wxyz, (w_WI_I, a_I)), name)) in state.q_WI_wxyz.iter().zip(vectors).zip(names).enumerate() {
+            let message = Imu {
+                header: self.header(state.t_ns, name),
+                orientation: Quaternion::of_wxyz(*q_WI_wxyz),
+                orientation_covariance: [0.0; 9],
+                angular_velocity: *w_WI_I,
+                angular_velocity_covariance: [0.0; 9],
+                linear_acceleration: *a_I,
+                linear_acceleration_covariance: [0.0; 9],
+            };
+            match (i, name) {
+                (0, _) => out.push(TopicMessage::new("/imu", &message)),
+                (_, "") => {}
+                _ => out.push(TopicMessage::new(format!("/imu/{name}"), &message)),
+            }
+        }
+    }
+
+    /// Each force/torque sensor on `/ft/NAME`.
+    fn force_torques(&self, state: &RobotState, out: &mut Vec<TopicMessage>) {
+        for (name, (f_S, tau_S)) in self.force_torque_sensors.iter().zip(state.f_S.iter().zip(&state.tau_S)) {
+            let message = WrenchStamped { header: self.header(state.t_ns, name), force: *f_S, torque: *tau_S };
+            out.push(TopicMessage::new(format!("/ft/{name}"), &message));
+        }
     }
 
     /// Updates the kinematics; `false` if the state has another number of joints than the robot.
@@ -169,9 +192,10 @@ impl RobotTopics {
     }
 
     fn base_by_imu(&mut self) -> nalgebra::Matrix3<f64> {
-        let R_WI = quaternion::to_rotation(self.state.q_WI_wxyz);
+        let upright = [1.0, 0.0, 0.0, 0.0];
+        let R_WI = quaternion::to_rotation(self.state.q_WI_wxyz.first().copied().unwrap_or(upright));
         self.base = BaseState::identity();
-        match self.model.frame(&self.imu) {
+        match self.model.frame(self.imus.first().map_or("", String::as_str)) {
             Ok(imu) if self.update() => R_WI * self.kinematics.R_WF(&self.model, imu).transpose(),
             _ => R_WI,
         }
@@ -213,15 +237,24 @@ impl RobotTopics {
         out.push(TopicMessage::new("/tf", &TfMessage { transforms: transforms.collect() }));
     }
 
-    /// Contact forces, given in W, as wrenches in the frames of the links of the contacts.
-    fn wrenches(&mut self, t_ns: i64, topic: &str, f_F_W: &[[f64; 3]], out: &mut Vec<TopicMessage>) {
+    /// Contact forces and moments, given in W, as wrenches in the frames of the contacts. Without moments they are 0.
+    fn wrenches(
+        &mut self,
+        t_ns: i64,
+        topic: &str,
+        f_F_W: &[[f64; 3]],
+        tau_F_W: &[[f64; 3]],
+        out: &mut Vec<TopicMessage>,
+    ) {
         if !self.update() {
             return;
         }
-        for (name, f_W) in self.feet.iter().zip(f_F_W) {
+        let moments = tau_F_W.iter().copied().chain(std::iter::repeat([0.0; 3]));
+        for ((name, f_W), tau_W) in self.contacts.iter().zip(f_F_W).zip(moments) {
             let Ok(frame) = self.model.frame(name) else { continue };
-            let f_F = self.kinematics.R_WF(&self.model, frame).transpose() * nalgebra::Vector3::from(*f_W);
-            let message = WrenchStamped { header: self.header(t_ns, name), force: f_F.into(), torque: [0.0; 3] };
+            let R_FW = self.kinematics.R_WF(&self.model, frame).transpose();
+            let [force, torque] = [*f_W, tau_W].map(|v_W| (R_FW * nalgebra::Vector3::from(v_W)).into());
+            let message = WrenchStamped { header: self.header(t_ns, name), force, torque };
             out.push(TopicMessage::new(format!("/{topic}/{name}"), &message));
         }
     }

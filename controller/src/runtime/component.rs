@@ -1,0 +1,116 @@
+//! A controller with its input: what an executor steps and a replay computes again.
+
+use super::unpack::{Unpacked, copy, empty_state};
+use crate::dump::Dump;
+use crate::error::RestoreError;
+use crate::interface::{Controller, NoProbe, Probe};
+use crate::outbox::Outbox;
+use crate::time::SNAPSHOT_TICKS;
+use lcmtypes::channels::CONTROLLER_SNAPSHOT;
+use lcmtypes::{ComponentState, ControllerInput, Message, TickInput};
+use std::cell::RefCell;
+
+/// A controller, and what holds of the messages delivered to it.
+pub struct Component {
+    controller: Box<dyn Controller>,
+    unpacked: Unpacked,
+    /// Whether the state is published after a tick.
+    is_snapshot: fn(i64) -> bool,
+    /// Preallocated message for writing and reading snapshots.
+    snapshot_buffer: RefCell<ComponentState>,
+}
+
+impl Component {
+    /// A component before its first tick.
+    pub fn new(controller: Box<dyn Controller>) -> Self {
+        let input = TickInput { state: empty_state(), ..TickInput::default() };
+        let mut state = ComponentState { input, ..ComponentState::default() };
+        controller.snapshot(&mut state.controller.data);
+        let is_snapshot = |tick| tick % SNAPSHOT_TICKS == 0;
+        Component { controller, unpacked: Unpacked::default(), is_snapshot, snapshot_buffer: RefCell::new(state) }
+    }
+
+    /// Publishes the state after the ticks for which `is_snapshot` returns true, instead of every [`SNAPSHOT_TICKS`].
+    #[must_use]
+    pub fn with_snapshots(self, is_snapshot: fn(i64) -> bool) -> Self {
+        Component { is_snapshot, ..self }
+    }
+
+    /// Kind of its controller.
+    pub fn name(&self) -> &'static str {
+        self.controller.name()
+    }
+
+    /// Names of the stages of its tick, in the order of `controller_tick_t.digest`.
+    pub fn stages(&self) -> &[&'static str] {
+        self.controller.stages()
+    }
+
+    /// What its controller read in the last tick.
+    pub fn input(&self) -> &TickInput {
+        self.unpacked.input()
+    }
+
+    /// Computes one tick from the state and the delivered messages alone, and fills `out` with the encoded output messages; see
+    /// [`Controller::step_probed`]. Every [`SNAPSHOT_TICKS`] the last one is CONTROLLER_SNAPSHOT.
+    pub fn step_probed(&mut self, input: &ControllerInput, out: &mut Outbox, probe: &mut dyn Probe) {
+        let Component { controller, unpacked, .. } = self;
+        unpacked.update_with(input, |message| controller.receive(&message.channel, &message.data));
+        controller.step_probed(unpacked.input(), out, probe);
+        if (self.is_snapshot)(input.tick) {
+            self.write_state();
+            out.put(CONTROLLER_SNAPSHOT, &*self.snapshot_buffer.borrow())
+                .expect("`write_state` sets every length field");
+        }
+    }
+
+    /// [`Component::step_probed`] without a probe.
+    pub fn step(&mut self, input: &ControllerInput, out: &mut Outbox) {
+        self.step_probed(input, out, &mut NoProbe);
+    }
+
+    fn write_state(&self) {
+        let mut state = self.snapshot_buffer.borrow_mut();
+        let ComponentState { t_ns, tick, input, controller } = &mut *state;
+        copy(self.unpacked.input(), input);
+        (*t_ns, *tick) = (input.t_ns, input.tick);
+        controller.data.clear();
+        self.controller.snapshot(&mut controller.data);
+        controller.size = i32::try_from(controller.data.len()).expect("a state is far below 2 GB");
+    }
+
+    /// Appends the complete state between two ticks to `out`, encoded as `component_state_t`. If the last tick published a CONTROLLER_SNAPSHOT, these
+    /// are the same bytes.
+    pub fn snapshot(&self, out: &mut Vec<u8>) {
+        self.write_state();
+        self.snapshot_buffer.borrow().encode(out).expect("`write_state` sets every length field");
+    }
+
+    /// Replaces the state by one that [`Component::snapshot`] wrote.
+    ///
+    /// # Errors
+    /// The bytes are no valid state of this component, or belong to another robot; the component must not be used then.
+    pub fn restore(&mut self, bytes: &[u8]) -> Result<(), RestoreError> {
+        let state = self.snapshot_buffer.get_mut();
+        state.decode_into(bytes)?;
+        self.controller.restore(&state.controller.data)?;
+        copy(&state.input, &mut self.unpacked.input);
+        Ok(())
+    }
+
+    /// [`Controller::poison_workspace`].
+    pub fn poison_workspace(&mut self) {
+        self.controller.poison_workspace();
+    }
+
+    /// Every quantity that the last tick computed, by name; see [`Controller::dump`].
+    pub fn dump(&self) -> Dump {
+        self.controller.dump()
+    }
+}
+
+impl From<Box<dyn Controller>> for Component {
+    fn from(controller: Box<dyn Controller>) -> Self {
+        Component::new(controller)
+    }
+}
