@@ -106,7 +106,7 @@ fn the_rows_of_a_sole_are_the_wrenches_of_four_corners() {
 }
 
 const COMAN: (&str, &str) =
-    (include_str!("../model/tests/data/coman_plus.urdf"), include_str!("../model/tests/data/coman_plus.toml"));
+    (include_str!("../../robots/coman_plus/coman_plus.urdf"), include_str!("../../robots/coman_plus/coman_plus.toml"));
 
 /// Which constraint has rows of the wrong sign.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -25,7 +25,7 @@ use lcmtypes::{GroundTruth, RobotCommand, RobotState};
 use mujoco_rs::prelude::{MjData, MjModel, MjtObjBase};
 use nalgebra::Vector3;
 use robot_model::math::quaternion;
-use robot_model::{ContactGeometry, GRAVITY, Pose};
+use robot_model::{ContactGeometry, Pose};
 use std::collections::BTreeMap;
 
 /// Largest penetration of the ground at the start, m.
@@ -336,8 +336,8 @@ impl Simulator for MujocoSim {
             truth.v_WF.push([vx, vy, vz]);
         }
         truth.f_F_W.clone_from(&self.f_F_W);
-        // A sphere touches in a point.
-        truth.tau_F_W.resize(self.feet.len(), [0.0; 3]);
+        // Forces at the contact point.
+        truth.tau_F_W.resize(self.contacts.len(), [0.0; 3]);
         truth.contact.clone_from(&self.contact);
         let [fx, fy, fz, tx, ty, tz] = self.data.xfrc_applied()[self.base];
         truth.f_push_W = [fx, fy, fz];

@@ -177,7 +177,8 @@ pub fn is_reachable(
         let least = if walk.is_some() { VOLUME_WALKING * nominal.volume } else { VOLUME_STANDING };
         let most = TORQUE.max(TORQUE_GROWTH * nominal.torque * load);
         let top = Vector3::new(x, y, of_robot.p_nominal_H.z - height_offset + robot.foot_radius + params.swing.height);
-        if walk.is_some() && of_robot.reach.extent(&(R_BT * top)) < EXTENT_SWING {
+        let folds = roll != 0.0 || pitch != 0.0 || height_offset < 0.0;
+        if walk.is_some() && folds && of_robot.reach.extent(&(R_BT * top)) < EXTENT_SWING {
             return false;
         }
         sides.iter().all(|side| {
