@@ -58,12 +58,13 @@ pub fn describe(run: &Run, build: &Build) -> RunInfo {
 fn name_parts(info: &mut RunInfo) {
     let count = |n: usize| i32::try_from(n).expect("robots have fewer than 2^31 parts");
     if let Ok(tree) = UrdfTree::parse(&info.urdf, &info.robot) {
+        let params = Params::from_toml(info.params(), "parameters").ok();
+        if let Some(robot) = params.and_then(|params| params.robot.description(&tree).ok()) {
+            info.imus = robot.imus.into_iter().map(|imu| imu.link).collect();
+            info.contacts = robot.contacts.into_iter().map(|contact| contact.link).collect();
+        }
         let joints = tree.joints.into_iter().filter(|joint| joint.kind != JointKind::Fixed);
         info.joints = joints.map(|joint| joint.name).collect();
-    }
-    if let Ok(params) = Params::from_toml(info.params(), "parameters") {
-        info.imus = vec![params.robot.imu_link];
-        info.contacts = params.robot.feet.to_vec();
     }
     (info.n_joints, info.n_imus) = (count(info.joints.len()), count(info.imus.len()));
     info.n_contacts = count(info.contacts.len());

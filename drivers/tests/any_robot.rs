@@ -24,7 +24,7 @@ fn hold(duration_s: f64, controller: &str) -> String {
 
 fn simulator(robot: &str) -> (MujocoSim, Model) {
     let info = description(robot, &[]);
-    let params = Params::from_toml(&info.params, robot).unwrap();
+    let params = Params::from_toml(info.params(), robot).unwrap();
     let tree = UrdfTree::parse(&info.urdf, robot).unwrap();
     let model = params.robot.description(&tree).unwrap().model(&tree).unwrap();
     let flat = Terrain::new(&TerrainParams::of_kind(TerrainKind::Flat), 0);

@@ -13,13 +13,13 @@ fn scenario(robot: &str, text: &str) -> Result<Scenario, DriverError> {
     let info = description(robot, &[]);
     let head =
         "name = \"objects\"\nduration_s = 2.0\n[terrain]\nkind = \"flat\"\n[[operator]]\nt_s = 0.0\nmode = \"stand\"\n";
-    Scenario::parse(&format!("{head}{text}"), "objects.toml", &Params::from_toml(&info.params, robot).unwrap().gait)
+    Scenario::parse(&format!("{head}{text}"), "objects.toml", &Params::from_toml(info.params(), robot).unwrap().gait)
 }
 
 fn simulator(robot: &str, text: &str) -> Result<MujocoSim, DriverError> {
     let scenario = scenario(robot, text)?;
     let info = description(robot, &[]);
-    let params = Params::from_toml(&info.params, robot).unwrap();
+    let params = Params::from_toml(info.params(), robot).unwrap();
     let tree = UrdfTree::parse(&info.urdf, robot).unwrap();
     MujocoSim::new(&tree, &params.robot, Terrain::new(&scenario.terrain, 0), SimParams::of(&scenario))
 }
@@ -100,7 +100,7 @@ fn in_the_air_an_object_moves_as_a_free_mass() {
 #[test]
 fn a_hand_holds_an_object_and_releases_it() {
     let info = description("centauro_upper", &[]);
-    let params = Params::from_toml(&info.params, "centauro_upper").unwrap();
+    let params = Params::from_toml(info.params(), "centauro_upper").unwrap();
     let tree = UrdfTree::parse(&info.urdf, "robot").unwrap();
     let robot = params.robot.description(&tree).unwrap();
     let X_WL = with("").link_pose("arm1_8").unwrap();

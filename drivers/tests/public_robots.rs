@@ -9,7 +9,7 @@ use common::Seen;
 use controller::params::{Params, apply_overrides};
 use controller::robot_init::{Options, propose_any};
 use drivers::{MujocoSim, Scenario, SimParams, Terrain, lockstep, mesh};
-use lcmtypes::RunInfo;
+use lcmtypes::{ComponentInfo, RunInfo};
 use robot_model::{Base, UrdfTree};
 use std::path::Path;
 
@@ -23,8 +23,8 @@ fn hold(file: &str, base: Base, fixed: &[(String, f64)], seconds: f64) -> (Seen,
     let proposal = propose_any(&urdf, file, base, &options).unwrap();
     let urdf = proposal.urdf.unwrap_or(urdf);
     let params = apply_overrides(&proposal.toml, &[("hold.duration".to_owned(), "0.5".to_owned())]).unwrap();
-    let info = RunInfo { controller: "hold".to_owned(), urdf, params, ..RunInfo::default() };
-    let params = Params::from_toml(&info.params, file).unwrap();
+    let info = RunInfo { urdf, ..RunInfo::default() }.with_component(ComponentInfo::new("hold", &params));
+    let params = Params::from_toml(info.params(), file).unwrap();
     let text = format!(
         "name = \"hold\"\nduration_s = {seconds}\ncontroller = \"hold\"\n[terrain]\nkind = \"flat\"\n[[operator]]\nt_s = 0.0\nmode = \"stand\"\n"
     );
@@ -34,7 +34,7 @@ fn hold(file: &str, base: Base, fixed: &[(String, f64)], seconds: f64) -> (Seen,
     let mut sim = MujocoSim::new(&tree, &params.robot, terrain, SimParams::of(&scenario)).unwrap();
     let mut controller = controller::load(&info).unwrap();
     let mut seen = Seen::default();
-    let outcome = lockstep::run(&scenario, &info, &mut sim, &mut *controller, &mut seen, &mut |_| {}).unwrap();
+    let outcome = lockstep::run(&scenario, &info, &mut sim, &mut controller, &mut seen, &mut |_| {}).unwrap();
     assert_eq!(outcome.safe_state, None, "{file}");
     (seen, outcome.fell_at_s, params.robot.contact.len())
 }

@@ -95,7 +95,7 @@ impl MujocoSim {
             contacts.push(ContactIndex {
                 geom: id(MjtObjBase::mjOBJ_GEOM, &mjcf::contact_name(&contact.name))?,
                 body: body_of_link[link].1,
-                X_BL: mjcf.X_BL[link].clone(),
+                X_BL: mjcf.X_BL[link],
                 point: ContactPoint::new(contact, tree),
             });
         }

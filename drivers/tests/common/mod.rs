@@ -77,7 +77,7 @@ pub fn run(robot: &str, scenario: &str, set: &[(&str, &str)]) -> (Seen, Outcome)
     let mut info = description(robot, set);
     let params = Params::from_toml(info.params(), robot).unwrap();
     let scenario = Scenario::parse(scenario, "test", &params.gait).unwrap();
-    info.controller.clone_from(&scenario.controller);
+    info.components[0].kind.clone_from(&scenario.controller);
     let tree = UrdfTree::parse(&info.urdf, robot).unwrap();
     let terrain = Terrain::new(&scenario.terrain, scenario.seed);
     let mut sim = MujocoSim::new(&tree, &params.robot, terrain, SimParams::of(&scenario)).unwrap();
