@@ -199,7 +199,7 @@ mod tests {
         let (mut at, mut steps, mut fastest) = ((0.0, 0.0), 0, 0.0_f64);
         while at != (1.0, 0.0) && steps < 10_000 {
             let next = approach(at, 1.0, v_max, a, dt);
-            assert!((next.1 - at.1).abs() <= a * dt * (1.0 + 1e-12) && next.0 <= 1.0, "{at:?} {next:?}");
+            assert!((next.1 - at.1).abs() <= a * dt * (1.0 + 1e-12) && next.0 <= 1.0 + 1e-12, "{at:?} {next:?}");
             (at, steps, fastest) = (next, steps + 1, fastest.max(next.1));
         }
         assert_eq!(fastest, v_max);

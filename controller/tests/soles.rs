@@ -193,7 +193,7 @@ impl Standing {
             Contact::all(&description, &model).unwrap().into_iter().filter(|contact| contact.size() == 6).collect();
         assert_eq!(contacts.len(), 2);
         let mut q = vec![0.0; model.nj()];
-        for (joint, position) in description.posture("home").unwrap() {
+        for (joint, position) in description.posture("nominal").unwrap() {
             q[model.joint(joint).unwrap().index()] = *position;
         }
         q.iter_mut().for_each(|q| *q += 0.02 * rng.symmetric());

@@ -179,9 +179,7 @@ pub mod conformance {
                 item_0.put(out)?;
             }
             lcm_wire::check_length(<Self as lcm_wire::Message>::TYPE, "by_n64", self.by_n64.len(), "n64", self.n64)?;
-            for item_0 in self.by_n64.iter() {
-                item_0.put(out)?;
-            }
+            out.extend_from_slice(&self.by_n64);
             lcm_wire::check_length(<Self as lcm_wire::Message>::TYPE, "rows", self.rows.len(), "n32", i64::from(self.n32))?;
             for item_0 in self.rows.iter() {
                 item_0.put(out)?;
@@ -229,7 +227,7 @@ pub mod conformance {
             let field_by_n8 = wire.field("by_n8", |wire| wire.list("n8", i64::from(field_n8), 2, lcm_wire::Wire::take))?;
             let field_by_n16 = wire.field("by_n16", |wire| wire.list("n16", i64::from(field_n16), 1, lcm_wire::Wire::take))?;
             let field_by_n32 = wire.field("by_n32", |wire| wire.list("n32", i64::from(field_n32), 5, lcm_wire::Wire::take))?;
-            let field_by_n64 = wire.field("by_n64", |wire| wire.list("n64", field_n64, 1, lcm_wire::Wire::take))?;
+            let field_by_n64 = wire.field("by_n64", |wire| wire.byte_list("n64", field_n64).map(<[u8]>::to_vec))?;
             let field_rows = wire.field("rows", |wire| wire.list("n32", i64::from(field_n32), lcm_wire::row_size(&[3], 8), lcm_wire::Wire::take))?;
             let field_columns = wire.field("columns", |wire| wire.array(|wire| wire.list("n8", i64::from(field_n8), 8, lcm_wire::Wire::take)))?;
             let field_square = wire.field("square", |wire| wire.list("n8", i64::from(field_n8), lcm_wire::row_size(&[i64::from(field_n16)], 4), |wire| wire.list("n16", i64::from(field_n16), 4, lcm_wire::Wire::take)))?;
@@ -250,7 +248,9 @@ pub mod conformance {
             wire.field("by_n8", |wire| wire.refill(&mut self.by_n8, "n8", i64::from(self.n8), 2, lcm_wire::Wire::take))?;
             wire.field("by_n16", |wire| wire.refill(&mut self.by_n16, "n16", i64::from(self.n16), 1, lcm_wire::Wire::take))?;
             wire.field("by_n32", |wire| wire.refill(&mut self.by_n32, "n32", i64::from(self.n32), 5, lcm_wire::Wire::take))?;
-            wire.field("by_n64", |wire| wire.refill(&mut self.by_n64, "n64", self.n64, 1, lcm_wire::Wire::take))?;
+            let bytes = wire.field("by_n64", |wire| wire.byte_list("n64", self.n64))?;
+            self.by_n64.clear();
+            self.by_n64.extend_from_slice(bytes);
             wire.field("rows", |wire| wire.refill(&mut self.rows, "n32", i64::from(self.n32), lcm_wire::row_size(&[3], 8), lcm_wire::Wire::take))?;
             self.columns = wire.field("columns", |wire| wire.array(|wire| wire.list("n8", i64::from(self.n8), 8, lcm_wire::Wire::take)))?;
             wire.field("square", |wire| wire.refill(&mut self.square, "n8", i64::from(self.n8), lcm_wire::row_size(&[i64::from(self.n16)], 4), |wire| wire.list("n16", i64::from(self.n16), 4, lcm_wire::Wire::take)))?;
@@ -360,8 +360,8 @@ pub mod conformance {
             self.a = wire.field("a", lcm_wire::Wire::take)?;
             self.b = wire.field("b", lcm_wire::Wire::take)?;
             wire.field("c", |wire| wire.refill(&mut self.c, "a", i64::from(self.a), 4, lcm_wire::Wire::take))?;
-            self.d = wire.field("d", lcm_wire::Wire::take)?;
-            self.e = wire.field("e", lcm_wire::Wire::take)?;
+            wire.field("d", |wire| lcm_wire::Wire::retake(&mut self.d, wire))?;
+            wire.field("e", |wire| lcm_wire::Wire::retake(&mut self.e, wire))?;
             Ok(())
         }
     }
@@ -888,7 +888,7 @@ pub mod conformance {
         }
 
         fn retake(&mut self, wire: &mut lcm_wire::Reader<'_>) -> ::std::result::Result<(), ::lcm_idl::DecodeError> {
-            self.name = wire.field("name", lcm_wire::Wire::take)?;
+            wire.field("name", |wire| lcm_wire::Wire::retake(&mut self.name, wire))?;
             self.num_children = wire.field("num_children", lcm_wire::Wire::take)?;
             wire.field("children", |wire| wire.retake_list(&mut self.children, "num_children", i64::from(self.num_children), 7))?;
             Ok(())
@@ -983,7 +983,7 @@ pub mod conformance {
             self.b = wire.field("b", lcm_wire::Wire::take)?;
             self.f = wire.field("f", lcm_wire::Wire::take)?;
             self.d = wire.field("d", lcm_wire::Wire::take)?;
-            self.s = wire.field("s", lcm_wire::Wire::take)?;
+            wire.field("s", |wire| lcm_wire::Wire::retake(&mut self.s, wire))?;
             self.yes = wire.field("yes", lcm_wire::Wire::take)?;
             Ok(())
         }
@@ -1150,7 +1150,7 @@ pub mod exlcm {
             self.orientation = wire.field("orientation", lcm_wire::Wire::take)?;
             self.num_ranges = wire.field("num_ranges", lcm_wire::Wire::take)?;
             wire.field("ranges", |wire| wire.refill(&mut self.ranges, "num_ranges", i64::from(self.num_ranges), 2, lcm_wire::Wire::take))?;
-            self.name = wire.field("name", lcm_wire::Wire::take)?;
+            wire.field("name", |wire| lcm_wire::Wire::retake(&mut self.name, wire))?;
             self.enabled = wire.field("enabled", lcm_wire::Wire::take)?;
             Ok(())
         }
@@ -1436,7 +1436,7 @@ pub mod lcmtest {
             wire.field("ranges", |wire| wire.refill(&mut self.ranges, "num_ranges", i64::from(self.num_ranges), 2, lcm_wire::Wire::take))?;
             self.position = wire.field("position", lcm_wire::Wire::take)?;
             self.orientation = wire.field("orientation", lcm_wire::Wire::take)?;
-            self.name = wire.field("name", lcm_wire::Wire::take)?;
+            wire.field("name", |wire| lcm_wire::Wire::retake(&mut self.name, wire))?;
             self.enabled = wire.field("enabled", lcm_wire::Wire::take)?;
             Ok(())
         }
@@ -1584,21 +1584,21 @@ pub mod lcmtest {
         fn put(&self, out: &mut ::std::vec::Vec<u8>) -> ::std::result::Result<(), ::lcm_idl::EncodeError> {
             self.num_bytes.put(out)?;
             lcm_wire::check_length(<Self as lcm_wire::Message>::TYPE, "data", self.data.len(), "num_bytes", i64::from(self.num_bytes))?;
-            for item_0 in self.data.iter() {
-                item_0.put(out)?;
-            }
+            out.extend_from_slice(&self.data);
             Ok(())
         }
 
         fn take(wire: &mut lcm_wire::Reader<'_>) -> ::std::result::Result<Self, ::lcm_idl::DecodeError> {
             let field_num_bytes = wire.field("num_bytes", lcm_wire::Wire::take)?;
-            let field_data = wire.field("data", |wire| wire.list("num_bytes", i64::from(field_num_bytes), 1, lcm_wire::Wire::take))?;
+            let field_data = wire.field("data", |wire| wire.byte_list("num_bytes", i64::from(field_num_bytes)).map(<[u8]>::to_vec))?;
             Ok(Self { num_bytes: field_num_bytes, data: field_data })
         }
 
         fn retake(&mut self, wire: &mut lcm_wire::Reader<'_>) -> ::std::result::Result<(), ::lcm_idl::DecodeError> {
             self.num_bytes = wire.field("num_bytes", lcm_wire::Wire::take)?;
-            wire.field("data", |wire| wire.refill(&mut self.data, "num_bytes", i64::from(self.num_bytes), 1, lcm_wire::Wire::take))?;
+            let bytes = wire.field("data", |wire| wire.byte_list("num_bytes", i64::from(self.num_bytes)))?;
+            self.data.clear();
+            self.data.extend_from_slice(bytes);
             Ok(())
         }
     }
