@@ -30,7 +30,7 @@ fn a_log_of_centauro_works_with_every_tool() {
         .exits(0);
         hoof(&format!("debug {log} --tick 500 --once")).exits(0);
         let info = hoof(&format!("log info {log} --json")).exits(0).json();
-        assert_eq!(info["robot"], robot, "{info}");
+        assert_eq!(info["runs"][0]["robot"], robot, "{info}");
         assert_eq!(hoof(&format!("robot info {robot} --json")).exits(0).json()["dof"], joints);
     }
 }

@@ -110,13 +110,13 @@ impl Shown {
 fn the_channel_table_fits_80_by_24_characters() {
     let mut shown = Shown::new();
     let lines = shown.lines(80, 24);
-    assert_eq!(lines[0], "239.255.76.67:7667  3 channels  lost 5  1190 msg/s  165.0 kB/s");
+    assert_eq!(lines[0], "239.255.76.67:7667  3 channels  lost 5  1190 msg/s  93.7 kB/s");
     assert!(lines[1].contains("FROZEN") && lines[1].contains("ALARM 2") && lines[1].contains("REC log.mcap 3 s"));
     assert_eq!(lines[2], "channel↓                  count  rate Hz   jitter      B/s   lost   late     age");
     // Without a counter in the messages the bound is the loss of the sender on all channels; OTHER's sender lost nothing.
     assert_eq!(lines[3], "OTHER                        50    100.0     0 us     500       0      0   10 ms");
     assert_eq!(lines[4], "PLAIN                        50    100.0     0 us    2.1 k     ≤5      0   10 ms");
-    assert_eq!(lines[5], "ROBOT_STATE                 495    990.0     0 us  162.4 k      5      0 1.00 ms");
+    assert_eq!(lines[5], "ROBOT_STATE                 495    990.0     0 us   91.1 k      5      0 1.00 ms");
 }
 
 #[test]
