@@ -364,8 +364,10 @@ fn a_replay_from_a_time_starts_near_it() {
     }
     // Damage before the part is not read.
     let mut bytes = std::fs::read(&log).unwrap();
-    let at = bytes.len() / 10;
-    bytes[at..at + 64].fill(0xff);
+    // In the second chunk: the first one contains RUN_INFO, and between chunks there are indexes, which are not read here.
+    let zstd = [0x28, 0xb5, 0x2f, 0xfd];
+    let (chunk, _) = bytes.windows(4).enumerate().filter(|(_, start)| *start == zstd).nth(1).unwrap();
+    bytes[chunk + 64..chunk + 128].fill(0xff);
     std::fs::write(&log, bytes).unwrap();
     let damaged = |from_s| {
         let options = Options { from_s, to_s: Some(7.5), ..Options::default() };
