@@ -15,7 +15,7 @@ use std::process::Command;
 
 /// Largest relative increase over the stored count.
 const MARGIN: f64 = 0.02;
-const STEP: &str = "<controller::runtime::component::Component>::step_probed";
+const STEP: &str = "controller::runtime::component::Component::step_probed";
 const ROOT: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/..");
 
 /// Instructions per tick, and the compiler of the build.
