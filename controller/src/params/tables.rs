@@ -90,7 +90,7 @@ impl Params {
     }
 
     /// Writes every parameter as TOML, defaults included. [`Params::from_toml`] reads the same bits back. For a robot with the keys for any robot
-    /// these are the tables [`FOR_ANY_ROBOT`].
+    /// these are the tables `FOR_ANY_ROBOT`.
     pub fn to_toml(&self) -> String {
         if self.robot.is_quadruped() {
             return toml::to_string(self).expect("plain structs of numbers, strings and tables always serialize");
