@@ -12,10 +12,10 @@ use crate::interface::{Controller, Probe};
 use crate::model::{JointInfo, NOMINAL, UrdfTree, check_runnable};
 use crate::outbox::Outbox;
 use crate::params::{Params, parameters_digest};
-use crate::safety::{Fault, limit_command};
+use crate::safety::Fault;
 use crate::time::step_seconds;
-use drive::{Gains, STAGES, check, new_status, posture_of, publish, rejection};
-use lcmtypes::{ControllerTick, HoldState, Message, RobotCommand, TickInput};
+use drive::{Gains, Output, STAGES, judge, posture_of};
+use lcmtypes::{ControllerTick, HoldState, Message, TickInput};
 
 /// Name by which [`crate::load`] finds the controller.
 pub const NAME: &str = "hold";
@@ -29,8 +29,7 @@ pub struct Hold {
     state: HoldState,
     /// Preallocated message for reading snapshots.
     snapshot_buffer: HoldState,
-    command: RobotCommand,
-    status: ControllerTick,
+    output: Output,
 }
 
 impl Hold {
@@ -47,19 +46,18 @@ impl Hold {
         let q_posture = posture_of(&robot, NOMINAL)?;
         check_runnable(&model, &q_posture)?;
         let nj = q_posture.len();
-        let command = RobotCommand::zeros(nj);
+        let output = Output::new(nj, digest_parameters);
         let state = HoldState {
             tick: -1,
             mode: ControllerTick::MODE_IDLE,
             fault_index: -1,
-            nj: command.nj,
+            nj: output.command.nj,
             q_from: vec![0.0; nj],
             ..HoldState::default()
         };
         let (joints, snapshot_buffer) = (model.joints, state.clone());
         let gains = Gains::new(&robot, &params.hold);
-        let status = new_status(digest_parameters);
-        Ok(Hold { params, joints, gains, q_posture, snapshot_buffer, state, command, status })
+        Ok(Hold { params, joints, gains, q_posture, snapshot_buffer, state, output })
     }
 
     /// Updates the state. The references are a function of it.
@@ -69,14 +67,9 @@ impl Hold {
         if self.state.mode == ControllerTick::MODE_DAMPING {
             return;
         }
-        let found = check(&self.joints, &self.params.safety, input);
-        let Fault { code, index, value } = found.or_else(|| rejection(&input.op)).unwrap_or_default();
-        (self.state.fault, self.state.fault_index, self.state.fault_value) = (code, index, value);
-        if found.is_some() {
-            // Before the first valid input the robot has no torque: the controller stays in IDLE and reports the fault.
-            if self.state.mode != ControllerTick::MODE_IDLE {
-                self.state.mode = ControllerTick::MODE_DAMPING;
-            }
+        let (fault, goes_on) = judge(&self.joints, &self.params.safety, input, &mut self.state.mode);
+        (self.state.fault, self.state.fault_index, self.state.fault_value) = (fault.code, fault.index, fault.value);
+        if !goes_on {
             return;
         }
         if self.state.mode == ControllerTick::MODE_IDLE {
@@ -94,9 +87,8 @@ impl Hold {
 
     /// Computes the command from the state, before effort limits.
     fn fill_command(&mut self) {
-        self.command.tau.fill(0.0);
-        let Hold { params, gains, q_posture, state, command, .. } = self;
-        (command.t_ns, command.tick) = (state.t_ns, state.tick);
+        let Hold { params, gains, q_posture, state, output: Output { command, .. }, .. } = self;
+        command.tau.fill(0.0);
         let moving = matches!(state.mode, ControllerTick::MODE_STAND_UP | ControllerTick::MODE_STANCE);
         let s = state.progress;
         // 10 s³ - 15 s⁴ + 6 s⁵: velocity and acceleration are zero at both ends.
@@ -124,14 +116,8 @@ impl Controller for Hold {
         self.advance(input);
         probe.stage_done(0);
         self.fill_command();
-        self.command.run_id = input.run_id;
-        limit_command(&self.joints, &mut self.command, &input.state);
-        let HoldState { t_ns, tick, mode, fault, fault_index, fault_value, .. } = self.state;
-        let m = &mut self.status;
-        (m.t_ns, m.tick, m.run_id, m.n_ignored) = (t_ns, tick, input.run_id, input.n_ignored);
-        (m.mode, m.fault, m.fault_index, m.fault_value) = (mode, fault, fault_index, fault_value);
-        m.digest[0] = digest_input;
-        publish(out, &self.command, m).expect("every array has the length of the robot since construction");
+        let HoldState { mode, fault: code, fault_index: index, fault_value: value, .. } = self.state;
+        self.output.publish(&self.joints, input, digest_input, mode, Fault { code, index, value }, out);
         probe.stage_done(1);
     }
 
@@ -154,10 +140,7 @@ impl Controller for Hold {
     }
 
     fn poison_workspace(&mut self) {
-        let RobotCommand { tau, q_des, qd_des, kp, kd, .. } = &mut self.command;
-        for values in [tau, q_des, qd_des, kp, kd] {
-            values.fill(f64::NAN);
-        }
+        self.output.poison();
     }
 }
 

@@ -8,12 +8,12 @@ pub mod params;
 
 use crate::digest::input_digest;
 use crate::error::{LoadError, RestoreError};
-use crate::hold::drive::{Gains, STAGES, check, new_status, posture_of, publish, rejection};
+use crate::hold::drive::{Gains, Output, STAGES, judge, posture_of};
 use crate::interface::{Controller, Probe};
 use crate::model::{JointInfo, NOMINAL, UrdfTree, check_runnable};
 use crate::outbox::Outbox;
 use crate::params::{Params, parameters_digest};
-use crate::safety::{Fault, limit_command};
+use crate::safety::Fault;
 use crate::time::step_seconds;
 use lcmtypes::{ControllerTick, Message, PostureState, RobotCommand, TickInput};
 
@@ -31,8 +31,7 @@ pub struct Posture {
     state: PostureState,
     /// Preallocated message for reading snapshots.
     snapshot_buffer: PostureState,
-    command: RobotCommand,
-    status: ControllerTick,
+    output: Output,
 }
 
 impl Posture {
@@ -50,19 +49,18 @@ impl Posture {
         check_runnable(&model, &posture_of(&robot, NOMINAL)?)?;
         let gains = Gains::new(&robot, &params.hold);
         let nj = q_goal.len();
-        let command = RobotCommand::zeros(nj);
+        let output = Output::new(nj, digest_parameters);
         let state = PostureState {
             tick: -1,
             mode: ControllerTick::MODE_IDLE,
             fault_index: -1,
-            nj: command.nj,
+            nj: output.command.nj,
             q_ref: vec![0.0; nj],
             qd_ref: vec![0.0; nj],
             ..PostureState::default()
         };
         let (joints, snapshot_buffer) = (model.joints, state.clone());
-        let status = new_status(digest_parameters);
-        Ok(Posture { params, joints, gains, q_goal, state, snapshot_buffer, command, status })
+        Ok(Posture { params, joints, gains, q_goal, state, snapshot_buffer, output })
     }
 
     /// Updates the state: mode, faults and references.
@@ -72,14 +70,9 @@ impl Posture {
         if self.state.mode == ControllerTick::MODE_DAMPING {
             return;
         }
-        let found = check(&self.joints, &self.params.safety, input);
-        let Fault { code, index, value } = found.or_else(|| rejection(&input.op)).unwrap_or_default();
-        (self.state.fault, self.state.fault_index, self.state.fault_value) = (code, index, value);
-        if found.is_some() {
-            // Before the first valid input the robot has no torque: the controller stays in IDLE and reports the fault.
-            if self.state.mode != ControllerTick::MODE_IDLE {
-                self.state.mode = ControllerTick::MODE_DAMPING;
-            }
+        let (fault, goes_on) = judge(&self.joints, &self.params.safety, input, &mut self.state.mode);
+        (self.state.fault, self.state.fault_index, self.state.fault_value) = (fault.code, fault.index, fault.value);
+        if !goes_on {
             return;
         }
         if self.state.mode == ControllerTick::MODE_IDLE {
@@ -103,8 +96,7 @@ impl Posture {
 
     /// Computes the command from the state, before effort limits.
     fn fill_command(&mut self) {
-        let Posture { params, gains, state, command, .. } = self;
-        (command.t_ns, command.tick) = (state.t_ns, state.tick);
+        let Posture { params, gains, state, output: Output { command, .. }, .. } = self;
         command.tau.fill(0.0);
         gains.fill(state.mode, params.safety.damping, command);
         if command.mode == RobotCommand::MODE_TORQUE {
@@ -149,14 +141,8 @@ impl Controller for Posture {
         self.advance(input);
         probe.stage_done(0);
         self.fill_command();
-        self.command.run_id = input.run_id;
-        limit_command(&self.joints, &mut self.command, &input.state);
-        let PostureState { t_ns, tick, mode, fault, fault_index, fault_value, .. } = self.state;
-        let m = &mut self.status;
-        (m.t_ns, m.tick, m.run_id, m.n_ignored) = (t_ns, tick, input.run_id, input.n_ignored);
-        (m.mode, m.fault, m.fault_index, m.fault_value) = (mode, fault, fault_index, fault_value);
-        m.digest[0] = digest_input;
-        publish(out, &self.command, m).expect("every array has the length of the robot since construction");
+        let PostureState { mode, fault: code, fault_index: index, fault_value: value, .. } = self.state;
+        self.output.publish(&self.joints, input, digest_input, mode, Fault { code, index, value }, out);
         probe.stage_done(1);
     }
 
@@ -181,10 +167,7 @@ impl Controller for Posture {
     }
 
     fn poison_workspace(&mut self) {
-        let RobotCommand { tau, q_des, qd_des, kp, kd, .. } = &mut self.command;
-        for values in [tau, q_des, qd_des, kp, kd] {
-            values.fill(f64::NAN);
-        }
+        self.output.poison();
     }
 }
 

@@ -61,8 +61,8 @@ pub struct MujocoSim {
     is_fixed: bool,
     /// Height of the base above the ground when the robot stands on its feet, m.
     standing_height: f64,
-    /// Indices of orientation, gyro and accelerometer of the first IMU in the sensor data.
-    imu: Option<[usize; 3]>,
+    /// Indices of orientation, gyro and accelerometer of each IMU in the sensor data.
+    imus: Vec<[usize; 3]>,
     command: RobotCommand,
     /// Force on each contact in the last interval, in W, N.
     f_F_W: Vec<[f64; 3]>,
@@ -304,16 +304,15 @@ impl Simulator for MujocoSim {
         of_joints(self.data.qpos(), |joint| joint.qpos, &mut state.q);
         of_joints(self.data.qvel(), |joint| joint.qvel, &mut state.qd);
         of_joints(self.data.qfrc_actuator(), |joint| joint.qvel, &mut state.tau);
-        let n = usize::from(self.imu.is_some());
-        state.n_imus = n as i32;
-        state.q_WI_wxyz.resize(n, [0.0; 4]);
-        state.w_WI_I.resize(n, [0.0; 3]);
-        state.a_I.resize(n, [0.0; 3]);
-        if let Some([orientation, gyro, accelerometer]) = self.imu {
-            let read = self.data.sensordata();
-            state.q_WI_wxyz[0].copy_from_slice(&read[orientation..orientation + 4]);
-            state.w_WI_I[0].copy_from_slice(&read[gyro..gyro + 3]);
-            state.a_I[0].copy_from_slice(&read[accelerometer..accelerometer + 3]);
+        let read = self.data.sensordata();
+        state.n_imus = self.imus.len() as i32;
+        state.q_WI_wxyz.resize(self.imus.len(), [0.0; 4]);
+        state.w_WI_I.resize(self.imus.len(), [0.0; 3]);
+        state.a_I.resize(self.imus.len(), [0.0; 3]);
+        for (k, &[orientation, gyro, accelerometer]) in self.imus.iter().enumerate() {
+            state.q_WI_wxyz[k].copy_from_slice(&read[orientation..orientation + 4]);
+            state.w_WI_I[k].copy_from_slice(&read[gyro..gyro + 3]);
+            state.a_I[k].copy_from_slice(&read[accelerometer..accelerometer + 3]);
         }
         self.sensors.measure(state);
     }

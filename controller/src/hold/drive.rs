@@ -5,10 +5,10 @@ use crate::digest::command_digest;
 use crate::error::LoadError;
 use crate::model::{JointDescription, JointInfo, RobotDescription};
 use crate::outbox::Outbox;
-use crate::safety::{Fault, SafetyParams, check_joint_limits, check_joint_values, fault};
+use crate::safety::{Fault, SafetyParams, check_joint_limits, check_joint_values, fault, limit_command};
 use crate::time::seconds;
 use lcmtypes::channels;
-use lcmtypes::{ControllerTick, EncodeError, OperatorCommand, RobotCommand, TickInput};
+use lcmtypes::{ControllerTick, OperatorCommand, RobotCommand, TickInput};
 
 /// Gains of the position loop of the drives, by joint: those of `[robot.joints]`, else `hold.kp` and `hold.kd`.
 #[derive(Clone, Debug)]
@@ -67,7 +67,7 @@ pub(crate) fn posture_of(robot: &RobotDescription, name: &str) -> Result<Vec<f64
 }
 
 /// Checks an input. Tilt and contacts are not checked: a robot on a stand may lean, and its feet need no ground.
-pub(crate) fn check(joints: &[JointInfo], params: &SafetyParams, input: &TickInput) -> Option<Fault> {
+fn check(joints: &[JointInfo], params: &SafetyParams, input: &TickInput) -> Option<Fault> {
     if let Some(found) = check_joint_values(joints.len(), &input.state) {
         return Some(found);
     }
@@ -84,8 +84,18 @@ pub(crate) fn check(joints: &[JointInfo], params: &SafetyParams, input: &TickInp
     None
 }
 
+/// The fault of a tick, and whether the motion goes on. After an invalid input `mode` becomes `DAMPING`; before the first valid one it stays `IDLE`,
+/// because the robot has no torque then.
+pub(crate) fn judge(joints: &[JointInfo], params: &SafetyParams, input: &TickInput, mode: &mut i8) -> (Fault, bool) {
+    let found = check(joints, params, input);
+    if found.is_some() && *mode != ControllerTick::MODE_IDLE {
+        *mode = ControllerTick::MODE_DAMPING;
+    }
+    (found.or_else(|| rejection(&input.op)).unwrap_or_default(), found.is_none())
+}
+
 /// The fault for a request that the controller does not follow: it only stands.
-pub(crate) fn rejection(op: &OperatorCommand) -> Option<Fault> {
+fn rejection(op: &OperatorCommand) -> Option<Fault> {
     let is_followed = op.seq < 0 || op.mode == OperatorCommand::MODE_STAND;
     let refused = Fault { code: ControllerTick::FAULT_OPERATOR_REFUSED, index: op.mode.into(), value: 0.0 };
     (!is_followed).then_some(refused)
@@ -94,27 +104,55 @@ pub(crate) fn rejection(op: &OperatorCommand) -> Option<Fault> {
 /// Stages of a tick.
 pub(crate) const STAGES: [&str; 2] = ["input", "output"];
 
-/// A status of a tick with memory for the digests.
-pub(crate) fn new_status(digest_parameters: i64) -> ControllerTick {
-    ControllerTick {
-        n_stages: i32::try_from(STAGES.len()).expect("two stages"),
-        digest: vec![0; STAGES.len()],
-        digest_parameters,
-        ..ControllerTick::default()
-    }
+/// The messages of a tick: command and status.
+pub(crate) struct Output {
+    /// The command, before effort limits.
+    pub command: RobotCommand,
+    status: ControllerTick,
 }
 
-/// Fills the outbox: command, and status with the digest of the command.
-///
-/// # Errors
-/// An array with another length than its length field.
-pub(crate) fn publish(
-    out: &mut Outbox,
-    command: &RobotCommand,
-    status: &mut ControllerTick,
-) -> Result<(), EncodeError> {
-    status.digest[1] = command_digest(command);
-    out.clear();
-    out.put(channels::ROBOT_COMMAND, command)?;
-    out.put(channels::CONTROLLER_TICK, status)
+impl Output {
+    /// Allocates the messages of a robot with `nj` joints.
+    pub fn new(nj: usize, digest_parameters: i64) -> Self {
+        let status = ControllerTick {
+            n_stages: i32::try_from(STAGES.len()).expect("two stages"),
+            digest: vec![0; STAGES.len()],
+            digest_parameters,
+            ..ControllerTick::default()
+        };
+        Output { command: RobotCommand::zeros(nj), status }
+    }
+
+    /// Limits the command and fills the outbox.
+    ///
+    /// - `digest_input`: digest of the input.
+    /// - `mode`, `fault`: those of the tick.
+    pub fn publish(
+        &mut self,
+        joints: &[JointInfo],
+        input: &TickInput,
+        digest_input: i64,
+        mode: i8,
+        fault: Fault,
+        out: &mut Outbox,
+    ) {
+        let Output { command, status } = self;
+        (command.t_ns, command.tick, command.run_id) = (input.t_ns, input.tick, input.run_id);
+        limit_command(joints, command, &input.state);
+        (status.t_ns, status.tick, status.run_id) = (input.t_ns, input.tick, input.run_id);
+        (status.mode, status.n_ignored) = (mode, input.n_ignored);
+        (status.fault, status.fault_index, status.fault_value) = (fault.code, fault.index, fault.value);
+        status.digest.copy_from_slice(&[digest_input, command_digest(command)]);
+        out.clear();
+        let put = out.put(channels::ROBOT_COMMAND, command).and_then(|()| out.put(channels::CONTROLLER_TICK, status));
+        put.expect("every array has the length of the robot since construction");
+    }
+
+    /// Fills the command with NaN.
+    pub fn poison(&mut self) {
+        let RobotCommand { tau, q_des, qd_des, kp, kd, .. } = &mut self.command;
+        for values in [tau, q_des, qd_des, kp, kd] {
+            values.fill(f64::NAN);
+        }
+    }
 }

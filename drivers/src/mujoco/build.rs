@@ -103,15 +103,13 @@ impl MujocoSim {
             let sensor = id(MjtObjBase::mjOBJ_SENSOR, name)?;
             usize::try_from(model.sensor_adr()[sensor]).map_err(|error| refused(error.to_string()))
         };
-        let imu = match robot.imus.first() {
-            Some(imu) => {
-                let name = mjcf::sensor_name(IMU, &imu.name);
-                let [orientation, gyro, accelerometer] =
-                    ["orientation", "gyro", "accelerometer"].map(|of| sensor(&format!("{name}_{of}")));
-                Some([orientation?, gyro?, accelerometer?])
-            }
-            None => None,
-        };
+        let mut imus = Vec::new();
+        for imu in &robot.imus {
+            let name = mjcf::sensor_name(IMU, &imu.name);
+            let [orientation, gyro, accelerometer] =
+                ["orientation", "gyro", "accelerometer"].map(|of| sensor(&format!("{name}_{of}")));
+            imus.push([orientation?, gyro?, accelerometer?]);
+        }
         let mut floor_bodies = vec![None; contacts.len()];
         for (contact, place) in floor_bodies.iter_mut().enumerate().filter(|(contact, _)| own_floor[*contact]) {
             let body = id(MjtObjBase::mjOBJ_BODY, &mjcf::floor_name(&robot.contacts[contact].name))?;
@@ -139,7 +137,7 @@ impl MujocoSim {
             base,
             is_fixed: robot.base == Base::Fixed,
             standing_height: 0.0,
-            imu,
+            imus,
             f_F_W: vec![[0.0; 3]; contacts.len()],
             contact: vec![0; contacts.len()],
             contacts,
