@@ -30,7 +30,9 @@ pub trait Controller: Send {
 
     /// Takes a message on a channel that [`crate::runtime`] does not unpack, before the step of its tick; what the controller keeps of it is state.
     /// Returns false if the controller does not know the channel, or cannot decode the message.
-    fn receive(&mut self, _channel: &str, _data: &[u8]) -> bool {
+    ///
+    /// - `input`: that of the tick, apart from `n_ignored`.
+    fn receive(&mut self, _input: &TickInput, _channel: &str, _data: &[u8]) -> bool {
         false
     }
 

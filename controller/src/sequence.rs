@@ -131,6 +131,16 @@ impl Sequence {
         self.members.iter().map(|member| member.controller.name())
     }
 
+    /// Puts the members that start in this tick into their initial states.
+    fn start(&mut self, running: i64) {
+        for (k, member) in self.members.iter_mut().enumerate() {
+            if runs(running, k) && !runs(self.running, k) {
+                member.controller.restore(&member.initial_state).expect("the controller wrote this state itself");
+            }
+        }
+        self.running = running;
+    }
+
     /// Writes the state into the snapshot buffer.
     fn state(&self) -> RefMut<'_, SequenceState> {
         let mut state = self.snapshot_buffer.borrow_mut();
@@ -213,25 +223,25 @@ impl Controller for Sequence {
         &self.stages
     }
 
-    fn receive(&mut self, channel: &str, data: &[u8]) -> bool {
+    /// Members that run in this tick receive the message; one that starts is in its initial state by then.
+    fn receive(&mut self, input: &TickInput, channel: &str, data: &[u8]) -> bool {
+        self.start(input.running);
         let mut is_used = false;
-        for member in &mut self.members {
-            is_used |= member.controller.receive(channel, data);
+        for (_, member) in self.members.iter_mut().enumerate().filter(|(k, _)| runs(input.running, *k)) {
+            is_used |= member.controller.receive(input, channel, data);
         }
         is_used
     }
 
     fn step_probed(&mut self, input: &TickInput, out: &mut Outbox, probe: &mut dyn Probe) {
-        let Sequence { members, running, member_outbox, damping, status, of_member, digest_parameters, .. } = self;
+        self.start(input.running);
+        let Sequence { members, member_outbox, damping, status, of_member, digest_parameters, .. } = self;
         let active = (0..members.len()).rev().find(|&k| runs(input.running, k));
         out.clear();
         let mut put = Ok(());
         for (k, member) in members.iter_mut().enumerate() {
             if !runs(input.running, k) {
                 continue;
-            }
-            if !runs(*running, k) {
-                member.controller.restore(&member.initial_state).expect("the controller wrote this state itself");
             }
             member_outbox.clear();
             let is_active = active == Some(k);
@@ -253,7 +263,7 @@ impl Controller for Sequence {
             }
         }
         let TickInput { t_ns, tick, run_id, .. } = *input;
-        (self.running, self.t_ns, self.tick) = (input.running, t_ns, tick);
+        (self.t_ns, self.tick) = (t_ns, tick);
         if active.is_none() {
             (damping.t_ns, damping.tick, damping.run_id) = (t_ns, tick, run_id);
             (status.t_ns, status.tick, status.run_id, status.n_ignored) = (t_ns, tick, run_id, input.n_ignored);

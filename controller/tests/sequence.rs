@@ -4,9 +4,14 @@
 mod common;
 
 use common::{PARAMS, PERIOD_NS, URDF, command_of, hyq, standing, tick_of};
+use controller::interface::Probe;
 use controller::params::apply_overrides;
-use controller::{Controller, LoadError, Outbox};
-use lcmtypes::{ComponentInfo, ControllerTick, Message, RobotCommand, RobotState, RunInfo, SequenceState, TickInput};
+use controller::sequence::Sequence;
+use controller::{Component, Controller, LoadError, Outbox, RestoreError};
+use lcmtypes::{
+    ComponentInfo, ControllerInput, ControllerTick, Message, RobotCommand, RobotState, RunInfo, Running, SequenceState,
+    TickInput, channels,
+};
 use std::sync::LazyLock;
 
 const HOLD: i64 = 1;
@@ -241,4 +246,75 @@ fn a_list_that_cannot_be_run_is_refused_by_name() {
     }
     let twice = load("sequence(hold, hold)").err().unwrap();
     assert!(matches!(&twice, LoadError::Sequence { what } if what.contains("\"hold\"")), "{twice}");
+}
+
+/// A controller that counts the messages on a channel of its own.
+#[derive(Default)]
+struct Listener {
+    heard: i64,
+}
+
+impl Controller for Listener {
+    fn name(&self) -> &'static str {
+        "listener"
+    }
+
+    fn stages(&self) -> &[&'static str] {
+        &["output"]
+    }
+
+    fn receive(&mut self, _input: &TickInput, channel: &str, _data: &[u8]) -> bool {
+        self.heard += i64::from(channel == "PLAN");
+        channel == "PLAN"
+    }
+
+    fn step_probed(&mut self, input: &TickInput, out: &mut Outbox, _probe: &mut dyn Probe) {
+        out.clear();
+        let n_ignored = input.n_ignored;
+        let tick = ControllerTick { tick: self.heard, n_ignored, n_stages: 1, digest: vec![0], ..Default::default() };
+        out.put(channels::CONTROLLER_TICK, &tick).unwrap();
+    }
+
+    fn snapshot(&self, out: &mut Vec<u8>) {
+        Running { t_ns: 0, running: self.heard }.encode(out).unwrap();
+    }
+
+    fn restore(&mut self, bytes: &[u8]) -> Result<(), RestoreError> {
+        self.heard = Running::decode(bytes)?.running;
+        Ok(())
+    }
+
+    fn poison_workspace(&mut self) {}
+}
+
+/// A member receives messages while it runs, from its first tick on; a replay from any snapshot counts the same.
+#[test]
+fn members_that_run_receive_messages_on_other_channels() {
+    let component = || {
+        let listener: Box<dyn Controller> = Box::new(Listener::default());
+        Component::new(Box::new(Sequence::new(vec![listener], RobotCommand::zeros(12), 0).unwrap()))
+    };
+    let input = |tick: i64| {
+        let mut input = ControllerInput { tick, ..ControllerInput::default() };
+        input.deliver("PLAN", 0, &Running::default()).unwrap();
+        // After the message in the same delivery: the order of the two does not matter.
+        let running = i64::from(!(3..5).contains(&tick));
+        input.deliver(channels::RUNNING, 0, &Running { t_ns: 0, running }).unwrap();
+        input
+    };
+    let (mut whole, mut out) = (component(), Outbox::new());
+    let mut heard = Vec::new();
+    for tick in 0..8 {
+        let mut part = component();
+        let mut state = Vec::new();
+        whole.snapshot(&mut state);
+        part.restore(&state).unwrap();
+        let mut of_part = Outbox::new();
+        whole.step(&input(tick), &mut out);
+        part.step(&input(tick), &mut of_part);
+        assert_eq!(messages(&of_part), messages(&out), "tick {tick}");
+        let status = tick_of(&out);
+        heard.push((if (3..5).contains(&tick) { -1 } else { status.tick }, status.n_ignored));
+    }
+    assert_eq!(heard, [(1, 0), (2, 0), (3, 0), (-1, 1), (-1, 1), (1, 0), (2, 0), (3, 0)]);
 }

@@ -89,6 +89,10 @@ pub fn propose_any(urdf: &str, source: &str, base: Base, options: &Options) -> R
     let imu = tree.links.iter().find(|link| link.name.to_lowercase().contains("imu")).map(|link| link.name.clone());
     let imu = imu.or_else(|| (base == Base::Floating).then(|| tree.links[0].name.clone()));
     let chains = chains(&tree);
+    let tip_turns =
+        |tip: &&str| tree.links.iter().position(|link| link.name == **tip).is_some_and(|at| turns_freely(&tree, at));
+    let tips = chains.iter().map(|(tip, _)| tip.as_str());
+    let wheels: Vec<&str> = tips.filter(|tip| base == Base::Floating && tip_turns(tip)).collect();
 
     let mut toml = format!(
         "# Description of {name}: what its URDF does not contain. A first guess by `hoof robot init`.\n\n[robot]\nname = {}\nurdf = {}\nbase = {}\n",
@@ -114,7 +118,7 @@ pub fn propose_any(urdf: &str, source: &str, base: Base, options: &Options) -> R
         add(format_args!("{} = {q:?}", toml_key(&joint.name)));
     }
     add(format_args!(
-        "\n# Position loops of the drives: the effort at an error of {ERROR_AT_EFFORT} rad, as far as the inertia allows it.\n[robot.joints]"
+        "\n# Position loops of the drives: the effort at an error of {ERROR_AT_EFFORT} rad or m, as far as the inertia allows it.\n[robot.joints]"
     ));
     for (joint, (kp, kd)) in model.joints.iter().zip(&gains) {
         add(format_args!("{} = {{ stiffness = {kp:?}, damping = {kd:?} }}", toml_key(&joint.name)));
@@ -130,6 +134,12 @@ pub fn propose_any(urdf: &str, source: &str, base: Base, options: &Options) -> R
     let guess = |what, value: String, because: &str| Guess { what, value, because: because.to_owned() };
     let contacts: Vec<String> = soles.into_iter().map(|(link, _)| link).collect();
     let mut look_at = changes;
+    if !wheels.is_empty() {
+        look_at.push(format!(
+            "[[robot.contact]]: {} turn without limits; a wheel needs a contact with geometry.wheel",
+            wheels.join(", ")
+        ));
+    }
     if contacts.is_empty() && base == Base::Floating {
         look_at.push(
             "[[robot.contact]]: no foot was found at the lowest point; the robot stands on its shapes".to_owned(),
@@ -153,7 +163,7 @@ pub fn propose_any(urdf: &str, source: &str, base: Base, options: &Options) -> R
             guess("soles", contacts.join(" "), "ends of chains at the lowest point of the robot"),
             guess("groups", chains.iter().map(|(tip, _)| tip.as_str()).collect::<Vec<_>>().join(" "), "ends of chains"),
             guess("posture nominal", "see the file".to_owned(), "0, or the middle of the range"),
-            guess("gains", "see the file".to_owned(), "effort at 0.1 rad, limited by the inertia of each joint"),
+            guess("gains", "see the file".to_owned(), "effort at 0.1 rad or m, limited by the inertia of each joint"),
         ],
         look_at,
     })
@@ -200,17 +210,33 @@ fn add_soles(tree: &mut UrdfTree, model: &Model, q: &[f64], options: &Options) -
     let mut soles = Vec::new();
     for (parent, name, R_WB, height, low, high) in feet {
         let is_flat = high.x - low.x > LEAST_SOLE && high.y - low.y > LEAST_SOLE;
-        if height > lowest + FOOT_HEIGHT || !is_flat {
+        if height > lowest + FOOT_HEIGHT || !is_flat || turns_freely(tree, parent) {
             continue;
         }
         // The link has the axes of W in the posture, below the origin of the foot.
-        let name = format!("{name}_bottom");
+        let name = new_name(tree, &format!("{name}_bottom"));
         let X_PC = Pose { p: R_WB.transpose() * Vector3::new(0.0, 0.0, low.z), R: R_WB.transpose() };
         add_link(tree, parent, &name, X_PC);
         let round = |x: f64| (x * 1e4).round() / 1e4;
         soles.push((name, [[round(low.x), round(high.x)], [round(low.y), round(high.y)]]));
     }
     soles
+}
+
+/// Whether the joint of a link has no limits, as that of a wheel.
+fn turns_freely(tree: &UrdfTree, link: usize) -> bool {
+    let limits = tree.links[link].parent_joint.map(|joint| &tree.joints[joint].limits);
+    limits.is_some_and(|limits| limits.lower == f64::NEG_INFINITY && limits.upper == f64::INFINITY)
+}
+
+/// A name that no link and, with `_joint` behind it, no joint has: `wanted`, or with a number behind it.
+fn new_name(tree: &UrdfTree, wanted: &str) -> String {
+    let is_new = |name: &String| {
+        let joint = format!("{name}_joint");
+        tree.links.iter().all(|link| link.name != *name) && tree.joints.iter().all(|other| other.name != joint)
+    };
+    let numbered = (2..).map(|number| format!("{wanted}_{number}"));
+    std::iter::once(wanted.to_owned()).chain(numbered).find(is_new).expect("there are endless numbers")
 }
 
 fn add_link(tree: &mut UrdfTree, parent: usize, name: &str, X_PC: Pose) {
@@ -249,4 +275,35 @@ fn corners(shape: &Shape, options: &Options) -> Vec<Vector3<f64>> {
     };
     let pick = |i: usize, axis: usize| if i >> axis & 1 == 0 { low[axis] } else { high[axis] };
     (0..8).map(|i| Vector3::new(pick(i, 0), pick(i, 1), pick(i, 2))).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn proposal(urdf: &str) -> Proposal {
+        let options = Options { urdf_file: "a.urdf", beside: false, name: Some("a"), fixed: &[], bounds: &|_| None };
+        propose_any(urdf, "a.urdf", Base::Floating, &options).unwrap()
+    }
+
+    #[test]
+    fn wheels_receive_no_soles() {
+        let written = proposal(include_str!("../../../robots/centauro/centauro.urdf"));
+        let table: toml::Table = written.toml.parse().unwrap();
+        assert!(!table["robot"].as_table().unwrap().contains_key("contact"), "{}", written.toml);
+        assert!(written.look_at.iter().any(|text| text.contains("geometry.wheel")), "{:?}", written.look_at);
+    }
+
+    #[test]
+    fn the_link_of_a_sole_has_a_new_name() {
+        let inertial = "<inertial><mass value=\"1\"/><inertia ixx=\"1\" iyy=\"1\" izz=\"1\" ixy=\"0\" ixz=\"0\" iyz=\"0\"/></inertial>";
+        let urdf = format!(
+            "<robot name=\"a\"><link name=\"a\">{inertial}</link><link name=\"b\">{inertial}<collision><geometry><box size=\"0.2 0.1 0.1\"/></geometry>\
+             </collision></link><link name=\"b_bottom\"/><joint name=\"j\" type=\"revolute\"><parent link=\"a\"/><child link=\"b\"/>\
+             <origin xyz=\"0 0 -1\"/><axis xyz=\"0 1 0\"/><limit lower=\"-1\" upper=\"1\" effort=\"9\" velocity=\"9\"/></joint>\
+             <joint name=\"f\" type=\"fixed\"><parent link=\"b\"/><child link=\"b_bottom\"/></joint></robot>"
+        );
+        let written: toml::Table = proposal(&urdf).toml.parse().unwrap();
+        assert_eq!(written["robot"]["contact"][0]["link"].as_str(), Some("b_bottom_2"));
+    }
 }

@@ -57,7 +57,7 @@ impl Component {
     #[inline(never)]
     pub fn step_probed(&mut self, input: &ControllerInput, out: &mut Outbox, probe: &mut dyn Probe) {
         let Component { controller, unpacked, .. } = self;
-        unpacked.update_with(input, |message| controller.receive(&message.channel, &message.data));
+        unpacked.update_with(input, |now, message| controller.receive(now, &message.channel, &message.data));
         controller.step_probed(unpacked.input(), out, probe);
         if (self.is_snapshot)(input.tick) {
             self.write_state();

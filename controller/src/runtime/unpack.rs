@@ -78,15 +78,20 @@ impl Unpacked {
 
     /// Takes the messages of a tick. Messages on channels outside the table of [`crate::runtime`] are ignored.
     pub fn update(&mut self, input: &ControllerInput) -> &TickInput {
-        self.update_with(input, |_| false)
+        self.update_with(input, |_, _| false)
     }
 
-    /// Takes the messages of a tick. `other` receives the messages on channels outside the table of [`crate::runtime`], and returns whether it used
-    /// them. Does not allocate if the messages have the sizes of earlier ones.
-    pub fn update_with(&mut self, input: &ControllerInput, mut other: impl FnMut(&Delivered) -> bool) -> &TickInput {
+    /// Takes the messages of a tick. `other` receives the messages on channels outside the table of [`crate::runtime`] after the others, and returns
+    /// whether it used them. Does not allocate if the messages have the sizes of earlier ones.
+    pub fn update_with(
+        &mut self,
+        input: &ControllerInput,
+        mut other: impl FnMut(&TickInput, &Delivered) -> bool,
+    ) -> &TickInput {
         let now = &mut self.input;
         (now.t_ns, now.tick, now.run_id) = (input.t_ns, input.tick, input.run_id);
         (now.n_ignored, now.n_late) = (0, i32::try_from(input.late.len()).unwrap_or(i32::MAX));
+        let mut n_ignored = 0;
         for message in &input.messages {
             let is_used = match &*message.channel {
                 channels::ROBOT_STATE => {
@@ -111,10 +116,15 @@ impl Unpacked {
                     }
                     Err(_) => false,
                 },
-                _ => other(message),
+                _ => true,
             };
-            now.n_ignored += i32::from(!is_used);
+            n_ignored += i32::from(!is_used);
         }
+        let known = [channels::ROBOT_STATE, channels::OPERATOR_COMMAND, channels::RUNNING];
+        for message in input.messages.iter().filter(|message| !known.contains(&&*message.channel)) {
+            n_ignored += i32::from(!other(now, message));
+        }
+        now.n_ignored = n_ignored;
         now
     }
 }
