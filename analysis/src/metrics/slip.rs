@@ -24,7 +24,8 @@ pub(super) fn of(run: &Run) -> Option<[FootSlip; 4]> {
                 run.ticks.iter().filter_map(|t| t.truth.as_ref().and_then(|w| w.slip_speed(leg))).collect();
             FootSlip {
                 leg: LEGS[leg],
-                travel_m: speeds.iter().sum::<f64>() * period_s,
+                // The sum of no speeds is -0.0.
+                travel_m: (0.0 + speeds.iter().sum::<f64>()) * period_s,
                 speed: Distribution::of(speeds),
             }
         })

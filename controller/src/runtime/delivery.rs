@@ -56,26 +56,13 @@ impl Delivery {
             self.spare.push(delivered);
             return Err(error);
         }
-        self.add(delivered, channel, t_arrival_ns);
-        Ok(true)
-    }
-
-    /// Delivers an encoded message; false if the tick has [`MAX_MESSAGES`] already.
-    pub fn put_bytes(&mut self, channel: &str, t_arrival_ns: i64, data: &[u8]) -> bool {
-        let Some(mut delivered) = self.spare.pop() else { return false };
-        delivered.data.clear();
-        delivered.data.extend_from_slice(data);
-        self.add(delivered, channel, t_arrival_ns);
-        true
-    }
-
-    fn add(&mut self, mut delivered: Delivered, channel: &str, t_arrival_ns: i64) {
         delivered.channel.clear();
         delivered.channel.push_str(channel);
         delivered.t_arrival_ns = t_arrival_ns;
         delivered.size = i32::try_from(delivered.data.len()).unwrap_or(i32::MAX);
         self.input.messages.push(delivered);
         self.input.n_messages += 1;
+        Ok(true)
     }
 
     /// States that a result that was due at `due_tick` has not arrived, so that the previous one holds. This allocates the name of the channel.
