@@ -5,7 +5,7 @@ use crate::replay_log::threads;
 use crate::robot::find_shipped;
 use crate::{Outcome, replay_log, report, run_info, say, say_json, sim};
 use analysis::tables;
-use drivers::simulation::{Job, Setup};
+use drivers::simulation::{Components, Job, Setup};
 use replay::engine::Options;
 use std::path::PathBuf;
 
@@ -25,7 +25,16 @@ const SCENARIO: &str = "scenarios/rough_trot.toml";
 pub fn run(args: &Args) -> anyhow::Result<Outcome> {
     let scenario = find_shipped(SCENARIO)?;
     let (log, report_dir) = (args.out.join("hyq_rough_trot.mcap"), args.out.join("report"));
-    let job = Job { robot: "hyq", scenario: &scenario, seconds: None, seed: None, preset: None, gaits: &[], set: &[] };
+    let job = Job {
+        robot: "hyq",
+        scenario: &scenario,
+        seconds: None,
+        seed: None,
+        preset: None,
+        gaits: &[],
+        set: &[],
+        components: Components::default(),
+    };
     let say_unless_json = |text: String| if args.json { Ok(()) } else { say(text) };
 
     let bar = Progress::new("HyQ trots over stones");

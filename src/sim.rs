@@ -1,29 +1,35 @@
 //! `hoof sim`: arguments and output of a lockstep run.
 
+use crate::live::RunFile;
 use crate::progress::Progress;
 use crate::replay_log::threads;
 use crate::{Outcome, note, run_info, say, say_json};
+use anyhow::Context;
 use controller::quadruped::implausible;
-use drivers::simulation::{Job, Setup, Summary};
+use drivers::simulation::{Components, Job, Setup, Summary};
 use std::path::PathBuf;
 
 #[derive(clap::Args)]
 #[command(
     after_help = "Example: hoof sim --robot hyq --scenario scenarios/rough_trot.toml --seed 3 --log run.mcap\n         \
     hoof sim --robot hyq --scenario scenarios/flat_trot.toml --log run.lcmlog --set gait.trot.swing_frequency=3.5\n         \
-    hoof sim --robot hyq --gait gaits/crawl_orders.toml --scenario scenarios/further_gaits.toml --log gaits.mcap\n\n\
+    hoof sim --robot hyq --gait gaits/crawl_orders.toml --scenario scenarios/further_gaits.toml --log gaits.mcap\n         \
+    hoof sim runs/centauro_components.toml\n\n\
     Exit code 1 if the robot falls or the controller enters its safe state, or if --prove finds a difference."
 )]
 pub struct Args {
+    /// Run file (TOML) with robot, scenario, log and components, instead of --robot, --scenario and --log
+    #[arg(value_parser = drivers::shipped::argument)]
+    run_file: Option<PathBuf>,
     /// Name of a robot in robots/, or its TOML file
-    #[arg(long)]
-    robot: String,
+    #[arg(long, required_unless_present = "run_file", conflicts_with = "run_file")]
+    robot: Option<String>,
     /// Scenario file with terrain, operator commands, pushes and faults (TOML)
-    #[arg(long, value_parser = drivers::shipped::argument)]
-    scenario: PathBuf,
+    #[arg(long, required_unless_present = "run_file", value_parser = drivers::shipped::argument)]
+    scenario: Option<PathBuf>,
     /// Log to write: LCM event log (.lcmlog) or MCAP (.mcap); replaces an existing file
-    #[arg(long)]
-    log: PathBuf,
+    #[arg(long, required_unless_present = "run_file")]
+    log: Option<PathBuf>,
     /// Stack of tasks, instead of the robot's; use `--set stack.formula=...` for other stacks
     #[arg(long, value_enum)]
     stack: Option<Stack>,
@@ -78,22 +84,39 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
     }
     let stack = args.stack.map(|stack| format!("stack.formula={}", stack.formula()));
     let set: Vec<String> = stack.into_iter().chain(args.set.iter().cloned()).collect();
+    let file = args.run_file.as_deref().map(RunFile::load).transpose()?;
+    let missing = || anyhow::anyhow!("the run file has no [simulation] with a scenario: add --scenario FILE");
+    let of_file = |file: &RunFile| file.simulation.as_ref().map(|simulation| simulation.scenario.clone());
+    let robot = file.as_ref().map(|file| &file.robot).or(args.robot.as_ref()).context("--robot")?;
+    let scenario = args.scenario.clone().or_else(|| of_file(file.as_ref()?)).ok_or_else(missing)?;
+    let log = args.log.as_ref().or(file.as_ref().map(|file| &file.log)).context("--log")?;
+    let set = [file.as_ref().map(RunFile::set_of_first).unwrap_or_default(), set].concat();
+    let gaits = [file.as_ref().map(|file| file.gait.clone()).unwrap_or_default(), args.gait.clone()].concat();
+    let first = file.as_ref().map(RunFile::first);
+    let components = file.as_ref().map_or_else(Components::default, |file| Components {
+        first: first.as_ref().map(|(name, kind)| (&**name, &**kind)),
+        receives: file.receives(),
+        running: file.running(),
+        others: file.others(),
+        set: &file.set,
+    });
     let job = Job {
-        robot: &args.robot,
-        scenario: &args.scenario,
+        robot,
+        scenario: &scenario,
         seconds: args.seconds,
         seed: args.seed,
-        preset: args.preset.as_deref(),
-        gaits: &args.gait,
+        preset: args.preset.as_deref().or(file.as_ref().and_then(|file| file.preset.as_deref())),
+        gaits: &gaits,
         set: &set,
+        components,
     };
-    let bar = Progress::new(format!("{} on {}", args.robot, args.scenario.display()));
+    let bar = Progress::new(format!("{robot} on {}", scenario.display()));
     let setup = Setup { prove: args.prove.then(threads), ..Setup::read(&job)? };
     // A robot that is not a quadruped has no such checks.
     for warning in implausible(&setup.urdf, &setup.params).into_iter().flatten() {
         note(format!("warning: {warning}"));
     }
-    let summary = setup.simulate(&args.log, &run_info::build(), &mut |fraction| bar.set(fraction))?;
+    let summary = setup.simulate(log, &run_info::build(), &mut |fraction| bar.set(fraction))?;
     drop(bar);
     if args.json {
         say_json(&summary)?

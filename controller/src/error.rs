@@ -19,6 +19,14 @@ pub enum RestoreError {
         /// Joints of the model.
         expected: usize,
     },
+    /// The state belongs to a run in which another number of components command joints.
+    #[error("snapshot holds the commands of {found} other components, the run has {expected}")]
+    Components {
+        /// Components in the snapshot.
+        found: usize,
+        /// Components of the run.
+        expected: usize,
+    },
     /// The state belongs to a sequence with another number of controllers.
     #[error("snapshot holds {found} controllers, the run has {expected}")]
     Controllers {
@@ -51,7 +59,7 @@ pub enum RestoreError {
 pub enum LoadError {
     /// No controller has this name.
     #[error(
-        "unknown controller \"{found}\", expected quadruped, hold, posture, or a list such as sequence(hold, quadruped)"
+        "unknown controller \"{found}\", expected quadruped, hold, posture, tour, or a list such as sequence(hold, quadruped)"
     )]
     UnknownController {
         /// Name in the run description.
@@ -69,6 +77,14 @@ pub enum LoadError {
     /// The stack of tasks is invalid, or does not fit the robot.
     #[error(transparent)]
     Stack(#[from] StackError),
+    /// The components of a run cannot share the joints of the robot.
+    #[error("component \"{component}\": {what}")]
+    Component {
+        /// Name of the component.
+        component: String,
+        /// What was found and what was expected.
+        what: String,
+    },
     /// The controllers of a sequence cannot run together.
     #[error("sequence of controllers: {what}")]
     Sequence {

@@ -13,9 +13,9 @@ use crate::model::{JointInfo, NOMINAL, UrdfTree, check_runnable};
 use crate::outbox::Outbox;
 use crate::params::{Params, parameters_digest};
 use crate::safety::Fault;
-use crate::time::step_seconds;
+use crate::time::StepLimit;
 use drive::{Gains, Output, STAGES, judge, posture_of};
-use lcmtypes::{ControllerTick, HoldState, Message, TickInput};
+use lcmtypes::{ControllerTick, HoldState, Message, RunInfo, TickInput};
 
 /// Name by which [`crate::load`] finds the controller.
 pub const NAME: &str = "hold";
@@ -26,6 +26,7 @@ pub struct Hold {
     joints: Vec<JointInfo>,
     gains: Gains,
     q_posture: Vec<f64>,
+    step_limit: StepLimit,
     state: HoldState,
     /// Preallocated message for reading snapshots.
     snapshot_buffer: HoldState,
@@ -33,14 +34,14 @@ pub struct Hold {
 }
 
 impl Hold {
-    /// Builds the controller from the URDF text and the TOML text of the parameters.
+    /// Builds the controller of the first component of a run from URDF, parameters and period.
     ///
     /// # Errors
     /// A text is invalid, or the posture `nominal` (`robot.posture` of a quadruped) lacks a joint of the robot.
-    pub fn new(urdf: &str, params: &str) -> Result<Self, LoadError> {
-        let digest_parameters = parameters_digest(params);
-        let params = Params::from_toml(params, "parameters")?;
-        let tree = UrdfTree::parse(urdf, &params.robot.urdf)?;
+    pub fn new(info: &RunInfo) -> Result<Self, LoadError> {
+        let digest_parameters = parameters_digest(info.params());
+        let params = Params::from_toml(info.params(), "parameters")?;
+        let tree = UrdfTree::parse(&info.urdf, &params.robot.urdf)?;
         let robot = params.robot.description(&tree)?;
         let model = robot.model(&tree)?;
         let q_posture = posture_of(&robot, NOMINAL)?;
@@ -57,7 +58,8 @@ impl Hold {
         };
         let (joints, snapshot_buffer) = (model.joints, state.clone());
         let gains = Gains::new(&robot, &params.hold);
-        Ok(Hold { params, joints, gains, q_posture, snapshot_buffer, state, output })
+        let step_limit = StepLimit::of(info);
+        Ok(Hold { params, joints, gains, q_posture, step_limit, snapshot_buffer, state, output })
     }
 
     /// Updates the state. The references are a function of it.
@@ -77,7 +79,7 @@ impl Hold {
             self.state.q_from.copy_from_slice(&input.state.q);
             self.state.progress = 0.0;
         } else {
-            let dt = step_seconds(input.t_ns, before_ns);
+            let dt = self.step_limit.seconds(input.t_ns, before_ns);
             self.state.progress = (self.state.progress + dt / self.params.hold.duration).min(1.0);
             if self.state.progress >= 1.0 {
                 self.state.mode = ControllerTick::MODE_STANCE;
@@ -152,7 +154,8 @@ mod tests {
     #[test]
     fn requests_for_other_modes_than_stand_are_rejected_by_name() {
         let (urdf, params) = (include_str!("../../robots/hyq/hyq.urdf"), include_str!("../../robots/hyq/hyq.toml"));
-        let mut hold = Hold::new(urdf, params).unwrap();
+        let info = RunInfo { urdf: urdf.to_owned(), ..RunInfo::default() };
+        let mut hold = Hold::new(&info.with_component(lcmtypes::ComponentInfo::new(NAME, params))).unwrap();
         let mut input = TickInput { state: RobotState::zeros(hold.q_posture.len(), 1, 0), ..TickInput::default() };
         input.state.q.clone_from(&hold.q_posture);
         let mut out = Outbox::new();

@@ -18,6 +18,7 @@
 //! | [`stack`], [`qp`] | stacks of tasks and the quadratic programs built from them |
 //! | [`tasks`], [`constraints`], [`contact`] | the parts of a stack, for any robot |
 //! | [`posture`] | a controller that moves any robot to a named posture |
+//! | [`tour`] | a planner that visits named postures |
 //! | [`model`] | the crate `robot-model`: rigid-body model and dynamics from a URDF |
 //! | [`robot_init`] | a first parameter file for a quadruped from its URDF |
 //!
@@ -44,9 +45,11 @@ pub mod robot_init;
 pub mod runtime;
 pub mod safety;
 pub mod sequence;
+mod shared;
 pub mod stack;
 pub mod tasks;
 pub mod time;
+pub mod tour;
 
 pub use dump::Dump;
 pub use error::{LoadError, RestoreError};

@@ -9,15 +9,19 @@ use crate::posture::{self, Posture};
 use crate::quadruped::{self, Quadruped};
 use crate::runtime::Component;
 use crate::sequence::{self, Sequence};
+use crate::shared::Shared;
+use crate::time::snapshot_ticks;
+use crate::tour::{self, Tour};
 use lcmtypes::{RobotCommand, RunInfo};
 
-/// Builds the first component that a run describes. Reads the kind and the TOML text of the parameters of the first component and the URDF text
-/// from `info`, and nothing else.
+/// Builds the first component that a run describes. Reads the first component and the URDF text from `info`, and which joints other components
+/// command. Use [`RunInfo::of_component`] for another component.
 ///
 /// # Errors
 /// The name is unknown, or the URDF or the parameters are invalid.
 pub fn load(info: &RunInfo) -> Result<Component, LoadError> {
-    load_controller(info).map(Component::new)
+    let period_ticks = info.components.first().map_or(1, |component| component.period_ticks);
+    Ok(Component::new(load_controller(info)?).with_snapshots(snapshot_ticks(period_ticks), 0))
 }
 
 /// Builds the controller of the first component, without what the component adds to it; see [`load`].
@@ -25,6 +29,15 @@ pub fn load(info: &RunInfo) -> Result<Component, LoadError> {
 /// # Errors
 /// As [`load`].
 pub fn load_controller(info: &RunInfo) -> Result<Box<dyn Controller>, LoadError> {
+    let own = load_own(info)?;
+    Ok(match info.components.get(1..) {
+        Some(others) if others.iter().any(|other| !other.joints.is_empty()) => Box::new(Shared::new(own, info)?),
+        _ => own,
+    })
+}
+
+/// The controller of the first component, which commands all joints.
+fn load_own(info: &RunInfo) -> Loaded {
     let list =
         info.controller().strip_prefix(sequence::NAME).and_then(|rest| rest.strip_prefix('(')?.strip_suffix(')'));
     let Some(list) = list else { return load_one(info.controller(), info) };
@@ -45,8 +58,9 @@ type Build = fn(&RunInfo) -> Loaded;
 /// The kinds of controllers: name, and how one is built.
 const KINDS: &[(&str, Build)] = &[
     (quadruped::NAME, |info| Ok(Box::new(Quadruped::new(&info.urdf, info.params())?))),
-    (hold::NAME, |info| Ok(Box::new(Hold::new(&info.urdf, info.params())?))),
-    (posture::NAME, |info| Ok(Box::new(Posture::new(&info.urdf, info.params())?))),
+    (hold::NAME, |info| Ok(Box::new(Hold::new(info)?))),
+    (tour::NAME, |info| Ok(Box::new(Tour::new(info)?))),
+    (posture::NAME, |info| Ok(Box::new(Posture::new(info)?))),
 ];
 
 fn load_one(name: &str, info: &RunInfo) -> Loaded {

@@ -1,7 +1,9 @@
 //! Output messages of a tick, in one buffer that is reused from tick to tick: publishing does not allocate.
 
 use lcmtypes::{EncodeError, Message};
+use std::collections::BTreeSet;
 use std::ops::Range;
+use std::sync::PoisonError;
 
 /// Encoded messages of one tick, in the order in which they were added.
 #[derive(Default)]
@@ -52,4 +54,21 @@ impl Outbox {
     pub fn get(&self, channel: &str) -> Option<&[u8]> {
         self.iter().find(|(c, _)| *c == channel).map(|(_, bytes)| bytes)
     }
+}
+
+/// Returns `name` with static lifetime; each name is stored once per process. Messages of a run then refer to their channel without a copy of its
+/// name.
+#[expect(
+    clippy::disallowed_types,
+    reason = "the names are the same in every run, and the order of the calls changes no result"
+)]
+pub fn interned(name: String) -> &'static str {
+    static NAMES: std::sync::Mutex<BTreeSet<&'static str>> = std::sync::Mutex::new(BTreeSet::new());
+    let mut names = NAMES.lock().unwrap_or_else(PoisonError::into_inner);
+    if let Some(known) = names.get(&*name) {
+        return known;
+    }
+    let name: &'static str = name.leak();
+    names.insert(name);
+    name
 }

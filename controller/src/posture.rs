@@ -3,6 +3,9 @@
 //! In each tick the velocity reference of a joint changes towards the largest velocity from which it can still stop at the goal, `v² / (2 a)` before it.
 //! So the posture (`motion.posture`) can be changed at any time: the references continue without a step in position and velocity. Nothing is computed
 //! from the dynamics; the joint loop of the drives follows the references, as with [`crate::hold`].
+//!
+//! A `joint_reference_t` that is delivered replaces the goal of the joints that it names, from then on also against changes of `motion.posture`. One
+//! with an unknown joint, or with a position that is not finite or outside the limits of its joint, changes nothing and counts as ignored.
 
 pub mod params;
 
@@ -14,8 +17,8 @@ use crate::model::{JointInfo, NOMINAL, UrdfTree, check_runnable};
 use crate::outbox::Outbox;
 use crate::params::{Params, parameters_digest};
 use crate::safety::Fault;
-use crate::time::step_seconds;
-use lcmtypes::{ControllerTick, Message, PostureState, RobotCommand, TickInput};
+use crate::time::StepLimit;
+use lcmtypes::{ControllerTick, JointReference, Message, PostureState, RobotCommand, RunInfo, TickInput, channels};
 
 /// Name by which [`crate::load`] finds the controller.
 pub const NAME: &str = "posture";
@@ -27,28 +30,32 @@ pub struct Posture {
     params: Params,
     joints: Vec<JointInfo>,
     gains: Gains,
-    q_goal: Vec<f64>,
+    /// Goal of every joint before the first [`JointReference`].
+    q_posture: Vec<f64>,
+    step_limit: StepLimit,
     state: PostureState,
     /// Preallocated message for reading snapshots.
     snapshot_buffer: PostureState,
+    /// Preallocated message for reading references.
+    reference: JointReference,
     output: Output,
 }
 
 impl Posture {
-    /// Builds the controller from the URDF text and the TOML text of the parameters.
+    /// Builds the controller of the first component of a run from URDF, parameters and period.
     ///
     /// # Errors
     /// A text is invalid, the robot does not have the posture `motion.posture`, or the posture lacks a joint of the robot.
-    pub fn new(urdf: &str, params: &str) -> Result<Self, LoadError> {
-        let digest_parameters = parameters_digest(params);
-        let params = Params::from_toml(params, "parameters")?;
-        let tree = UrdfTree::parse(urdf, &params.robot.urdf)?;
+    pub fn new(info: &RunInfo) -> Result<Self, LoadError> {
+        let digest_parameters = parameters_digest(info.params());
+        let params = Params::from_toml(info.params(), "parameters")?;
+        let tree = UrdfTree::parse(&info.urdf, &params.robot.urdf)?;
         let robot = params.robot.description(&tree)?;
         let model = robot.model(&tree)?;
-        let q_goal = posture_of(&robot, &params.motion.posture)?;
+        let q_posture = posture_of(&robot, &params.motion.posture)?;
         check_runnable(&model, &posture_of(&robot, NOMINAL)?)?;
         let gains = Gains::new(&robot, &params.hold);
-        let nj = q_goal.len();
+        let nj = q_posture.len();
         let output = Output::new(nj, digest_parameters);
         let state = PostureState {
             tick: -1,
@@ -57,10 +64,34 @@ impl Posture {
             nj: output.command.nj,
             q_ref: vec![0.0; nj],
             qd_ref: vec![0.0; nj],
+            q_goal: q_posture.clone(),
             ..PostureState::default()
         };
         let (joints, snapshot_buffer) = (model.joints, state.clone());
-        Ok(Posture { params, joints, gains, q_goal, state, snapshot_buffer, output })
+        let names = joints.iter().map(|joint| joint.name.clone()).collect();
+        let reference = JointReference { n: output.command.nj, joints: names, q: vec![0.0; nj], ..Default::default() };
+        let step_limit = StepLimit::of(info);
+        Ok(Posture { params, joints, gains, q_posture, step_limit, state, snapshot_buffer, reference, output })
+    }
+
+    /// Replaces the goal of the joints that a reference names.
+    fn take_reference(&mut self, data: &[u8]) -> bool {
+        let Posture { reference, joints, state, .. } = self;
+        if reference.decode_into(data).is_err() {
+            return false;
+        }
+        let index = |name: &String| joints.iter().position(|joint| joint.name == *name);
+        let is_valid = |(name, q): (&String, &f64)| {
+            q.is_finite() && index(name).is_some_and(|j| (joints[j].lower..=joints[j].upper).contains(q))
+        };
+        if !reference.joints.iter().zip(&reference.q).all(is_valid) {
+            return false;
+        }
+        state.has_goal = true;
+        for (name, q) in reference.joints.iter().zip(&reference.q) {
+            state.q_goal[index(name).expect("`is_valid` found it")] = *q;
+        }
+        true
     }
 
     /// Updates the state: mode, faults and references.
@@ -81,10 +112,14 @@ impl Posture {
             self.state.qd_ref.fill(0.0);
             return;
         }
-        let dt = step_seconds(input.t_ns, before_ns);
-        let Posture { params, joints, q_goal, state, .. } = self;
+        let dt = self.step_limit.seconds(input.t_ns, before_ns);
+        let Posture { params, joints, q_posture, state, .. } = self;
         let mut is_there = true;
-        for (j, (&goal, joint)) in q_goal.iter().zip(joints.iter()).enumerate() {
+        if !state.has_goal {
+            state.q_goal.copy_from_slice(q_posture);
+        }
+        for (j, joint) in joints.iter().enumerate() {
+            let goal = state.q_goal[j];
             let v_max = params.motion.velocity * joint.velocity.min(LARGEST_SPEED);
             let from = (state.q_ref[j], state.qd_ref[j]);
             let (q, qd) = approach(from, goal, v_max, params.motion.acceleration, dt);
@@ -136,6 +171,10 @@ impl Controller for Posture {
         &STAGES
     }
 
+    fn receive(&mut self, _: &TickInput, channel: &str, data: &[u8]) -> bool {
+        channels::split(channel).1 == channels::JOINT_REFERENCE && self.take_reference(data)
+    }
+
     fn step_probed(&mut self, input: &TickInput, out: &mut Outbox, probe: &mut dyn Probe) {
         let digest_input = input_digest(input);
         self.advance(input);
@@ -153,11 +192,11 @@ impl Controller for Posture {
     fn restore(&mut self, bytes: &[u8]) -> Result<(), RestoreError> {
         let state = &mut self.snapshot_buffer;
         state.decode_into(bytes)?;
-        let (found, expected) = (state.q_ref.len(), self.q_goal.len());
+        let (found, expected) = (state.q_ref.len(), self.q_posture.len());
         if found != expected {
             return Err(RestoreError::Joints { found, expected });
         }
-        for (field, values) in [("q_ref", &state.q_ref), ("qd_ref", &state.qd_ref)] {
+        for (field, values) in [("q_ref", &state.q_ref), ("qd_ref", &state.qd_ref), ("q_goal", &state.q_goal)] {
             if values.iter().any(|x| !x.is_finite()) {
                 return Err(RestoreError::NotFinite { field });
             }

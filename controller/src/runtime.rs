@@ -19,5 +19,5 @@ mod delivery;
 mod unpack;
 
 pub use component::Component;
-pub use delivery::{Delivery, MAX_MESSAGES};
+pub use delivery::{Delivery, MAX_LATE, MAX_MESSAGES};
 pub use unpack::{Unpacked, empty_state};

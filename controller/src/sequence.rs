@@ -16,12 +16,11 @@ use crate::digest::input_digest;
 use crate::dump::Dump;
 use crate::error::{LoadError, RestoreError};
 use crate::interface::{Controller, Probe};
-use crate::outbox::Outbox;
+use crate::outbox::{Outbox, interned};
 use lcmtypes::channels;
 use lcmtypes::{ControllerState, ControllerTick, Message, RobotCommand, SequenceState, TickInput};
 use std::cell::{RefCell, RefMut};
 use std::collections::BTreeSet;
-use std::sync::PoisonError;
 
 /// Name of the kind; the name of a run's controller contains the list too: `sequence(hold, quadruped)`.
 pub const NAME: &str = "sequence";
@@ -183,23 +182,6 @@ fn merged_stages(members: &mut [Member]) -> Vec<&'static str> {
 /// Whether the bit of the k-th controller is set.
 fn runs(bits: i64, k: usize) -> bool {
     bits >> k & 1 == 1
-}
-
-/// Returns `name` with static lifetime; each name is stored once per process. Messages of a run then refer to their channel without a copy of its
-/// name.
-#[expect(
-    clippy::disallowed_types,
-    reason = "the names are the same in every run, and the order of the calls changes no result"
-)]
-fn interned(name: String) -> &'static str {
-    static NAMES: std::sync::Mutex<BTreeSet<&'static str>> = std::sync::Mutex::new(BTreeSet::new());
-    let mut names = NAMES.lock().unwrap_or_else(PoisonError::into_inner);
-    if let Some(known) = names.get(&*name) {
-        return known;
-    }
-    let name: &'static str = name.leak();
-    names.insert(name);
-    name
 }
 
 /// Copies `from`, a tick of a controller with `stages`, to the stages of the sequence.

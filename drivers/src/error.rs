@@ -54,6 +54,14 @@ pub enum DriverError {
     /// The description of a robot is invalid.
     #[error(transparent)]
     Description(#[from] robot_model::DescriptionError),
+    /// A `[[component]]` entry of a run file is invalid.
+    #[error("[[component]] {name:?}: {what}")]
+    Component {
+        /// Name of the component.
+        name: String,
+        /// Key, what was found and what was expected.
+        what: String,
+    },
     /// A file of the project is missing.
     #[error("{name} not found; searched the working directory{}", folders.iter().map(|f| format!(", {}", f.display())).collect::<String>())]
     NotShipped {

@@ -8,6 +8,7 @@
 //! - [`robot_files`], [`shipped`], [`run_info`]: the files of a robot and of the project, and RUN_INFO.
 //! - [`command_mux`]: selects one of several operators.
 //! - [`teleop`]: operator commands from keyboard, gamepad or text lines.
+//! - [`components`]: several controllers in one run, each with its own rate, and the release of their results.
 //! - [`live`]: real-time processes over LCM: executor, hardware interface, simulator as a driver.
 //!
 //! The only control computed here is the joint loop of the drives; the controller receives messages only. Simulated time comes from the
@@ -17,6 +18,7 @@
 
 mod checks;
 pub mod command_mux;
+pub mod components;
 mod drives;
 mod error;
 pub mod fault_injection;

@@ -3,13 +3,17 @@
 //! The log contains every message that a live run sends over the bus, stamped with the simulation time. Two runs of one scenario and
 //! seed give equal logs except for TIMING, which contains the wall clock.
 
+mod others;
+
+pub use others::Others;
+
 use crate::parameter_requests::{self, ParameterRequestHandler, Proposal, Refusal};
 use crate::robot_info::{ROBOT_INFO_EVERY_NS, of_run};
 use crate::stage_clock::StageClock;
 use crate::watch::{ModeEvent, ModeWatch};
 use crate::{DriverError, FaultInjection, Scenario, Simulator};
 use controller::handover::take_over;
-use controller::{Component, Delivery, Outbox};
+use controller::{Component, Outbox};
 use lcmtypes::{
     ControllerTick, Event, EventNumbers, GroundTruth, LegState, Message, ParameterChange, ParameterRequest,
     RequestReply, RobotCommand, RobotInfo, RobotState, RunInfo, Running, channels,
@@ -42,6 +46,8 @@ const TICKS_AFTER_FALL: i64 = 1000;
 /// Runs `scenario` and logs every message.
 ///
 /// - `sim`: a simulator after reset.
+/// - `controller`: the first component.
+/// - `others`: the other components; see [`Others::build`].
 /// - `log`: receives all events; the caller finishes it. A [`replay::record::RingWriter`] compresses and writes on another thread.
 /// - `progress`: called with the simulated time, s, ten times per simulated second.
 ///
@@ -52,10 +58,11 @@ pub fn run(
     info: &RunInfo,
     sim: &mut dyn Simulator,
     controller: &mut Component,
+    others: Others,
     log: &mut dyn EventSink,
     progress: &mut dyn FnMut(f64),
 ) -> Result<Outcome, DriverError> {
-    let mut run = Run::new(scenario, info, sim, controller.stages().len())?;
+    let mut run = Run::new(scenario, info, sim, others, controller.stages().len())?;
     check_pushes(scenario, sim)?;
     let period_ns = sim.period_ns();
     let ticks = scenario.duration_ns() / period_ns;
@@ -106,7 +113,7 @@ struct Run {
     changed: Option<Component>,
     /// Snapshot buffer for a handover.
     state: Vec<u8>,
-    delivery: Delivery,
+    others: Others,
     run_id: i64,
     measured: RobotState,
     truth: GroundTruth,
@@ -125,7 +132,13 @@ struct Run {
 }
 
 impl Run {
-    fn new(scenario: &Scenario, info: &RunInfo, sim: &dyn Simulator, n_stages: usize) -> Result<Self, DriverError> {
+    fn new(
+        scenario: &Scenario,
+        info: &RunInfo,
+        sim: &dyn Simulator,
+        others: Others,
+        n_stages: usize,
+    ) -> Result<Self, DriverError> {
         Ok(Run {
             operator: scenario.operator.clone(),
             faults: FaultInjection::new(&scenario.faults, sim.joints())?,
@@ -134,7 +147,7 @@ impl Run {
             parameters: ParameterRequestHandler::new(info),
             changed: None,
             state: Vec::new(),
-            delivery: Delivery::new(info.run_id),
+            others,
             run_id: info.run_id,
             measured: RobotState { sender_id: info.run_id, ..RobotState::default() },
             truth: GroundTruth::default(),
@@ -168,32 +181,45 @@ impl Run {
             self.info.t_ns = t_ns;
             put(&mut self.bytes, log, channels::ROBOT_INFO, t_ns, &self.info)?;
         }
-        self.delivery.begin(t_ns, tick);
+        self.others.of_first().inbox.begin(t_ns, tick);
         if tick == 0 {
-            self.delivery.put(channels::RUNNING, t_ns, &Running { t_ns, running: 1 })?;
+            let running = self.others.running;
+            self.others.of_first().inbox.put(channels::RUNNING, t_ns, &Running { t_ns, running })?;
         }
         if let Some(mut op) = self.operator.operator_at(t_ns) {
             op.sender_id = self.run_id;
             self.put(log, channels::OPERATOR_COMMAND, t_ns, &op)?;
             if self.faults.operator_arrives(t_ns) {
-                self.delivery.put(channels::OPERATOR_COMMAND, t_ns, &op)?;
+                self.others.of_first().inbox.put(channels::OPERATOR_COMMAND, t_ns, &op)?;
+                self.others.operator(t_ns, &op)?;
             }
         }
         sim.robot_state(t_ns, tick, &mut self.measured);
         self.add_false_touches(sim, t_ns);
-        if self.faults.on_state(t_ns, &mut self.measured) {
-            self.delivery.put(channels::ROBOT_STATE, t_ns, &self.measured)?;
+        let has_state = self.faults.on_state(t_ns, &mut self.measured);
+        if has_state {
+            self.others.of_first().inbox.put(channels::ROBOT_STATE, t_ns, &self.measured)?;
             put(&mut self.bytes, log, channels::ROBOT_STATE, t_ns, &self.measured)?;
         }
         sim.ground_truth(t_ns, &mut self.truth);
         put(&mut self.bytes, log, channels::GROUND_TRUTH, t_ns, &self.truth)?;
         self.walked.add(t_ns, self.truth.p_WB);
 
+        for (source, ModeEvent { level, text, is_safe_state }) in
+            self.others.tick(t_ns, tick, has_state.then_some(&self.measured), log)?
+        {
+            if is_safe_state {
+                self.safe_state = Some(format!("{:.3} s: {source}: {text}", seconds(t_ns)));
+            }
+            self.event(log, t_ns, tick, level, &source, text)?;
+        }
+
         self.change_parameters(controller, log, t_ns, tick)?;
         let controller = self.changed.as_mut().unwrap_or(controller);
-        put(&mut self.bytes, log, channels::CONTROLLER_INPUT, t_ns, self.delivery.input())?;
+        let input = self.others.of_first().inbox.input();
+        put(&mut self.bytes, log, channels::CONTROLLER_INPUT, t_ns, input)?;
         self.clock.start();
-        controller.step_probed(self.delivery.input(), &mut self.outbox, &mut self.clock);
+        controller.step_probed(input, &mut self.outbox, &mut self.clock);
         for (channel, bytes) in self.outbox.iter() {
             log.write(channel, t_ns, bytes)?;
         }

@@ -1,16 +1,20 @@
 //! RUN_INFO: everything a log needs to rebuild its controller and to identify the build and machine that wrote it.
 
+use crate::components::EXTERNAL;
 use controller::digest::Digest;
 use controller::params::Params;
 use lcmtypes::{ComponentInfo, Message, RunInfo, TextFile};
 use replay::engine::Build;
 use robot_model::{JointKind, UrdfTree};
+use std::collections::BTreeSet;
 
 /// The part of RUN_INFO that differs between runs of one build.
 #[derive(Clone, Copy, Debug)]
 pub struct Run<'a> {
-    /// Name of the controller, as [`controller::load`] expects it.
-    pub controller: &'a str,
+    /// Name of the first component, and its kind, as [`controller::load`] expects it.
+    pub first: (&'a str, &'a str),
+    /// The other components, without stages.
+    pub others: &'a [ComponentInfo],
     /// Name of the robot.
     pub robot: &'a str,
     /// Text of its URDF.
@@ -48,7 +52,9 @@ pub fn describe(run: &Run, build: &Build) -> RunInfo {
         lcm_types,
         ..RunInfo::default()
     }
-    .with_component(ComponentInfo::new(run.controller, run.params));
+    .with_component(ComponentInfo { name: run.first.0.to_owned(), ..ComponentInfo::new(run.first.1, run.params) });
+    info.components.extend(run.others.iter().cloned());
+    info.n_components = i32::try_from(info.components.len()).expect("a few components");
     name_parts(&mut info);
     info.run_id = content_id(&info);
     info
@@ -68,10 +74,19 @@ fn name_parts(info: &mut RunInfo) {
     }
     (info.n_joints, info.n_imus) = (count(info.joints.len()), count(info.imus.len()));
     info.n_contacts = count(info.contacts.len());
-    let stages = controller::load(info).map(|component| component.stages().iter().map(ToString::to_string).collect());
-    if let (Ok(stages), Some(first)) = (stages, info.components.first_mut()) {
-        (first.stages, first.joints) = (stages, info.joints.clone());
-        (first.n_stages, first.n_joints) = (count(first.stages.len()), info.n_joints);
+    // The first component commands the joints that no other one commands.
+    let others = info.components.iter().skip(1).flat_map(|component| &component.joints);
+    let others: BTreeSet<String> = others.cloned().collect();
+    let own: Vec<String> = info.joints.iter().filter(|joint| !others.contains(*joint)).cloned().collect();
+    if let Some(first) = info.components.first_mut() {
+        (first.n_joints, first.joints) = (count(own.len()), own);
+    }
+    for index in 0..info.components.len() {
+        let component = if info.components[index].kind == EXTERNAL { continue } else { info.of_component(index) };
+        let Ok(component) = controller::load(&component) else { continue };
+        let info = &mut info.components[index];
+        info.stages = component.stages().iter().map(ToString::to_string).collect();
+        info.n_stages = count(info.stages.len());
     }
 }
 

@@ -1,9 +1,12 @@
 //! A complete lockstep simulation: from the files of a robot and a scenario to a finished log.
 
+use crate::components::{self, ComponentEntry};
+use crate::lockstep::Others;
 use crate::robot_files::{RobotFiles, read};
 use crate::run_info::{self, Run};
 use crate::{DriverError, MujocoSim, Scenario, SimParams, Terrain, lockstep};
 use controller::params::Params;
+use lcmtypes::ComponentInfo;
 use replay::engine::Build;
 use replay::record::{RingOptions, RingWriter};
 use robot_model::UrdfTree;
@@ -27,6 +30,23 @@ pub struct Job<'a> {
     pub gaits: &'a [PathBuf],
     /// Parameters to change, each `KEY=VALUE`.
     pub set: &'a [String],
+    /// The components of a run file.
+    pub components: Components<'a>,
+}
+
+/// The components of a run file.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Components<'a> {
+    /// Name and kind of the first one; `None`: the controller of the scenario.
+    pub first: Option<(&'a str, &'a str)>,
+    /// Channels that the first one listens to.
+    pub receives: &'a [String],
+    /// Which controllers of a sequence run, one bit each; 0: the first one.
+    pub running: i64,
+    /// Parameters to change in the others, before their own.
+    pub set: &'a [String],
+    /// The others.
+    pub others: &'a [ComponentEntry],
 }
 
 /// What to simulate, with all files read.
@@ -42,6 +62,14 @@ pub struct Setup {
     pub urdf_source: String,
     /// Every parameter, as TOML.
     pub params: String,
+    /// Name and kind of the first component.
+    pub first: (String, String),
+    /// Channels that the first component listens to.
+    pub receives: Vec<String>,
+    /// Which controllers of a sequence run, one bit each.
+    pub running: i64,
+    /// Entries of the other components, and their descriptions.
+    pub others: (Vec<ComponentEntry>, Vec<ComponentInfo>),
     /// The scenario, with seed and length of this run.
     pub scenario: Scenario,
     /// Its text, for RUN_INFO.
@@ -106,7 +134,15 @@ impl Setup {
         scenario.duration_s = job.seconds.unwrap_or(scenario.duration_s);
         scenario.seed = job.seed.unwrap_or(scenario.seed);
         files.read.push(job.scenario.to_owned());
+        let Components { first, receives, running, set, others } = job.components;
+        let kind = first.map_or(&*scenario.controller, |(_, kind)| kind).to_owned();
+        let name = first.map_or(kind.split('(').next().unwrap_or_default(), |(name, _)| name).to_owned();
+        let infos = components::resolve(others, &name, job.robot, job.gaits, set)?;
         Ok(Setup {
+            first: (name, kind),
+            receives: receives.to_vec(),
+            running: if running == 0 { 1 } else { running },
+            others: (others.to_vec(), infos),
             robot: params.robot.name,
             robot_source: job.robot.to_owned(),
             urdf_source: files.urdf_path.display().to_string(),
@@ -149,7 +185,8 @@ impl Setup {
         let params = Params::from_toml(params_text, robot)?;
         let seed = scenario.seed;
         let run = Run {
-            controller: &scenario.controller,
+            first: (&self.first.0, &self.first.1),
+            others: &self.others.1,
             robot,
             urdf,
             params: params_text,
@@ -162,13 +199,14 @@ impl Setup {
         let mut controller = controller::load(&info)
             .map_err(Box::new)
             .map_err(|source| DriverError::Controller { robot: robot_source.clone(), source })?;
+        let others = Others::build(&info, &self.others.0, &self.receives)?.with_running(self.running);
         let mut sim = MujocoSim::new(&tree, &params.robot, terrain, SimParams::of(scenario))?;
         if let Some(folder) = log_path.parent() {
             std::fs::create_dir_all(folder)
                 .map_err(|source| DriverError::Folder { path: folder.to_owned(), source })?;
         }
         let mut log = RingWriter::create(log_path, &RingOptions::lockstep())?;
-        let outcome = lockstep::run(scenario, &info, &mut sim, &mut controller, &mut log, &mut |t_s| {
+        let outcome = lockstep::run(scenario, &info, &mut sim, &mut controller, others, &mut log, &mut |t_s| {
             progress(t_s / scenario.duration_s);
         });
         let outcome = match outcome {

@@ -5,7 +5,7 @@ mod common;
 
 use common::{assert_torques_bounded, description, run};
 use controller::params::Params;
-use drivers::simulation::{Job, Setup};
+use drivers::simulation::{Components, Job, Setup};
 use drivers::terrain::{TerrainKind, TerrainParams};
 use drivers::{MujocoSim, SimParams, Simulator, Terrain};
 use lcmtypes::{ControllerTick, GroundTruth, RobotState};
@@ -147,6 +147,7 @@ fn the_log_of_each_robot_replays_bit_for_bit() {
             preset: None,
             gaits: &[],
             set: &["hold.duration=0.5".to_owned()],
+            components: Components::default(),
         };
         let setup = Setup { prove: Some(2), ..Setup::read(&job).unwrap() };
         let log = Path::new(env!("CARGO_TARGET_TMPDIR")).join(format!("hold_{robot}.mcap"));

@@ -6,7 +6,7 @@ use analysis::figures::{Figure, Format};
 use analysis::{Metrics, Run};
 use anyhow::Context;
 use drivers::robot_files::{find_shipped, read};
-use drivers::simulation::{Job, Setup, Summary};
+use drivers::simulation::{Components, Job, Setup, Summary};
 use replay::engine::{Build, Options, Replay};
 use std::path::{Path, PathBuf};
 use std::sync::Mutex;
@@ -277,6 +277,7 @@ impl Bench {
             preset: spec.preset.as_deref(),
             gaits: &[],
             set: &spec.set,
+            components: Components::default(),
         };
         let summary = Setup::read(&job)?.simulate(&log, &self.build, &mut |fraction| progress(0.5 * fraction))?;
         let replayed = Replay::open(&log)?.run(&Options::default(), &mut |fraction| progress(0.5 + 0.4 * fraction))?;

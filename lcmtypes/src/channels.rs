@@ -2,8 +2,8 @@
 
 use crate::{
     BaseTracking, ComponentState, ContactEstimate, ControllerInput, ControllerTick, Event, ExecutorCommand,
-    GroundTruth, LegState, Message, OperatorCommand, ParameterChange, ParameterRequest, RequestReply, RobotCommand,
-    RobotInfo, RobotState, RunInfo, Running, Timing, WbcSolution,
+    GroundTruth, JointReference, LegState, Message, OperatorCommand, ParameterChange, ParameterRequest, RequestReply,
+    RobotCommand, RobotInfo, RobotState, RunInfo, Running, Timing, WbcSolution,
 };
 
 /// Description of the run, which makes a log self-contained; first message of a run.
@@ -30,6 +30,8 @@ pub const PARAMETER_CHANGE: &str = "PARAMETER_CHANGE";
 pub const CONTROLLER_INPUT: &str = "CONTROLLER_INPUT";
 /// Mode and fault of the controller after a tick, with one digest per stage.
 pub const CONTROLLER_TICK: &str = "CONTROLLER_TICK";
+/// Positions that some joints are to reach.
+pub const JOINT_REFERENCE: &str = "JOINT_REFERENCE";
 /// Estimated contact forces and contact flags.
 pub const CONTACT_ESTIMATE: &str = "CONTACT_ESTIMATE";
 /// Base orientation and height: references, estimates, errors.
@@ -129,6 +131,7 @@ pub const CHANNELS: &[Channel] = &[
     channel::<ParameterChange>(PARAMETER_CHANGE, None, Class::ReplayInput),
     channel::<ControllerInput>(CONTROLLER_INPUT, Some(Stage::Input), Class::ReplayInput),
     channel::<ControllerTick>(CONTROLLER_TICK, Some(Stage::Output), Class::Output),
+    channel::<JointReference>(JOINT_REFERENCE, None, Class::Debug),
     channel::<ContactEstimate>(CONTACT_ESTIMATE, Some(Stage::Estimation), Class::Debug),
     channel::<BaseTracking>(BASE_TRACKING, Some(Stage::Estimation), Class::Debug),
     channel::<LegState>(LEG_STATE, Some(Stage::Gait), Class::Debug),
@@ -139,6 +142,11 @@ pub const CHANNELS: &[Channel] = &[
     channel::<Timing>(TIMING, None, Class::Timing),
     channel::<Event>(EVENT, None, Class::Meta),
 ];
+
+/// Component and name of a channel: `arms/ROBOT_COMMAND` is ROBOT_COMMAND of `arms`; the component is empty for a channel without one in front.
+pub fn split(channel: &str) -> (&str, &str) {
+    channel.split_once('/').unwrap_or(("", channel))
+}
 
 /// Row of a channel by its name.
 pub fn find(name: &str) -> Option<&'static Channel> {

@@ -67,6 +67,7 @@ pub fn fault(fault: i32) -> &'static str {
         ControllerTick::FAULT_COMMAND => "command not finite",
         ControllerTick::FAULT_OPERATOR_LIMITED => "operator command followed in part",
         ControllerTick::FAULT_NO_GROUND => "no ground under the foot (m deep)",
+        ControllerTick::FAULT_COMPONENT => "commands of a component do not arrive, its joints are damped",
         ControllerTick::FAULT_OPERATOR_REFUSED => "requested mode not possible",
         _ => "?",
     }

@@ -42,6 +42,22 @@ impl RunInfo {
         self
     }
 
+    /// Index of a component by name.
+    pub fn find_component(&self, name: &str) -> Option<usize> {
+        self.components.iter().position(|component| component.name == name)
+    }
+
+    /// The same run as a component sees it: for the first one the run itself, for any other one that component alone. Empty if there is no such index.
+    #[must_use]
+    pub fn of_component(&self, index: usize) -> Self {
+        let mut info = self.clone();
+        if index > 0 {
+            info.components = info.components.into_iter().skip(index).take(1).collect();
+            info.n_components = i32::try_from(info.components.len()).expect("one at most");
+        }
+        info
+    }
+
     /// The same run with `component` as the only component.
     #[must_use]
     pub fn with_component(mut self, component: ComponentInfo) -> Self {

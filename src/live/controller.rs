@@ -11,6 +11,7 @@ use controller::params::Params;
 use controller::quadruped::params::GaitParams;
 use drivers::Scenario;
 use drivers::command_mux::CommandMux;
+use drivers::components::resolve;
 use drivers::live::{self, Dummy, EndCause, Executor, Faulty, LcmRobot, Plan, Summary};
 use drivers::run_info::{Run, describe};
 use lcmtypes::bus::LcmBus;
@@ -83,9 +84,12 @@ pub(super) fn prepare(file: &RunFile, url: &Url) -> anyhow::Result<(RunInfo, Box
         let parsed = Scenario::parse(&scenario, &simulation.scenario.display().to_string(), &params.gait)?;
         (scenario_name, seed) = (parsed.name, parsed.seed);
     }
+    let first = file.first();
+    let others = resolve(file.others(), &first.0, &file.robot, &file.gait, &file.set)?;
     let info = describe(
         &Run {
-            controller: &file.controller(),
+            first: (&first.0, &first.1),
+            others: &others,
             robot: &params.robot.name,
             urdf: &files.urdf,
             params: &params_text,

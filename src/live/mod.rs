@@ -15,7 +15,7 @@ use anyhow::Context;
 use drivers::Scenario;
 use drivers::live::has_traffic;
 use replay::udpm::Url;
-use run_file::RunFile;
+pub use run_file::RunFile;
 use std::ffi::OsString;
 use std::path::PathBuf;
 use std::time::Duration;

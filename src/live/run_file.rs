@@ -6,6 +6,7 @@ use anyhow::Context;
 use controller::params::Params;
 use drivers::DriverError;
 use drivers::command_mux::{CommandMux, Source, default_sources};
+use drivers::components::{ComponentEntry, Runs, resolve};
 use drivers::live::RealtimeParams;
 use drivers::live::clock::TickSchedule;
 use drivers::teleop::check_channel;
@@ -34,9 +35,15 @@ pub struct RunFile {
     /// The operators.
     #[serde(default = "default_sources")]
     pub operator: Vec<Source>,
-    /// The controllers, in the order of execution. The last running one commands the robot.
-    #[serde(default = "quadruped_alone", rename = "controller")]
+    /// The controllers of the first component, in the order of execution. The last running one commands the robot.
+    #[serde(default, rename = "controller")]
     pub controllers: Vec<Controller>,
+    /// The components: without `[[controller]]` entries the first one commands the robot.
+    #[serde(default, rename = "component")]
+    components: Vec<ComponentEntry>,
+    /// The first of them, if it commands the robot.
+    #[serde(skip)]
+    first: Option<ComponentEntry>,
     /// Preset of the robot's parameters, as with `hoof sim --preset`.
     pub preset: Option<String>,
     /// Gait files, as with `hoof sim --gait`.
@@ -128,19 +135,37 @@ impl Default for Executor {
     }
 }
 
-fn quadruped_alone() -> Vec<Controller> {
-    vec![Controller { name: controller::quadruped::NAME.to_owned(), start: true }]
-}
-
 fn yes() -> bool {
     true
 }
 
 impl RunFile {
-    /// Name of the combined controller for RUN_INFO.
-    pub fn controller(&self) -> String {
+    /// Name and kind of the first component for RUN_INFO: a sequence of the controllers.
+    pub fn first(&self) -> (String, String) {
         let names: Vec<&str> = self.controllers.iter().map(|controller| &*controller.name).collect();
-        format!("{}({})", controller::sequence::NAME, names.join(", "))
+        let name = self.first.as_ref().map_or(controller::sequence::NAME, |first| &first.name);
+        (name.to_owned(), format!("{}({})", controller::sequence::NAME, names.join(", ")))
+    }
+
+    /// Parameters to change in the first component.
+    pub fn set_of_first(&self) -> Vec<String> {
+        let of_first = self.first.iter().flat_map(|first| &first.set);
+        self.set.iter().chain(of_first).cloned().collect()
+    }
+
+    /// Channels that the first component listens to.
+    pub fn receives(&self) -> &[String] {
+        self.first.as_ref().map_or(&[], |first| &first.receives)
+    }
+
+    /// The components beside the first one.
+    pub fn others(&self) -> &[ComponentEntry] {
+        &self.components
+    }
+
+    /// Which controllers run from the first tick on, one bit each.
+    pub fn running(&self) -> i64 {
+        self.controllers.iter().enumerate().fold(0, |bits, (k, one)| bits | i64::from(one.start) << k)
     }
 
     /// Reads and checks a file.
@@ -156,6 +181,7 @@ impl RunFile {
         }
         file.faults = file.faults.map(|faults| folder.join(faults));
         file.gait = file.gait.iter().map(|gait| folder.join(gait)).collect();
+        file.split_first()?;
         file.check().with_context(|| path.display().to_string())?;
         Ok(file)
     }
@@ -165,7 +191,33 @@ impl RunFile {
     /// # Errors
     /// See [`RobotFiles::find_changed`].
     pub fn robot_files(&self) -> Result<(RobotFiles, String), DriverError> {
-        RobotFiles::find_changed(&self.robot, self.preset.as_deref(), &self.gait, &self.set)
+        RobotFiles::find_changed(&self.robot, self.preset.as_deref(), &self.gait, &self.set_of_first())
+    }
+
+    /// Makes the first `[[component]]` the controller if there is no `[[controller]]`; the quadruped if there is neither.
+    fn split_first(&mut self) -> anyhow::Result<()> {
+        if !self.controllers.is_empty() {
+            return Ok(());
+        }
+        if self.components.is_empty() {
+            self.controllers = vec![Controller { name: controller::quadruped::NAME.to_owned(), start: true }];
+            return Ok(());
+        }
+        let first = self.components.remove(0);
+        let ComponentEntry { name, kind, period_ticks, phase_ticks, latency_ticks, runs, .. } = &first;
+        anyhow::ensure!(
+            (*period_ticks, *phase_ticks, *latency_ticks, *runs) == (1, 0, 0, Runs::Rt),
+            "[[component]] {name:?}: the first component commands the robot: expected period_ticks = 1, phase_ticks = 0, latency_ticks = 0, \
+             runs = \"rt\""
+        );
+        anyhow::ensure!(
+            first.joints.is_empty(),
+            "[[component]] {name:?}: joints: the first component commands all joints that no other one commands"
+        );
+        self.controllers = vec![Controller { name: kind.clone(), start: true }];
+        self.preset = first.preset.clone().or_else(|| self.preset.take());
+        self.first = Some(first);
+        Ok(())
     }
 
     fn check(&self) -> anyhow::Result<()> {
@@ -185,7 +237,6 @@ impl RunFile {
         for Source { channel, .. } in &self.operator {
             check_channel(channel).with_context(|| format!("[[operator]] {channel}"))?;
         }
-        anyhow::ensure!(!self.controllers.is_empty(), "no [[controller]]: add at least one");
         let is_name = |name: &str| !name.is_empty() && name.chars().all(|c| c.is_ascii_alphanumeric() || c == '_');
         if let Some(Controller { name, .. }) = self.controllers.iter().find(|controller| !is_name(&controller.name)) {
             anyhow::bail!("[[controller]] name = {name:?}: expected letters, digits and _");
@@ -202,6 +253,7 @@ impl RunFile {
         let set = || format!("set = {:?}", self.set);
         let (_, params) = self.robot_files().with_context(set)?;
         Params::from_toml(&params, &self.robot).with_context(set)?;
+        resolve(&self.components, &self.first().0, &self.robot, &self.gait, &self.set)?;
         anyhow::ensure!(priority <= 99, "realtime.priority is {priority}, expected 0 (no real-time scheduler) to 99");
         Ok(())
     }
@@ -256,7 +308,6 @@ mod tests {
             (operator("ROBOT_STATE"), "hoofprint.robot_state_t"),
             (controller("hold, quadruped"), "[[controller]] name = \"hold, quadruped\""),
             (controller(""), "[[controller]] name = \"\""),
-            (format!("{minimal}controller = []\n"), "[[controller]]"),
             (format!("{minimal}faults = \"nope.toml\"\n"), "nope.toml"),
             (format!("{minimal}gait = [\"nope.toml\"]\n"), "nope.toml"),
             (format!("{minimal}set = [\"trunk.kpp=3\"]\n"), "\"trunk.kpp\""),

@@ -25,6 +25,12 @@ pub fn run(log: &Path, options: &Options, out: &Path, json: bool) -> anyhow::Res
         "{}: RUN_INFO contains no scenario; --resim needs the log of a simulation",
         log.display()
     );
+    anyhow::ensure!(
+        recorded.n_components == 1,
+        "{}: the run has {} components; --resim needs the log of a run with one: simulate its run file instead",
+        log.display(),
+        recorded.n_components
+    );
     let gaits = Params::from_toml(recorded.params(), &format!("parameters of {}", log.display()))?.gait;
     let mut scenario = Scenario::parse(&recorded.scenario, &format!("scenario of {}", log.display()), &gaits)?;
     // A live run has monotonic clock times, and operators on several channels.
@@ -48,6 +54,10 @@ pub fn run(log: &Path, options: &Options, out: &Path, json: bool) -> anyhow::Res
         scenario_text: recorded.scenario.clone(),
         scenario_source: format!("scenario of {}", log.display()),
         inputs: vec![log.to_owned()],
+        first: (recorded.component().to_owned(), recorded.controller().to_owned()),
+        receives: Vec::new(),
+        running: 1,
+        others: (Vec::new(), Vec::new()),
         prove: None,
     };
     let bar = Progress::new("simulate again");

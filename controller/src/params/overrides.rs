@@ -165,12 +165,16 @@ fn set(table: &mut toml::Table, key: &str, value: &str) -> Result<(), ParamsErro
 
 /// Returns `new` if it has the type of `old`. Integers are converted where `old` is a float.
 fn like(old: &toml::Value, new: toml::Value) -> Option<toml::Value> {
-    use toml::Value::{Array, Float, Integer};
+    use toml::Value::{Array, Float, Integer, String};
     match (old, new) {
         #[expect(clippy::cast_precision_loss, reason = "a person's parameter, far below 2^53")]
         (Float(_), Integer(i)) => Some(Float(i as f64)),
         (Array(old), Array(new)) if old.len() == new.len() => {
             old.iter().zip(new).map(|(o, n)| like(o, n)).collect::<Option<Vec<_>>>().map(Array)
+        }
+        // A list of names has any length; an array of numbers is a vector.
+        (Array(old), Array(new)) if matches!(old[..], [String(_), ..]) && !new.is_empty() => {
+            new.into_iter().map(|n| like(&old[0], n)).collect::<Option<Vec<_>>>().map(Array)
         }
         (Array(_), _) => None,
         (old, new) if old.same_type(&new) => Some(new),

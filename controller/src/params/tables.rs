@@ -13,10 +13,11 @@ use crate::quadruped::params::{
 };
 use crate::safety::SafetyParams;
 use crate::stack::{Formula, StackParams};
+use crate::tour::params::TourParams;
 use serde::{Deserialize, Serialize};
 
 /// Tables of the controllers that work with any robot.
-pub const FOR_ANY_ROBOT: [&str; 4] = ["robot", "safety", "hold", "motion"];
+pub const FOR_ANY_ROBOT: [&str; 5] = ["robot", "safety", "hold", "motion", "tour"];
 
 /// Every parameter of a run.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -72,6 +73,9 @@ pub struct Params {
     /// The posture controller.
     #[serde(default)]
     pub motion: MotionParams,
+    /// The tour controller.
+    #[serde(default)]
+    pub tour: TourParams,
 }
 
 impl Params {
@@ -146,7 +150,7 @@ impl Params {
 
 /// Each number among the parameters, with its allowed range.
 pub fn bounds() -> impl Iterator<Item = &'static Bound> {
-    let tables: [&[Bound]; 11] = [
+    let tables: [&[Bound]; 12] = [
         RobotConfig::BOUNDS,
         GaitParams::BOUNDS,
         FootholdParams::BOUNDS,
@@ -158,6 +162,7 @@ pub fn bounds() -> impl Iterator<Item = &'static Bound> {
         SafetyParams::BOUNDS,
         HoldParams::BOUNDS,
         MotionParams::BOUNDS,
+        TourParams::BOUNDS,
     ];
     tables.into_iter().flatten()
 }

@@ -2,12 +2,13 @@
 
 use super::scaled::two_digits;
 use super::{Guess, Options, Proposal, RobotInitError, file_name, prepare};
-use crate::hold::Hold;
+use crate::hold::{self, Hold};
 use crate::model::{
     Base, BaseState, Joint, JointKind, Kinematics, Limits, Link, LinkGroups, Model, Pose, Shape, ShapeKind, UrdfTree,
     check_runnable, mass_matrix,
 };
 use crate::params::{quoted, toml_key};
+use lcmtypes::{ComponentInfo, RunInfo};
 use nalgebra::{DMatrix, Matrix3, Vector3};
 use std::fmt::Write;
 
@@ -129,8 +130,9 @@ pub fn propose_any(urdf: &str, source: &str, base: Base, options: &Options) -> R
         head.extend(changes.iter().map(|change| format!("- {change}")));
         tree.to_urdf(&head)
     });
-    Hold::new(written.as_deref().unwrap_or(urdf), &toml)
-        .map_err(|source| RobotInitError::Unusable { source: Box::new(source) })?;
+    let text = written.as_deref().unwrap_or(urdf).to_owned();
+    let info = RunInfo { urdf: text, ..RunInfo::default() }.with_component(ComponentInfo::new(hold::NAME, &toml));
+    Hold::new(&info).map_err(|source| RobotInitError::Unusable { source: Box::new(source) })?;
     let guess = |what, value: String, because: &str| Guess { what, value, because: because.to_owned() };
     let contacts: Vec<String> = soles.into_iter().map(|(link, _)| link).collect();
     let mut look_at = changes;

@@ -5,7 +5,7 @@ use crate::dump::Dump;
 use crate::error::RestoreError;
 use crate::interface::{Controller, NoProbe, Probe};
 use crate::outbox::Outbox;
-use crate::time::SNAPSHOT_TICKS;
+use crate::time::snapshot_ticks;
 use lcmtypes::channels::CONTROLLER_SNAPSHOT;
 use lcmtypes::{ComponentState, ControllerInput, Message, TickInput};
 use std::cell::RefCell;
@@ -14,8 +14,8 @@ use std::cell::RefCell;
 pub struct Component {
     controller: Box<dyn Controller>,
     unpacked: Unpacked,
-    /// Whether the state is published after a tick.
-    is_snapshot: fn(i64) -> bool,
+    /// The state is published after each tick whose number leaves the second number when it is divided by the first.
+    snapshots: (i64, i64),
     /// Preallocated message for writing and reading snapshots.
     snapshot_buffer: RefCell<ComponentState>,
 }
@@ -26,14 +26,15 @@ impl Component {
         let input = TickInput { state: empty_state(), ..TickInput::default() };
         let mut state = ComponentState { input, ..ComponentState::default() };
         controller.snapshot(&mut state.controller.data);
-        let is_snapshot = |tick| tick % SNAPSHOT_TICKS == 0;
-        Component { controller, unpacked: Unpacked::default(), is_snapshot, snapshot_buffer: RefCell::new(state) }
+        let snapshots = (snapshot_ticks(1), 0);
+        Component { controller, unpacked: Unpacked::default(), snapshots, snapshot_buffer: RefCell::new(state) }
     }
 
-    /// Publishes the state after the ticks for which `is_snapshot` returns true, instead of every [`SNAPSHOT_TICKS`].
+    /// Publishes the state after ticks `at`, `at + every`, `at + 2 every`, ... instead of every [`snapshot_ticks`] of a component that runs in each
+    /// base tick.
     #[must_use]
-    pub fn with_snapshots(self, is_snapshot: fn(i64) -> bool) -> Self {
-        Component { is_snapshot, ..self }
+    pub fn with_snapshots(self, every: i64, at: i64) -> Self {
+        Component { snapshots: (every, at), ..self }
     }
 
     /// Kind of its controller.
@@ -52,14 +53,14 @@ impl Component {
     }
 
     /// Computes one tick from the state and the delivered messages alone, and fills `out` with the encoded output messages; see
-    /// [`Controller::step_probed`]. Every [`SNAPSHOT_TICKS`] the last one is CONTROLLER_SNAPSHOT.
+    /// [`Controller::step_probed`]. Every [`snapshot_ticks`] the last one is CONTROLLER_SNAPSHOT.
     // Not inlined: the guard of instruction counts looks for it in the profile.
     #[inline(never)]
     pub fn step_probed(&mut self, input: &ControllerInput, out: &mut Outbox, probe: &mut dyn Probe) {
         let Component { controller, unpacked, .. } = self;
         unpacked.update_with(input, |now, message| controller.receive(now, &message.channel, &message.data));
         controller.step_probed(unpacked.input(), out, probe);
-        if (self.is_snapshot)(input.tick) {
+        if input.tick % self.snapshots.0 == self.snapshots.1 {
             self.write_state();
             out.put(CONTROLLER_SNAPSHOT, &*self.snapshot_buffer.borrow())
                 .expect("`write_state` sets every length field");

@@ -2,7 +2,7 @@
 #![allow(dead_code, reason = "no test file needs all of it")]
 
 use controller::params::{Params, apply_overrides};
-use drivers::lockstep::{self, Outcome};
+use drivers::lockstep::{self, Others, Outcome};
 use drivers::{MujocoSim, Scenario, SimParams, Terrain};
 use lcmtypes::{
     ComponentInfo, ControllerTick, Event, GroundTruth, Message, RobotCommand, RobotState, RunInfo, channels,
@@ -83,7 +83,8 @@ pub fn run(robot: &str, scenario: &str, set: &[(&str, &str)]) -> (Seen, Outcome)
     let mut sim = MujocoSim::new(&tree, &params.robot, terrain, SimParams::of(&scenario)).unwrap();
     let mut controller = controller::load(&info).unwrap();
     let mut seen = Seen::default();
-    let outcome = lockstep::run(&scenario, &info, &mut sim, &mut controller, &mut seen, &mut |_| {}).unwrap();
+    let others = Others::build(&info, &[], &[]).unwrap();
+    let outcome = lockstep::run(&scenario, &info, &mut sim, &mut controller, others, &mut seen, &mut |_| {}).unwrap();
     (seen, outcome)
 }
 

@@ -1,7 +1,6 @@
 //! Which outputs a log should contain, computed from those it contains.
 
 use super::outputs::OutputCounts;
-use controller::time::SNAPSHOT_TICKS;
 use lcmtypes::channels::CONTROLLER_SNAPSHOT;
 use std::sync::Arc;
 
@@ -9,9 +8,11 @@ use std::sync::Arc;
 const MAX_GROUPS: usize = 64;
 
 /// Outputs of the ticks that can be computed, grouped by the controllers that run: the same controllers have the same outputs in every tick, and their
-/// state in every [`SNAPSHOT_TICKS`]-th.
-#[derive(Default)]
-pub(super) struct ExpectedOutputs(Vec<Group>);
+/// state in every `snapshot_ticks`-th.
+pub(super) struct ExpectedOutputs {
+    groups: Vec<Group>,
+    snapshot_ticks: i64,
+}
 
 struct Group {
     /// Bits of the controllers that run, and whether it is the group of the snapshots.
@@ -28,24 +29,29 @@ struct Output {
 }
 
 impl ExpectedOutputs {
+    /// - `snapshot_ticks`: as of [`controller::time::snapshot_ticks`].
+    pub fn new(snapshot_ticks: i64) -> Self {
+        ExpectedOutputs { groups: Vec::new(), snapshot_ticks }
+    }
+
     /// Takes a tick with the channels of its recorded outputs. `running`: as in its input.
     pub fn take<'c>(&mut self, tick: i64, running: i64, recorded: impl Iterator<Item = &'c Arc<str>> + Clone) {
         let is_snapshot = |channel: &&Arc<str>| ***channel == *CONTROLLER_SNAPSHOT;
         self.take_group((running, false), tick, recorded.clone().filter(|channel| !is_snapshot(channel)));
-        if tick % SNAPSHOT_TICKS == 0 {
+        if tick % self.snapshot_ticks == 0 {
             self.take_group((running, true), tick, recorded.filter(is_snapshot));
         }
     }
 
     fn take_group<'c>(&mut self, key: (i64, bool), tick: i64, recorded: impl Iterator<Item = &'c Arc<str>> + Clone) {
-        let at = self.0.iter().position(|group| group.key == key).unwrap_or(self.0.len());
-        if at == self.0.len() {
+        let at = self.groups.iter().position(|group| group.key == key).unwrap_or(self.groups.len());
+        if at == self.groups.len() {
             if at == MAX_GROUPS {
                 return;
             }
-            self.0.push(Group { key, first_tick: tick, ticks: 0, outputs: Vec::new() });
+            self.groups.push(Group { key, first_tick: tick, ticks: 0, outputs: Vec::new() });
         }
-        let group = &mut self.0[at];
+        let group = &mut self.groups[at];
         for output in &mut group.outputs {
             if recorded.clone().any(|channel| *channel == output.channel) {
                 output.recorded += 1;
@@ -65,7 +71,7 @@ impl ExpectedOutputs {
     /// Counts by channel.
     pub fn counts(&self) -> OutputCounts {
         let mut counts = OutputCounts::default();
-        for Group { ticks, outputs, .. } in &self.0 {
+        for Group { ticks, outputs, .. } in &self.groups {
             for Output { channel, recorded, first_missing } in outputs {
                 counts.count_all(channel, *recorded, ticks - recorded, *first_missing);
             }
@@ -81,7 +87,7 @@ mod tests {
 
     /// Ticks with their running controllers and outputs.
     fn missing(ticks: impl Iterator<Item = (i64, i64, Vec<&'static str>)>) -> Vec<(String, u64, i64)> {
-        let mut expected = ExpectedOutputs::default();
+        let mut expected = ExpectedOutputs::new(1000);
         for (tick, running, channels) in ticks {
             let channels: Vec<Arc<str>> = channels.into_iter().map(Arc::from).collect();
             expected.take(tick, running, channels.iter());
@@ -111,7 +117,7 @@ mod tests {
     #[test]
     fn snapshots_are_expected_at_their_period() {
         let complete = |tick: i64| {
-            let channels = if tick % SNAPSHOT_TICKS == 0 { vec!["A", CONTROLLER_SNAPSHOT] } else { vec!["A"] };
+            let channels = if tick % 1000 == 0 { vec!["A", CONTROLLER_SNAPSHOT] } else { vec!["A"] };
             (tick, 1, channels)
         };
         assert_eq!(missing((1..5001).map(complete)), []);

@@ -72,7 +72,9 @@ impl Judgement {
         let mut ticks = Ticks::open(log, &replay.messages, Beside::Nothing)?;
         let bytes = super::file_length(log)?.max(1);
         let mut unpacked = Unpacked::default();
-        let (mut continuity, mut outputs) = (Continuity::default(), ExpectedOutputs::default());
+        let period_ticks = replay.info.components.first().map_or(1, |component| component.period_ticks);
+        let snapshot_ticks = controller::time::snapshot_ticks(period_ticks);
+        let (mut continuity, mut outputs) = (Continuity::default(), ExpectedOutputs::new(snapshot_ticks));
         while let Some(tick) = ticks.next()? {
             if tick.tick % 1024 == 0 {
                 progress(ticks.offset as f64 / bytes as f64);

@@ -47,7 +47,7 @@ pub fn load(info: &RunInfo) -> Result<Component, LoadError> {
 }
 
 pub fn component(toy: Toy) -> Component {
-    Component::new(Box::new(toy)).with_snapshots(|tick| tick % SNAPSHOT == SNAPSHOT - 1)
+    Component::new(Box::new(toy)).with_snapshots(SNAPSHOT, SNAPSHOT - 1)
 }
 
 pub fn toy(info: &RunInfo) -> Result<Toy, LoadError> {
