@@ -44,6 +44,7 @@ enum Command {
     Run(live::RunArgs),
     /// Run the controller in real time against a driver on LCM
     Controller(live::ControllerArgs),
+    Component(live::ComponentArgs),
     /// Simulate a robot in real time, in place of its driver process on LCM
     Driver(live::DriverArgs),
     /// Start or stop a controller of a live run
@@ -99,6 +100,7 @@ fn main() -> ExitCode {
         Command::Sim(args) => sim::run(&args),
         Command::Run(args) => live::run(&args),
         Command::Controller(args) => live::controller(&args),
+        Command::Component(args) => live::component(&args),
         Command::Driver(args) => live::driver(&args),
         Command::Ctl(args) => live::ctl(&args),
         Command::Set(args) => live::set(&args),

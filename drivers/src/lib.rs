@@ -53,6 +53,7 @@ pub use mujoco::{MujocoSim, SimParams};
 pub use scenario::Scenario;
 pub use sensors::NoiseParams;
 pub use simulator::Simulator;
+pub use stage_clock::StageClock;
 pub use start::{StartParams, StartPosture};
 pub use terrain::Terrain;
 pub use watch::{ModeEvent, ModeWatch};

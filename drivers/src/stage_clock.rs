@@ -27,11 +27,6 @@ impl StageClock {
         self.timing.stage_ns.fill(0);
     }
 
-    /// Time since the start of the tick, ns.
-    pub fn elapsed_ns(&self, now_ns: i64) -> i64 {
-        now_ns - self.timing.start_ns
-    }
-
     /// The tick's TIMING without deadline; it wakes when it starts and ends with its last stage.
     pub fn timing(&mut self, t_ns: i64, tick: i64) -> &mut Timing {
         let m = &mut self.timing;

@@ -9,10 +9,12 @@ mod network;
 
 use controller::Unpacked;
 use controller::params::apply_overrides;
+use drivers::StageClock;
+use drivers::components::Slot;
 use drivers::live::clock::{TickSchedule, now_ns, sleep_until};
 use drivers::live::{
-    Call, CallResult, CallSender, Ending, Handover, HandoverError, LcmRobot, LcmSender, RealtimeLoop, RequestId,
-    Switch, call_ring, message_ring,
+    Call, CallResult, CallSender, Ending, Handover, HandoverError, LcmRobot, LcmSender, Others, RealtimeLoop,
+    RealtimeParams, RequestId, Runner, Switch, call_ring, message_ring, start_worker,
 };
 use drivers::parameter_requests::{ParameterRequestHandler, Proposal};
 use lcmtypes::channels::{
@@ -25,6 +27,7 @@ use std::collections::BTreeMap;
 use std::path::Path;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
+use std::thread::JoinHandle;
 use std::time::Duration;
 
 const TICKS: i64 = 2500;
@@ -96,6 +99,31 @@ fn send(
     (handovers, switched)
 }
 
+/// Two planners beside the quadruped: one on the real-time thread and one on a thread of its own, each with 50 Hz, and each hears the other.
+fn others(info: &RunInfo, params: &str) -> (Others, JoinHandle<Option<String>>) {
+    let planner = |name: &str| ComponentInfo {
+        name: name.to_owned(),
+        period_ticks: 20,
+        latency_ticks: 20,
+        ..ComponentInfo::new("tour", params)
+    };
+    let (own, worker) = (planner("own"), planner("worker"));
+    let build = |component: &ComponentInfo| controller::load(&info.clone().with_component(component.clone())).unwrap();
+    let (end, thread) = start_worker(build(&worker), RealtimeParams::none(), Duration::ZERO).unwrap();
+    let component = build(&own);
+    let clock = StageClock::new(component.stages().len());
+    let slot = |info: &ComponentInfo, receives: &[&str]| {
+        Slot::new(info, 1, receives.iter().map(ToString::to_string).collect())
+    };
+    let slots = vec![
+        slot(&info.components[0], &["own/JOINT_REFERENCE", "worker/JOINT_REFERENCE"]),
+        slot(&own, &["worker/JOINT_REFERENCE"]),
+        slot(&worker, &["own/JOINT_REFERENCE"]),
+    ];
+    let runners = vec![Runner::Rt(Box::new(component), clock), Runner::Worker(end)];
+    (Others::new(slots, runners, message_ring(1 << 16).1), thread)
+}
+
 #[test]
 fn the_real_time_thread_allocates_nothing() {
     let (mut info, inputs) = golden();
@@ -120,7 +148,9 @@ fn the_real_time_thread_allocates_nothing() {
     let (messages_in, mut messages_out) = message_ring(1 << 24);
     let (calls_in, calls_out) = call_ring();
     let controller = controller::load(&info).unwrap();
-    let mut realtime = RealtimeLoop::new(controller, (info.run_id, 2), hardware, calls_out, messages_in, SCHEDULE);
+    let (others, worker) = others(&info, &params);
+    let mut realtime =
+        RealtimeLoop::new(controller, others, (info.run_id, 2), hardware, calls_out, messages_in, SCHEDULE);
 
     let over = Arc::new(AtomicBool::new(false));
     let sender = std::thread::spawn({
@@ -158,6 +188,9 @@ fn the_real_time_thread_allocates_nothing() {
     let count = |channel: &str| seen.get(channel).copied().unwrap_or_default();
     assert!(count("hold/ROBOT_COMMAND") > 300 && count(CONTROLLER_SNAPSHOT) == 3, "{seen:?}");
     assert!(count(PARAMETER_CHANGE) > CHANGES / 2 && handovers.len() > CHANGES / 2, "{seen:?}");
+    // Both planners computed, on either thread.
+    assert_eq!(worker.join().unwrap(), None);
+    assert!(count("own/JOINT_REFERENCE") > 100 && count("worker/JOINT_REFERENCE") > 100, "{seen:?}");
     assert!(switched > 10, "{switched} starts and stops");
     assert!(handovers.iter().all(Option::is_none), "{handovers:?}");
     assert_eq!(counted.count_total, 0, "allocations in {TICKS} ticks");

@@ -7,9 +7,10 @@ use controller::sequence::Sequence;
 use controller::{Component, Controller, Outbox, Probe, RestoreError, Unpacked};
 use drivers::Scenario;
 use drivers::command_mux::{CommandMux, default_sources};
+use drivers::components::slots;
 use drivers::live::clock::{TickSchedule, now_ns};
 use drivers::live::{
-    Call, CallResult, Dummy, Ending, Executor, Faulty, Handover, HandoverError, Hardware, Plan, RealtimeLoop,
+    Call, CallResult, Dummy, Ending, Executor, Faulty, Handover, HandoverError, Hardware, Others, Plan, RealtimeLoop,
     RealtimeParams, RequestId, Summary, call_ring, message_ring,
 };
 use lcmtypes::bus::{Bus, MemoryBus, Received};
@@ -86,6 +87,8 @@ fn start_with(controllers: &[(&'static str, Work)], ticks: i64, hardware: Box<dy
     bus.subscribe(".*").unwrap();
     let plan = Plan {
         component: Component::new(Box::new(sequence(controllers))),
+        others: Vec::new(),
+        receives: Vec::new(),
         controllers: controllers.iter().enumerate().map(|(k, (name, _))| ((*name).to_owned(), k == 0)).collect(),
         hardware,
         bus: Box::new(bus.connect()),
@@ -412,6 +415,7 @@ fn a_panic_in_a_handover_damps_the_joints() {
     let dummy = Box::new(Dummy::new(vec![0.0]));
     let mut realtime = RealtimeLoop::new(
         Component::new(Box::new(sequence(controllers))),
+        Others::new(slots(&RunInfo::default(), &[], &[]), Vec::new(), message_ring(1).1),
         (3, 1),
         dummy,
         calls_out,

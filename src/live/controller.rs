@@ -47,6 +47,8 @@ pub fn run(args: &ControllerArgs) -> anyhow::Result<Outcome> {
     let joints = info.joints.clone();
     let executor = Executor::start(Plan {
         component: controller::load(&info).with_context(|| file.robot.clone())?,
+        others: file.others().to_vec(),
+        receives: file.receives().to_vec(),
         controllers: file.controllers.iter().map(|controller| (controller.name.clone(), controller.start)).collect(),
         hardware,
         bus: Box::new(LcmBus::open(&url.to_string())?),
@@ -74,8 +76,8 @@ pub fn run(args: &ControllerArgs) -> anyhow::Result<Outcome> {
     report(&executor.finish(), &joints, args.shared.json)
 }
 
-/// Description and hardware of a run.
-pub(super) fn prepare(file: &RunFile, url: &Url) -> anyhow::Result<(RunInfo, Box<dyn live::Hardware>)> {
+/// Description of a run.
+pub(super) fn prepare_info(file: &RunFile) -> anyhow::Result<RunInfo> {
     let (files, params_text) = file.robot_files()?;
     let params = Params::from_toml(&params_text, &file.robot)?;
     let (mut scenario, mut scenario_name, mut seed) = (String::new(), String::new(), 0);
@@ -86,7 +88,7 @@ pub(super) fn prepare(file: &RunFile, url: &Url) -> anyhow::Result<(RunInfo, Box
     }
     let first = file.first();
     let others = resolve(file.others(), &first.0, &file.robot, &file.gait, &file.set)?;
-    let info = describe(
+    Ok(describe(
         &Run {
             first: (&first.0, &first.1),
             others: &others,
@@ -97,7 +99,14 @@ pub(super) fn prepare(file: &RunFile, url: &Url) -> anyhow::Result<(RunInfo, Box
             seed,
         },
         &run_info::build(),
-    );
+    ))
+}
+
+/// Description and hardware of a run.
+pub(super) fn prepare(file: &RunFile, url: &Url) -> anyhow::Result<(RunInfo, Box<dyn live::Hardware>)> {
+    let info = prepare_info(file)?;
+    let (files, params_text) = file.robot_files()?;
+    let params = Params::from_toml(&params_text, &file.robot)?;
     let tree = files.tree()?;
     let joints = tree.joints.iter().filter(|joint| joint.kind != JointKind::Fixed);
     let joints: Vec<String> = joints.map(|joint| joint.name.clone()).collect();
@@ -144,7 +153,8 @@ fn report(summary: &Summary, joints: &[String], json: bool) -> anyhow::Result<Ou
             "ticks": realtime.ticks, "late_ticks": realtime.late, "skipped_ticks": realtime.skipped,
             "not_carried": realtime.not_carried, "commands_unsent": realtime.unsent, "panics": realtime.panics,
             "messages_unpublished": publisher.unpublished, "messages_unreadable": publisher.unreadable,
-            "wishes_not_taken": publisher.not_called, "overrun_stops": realtime.overrun_stops,
+            "wishes_not_taken": publisher.not_called, "component_ticks_missed": realtime.missed,
+            "results_unknown": realtime.unknown_results, "results_not_passed": publisher.not_passed, "overrun_stops": realtime.overrun_stops,
             "second_run": publisher.second_run, "fault": fault,
         }))?;
     } else {
@@ -152,6 +162,9 @@ fn report(summary: &Summary, joints: &[String], json: bool) -> anyhow::Result<Ou
         if let Some((name, joint, value)) = fault {
             let joint = joint.map_or(String::new(), |joint| format!(" {joint}"));
             say(format!("ended in DAMPING: {name}:{joint} {value:.3}"))?;
+        }
+        if realtime.missed > 0 {
+            say(format!("{} ticks of components were missed because they were behind", realtime.missed))?;
         }
         if publisher.second_run {
             say("another run was active on this network")?;

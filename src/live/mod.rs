@@ -1,5 +1,6 @@
 //! Live runs: `hoof run`, and the processes that it starts.
 
+mod component;
 mod controller;
 mod ctl;
 mod driver;
@@ -20,6 +21,7 @@ use std::ffi::OsString;
 use std::path::PathBuf;
 use std::time::Duration;
 
+pub use component::{ComponentArgs, run as component};
 pub use controller::{ControllerArgs, run as controller};
 pub use ctl::{CtlArgs, ctl};
 pub use driver::{DriverArgs, run as driver};

@@ -10,6 +10,7 @@ use crate::{Outcome, say, say_json};
 use anyhow::{Context, bail};
 use controller::params::Params;
 use drivers::Scenario;
+use drivers::components::{EXTERNAL, Runs};
 use lcmtypes::bus::{Bus, LcmBus};
 use lcmtypes::{Event, Message, channels};
 use replay::udpm::Url;
@@ -40,7 +41,7 @@ const AFTERMATH: Duration = Duration::from_secs(1);
 #[derive(clap::Args)]
 #[command(
     after_help = "Example: hoof run runs/hyq_sim.toml --seconds 10\n         hoof replay logs/runs/hyq_sim.mcap\n\n\
-    The run file: robot, log, set, hardware, faults; [simulation] scenario, operator; [lcm] url; [[controller]] name, start; \
+    The run file: robot, log, set, hardware, faults; [simulation] scenario, operator; [lcm] url; [[controller]] name, start; [[component]] name, kind, set, period_ticks, phase_ticks, latency_ticks, runs, joints, receives; \
     [[operator]] channel, priority, timeout_s; [executor] period_us, phase_us; [realtime] priority, core, lock_memory, stay_awake. See runs/hyq_sim.toml."
 )]
 pub struct RunArgs {
@@ -91,6 +92,13 @@ pub fn run(args: &RunArgs) -> anyhow::Result<Outcome> {
     }
     if file.simulation.is_some() {
         run.start("driver", "driving", &[&["driver".into()], &common[..]].concat(), &stop)?;
+    }
+    // Before the controller, so that they receive the input of the first tick.
+    for entry in file.others().iter().filter(|entry| entry.runs == Runs::Process && entry.kind != EXTERNAL) {
+        let name: &'static str = entry.name.clone().leak();
+        let file = [args.shared.run_file.clone().into(), name.into()];
+        let arguments = [&["component".into()], &file[..], &of_run(&url)[..]].concat();
+        run.start(name, "computing", &arguments, &stop)?;
     }
     // A person's commands have no end: only a run with the scenario's operator ends with the scenario.
     let has_script = file.simulation.as_ref().is_some_and(|simulation| simulation.operator);

@@ -67,6 +67,9 @@ pub struct ComponentEntry {
     /// Where it runs.
     #[serde(default)]
     pub runs: Runs,
+    /// Wait before each tick of a worker or process, ms, to try out late results.
+    #[serde(default)]
+    pub pause_ms: u64,
     /// Joints that it commands: names of joints, or of groups of the robot.
     #[serde(default)]
     pub joints: Vec<String>,
@@ -101,6 +104,9 @@ impl ComponentEntry {
             if !(least..=MAX_TICKS).contains(&value) {
                 return Err(self.wrong(format!("{key} is {value}, expected {least} to {MAX_TICKS}")));
             }
+        }
+        if self.pause_ms > 10_000 {
+            return Err(self.wrong(format!("pause_ms is {}, expected at most 10000", self.pause_ms)));
         }
         if self.runs != Runs::Rt && self.latency_ticks == 0 && self.kind != EXTERNAL {
             let runs = self.runs.name();
@@ -202,6 +208,9 @@ fn moving_joints(tree: &UrdfTree) -> Vec<String> {
 }
 
 /// Slots of all components of a run: the first one, then those of `entries`.
+///
+/// - `info`: the run; without components in it there is one slot, that of a first component without a name.
+/// - `receives`: channels that the first component listens to.
 pub fn slots(info: &lcmtypes::RunInfo, entries: &[ComponentEntry], receives: &[String]) -> Vec<Slot> {
     let of_first: Vec<String> = info
         .components
@@ -212,5 +221,7 @@ pub fn slots(info: &lcmtypes::RunInfo, entries: &[ComponentEntry], receives: &[S
         .chain(receives.iter().cloned())
         .collect();
     let lists = std::iter::once(of_first).chain(entries.iter().map(|entry| entry.receives.clone()));
-    info.components.iter().zip(lists).map(|(component, receives)| Slot::new(component, info.run_id, receives)).collect()
+    let unnamed = [ComponentInfo::default()];
+    let components = if info.components.is_empty() { &unnamed[..] } else { &info.components[..] };
+    components.iter().zip(lists).map(|(component, receives)| Slot::new(component, info.run_id, receives)).collect()
 }

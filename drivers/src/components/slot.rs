@@ -15,11 +15,13 @@ pub struct Slot {
     phase_ticks: i64,
     /// Base ticks from its input to the delivery of its results.
     pub latency_ticks: i64,
-    receives: Vec<String>,
+    receives: Vec<&'static str>,
     /// The messages for its next tick.
     pub inbox: Delivery,
     /// Number of its next tick.
     pub tick: i64,
+    /// A measurement has arrived since its last tick.
+    pub has_new_state: bool,
     /// Each channel of the table, and its name with the component's in front.
     channels: Vec<(&'static str, &'static str)>,
     /// An encoded command.
@@ -36,12 +38,19 @@ impl Slot {
             period_ticks: i64::from((*period_ticks).max(1)),
             phase_ticks: i64::from(*phase_ticks),
             latency_ticks: i64::from(*latency_ticks),
-            receives,
+            receives: receives.into_iter().map(interned).collect(),
             inbox: Delivery::new(run_id),
             tick: 0,
+            has_new_state: false,
             channels: channels::CHANNELS.iter().map(|channel| with_name(channel.name)).collect(),
             bytes: Vec::with_capacity(1024),
         }
+    }
+
+    /// The same slot in a run with another identity.
+    #[must_use]
+    pub fn of_run(self, run_id: i64) -> Self {
+        Slot { inbox: Delivery::new(run_id), ..self }
     }
 
     /// Whether it has a tick in a base tick.
@@ -52,7 +61,24 @@ impl Slot {
 
     /// Whether it listens to a channel.
     pub fn listens_to(&self, channel: &str) -> bool {
-        self.receives.iter().any(|known| known == channel)
+        self.received_name(channel).is_some()
+    }
+
+    /// The name of a channel that it listens to, with static lifetime; `None` for another channel.
+    pub fn received_name(&self, channel: &str) -> Option<&'static str> {
+        self.receives.iter().find(|known| **known == channel).copied()
+    }
+
+    /// States that a result of a component is late, for each of its channels that this one listens to.
+    pub fn state_late(&mut self, component: &str, due_tick: i64) {
+        for channel in self.receives.iter().filter(|channel| channels::split(channel).0 == component) {
+            self.inbox.late(channel, due_tick);
+        }
+    }
+
+    /// Its ticks from an input to the delivery of what it computes, this one included.
+    pub fn ticks_within_latency(&self) -> usize {
+        usize::try_from(self.latency_ticks / self.period_ticks + 1).unwrap_or(1)
     }
 
     /// Delivers an operator command. A component with so many of them that its tick has no room left keeps the newest.
@@ -70,7 +96,7 @@ impl Slot {
     }
 
     /// The channels that it listens to.
-    pub fn receives(&self) -> &[String] {
+    pub fn receives(&self) -> &[&'static str] {
         &self.receives
     }
 

@@ -1,16 +1,21 @@
 //! Starts and ends the two threads of a controller process.
 
 use super::clock::{TickSchedule, now_ns};
+use super::others::{Others, Runner};
 use super::peers::{Finding, Peers};
 use super::publisher::{Publisher, PublisherReport};
 use super::realtime_loop::{End, EndCause, Ending, RealtimeLoop, RealtimeReport};
+use super::worker;
 use super::{Granted, Hardware, Lateness, RealtimeParams, call_ring, message_ring};
 use crate::DriverError;
 use crate::command_mux::CommandMux;
+use crate::components::{self, ComponentEntry, EXTERNAL, Runs, Slot};
 use crate::robot_info::of_run;
+use crate::stage_clock::StageClock;
 use controller::Component;
 use lcmtypes::bus::Bus;
 use lcmtypes::{Message, RobotInfo, RunInfo, channels, new_sender_id};
+use std::collections::BTreeSet;
 use std::sync::Arc;
 use std::sync::mpsc;
 use std::thread::JoinHandle;
@@ -22,6 +27,10 @@ const RING_BYTES: usize = 1 << 24;
 const ANSWER_NS: i64 = 300_000_000;
 /// Longest wait for one message.
 const POLL: Duration = Duration::from_millis(20);
+/// Capacity of the ring for messages of processes, bytes.
+const RECEIVED_BYTES: usize = 1 << 20;
+/// How far the real-time priority of a worker is below that of the real-time thread.
+const WORKER_BELOW: u8 = 10;
 /// Real-time priority of the publisher: above ordinary processes, below all threads in control.
 const PUBLISHER_PRIORITY: u8 = 1;
 
@@ -29,6 +38,10 @@ const PUBLISHER_PRIORITY: u8 = 1;
 pub struct Plan {
     /// The component that commands the robot, as in RUN_INFO.
     pub component: Component,
+    /// Entries of the other components of RUN_INFO.
+    pub others: Vec<ComponentEntry>,
+    /// Channels that the first component listens to.
+    pub receives: Vec<String>,
     /// Name of each controller, and whether it runs from the first tick on; in the order of RUN_INFO.
     pub controllers: Vec<(String, bool)>,
     /// The robot.
@@ -69,6 +82,7 @@ pub struct Executor {
     ending: Arc<Ending>,
     granted: Granted,
     realtime: Option<JoinHandle<RealtimeReport>>,
+    workers: Vec<(String, JoinHandle<Option<String>>)>,
     publisher: Option<JoinHandle<PublisherReport>>,
 }
 
@@ -78,12 +92,25 @@ impl Executor {
     /// # Errors
     /// If the bus refuses a subscription, a thread cannot be started, the driver has another robot, or another run is active.
     pub fn start(plan: Plan) -> Result<Self, DriverError> {
-        let Plan { component, controllers, mut hardware, mut bus, mut operators, mut info, schedule, ticks, realtime } =
-            plan;
+        let Plan { component, others, receives, controllers, mut hardware, mut bus, mut operators, .. } = plan;
+        let Plan { mut info, schedule, ticks, realtime, .. } = plan;
         operators.start(now_ns());
         bus.subscribe(channels::EXECUTOR_COMMAND)?;
         bus.subscribe(channels::PARAMETER_REQUEST)?;
         operators.sources().iter().try_for_each(|source| bus.subscribe(&source.channel))?;
+        let mut workers = Vec::new();
+        let (received_in, received_out) = message_ring(RECEIVED_BYTES);
+        let (slots, runners) = start_others(&info, &others, &receives, &realtime, &mut workers)?;
+        // Messages of processes, and of programs that are no components.
+        let mut remote: BTreeSet<String> = slots.iter().flat_map(Slot::receives).map(ToString::to_string).collect();
+        for entry in others.iter().filter(|entry| entry.kind != EXTERNAL) {
+            if entry.runs == Runs::Process {
+                remote.insert(format!("{}/{}", entry.name, channels::CONTROLLER_TICK));
+            } else {
+                remote.retain(|channel| channels::split(channel).0 != entry.name);
+            }
+        }
+        remote.iter().try_for_each(|channel| bus.subscribe(channel))?;
         let ending = Arc::<Ending>::default();
         let (messages_in, messages_out) = message_ring(RING_BYTES);
         let (calls_in, calls_out) = call_ring();
@@ -97,9 +124,11 @@ impl Executor {
             None
         };
         let (granted_in, granted_out) = mpsc::channel();
+        let others =
+            Others::new(slots.into_iter().map(|slot| slot.of_run(info.run_id)).collect(), runners, received_out);
         let running = controllers.iter().enumerate().fold(0, |bits, (k, (_, starts))| bits | i64::from(*starts) << k);
         let mut realtime_loop =
-            RealtimeLoop::new(component, (info.run_id, running), hardware, calls_out, messages_in, schedule);
+            RealtimeLoop::new(component, others, (info.run_id, running), hardware, calls_out, messages_in, schedule);
         let realtime_thread = spawn("real-time", {
             let (ending, realtime) = (ending.clone(), realtime.clone());
             move || {
@@ -114,14 +143,15 @@ impl Executor {
         let names = controllers.into_iter().map(|(name, _)| name).collect();
         let lateness = Lateness::new(schedule.period_ns, info.stages());
         let publisher =
-            Publisher::new((messages_out, calls_in), (bus, peers), operators, info, names, lateness, ending.clone());
+            Publisher::new((messages_out, calls_in), (bus, peers), operators, info, names, lateness, ending.clone())
+                .with_remote(received_in, remote);
         // On a busy machine it must not fall behind by more than the window within which a log's reader sorts messages.
         let settings = RealtimeParams { priority: realtime.priority.min(PUBLISHER_PRIORITY), ..RealtimeParams::none() };
         let publisher_thread = spawn("publisher", move || {
             settings.apply();
             publisher.run()
         })?;
-        Ok(Executor { ending, granted, realtime: Some(realtime_thread), publisher: Some(publisher_thread) })
+        Ok(Executor { ending, granted, realtime: Some(realtime_thread), workers, publisher: Some(publisher_thread) })
     }
 
     /// Real-time settings that the system granted.
@@ -149,7 +179,10 @@ impl Executor {
 
     fn close(&mut self) -> Summary {
         self.ending.request(End::Damp, EndCause::Length);
-        let realtime = self.realtime.take().map(join).unwrap_or_default();
+        let mut realtime = self.realtime.take().map(join).unwrap_or_default();
+        for (_, worker) in self.workers.drain(..) {
+            realtime.panics += u64::from(join(worker).is_some());
+        }
         Summary { realtime, publisher: self.publisher.take().map(join).unwrap_or_default() }
     }
 }
@@ -158,6 +191,44 @@ impl Drop for Executor {
     fn drop(&mut self) {
         self.close();
     }
+}
+
+/// Slots of all components, and where those beside the first one compute; starts their threads.
+fn start_others(
+    info: &RunInfo,
+    entries: &[ComponentEntry],
+    receives: &[String],
+    realtime: &RealtimeParams,
+    workers: &mut Vec<(String, JoinHandle<Option<String>>)>,
+) -> Result<(Vec<Slot>, Vec<Runner>), DriverError> {
+    let slots = components::slots(info, entries, receives);
+    let mut runners = Vec::with_capacity(entries.len());
+    for (index, entry) in (1..).zip(entries) {
+        let build = || {
+            controller::load(&info.of_component(index)).map_err(|source| DriverError::Controller {
+                robot: format!("component {}", entry.name),
+                source: Box::new(source),
+            })
+        };
+        runners.push(match entry.runs {
+            _ if entry.kind == EXTERNAL => Runner::External,
+            Runs::Process => Runner::Process,
+            Runs::Rt => {
+                let component = build()?;
+                let clock = StageClock::new(component.stages().len());
+                Runner::Rt(Box::new(component), clock)
+            }
+            Runs::Worker => {
+                // Below the real-time thread, above the publisher.
+                let priority = realtime.priority.saturating_sub(WORKER_BELOW).max(realtime.priority.min(1));
+                let settings = RealtimeParams { priority, ..RealtimeParams::none() };
+                let (end, thread) = worker::start(build()?, settings, Duration::from_millis(entry.pause_ms))?;
+                workers.push((entry.name.clone(), thread));
+                Runner::Worker(end)
+            }
+        });
+    }
+    Ok((slots, runners))
 }
 
 /// Exchanges EXPECTED_ROBOT and ROBOT_INFO with the driver. Returns the driver of the run's robot; `None` if no driver answers in time.

@@ -40,6 +40,11 @@ impl MessageSender {
 }
 
 impl MessageReceiver {
+    /// Allocates the memory for all later messages of up to 64 KiB, so that taking them allocates nothing.
+    pub fn reserve(&mut self) {
+        self.buffer.reserve(1 << 16);
+    }
+
     /// Takes the next message, if there is one.
     pub fn pop(&mut self) -> Option<RingMessage<'_>> {
         if !self.ring.pop(&mut self.buffer) {

@@ -1,7 +1,7 @@
 //! The publisher thread. It may block: it publishes the messages of the real-time thread, derives events from them, and receives requests.
 
 use super::clock::now_ns;
-use super::message_ring::{MessageReceiver, RingMessage};
+use super::message_ring::{MessageReceiver, MessageSender, RingMessage};
 use super::outgoing::Outgoing;
 use super::peers::{Finding, Peers};
 use super::realtime_loop::{End, EndCause, Ending};
@@ -15,6 +15,7 @@ use lcmtypes::{
     ControllerInput, ControllerTick, DecodeError, Event, Message, ParameterChange, RobotInfo, RunInfo, TickInput,
     Timing, channels, enum_names,
 };
+use std::collections::BTreeSet;
 use std::sync::Arc;
 use std::sync::atomic::Ordering;
 use std::time::Duration;
@@ -37,6 +38,8 @@ pub struct PublisherReport {
     pub not_called: u64,
     /// Another run was active on the network; this one ended if it started later.
     pub second_run: bool,
+    /// Messages of processes that were too long, or for which the ring to the real-time thread had no room.
+    pub not_passed: u64,
     /// The fault with which the run ended in its safe state, if it did.
     pub fault: Option<FaultOfRun>,
 }
@@ -70,6 +73,9 @@ impl Reported {
 /// The publisher thread's data.
 pub struct Publisher {
     ring: MessageReceiver,
+    /// Channels of processes, and the ring that their messages take to the real-time thread.
+    remote: Option<(MessageSender, BTreeSet<String>)>,
+    not_passed: u64,
     out: Outgoing,
     requests: Requests,
     events: TickEvents,
@@ -112,7 +118,15 @@ impl Publisher {
             reported_unreadable: Reported::default(),
             reported_states: Reported::default(),
             second_run: false,
+            remote: None,
+            not_passed: 0,
         }
+    }
+
+    /// Passes messages on these channels to the real-time thread.
+    #[must_use]
+    pub fn with_remote(self, ring: MessageSender, channels: BTreeSet<String>) -> Self {
+        Publisher { remote: Some((ring, channels)), ..self }
     }
 
     /// Runs until the real-time thread has ended and the ring is empty.
@@ -142,6 +156,7 @@ impl Publisher {
             unreadable: self.unreadable.0,
             not_called: self.requests.not_called(),
             second_run: self.second_run,
+            not_passed: self.not_passed,
             fault: self.events.modes.fault_of_safe_state(),
         }
     }
@@ -248,6 +263,14 @@ impl Publisher {
         match self.out.bus().handle(POLL) {
             Ok(messages) => {
                 for message in messages {
+                    if let Some((ring, _)) = self.remote.as_mut().filter(|(_, known)| known.contains(&message.channel))
+                    {
+                        let is_passed =
+                            message.data.len() <= MAX_REMOTE && ring.push(now_ns(), &message.channel, &message.data);
+                        self.not_passed += u64::from(!is_passed);
+                        self.events.take_remote(&message, &mut self.out);
+                        continue;
+                    }
                     let decoded = match &*message.channel {
                         channels::ROBOT_INFO | channels::EXPECTED_ROBOT => self.receive_peer(&message),
                         _ => self.requests.receive(&message, &mut self.out),
@@ -263,6 +286,9 @@ impl Publisher {
     }
 }
 
+/// Largest message of a process that is passed on, bytes.
+const MAX_REMOTE: usize = 1 << 16;
+
 /// Derives events from the messages of the ticks.
 struct TickEvents {
     controllers: Vec<String>,
@@ -273,6 +299,8 @@ struct TickEvents {
     /// The executor has replaced the operator's command, to end the run.
     is_ending: bool,
     modes: ModeWatch,
+    /// Those of the other components.
+    others: Vec<(String, ModeWatch)>,
     lateness: Lateness,
     /// Decoded messages of the present tick, and what holds of them.
     input: ControllerInput,
@@ -288,6 +316,12 @@ impl TickEvents {
             ending,
             is_ending: false,
             modes: ModeWatch::new(info.joints.clone()).with_limits(info),
+            others: info
+                .components
+                .iter()
+                .skip(1)
+                .map(|component| (component.name.clone(), ModeWatch::new(info.joints.clone())))
+                .collect(),
             lateness,
             input: ControllerInput::default(),
             unpacked: Unpacked::default(),
@@ -320,7 +354,26 @@ impl TickEvents {
                 self.lateness.add(&self.timing);
                 self.report_lateness(false, out);
             }
-            _ => {}
+            channel => self.take_other(channel, message.data, out),
+        }
+    }
+
+    /// Takes a message of a component in a process of its own.
+    fn take_remote(&mut self, message: &Received, out: &mut Outgoing) {
+        self.take_other(&message.channel, &message.data, out);
+    }
+
+    /// Reports modes and faults of a component beside the first one.
+    fn take_other(&mut self, channel: &str, data: &[u8], out: &mut Outgoing) {
+        let (component, name) = channels::split(channel);
+        if name != channels::CONTROLLER_TICK {
+            return;
+        }
+        let Some((source, modes)) = self.others.iter_mut().find(|(other, _)| other == component) else { return };
+        if let Ok(tick) = ControllerTick::decode(data)
+            && let Some(ModeEvent { level, text, .. }) = modes.update(&tick)
+        {
+            out.event(tick.t_ns, tick.tick, level, source, text);
         }
     }
 

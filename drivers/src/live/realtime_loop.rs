@@ -4,6 +4,7 @@ use super::Hardware;
 use super::call::{Call, CallReceiver, CallResult, Handover, HandoverError, Switch};
 use super::clock::{TickSchedule, now_ns, sleep_until};
 use super::message_ring::MessageSender;
+use super::others::Others;
 use crate::stage_clock::StageClock;
 use controller::handover::take_over;
 use controller::runtime::empty_state;
@@ -123,6 +124,10 @@ pub struct RealtimeReport {
     pub skipped: u64,
     /// Messages dropped because the ring to the publisher was full.
     pub not_carried: u64,
+    /// Ticks that components have missed because they were behind.
+    pub missed: u64,
+    /// Messages on the channels of components that belong to no input of theirs.
+    pub unknown_results: u64,
     /// Commands that the hardware could not send.
     pub unsent: u64,
     /// Ticks and handovers in which a controller panicked.
@@ -138,7 +143,7 @@ pub struct RealtimeLoop {
     calls: CallReceiver,
     ring: MessageSender,
     schedule: TickSchedule,
-    delivery: Delivery,
+    others: Others,
     run_id: i64,
     /// The newest measurement.
     robot: RobotState,
@@ -165,6 +170,7 @@ impl RealtimeLoop {
     /// Allocates all that a tick needs. `run_id`: as in RUN_INFO. Bit k of `running`: the k-th controller runs from the first tick on.
     pub fn new(
         component: Component,
+        others: Others,
         (run_id, running): (i64, i64),
         hardware: Box<dyn Hardware>,
         calls: CallReceiver,
@@ -182,7 +188,7 @@ impl RealtimeLoop {
             calls,
             ring,
             schedule,
-            delivery: Delivery::new(run_id),
+            others,
             run_id,
             robot: empty_state(),
             op: OperatorCommand { seq: -1, ..OperatorCommand::default() },
@@ -230,6 +236,7 @@ impl RealtimeLoop {
             due_ns = next_ns;
         }
         self.report.unsent = self.hardware.unsent();
+        (self.report.missed, self.report.unknown_results) = (self.others.missed, self.others.unknown);
         self.report
     }
 
@@ -246,13 +253,15 @@ impl RealtimeLoop {
 
     /// One tick. `instead`: mode that the executor requests in place of the operator; an emergency stop stays in force.
     fn tick(&mut self, wake_ns: i64, deadline_ns: i64, instead: Option<i8>) {
-        self.delivery.begin(wake_ns, self.report.ticks);
-        if self.hardware.receive(&mut self.robot) {
-            let Self { delivery, robot, .. } = self;
-            deliver(delivery, channels::ROBOT_STATE, wake_ns, robot);
+        let base_tick = self.report.ticks;
+        self.delivery().begin(wake_ns, base_tick);
+        let is_new = self.hardware.receive(&mut self.robot);
+        if is_new {
+            let Self { others, robot, .. } = self;
+            deliver(&mut others.first().inbox, channels::ROBOT_STATE, wake_ns, robot);
         }
         // Calls beyond that wait for the next tick.
-        while self.delivery.room() > RESERVED
+        while self.delivery().room() > RESERVED
             && let Some(call) = self.calls.next()
         {
             match call {
@@ -276,6 +285,20 @@ impl RealtimeLoop {
             self.deliver_operator(wake_ns, OperatorCommand { sender_id, mode, seq, ..OperatorCommand::default() });
         }
         self.deliver_running();
+        let Self { others, robot, ring, report, .. } = self;
+        let mut send = |t_ns: i64, channel: &str, data: &[u8]| {
+            report.not_carried += u64::from(!ring.push(t_ns, channel, data));
+        };
+        let stepped = catch_unwind(AssertUnwindSafe(|| {
+            others.tick((report.ticks, wake_ns), is_new.then_some(robot), &mut send);
+        }));
+        if let Err(panic) = stepped {
+            self.others.stop();
+            self.running = 0;
+            self.deliver_running();
+            self.report.panics += 1;
+            self.report_error(format!("a component panicked, all controllers stopped: {}", text_of(&*panic)));
+        }
 
         self.step();
         if let Some(command) = self.outbox.get(channels::ROBOT_COMMAND) {
@@ -284,7 +307,7 @@ impl RealtimeLoop {
         let end_ns = now_ns();
         self.report.late += u64::from(end_ns > deadline_ns);
         self.pass_tick();
-        self.stop_overrun(self.clock.elapsed_ns(end_ns));
+        self.stop_overrun(end_ns - wake_ns);
 
         let timing = self.clock.timing(wake_ns, self.report.ticks);
         (timing.wake_ns, timing.end_ns, timing.deadline_ns) = (wake_ns, end_ns, deadline_ns);
@@ -294,7 +317,8 @@ impl RealtimeLoop {
     }
 
     fn deliver_operator(&mut self, t_arrival_ns: i64, command: OperatorCommand) {
-        deliver(&mut self.delivery, channels::OPERATOR_COMMAND, t_arrival_ns, &command);
+        deliver(self.delivery(), channels::OPERATOR_COMMAND, t_arrival_ns, &command);
+        self.others.operator(t_arrival_ns, &command);
         self.op = command;
     }
 
@@ -303,13 +327,18 @@ impl RealtimeLoop {
         if self.delivered_running != Some(self.running) {
             self.delivered_running = Some(self.running);
             let (t_ns, running) = (self.t_ns(), self.running);
-            deliver(&mut self.delivery, channels::RUNNING, t_ns, &Running { t_ns, running });
+            deliver(self.delivery(), channels::RUNNING, t_ns, &Running { t_ns, running });
         }
     }
 
     /// Time of the present tick, ns.
-    fn t_ns(&self) -> i64 {
-        self.delivery.input().t_ns
+    fn t_ns(&mut self) -> i64 {
+        self.delivery().input().t_ns
+    }
+
+    /// The messages of the first component's tick.
+    fn delivery(&mut self) -> &mut Delivery {
+        &mut self.others.first().inbox
     }
 
     /// Starts or stops a controller.
@@ -325,12 +354,13 @@ impl RealtimeLoop {
 
     /// Replaces the controller by one with other parameters before this tick's step, and logs it before this tick's input.
     fn hand_over(&mut self, mut handover: Box<Handover>) {
+        let t_ns = self.t_ns();
         let Handover { controller: next, change, refused, .. } = &mut *handover;
         let (now, state) = (&self.component, &mut self.state);
         match catch_unwind(AssertUnwindSafe(|| take_over(now, next, state))) {
             Ok(Ok(())) => {
                 std::mem::swap(&mut self.component, next);
-                (change.t_ns, change.tick) = (self.delivery.input().t_ns, self.report.ticks);
+                (change.t_ns, change.tick) = (t_ns, self.report.ticks);
                 encode(&mut self.bytes, change);
                 self.pass_bytes(channels::PARAMETER_CHANGE);
             }
@@ -357,13 +387,15 @@ impl RealtimeLoop {
     /// logged, and a replay computes the same.
     fn step(&mut self) {
         self.clock.start();
-        let RealtimeLoop { component, delivery, outbox, clock, .. } = self;
+        let RealtimeLoop { component, others, outbox, clock, .. } = self;
+        let delivery = &others.first().inbox;
         // A panic leaves only scratch memory, and state that the next start resets, half written.
         let stepped = catch_unwind(AssertUnwindSafe(|| component.step_probed(delivery.input(), outbox, clock)));
         if let Err(panic) = stepped {
             let running = std::mem::take(&mut self.running);
             self.deliver_running();
-            let RealtimeLoop { component, delivery, outbox, clock, .. } = self;
+            let RealtimeLoop { component, others, outbox, clock, .. } = self;
+            let delivery = &others.first().inbox;
             outbox.clear();
             let damped = catch_unwind(AssertUnwindSafe(|| component.step_probed(delivery.input(), outbox, clock)));
             // If this fails too, no command is sent and the driver's watchdog damps.
@@ -407,18 +439,20 @@ impl RealtimeLoop {
 
     /// Passes input and outputs of the tick to the publisher.
     fn pass_tick(&mut self) {
-        encode(&mut self.bytes, self.delivery.input());
+        let t_ns = self.t_ns();
+        encode(&mut self.bytes, self.others.first().inbox.input());
         self.pass_bytes(channels::CONTROLLER_INPUT);
         for (channel, bytes) in self.outbox.iter() {
             if channel != channels::ROBOT_COMMAND || !self.hardware.is_on_bus() {
-                self.report.not_carried += u64::from(!self.ring.push(self.delivery.input().t_ns, channel, bytes));
+                self.report.not_carried += u64::from(!self.ring.push(t_ns, channel, bytes));
             }
         }
     }
 
     /// Passes the encoded message in `bytes` to the publisher.
     fn pass_bytes(&mut self, channel: &str) {
-        self.report.not_carried += u64::from(!self.ring.push(self.t_ns(), channel, &self.bytes));
+        let t_ns = self.t_ns();
+        self.report.not_carried += u64::from(!self.ring.push(t_ns, channel, &self.bytes));
     }
 }
 
@@ -429,7 +463,7 @@ fn deliver(delivery: &mut Delivery, channel: &str, t_arrival_ns: i64, message: &
 }
 
 /// Message of a panic.
-fn text_of(panic: &(dyn std::any::Any + Send)) -> &str {
+pub(super) fn text_of(panic: &(dyn std::any::Any + Send)) -> &str {
     let text = panic.downcast_ref::<String>().map(String::as_str);
     text.or_else(|| panic.downcast_ref::<&str>().copied()).unwrap_or("no message")
 }

@@ -1,0 +1,254 @@
+//! The components beside the first one in a live run: on the real-time thread, on threads of their own, in processes of their own.
+//!
+//! | runs | its input | its results |
+//! |---|---|---|
+//! | rt | stepped in place | at once |
+//! | worker | a ring to its thread | a ring back, relayed to the publisher |
+//! | process | CONTROLLER_INPUT on the bus | messages on the bus, through the publisher; they contain the time of the input that they belong to |
+//! | external | its own business | any message on a channel that a component listens to, when it arrives |
+//!
+//! The release rule is that of [`crate::components`]. A result that has not arrived when it is due is listed as late in the input of each component that
+//! listens to it, in every tick until it arrives; the one before holds. A component that is far behind misses ticks: its messages wait for its next one.
+
+use super::message_ring::MessageReceiver;
+use super::worker::{END_OF_TICK, WorkerEnd};
+use crate::components::{Releases, Slot};
+use crate::stage_clock::StageClock;
+use controller::{Component, Outbox};
+use lcmtypes::{Message, OperatorCommand, RobotState, channels};
+use std::collections::VecDeque;
+
+/// Inputs of a component whose results have not arrived, beyond those within its latency.
+const MAX_BEHIND: usize = 4;
+/// Messages of other processes that a tick takes at most.
+const MAX_RECEIVED: usize = 64;
+
+/// Where a component of a live run computes.
+pub enum Runner {
+    /// On the real-time thread.
+    Rt(Box<Component>, StageClock),
+    /// On a thread of its own.
+    Worker(WorkerEnd),
+    /// In a process of its own.
+    Process,
+    /// In a program that is not a component of this project.
+    External,
+}
+
+/// A component beside the first one.
+struct Other {
+    name: String,
+    latency_ticks: i64,
+    runner: Runner,
+    /// Base tick and time of each input whose results have not arrived, oldest first.
+    pending: VecDeque<(i64, i64)>,
+    max_pending: usize,
+}
+
+/// The components of a live run, as the real-time thread has them.
+pub struct Others {
+    /// The first component, then the others.
+    slots: Vec<Slot>,
+    others: Vec<Other>,
+    /// Messages of processes, from the publisher.
+    received: MessageReceiver,
+    results: Releases,
+    outbox: Outbox,
+    bytes: Vec<u8>,
+    /// Ticks that components have missed because they were behind.
+    pub missed: u64,
+    /// Messages of processes that belong to no input.
+    pub unknown: u64,
+}
+
+impl Others {
+    /// - `slots`: of all components, the first one included.
+    /// - `runners`: of those beside the first one.
+    /// - `received`: messages of processes.
+    pub fn new(slots: Vec<Slot>, runners: Vec<Runner>, mut received: MessageReceiver) -> Self {
+        received.reserve();
+        let other = |(runner, slot): (Runner, &Slot)| {
+            let max_pending = MAX_BEHIND + slot.ticks_within_latency();
+            let (name, latency_ticks) = (slot.name.clone(), slot.latency_ticks);
+            Other { name, latency_ticks, runner, pending: VecDeque::with_capacity(max_pending + 1), max_pending }
+        };
+        Others {
+            others: runners.into_iter().zip(slots.iter().skip(1)).map(other).collect(),
+            slots,
+            received,
+            results: Releases::default(),
+            outbox: Outbox::new(),
+            bytes: Vec::with_capacity(1 << 16),
+            missed: 0,
+            unknown: 0,
+        }
+    }
+
+    /// The slot of the first component.
+    pub fn first(&mut self) -> &mut Slot {
+        &mut self.slots[0]
+    }
+
+    /// Lets no component compute any more.
+    pub fn stop(&mut self) {
+        for other in &mut self.others {
+            other.runner = Runner::External;
+        }
+    }
+
+    /// Delivers an operator command to all components beside the first one.
+    pub fn operator(&mut self, t_ns: i64, op: &OperatorCommand) {
+        for slot in &mut self.slots[1..] {
+            slot.put_operator(t_ns, op).expect("an operator command has no arrays");
+        }
+    }
+
+    /// Takes arrived results, computes or hands out the ticks that are due, and delivers what is due to the first component.
+    ///
+    /// - `measured`: the measurement of the base tick, if one arrived.
+    /// - `send`: takes the messages for the bus: time, channel, bytes.
+    pub fn tick(
+        &mut self,
+        (base_tick, t_ns): (i64, i64),
+        measured: Option<&RobotState>,
+        send: &mut dyn FnMut(i64, &str, &[u8]),
+    ) {
+        if self.others.is_empty() {
+            return;
+        }
+        self.take_received(base_tick);
+        for k in 0..self.others.len() {
+            self.take_results(k, t_ns, send);
+        }
+        for slot in &mut self.slots[1..] {
+            slot.has_new_state |= measured.is_some();
+        }
+        for k in 0..self.others.len() {
+            if self.slots[k + 1].is_due(base_tick) && !matches!(self.others[k].runner, Runner::External) {
+                self.compute(k, (base_tick, t_ns), measured, send);
+            }
+        }
+        self.deliver(0, (base_tick, t_ns));
+    }
+
+    /// Delivers what is due to a component, and states what is late.
+    fn deliver(&mut self, at: usize, (base_tick, t_ns): (i64, i64)) {
+        self.results.release(base_tick, t_ns, &mut self.slots);
+        for other in &self.others {
+            let due_tick = other.pending.front().map(|(of_tick, _)| of_tick + other.latency_ticks);
+            if let Some(due_tick) = due_tick.filter(|due_tick| *due_tick <= base_tick) {
+                self.slots[at].state_late(&other.name, due_tick);
+            }
+        }
+    }
+
+    /// Computes a tick of a component, or hands its input out.
+    fn compute(
+        &mut self,
+        k: usize,
+        (base_tick, t_ns): (i64, i64),
+        measured: Option<&RobotState>,
+        send: &mut dyn FnMut(i64, &str, &[u8]),
+    ) {
+        let at = k + 1;
+        if self.others[k].pending.len() >= self.others[k].max_pending {
+            self.missed += 1;
+            return;
+        }
+        self.deliver(at, (base_tick, t_ns));
+        let Others { slots, others, results, outbox, bytes, .. } = self;
+        let slot = &mut slots[at];
+        if slot.has_new_state
+            && let Some(measured) = measured
+        {
+            slot.inbox.put(channels::ROBOT_STATE, t_ns, measured).expect("arrays have the length of a decoded message");
+            slot.has_new_state = false;
+        }
+        slot.inbox.stamp(t_ns, slot.tick);
+        bytes.clear();
+        slot.inbox.input().encode(bytes).expect("the delivery sets every length field");
+        send(t_ns, slot.channel(channels::CONTROLLER_INPUT), bytes);
+        match &mut others[k].runner {
+            Runner::Rt(component, clock) => {
+                clock.start();
+                component.step_probed(slot.inbox.input(), outbox, clock);
+                let due_tick = base_tick + slot.latency_ticks;
+                bytes.clear();
+                clock.timing(t_ns, slot.tick).encode(bytes).expect("one duration for each stage");
+                send(t_ns, slot.channel(channels::TIMING), bytes);
+                for (channel, data) in outbox.iter() {
+                    let channel = slots[at].channel(channel);
+                    send(t_ns, channel, data);
+                    if slots.iter().any(|slot| slot.listens_to(channel)) {
+                        results.put(due_tick, channel, data);
+                    }
+                }
+            }
+            Runner::Worker(worker) => {
+                // A full ring is a worker that is behind, which `pending` finds first.
+                if worker.send(base_tick, bytes) {
+                    others[k].pending.push_back((base_tick, t_ns));
+                }
+            }
+            Runner::Process => others[k].pending.push_back((base_tick, t_ns)),
+            Runner::External => {}
+        }
+        let slot = &mut slots[at];
+        slot.inbox.clear();
+        slot.tick += 1;
+    }
+
+    /// Takes the results of a worker.
+    fn take_results(&mut self, k: usize, t_ns: i64, send: &mut dyn FnMut(i64, &str, &[u8])) {
+        let Others { slots, others, results, .. } = self;
+        let Other { runner: Runner::Worker(worker), pending, .. } = &mut others[k] else { return };
+        while let Some(message) = worker.result() {
+            // In the ring, the time of a message is the base tick of its input.
+            let of_tick = message.t_ns;
+            if message.channel == END_OF_TICK {
+                while pending.pop_front_if(|(tick, _)| *tick <= of_tick).is_some() {}
+                continue;
+            }
+            let channel = slots[k + 1].channel(message.channel);
+            send(t_ns, channel, message.data);
+            if slots.iter().any(|slot| slot.listens_to(channel)) {
+                results.put(of_tick + slots[k + 1].latency_ticks, channel, message.data);
+            }
+        }
+    }
+
+    /// Takes the messages of processes.
+    fn take_received(&mut self, base_tick: i64) {
+        let Others { slots, others, received, results, unknown, .. } = self;
+        for _ in 0..MAX_RECEIVED {
+            let Some(message) = received.pop() else { return };
+            let (component, name) = channels::split(message.channel);
+            let due_tick = match others.iter_mut().find(|other| other.name == component) {
+                Some(Other { runner: Runner::Process, pending, latency_ticks, .. }) => {
+                    let t_ns =
+                        message.data.get(8..16).and_then(|bytes| Some(i64::from_be_bytes(bytes.try_into().ok()?)));
+                    let Some((of_tick, _)) = pending.iter().find(|(_, t)| Some(*t) == t_ns).copied() else {
+                        *unknown += 1;
+                        continue;
+                    };
+                    // The last message of a tick.
+                    if name == channels::CONTROLLER_TICK {
+                        while pending.pop_front_if(|(tick, _)| *tick <= of_tick).is_some() {}
+                    }
+                    of_tick + *latency_ticks
+                }
+                Some(Other { runner: Runner::External, latency_ticks, .. }) => base_tick + *latency_ticks,
+                None => base_tick,
+                // Another program uses the channel of a component of this process.
+                Some(_) => {
+                    *unknown += 1;
+                    continue;
+                }
+            };
+            let listener = slots.iter().find_map(|slot| slot.received_name(message.channel));
+            if let Some(channel) = listener {
+                results.put(due_tick, channel, message.data);
+            }
+        }
+    }
+}
