@@ -458,8 +458,8 @@ fn of_other_type(events: &mut [Message], channel: &str) {
 #[test]
 fn a_snapshot_with_a_state_of_another_type_is_left_out() {
     let expected = <QuadrupedState as lcmtypes::Message>::FINGERPRINT;
-    let old = |data: &mut Vec<u8>| data[7] ^= 1;
-    let edits: [(_, &dyn Fn(&mut Vec<u8>), _); 2] = [("old", &old, expected ^ 1), ("empty", &Vec::clear, 0)];
+    type Edit = fn(&mut Vec<u8>);
+    let edits: [(_, Edit, _); 2] = [("old", |data| data[7] ^= 1, expected ^ 1), ("empty", Vec::clear, 0)];
     for (name, edit, found) in edits {
         let path = log(&format!("{name}_state.mcap"), |events| {
             toy::change(events, channels::CONTROLLER_SNAPSHOT, 299, |state: &mut ComponentState| {
