@@ -109,7 +109,8 @@ fn a_log_names_the_objects_of_its_scenario() {
     let text = cube("mass_kg = 1.0", 0.5, [3.0, 0.0, 1.0], [0.0; 3]);
     let (info, scenario) = (description("hyq", &[]), scenario("hyq", &text).unwrap());
     let run = Run {
-        controller: "quadruped",
+        first: ("quadruped", "quadruped"),
+        others: &[],
         robot: "hyq",
         urdf: &info.urdf,
         params: info.params(),
