@@ -13,10 +13,11 @@ use common::{Ran, events, folder, hoof, messages};
 use lcmtypes::bus::{Bus, LcmBus};
 use lcmtypes::channels::{
     CONTROLLER_INPUT, CONTROLLER_SNAPSHOT, CONTROLLER_TICK, EXPECTED_ROBOT, OPERATOR_COMMAND, REQUEST_REPLY,
-    ROBOT_COMMAND, ROBOT_STATE, RUN_INFO, TIMING,
+    ROBOT_COMMAND, ROBOT_INFO, ROBOT_STATE, RUN_INFO, TIMING,
 };
 use lcmtypes::{
-    ControllerInput, ControllerTick, OperatorCommand, RequestReply, RobotCommand, RobotState, RunInfo, Timing,
+    ControllerInput, ControllerTick, OperatorCommand, RequestReply, RobotCommand, RobotInfo, RobotState, RunInfo,
+    Timing,
 };
 use relay::{Account, Relay, Shares};
 use replay::udpm::{Listener, Packet, Url};
@@ -262,4 +263,30 @@ fn controllers_are_started_and_stopped_while_the_robot_stands() {
     assert_eq!(codes, [(done, from), (wrong, -1), (done, to), (unknown, -1)]);
     let replay = hoof(&format!("replay --json {}", log.display())).exits(0).json();
     assert_eq!((&replay["identical"], &replay["ticks"]), (&true.into(), &inputs.len().into()));
+}
+
+/// A robot that is no quadruped, with `[[robot.imu]]`: driver and run agree on it, and the log replays.
+#[test]
+fn a_robot_on_wheels_runs_live() {
+    let folder = folder("wheels");
+    let (log, run_file) = (folder.join("run.mcap"), folder.join("centauro.toml"));
+    let scenario = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenarios/hold.toml");
+    let text = format!(
+        "robot = \"centauro\"\nlog = {log:?}\n[simulation]\nscenario = {scenario:?}\n[[controller]]\nname = \"hold\"\n"
+    );
+    std::fs::write(&run_file, text).unwrap();
+    let ran = hoof(&format!("run {} --ticks 600 --json --lcm-url {}", run_file.display(), url(17)));
+    let json = ran.exits_as_reported().json();
+    assert_eq!((&json["controller"]["ticks"], &json["recorder"]["lost"]), (&600.into(), &0.into()));
+    let infos: Vec<RunInfo> = messages(&log, RUN_INFO);
+    assert_eq!((&infos[0].imus, infos[0].contacts.len()), (&vec!["imu_link".to_owned()], 6));
+    let robots: Vec<RobotInfo> = messages(&log, ROBOT_INFO);
+    assert_eq!(robots[0].imus, infos[0].imus);
+    // The driver applies commands only of a run for its own robot.
+    let states: Vec<RobotState> = messages(&log, ROBOT_STATE);
+    assert!(states.iter().all(|state| state.n_imus == 1));
+    let commands: Vec<RobotCommand> = messages(&log, ROBOT_COMMAND);
+    assert!(commands.iter().any(|command| command.mode == RobotCommand::MODE_TORQUE), "the robot never stood up");
+    let replay = hoof(&format!("replay --json {}", log.display())).exits(0).json();
+    assert_eq!((&replay["identical"], &replay["ticks"]), (&true.into(), &600.into()));
 }

@@ -65,6 +65,7 @@ impl<'a> FieldReader<'a> {
             return;
         }
         self.types.learn(event);
+        self.consumed.restore(event.channel, event.data);
         let Some(wanted) = self.wanted.get(&**event.channel) else { return };
         let consumed = self.consumed.bytes(event.channel, event.data);
         let found = match &consumed {

@@ -66,6 +66,7 @@ impl Frames {
             }
             number += 1;
             types.learn(&event);
+            components.restore(event.channel, event.data);
             if !wanted(event.channel) {
                 continue;
             }

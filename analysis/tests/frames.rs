@@ -3,8 +3,10 @@
 mod common;
 
 use analysis::export::ExportFormat;
-use analysis::{Error, Frames};
+use analysis::fields::Field;
+use analysis::{Error, Frames, Run};
 use common::{Plan, RPY_ERROR, scratch, write};
+use lcmtypes::{ComponentState, ControllerInput, Message, OperatorCommand, RobotState, Running, TickInput};
 use polars::prelude::{ParquetReader, SerReader};
 
 #[test]
@@ -77,4 +79,59 @@ fn ticks_stand_side_by_side_with_their_units_in_the_file() {
     let bytes = std::fs::read(&out).unwrap();
     let text = b"\"CONTROLLER_INPUT.state.qd[7]\":\"rad/s, m/s\"";
     assert!(bytes.windows(text.len()).any(|window| window == text));
+}
+
+/// A part of a log begins with the state before it, which contains the messages that hold: RUNNING and commands come only when they change.
+#[test]
+fn a_part_of_a_log_has_the_input_that_holds() {
+    let dir = scratch("held");
+    let log = dir.join("part.mcap");
+    let held = |tick: i64, running: i64| {
+        let state = RobotState { t_ns: tick * 1000, seq: 42, ..RobotState::zeros(1, 1, 0) };
+        let op = OperatorCommand { seq: 7, ..OperatorCommand::default() };
+        let input = TickInput { t_ns: tick * 1000, tick, running, t_op_ns: 5, state, op, ..TickInput::default() };
+        encoded(&ComponentState { t_ns: input.t_ns, tick, input, ..ComponentState::default() })
+    };
+    let input = |tick: i64, running: Option<i64>| {
+        let mut input = ControllerInput { t_ns: tick * 1000, tick, ..ControllerInput::default() };
+        if let Some(running) = running {
+            input.deliver("RUNNING", 0, &Running { running, ..Running::default() }).unwrap();
+        }
+        encoded(&input)
+    };
+    // Ticks 13 to 19 are lost.
+    let events = [
+        ("CONTROLLER_SNAPSHOT", 9, held(9, 1)),
+        ("CONTROLLER_INPUT", 10, input(10, None)),
+        ("CONTROLLER_INPUT", 11, input(11, Some(3))),
+        ("CONTROLLER_INPUT", 12, input(12, None)),
+        ("CONTROLLER_SNAPSHOT", 20, held(20, 5)),
+        ("CONTROLLER_INPUT", 21, input(21, None)),
+        // Late, after the input of a later tick.
+        ("CONTROLLER_SNAPSHOT", 20, held(20, 8)),
+        ("CONTROLLER_INPUT", 22, input(22, None)),
+    ];
+    let mut writer = replay::log::LogWriter::create(&log).unwrap();
+    for (channel, tick, data) in &events {
+        writer.write(channel, tick * 1000, data).unwrap();
+    }
+    writer.finish().unwrap();
+    let frames = Frames::read(&log, |channel| channel == "CONTROLLER_INPUT", &mut |_| ()).unwrap();
+    assert_eq!(frames.names().collect::<Vec<_>>(), ["CONTROLLER_INPUT"]);
+    let frame = frames.get("CONTROLLER_INPUT").unwrap();
+    let column = |name: &str| frame.column(name).unwrap().i64().unwrap().iter().map(Option::unwrap).collect::<Vec<_>>();
+    assert_eq!(column("running"), [1, 3, 3, 5, 5]);
+    assert_eq!([column("op.seq"), column("t_op_ns"), column("state.seq")], [[7; 5], [5; 5], [42; 5]].map(Vec::from));
+    // The same in a report and in the time series of its figures.
+    let field = Field::parse("CONTROLLER_INPUT.running").unwrap();
+    let run = Run::read_with(&log, std::slice::from_ref(&field), &mut |_| ()).unwrap();
+    assert_eq!(run.fields[&field.to_string()].values, [1.0, 3.0, 3.0, 5.0, 5.0]);
+    let found: Vec<_> = run.ticks.iter().map(|tick| tick.consumed.map(|consumed| consumed.seq)).collect();
+    assert_eq!(found, [Some(42); 5]);
+}
+
+fn encoded(message: &impl Message) -> Vec<u8> {
+    let mut bytes = Vec::new();
+    message.encode(&mut bytes).unwrap();
+    bytes
 }

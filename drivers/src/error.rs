@@ -144,6 +144,20 @@ pub enum DriverError {
         /// Names that the robot has.
         known: Vec<String>,
     },
+    /// An object has the name of a link, so that a push could not tell them apart.
+    #[error("object.name is \"{name}\", which is a link of the robot; expected a name that no link has")]
+    ObjectNamedAsLink {
+        /// The name.
+        name: String,
+    },
+    /// More contacts have floors of their own than MuJoCo has contact bits.
+    #[error("[[floor]] names {found} contacts, expected at most {most}")]
+    TooManyFloors {
+        /// Number of contacts with a floor of their own.
+        found: usize,
+        /// Largest number.
+        most: usize,
+    },
     /// A run starts with a lying robot, but the robot has no posture for it.
     #[error("start.posture is \"lying\", but the parameters of {robot} have no [robot.lying]")]
     NoLyingPosture {

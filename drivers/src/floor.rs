@@ -20,6 +20,8 @@ pub struct FloorMove {
     pub t_ns: i64,
     /// Name of the contact; the feet of a quadruped are LF RF LH RH.
     pub contact: String,
+    /// Key that names the contact: `contact` or `leg`.
+    pub key: &'static str,
     /// New height above the surrounding ground, m.
     pub height: f64,
 }
@@ -28,8 +30,8 @@ pub struct FloorMove {
 #[serde(deny_unknown_fields)]
 pub(crate) struct FloorEntry {
     t_s: f64,
-    #[serde(alias = "leg")]
-    contact: String,
+    contact: Option<String>,
+    leg: Option<String>,
     height_m: f64,
 }
 
@@ -41,7 +43,15 @@ impl FloorEntry {
             let found = format!("given on terrain of kind {ground:?}").to_lowercase();
             return Err(BadKey { key: "height_m", found, expected: "terrain of kind flat".to_owned() });
         }
-        Ok(FloorMove { t_ns: to_ns(self.t_s), contact: self.contact.clone(), height: self.height_m })
+        let (key, contact) = match (&self.contact, &self.leg) {
+            (Some(contact), None) => ("contact", contact.clone()),
+            (None, Some(leg)) => ("leg", leg.clone()),
+            (found, _) => {
+                let found = if found.is_some() { "given beside leg" } else { "missing" }.to_owned();
+                return Err(BadKey { key: "contact", found, expected: "either contact or leg".to_owned() });
+            }
+        };
+        Ok(FloorMove { t_ns: to_ns(self.t_s), contact, key, height: self.height_m })
     }
 }
 
@@ -68,16 +78,17 @@ impl Floors {
     /// [`DriverError::Unknown`] for a contact that the robot does not have.
     pub fn new(moves: &[FloorMove], robot: &RobotDescription) -> Result<Self, DriverError> {
         let known = || robot.contacts.iter().map(|contact| contact.name.clone());
-        let bind = |of: &FloorMove| match known().position(|name| name == of.contact) {
+        let bind = |(number, of): (usize, &FloorMove)| match known().position(|name| name == of.contact) {
             Some(contact) => Ok(Move { t_ns: of.t_ns, contact, height: of.height, is_made: false }),
             None => Err(DriverError::Unknown {
-                wanted_by: "floor.leg".to_owned(),
+                wanted_by: format!("floor[{number}].{}", of.key),
                 what: "contact",
                 name: of.contact.clone(),
                 known: known().collect(),
             }),
         };
-        Ok(Floors { moves: moves.iter().map(bind).collect::<Result<_, _>>()?, height: vec![0.0; robot.contacts.len()] })
+        let moves = (1..).zip(moves).map(bind).collect::<Result<_, _>>()?;
+        Ok(Floors { moves, height: vec![0.0; robot.contacts.len()] })
     }
 
     /// Whether a contact has a floor of its own.
@@ -115,12 +126,12 @@ mod tests {
     fn a_floor_moves_once_and_only_while_the_foot_is_above_both_heights() {
         let (urdf, toml) = (include_str!("../../robots/hyq/hyq.urdf"), include_str!("../../robots/hyq/hyq.toml"));
         let robot = RobotDescription::from_toml(toml, "hyq.toml", &UrdfTree::parse(urdf, "hyq.urdf").unwrap()).unwrap();
-        let to = |t_ns, contact: &str, height| FloorMove { t_ns, contact: contact.to_owned(), height };
+        let to = |t_ns, contact: &str, height| FloorMove { t_ns, contact: contact.to_owned(), key: "contact", height };
         let mut floors = Floors::new(&[to(10, "RF", -0.05), to(20, "RF", 0.03)], &robot).unwrap();
         let error = Floors::new(&[to(10, "rf", -0.05)], &robot).unwrap_err();
-        assert!(
-            matches!(&error, DriverError::Unknown { what: "contact", name, known, .. } if name == "rf" && known[3] == "RH")
-        );
+        let DriverError::Unknown { wanted_by, what, name, known } = &error else { panic!("{error}") };
+        assert_eq!((wanted_by.as_str(), *what, name.as_str()), ("floor[1].contact", "contact", "rf"));
+        assert_eq!(known[3], "RH");
         assert!(floors.has(1) && !floors.has(0));
         assert_eq!(floors.update(9, 1, 0.1), None, "too early");
         assert_eq!(floors.update(10, 0, 0.1), None, "another foot");

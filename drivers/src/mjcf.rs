@@ -22,11 +22,6 @@ use std::fmt::Write;
 /// Control period, s.
 pub const TIME_STEP_S: f64 = 0.001;
 
-/// Kind of the site of an IMU; its sensors have the site's name with `_orientation`, `_gyro`, `_accelerometer`.
-pub(crate) const IMU: &str = "imu";
-/// Kind of the site of a sensor of force and torque.
-pub(crate) const FORCE_TORQUE: &str = "force_torque";
-
 /// End of the height field's element; the heights are inserted before it.
 const END_OF_FIELD: &str = "/></asset>";
 
@@ -43,22 +38,25 @@ pub(crate) struct Mjcf {
     pub total_mass: f64,
 }
 
-/// Writes the model. A contact with `own_floor` stands on a plane of its own, a body named by [`floor_name`].
+/// Writes the model. A contact with a bit in `own_floor` stands on a plane of its own, a body named by [`floor_name`].
 ///
 /// - `time_step_s`: physics time step, s.
-/// - `own_floor`: for each contact of the robot.
-/// - `objects`, `welds`: those of the scenario; a weld with an unknown link is left out.
+/// - `own_floor`: for each contact of the robot, the contact bit of its own floor; see [`contact::floor_bits`].
+/// - `objects`, `welds`: those of the scenario. The robot has the links of the welds.
 pub(crate) fn write(
     tree: &UrdfTree,
     robot: &RobotDescription,
     terrain: &Terrain,
     friction: f64,
     time_step_s: f64,
-    own_floor: &[bool],
+    own_floor: &[Option<u32>],
     (objects, welds): (&[Object], &[Weld]),
 ) -> Mjcf {
     let bodies = Bodies::new(tree);
-    let contact_of_subtree = contact::of_subtree(tree, robot, &|contact| own_floor[contact]);
+    let contact_of_subtree = contact::of_subtree(tree, robot, &|contact| own_floor[contact].is_some());
+    // The chain of a contact with its own floor does not have bit 1, so that it does not collide with the ground.
+    let has_both = !objects.is_empty() && own_floor.iter().any(Option::is_some);
+    let object_bit = if has_both { contact::OBJECT_BIT } else { 0 };
     let mut writer = Writer {
         tree,
         robot,
@@ -66,12 +64,13 @@ pub(crate) fn write(
         friction,
         time_step_s,
         own_floor,
+        object_bit,
         contact_of_subtree,
         text: String::new(),
     };
     writer.head(terrain);
     writer.bodies();
-    writer.text.push_str(&object::bodies(objects));
+    writer.text.push_str(&object::bodies(objects, 1 | object_bit));
     writer.line(2, format_args!("</worldbody>"));
     writer.text.push_str(&object::welds(welds, &|link| {
         let at = tree.links.iter().position(|other| other.name == link)?;
@@ -110,11 +109,9 @@ pub(crate) fn body_name(link: &str) -> String {
     format!("link {link}")
 }
 
-/// Name of the site of a sensor.
-///
-/// - `kind`: [`IMU`] or [`FORCE_TORQUE`].
-pub(crate) fn sensor_name(kind: &str, sensor: &str) -> String {
-    format!("{kind} {sensor}")
+/// Name of the site of an IMU; its sensors have this name with `_orientation`, `_gyro`, `_accelerometer`.
+pub(crate) fn imu_name(imu: &str) -> String {
+    format!("imu {imu}")
 }
 
 /// Name of the geom of a contact.
@@ -127,18 +124,15 @@ pub(crate) fn floor_name(contact: &str) -> String {
     format!("floor under {contact}")
 }
 
-/// Contact bit shared by a contact and its own floor; bit 1 is for all other contacts.
-fn floor_bit(contact: usize) -> u32 {
-    2 << contact
-}
-
 struct Writer<'a> {
     tree: &'a UrdfTree,
     robot: &'a RobotDescription,
     bodies: &'a Bodies,
     friction: f64,
     time_step_s: f64,
-    own_floor: &'a [bool],
+    own_floor: &'a [Option<u32>],
+    /// Contact bit of objects for the chains of contacts with their own floor, 0 if there are none.
+    object_bit: u32,
     /// See [`contact::of_subtree`].
     contact_of_subtree: Vec<Option<usize>>,
     text: String,
@@ -189,8 +183,9 @@ impl Writer<'_> {
             4,
             format_args!("<geom name=\"plane\" class=\"ground\" type=\"plane\" pos=\"0 0 {plane}\" size=\"0 0 1\"/>"),
         );
-        for contact in (0..self.own_floor.len()).filter(|&contact| self.own_floor[contact]) {
-            let (name, bit) = (xml_escaped(&floor_name(&robot.contacts[contact].name)), floor_bit(contact));
+        for (contact, bit) in robot.contacts.iter().zip(self.own_floor) {
+            let Some(bit) = bit else { continue };
+            let name = xml_escaped(&floor_name(&contact.name));
             let plane = format!("type=\"plane\" size=\"0 0 1\" conaffinity=\"{bit}\" rgba=\"0 0 0 0\"");
             self.line(4, format_args!("<body name=\"{name}\" mocap=\"true\"><geom class=\"ground\" {plane}/></body>"));
         }
@@ -281,14 +276,11 @@ impl Writer<'_> {
     fn link(&mut self, index: usize, indent: usize) {
         let link = &self.tree.links[index];
         let X_BL = &self.bodies.groups.X_BL[index];
-        let floor =
-            self.floor_of(index).map_or(String::new(), |contact| format!(" contype=\"{}\"", floor_bit(contact)));
+        let floor = self.floor_of(index).map_or(String::new(), |bit| format!(" contype=\"{}\"", bit | self.object_bit));
         let robot = self.robot;
-        for (kind, sensors) in [(IMU, &robot.imus), (FORCE_TORQUE, &robot.force_torque)] {
-            for sensor in sensors.iter().filter(|sensor| sensor.link == link.name) {
-                let name = xml_escaped(&sensor_name(kind, &sensor.name));
-                self.line(indent, format_args!("<site name=\"{name}\" {} size=\"0.01\" group=\"4\"/>", place(X_BL)));
-            }
+        for imu in robot.imus.iter().filter(|imu| imu.link == link.name) {
+            let name = xml_escaped(&imu_name(&imu.name));
+            self.line(indent, format_args!("<site name=\"{name}\" {} size=\"0.01\" group=\"4\"/>", place(X_BL)));
         }
         if let Some(contact) = contact_of_link(robot, &link.name) {
             let name = xml_escaped(&contact_name(&contact.name));
@@ -313,9 +305,9 @@ impl Writer<'_> {
         }
     }
 
-    /// The contact at the end of a link's chain, if it has a floor of its own; the link collides with this floor instead of the ground.
-    fn floor_of(&self, link: usize) -> Option<usize> {
-        self.contact_of_subtree[link].filter(|_| self.bodies.groups.body_of_link[link] != 0)
+    /// Contact bit of the floor of the contact at the end of a link's chain; the link collides with this floor instead of the ground.
+    fn floor_of(&self, link: usize) -> Option<u32> {
+        self.own_floor[self.contact_of_subtree[link].filter(|_| self.bodies.groups.body_of_link[link] != 0)?]
     }
 
     fn tail(&mut self) {
@@ -334,7 +326,7 @@ impl Writer<'_> {
         self.line(2, format_args!("</actuator>"));
         self.line(2, format_args!("<sensor>"));
         for imu in &self.robot.imus {
-            let name = xml_escaped(&sensor_name(IMU, &imu.name));
+            let name = xml_escaped(&imu_name(&imu.name));
             self.line(4, format_args!("<framequat name=\"{name}_orientation\" objtype=\"site\" objname=\"{name}\"/>"));
             self.line(4, format_args!("<gyro name=\"{name}_gyro\" site=\"{name}\"/>"));
             self.line(4, format_args!("<accelerometer name=\"{name}_accelerometer\" site=\"{name}\"/>"));

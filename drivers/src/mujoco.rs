@@ -20,12 +20,11 @@ use crate::mjcf::{self, TIME_STEP_S};
 use crate::sensors::Sensors;
 use crate::simulator::Simulator;
 use crate::terrain::Terrain;
-use contact::force_on;
 use lcmtypes::{GroundTruth, RobotCommand, RobotState};
 use mujoco_rs::prelude::{MjData, MjModel, MjtObjBase};
 use nalgebra::Vector3;
+use robot_model::Pose;
 use robot_model::math::quaternion;
-use robot_model::{ContactGeometry, Pose};
 use std::collections::BTreeMap;
 
 /// Largest penetration of the ground at the start, m.
@@ -66,6 +65,8 @@ pub struct MujocoSim {
     command: RobotCommand,
     /// Force on each contact in the last interval, in W, N.
     f_F_W: Vec<[f64; 3]>,
+    /// Moment of this force about the point of the contact, in W, N m.
+    tau_F_W: Vec<[f64; 3]>,
     contact: Vec<i8>,
 }
 
@@ -100,46 +101,6 @@ impl MujocoSim {
         &self.terrain
     }
 
-    /// Pose of the base in W.
-    fn X_WB(&self) -> Pose {
-        Pose { p: Vector3::from(self.data.xpos()[self.base]), R: quaternion::to_rotation(self.data.xquat()[self.base]) }
-    }
-
-    /// Sums the contact forces on each foot. Valid between the computation of forces and the next collision pass.
-    fn read_contact_forces(&mut self) {
-        self.f_F_W.fill([0.0; 3]);
-        self.contact.fill(0);
-        for (index, contact) in self.data.contact().iter().enumerate() {
-            for (foot, index_of_foot) in self.contacts.iter().enumerate() {
-                let geoms = [contact.geom1, contact.geom2];
-                let Some(f_W) = force_on(index_of_foot.geom, geoms, &contact.frame, &self.data.contact_force(index))
-                else {
-                    continue;
-                };
-                self.f_F_W[foot].iter_mut().zip(f_W).for_each(|(sum, part)| *sum += part);
-                self.contact[foot] |= i8::from(contact.exclude == 0);
-            }
-        }
-    }
-
-    /// Origin of a contact's link, in W, m.
-    fn p_WL(&self, contact: &ContactIndex) -> [f64; 3] {
-        // The shape of a point, a wheel and a hand is at the origin of the link.
-        if !matches!(contact.point.geometry, ContactGeometry::Sole { .. }) {
-            return self.data.geom_xpos()[contact.geom];
-        }
-        let p_BL_W = quaternion::to_rotation(self.data.xquat()[contact.body]) * contact.X_BL.p;
-        let p_WB = self.data.xpos()[contact.body];
-        [p_WB[0] + p_BL_W.x, p_WB[1] + p_BL_W.y, p_WB[2] + p_BL_W.z]
-    }
-
-    /// The lowest point of a contact, below the origin of its link, in W, m.
-    fn lowest_point(&self, contact: &ContactIndex) -> [f64; 3] {
-        let R_WL = quaternion::to_rotation(self.data.xquat()[contact.body]) * contact.X_BL.R;
-        let [x, y, z] = self.p_WL(contact);
-        [x, y, z - contact.point.depth(&R_WL)]
-    }
-
     /// Torque of the drive's joint loop, N m; the range of the motor limits it to the effort.
     fn torque(&self, joint: usize) -> f64 {
         let RobotCommand { mode, tau, q_des, qd_des, kp, kd, .. } = &self.command;
@@ -168,9 +129,14 @@ impl MujocoSim {
         Pose { p: Vector3::from(self.data.xpos()[body]), R: quaternion::to_rotation(self.data.xquat()[body]) }
     }
 
+    /// Simulated time, ns.
+    fn t_ns(&self) -> i64 {
+        (self.data.time() * 1e9).round() as i64
+    }
+
     /// Activates and deactivates the welds for the next step.
     fn update_welds(&mut self) {
-        let t_ns = (self.data.time() * 1e9).round() as i64;
+        let t_ns = self.t_ns();
         for (weld, window) in &self.welds {
             self.data.eq_active_mut()[*weld] = window.contains(t_ns);
         }
@@ -178,7 +144,7 @@ impl MujocoSim {
 
     /// Applies the floor moves that are due and whose foot is high enough.
     fn move_floors(&mut self) {
-        let t_ns = (self.data.time() * 1e9).round() as i64;
+        let t_ns = self.t_ns();
         for (foot, place) in self.floor_bodies.iter().enumerate() {
             let Some(place) = *place else { continue };
             let lowest = self.lowest_point(&self.contacts[foot])[2];
@@ -264,7 +230,7 @@ impl Simulator for MujocoSim {
     fn reset(&mut self, posture: &BTreeMap<String, f64>) -> Result<(), DriverError> {
         if let Some(name) = posture.keys().find(|name| !self.joint_names.contains(name)) {
             return Err(DriverError::Unknown {
-                wanted_by: "robot.posture".to_owned(),
+                wanted_by: "posture".to_owned(),
                 what: "joint",
                 name: name.clone(),
                 known: self.joint_names.clone(),
@@ -325,7 +291,7 @@ impl Simulator for MujocoSim {
         truth.p_WB = self.data.xpos()[self.base];
         truth.q_WB_wxyz = self.data.xquat()[self.base];
         truth.v_WB = [vx, vy, vz];
-        truth.w_WB_W = (self.X_WB().R * Vector3::new(wx, wy, wz)).into();
+        truth.w_WB_W = (self.X_W(self.base).R * Vector3::new(wx, wy, wz)).into();
         truth.n_contacts = self.contacts.len() as i32;
         truth.p_WF.clear();
         truth.v_WF.clear();
@@ -335,12 +301,23 @@ impl Simulator for MujocoSim {
             truth.v_WF.push([vx, vy, vz]);
         }
         truth.f_F_W.clone_from(&self.f_F_W);
-        // Forces at the contact point.
-        truth.tau_F_W.resize(self.contacts.len(), [0.0; 3]);
+        truth.tau_F_W.clone_from(&self.tau_F_W);
         truth.contact.clone_from(&self.contact);
         let [fx, fy, fz, tx, ty, tz] = self.data.xfrc_applied()[self.base];
         truth.f_push_W = [fx, fy, fz];
         truth.tau_push_W = [tx, ty, tz];
+        truth.n_objects = self.objects.len() as i32;
+        for list in [&mut truth.p_WO, &mut truth.v_WO, &mut truth.w_WO_W] {
+            list.clear();
+        }
+        truth.q_WO_wxyz.clear();
+        for &(_, body) in &self.objects {
+            let [wx, wy, wz, vx, vy, vz] = self.data.object_velocity(MjtObjBase::mjOBJ_XBODY, body, false);
+            truth.p_WO.push(self.data.xpos()[body]);
+            truth.q_WO_wxyz.push(self.data.xquat()[body]);
+            truth.v_WO.push([vx, vy, vz]);
+            truth.w_WO_W.push([wx, wy, wz]);
+        }
     }
 
     fn apply(&mut self, command: &RobotCommand) -> Result<(), DriverError> {
@@ -387,7 +364,7 @@ impl Simulator for MujocoSim {
         if self.is_fixed {
             return false;
         }
-        let p = self.X_WB().p;
+        let p = self.X_W(self.base).p;
         let height = p.z - self.terrain.height_at(p.x, p.y);
         height < self.params.min_height * self.standing_height || self.tipped()
     }
@@ -401,7 +378,7 @@ impl Simulator for MujocoSim {
         if self.is_fixed {
             return false;
         }
-        let R = self.X_WB().R;
+        let R = self.X_W(self.base).R;
         // R = Rz(yaw) Ry(pitch) Rx(roll)
         let pitch = libm::asin(-R[(2, 0)].clamp(-1.0, 1.0));
         let roll = libm::atan2(R[(2, 1)], R[(2, 2)]);

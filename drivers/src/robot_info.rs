@@ -1,6 +1,7 @@
 //! ROBOT_INFO: the robot that a driver moves, compared with the robot that a run controls.
 
 use lcmtypes::{RobotInfo, RunInfo};
+use robot_model::RobotDescription;
 use sha2::{Digest, Sha256};
 use std::fmt::Write as _;
 
@@ -28,7 +29,12 @@ pub fn robot_info(robot: &str, urdf: &str, joints: &[String], sender_id: i64) ->
     }
 }
 
-/// The same robot with the names of its sensors.
+/// Links of the IMUs of a robot, in the order of the arrays of `robot_state_t`.
+pub fn imu_links(robot: &RobotDescription) -> Vec<String> {
+    robot.imus.iter().map(|imu| imu.link.clone()).collect()
+}
+
+/// The same robot with the links of its IMUs and the names of its force/torque sensors.
 #[must_use]
 pub fn with_sensors(robot: RobotInfo, imus: &[String], force_torque_sensors: &[String]) -> RobotInfo {
     let count = |names: &[String]| i32::try_from(names.len()).expect("robots have fewer than 2^31 sensors");

@@ -1,6 +1,8 @@
 //! RUN_INFO: everything a log needs to rebuild its controller and to identify the build and machine that wrote it.
 
 use crate::components::EXTERNAL;
+use crate::robot_info::imu_links;
+use crate::scenario::Object;
 use controller::digest::Digest;
 use controller::params::Params;
 use lcmtypes::{ComponentInfo, Message, RunInfo, TextFile};
@@ -23,6 +25,8 @@ pub struct Run<'a> {
     pub params: &'a str,
     /// Name and text of the scenario.
     pub scenario: (&'a str, &'a str),
+    /// Objects of the scenario.
+    pub objects: &'a [Object],
     /// Seed of terrain and noise.
     pub seed: i64,
 }
@@ -41,6 +45,8 @@ pub fn describe(run: &Run, build: &Build) -> RunInfo {
         urdf: run.urdf.to_owned(),
         scenario_name: run.scenario.0.to_owned(),
         scenario: run.scenario.1.to_owned(),
+        n_objects: i32::try_from(run.objects.len()).expect("a scenario has at most 64 objects"),
+        objects: run.objects.iter().map(|object| object.name.clone()).collect(),
         seed: run.seed,
         revision,
         dirty,
@@ -60,13 +66,14 @@ pub fn describe(run: &Run, build: &Build) -> RunInfo {
     info
 }
 
-/// Fills in the names of joints, sensors, contacts and stages. Texts that cannot be read leave them empty: building the controller reports the error.
+/// Fills in the names of joints and stages, and the links of IMUs and contacts. Texts that cannot be read leave them empty: building the controller reports
+/// the error.
 fn name_parts(info: &mut RunInfo) {
     let count = |n: usize| i32::try_from(n).expect("robots have fewer than 2^31 parts");
     if let Ok(tree) = UrdfTree::parse(&info.urdf, &info.robot) {
         let params = Params::from_toml(info.params(), "parameters").ok();
         if let Some(robot) = params.and_then(|params| params.robot.description(&tree).ok()) {
-            info.imus = robot.imus.into_iter().map(|imu| imu.link).collect();
+            info.imus = imu_links(&robot);
             info.contacts = robot.contacts.into_iter().map(|contact| contact.link).collect();
         }
         let joints = tree.joints.into_iter().filter(|joint| joint.kind != JointKind::Fixed);

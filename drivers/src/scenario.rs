@@ -197,7 +197,7 @@ impl Scenario {
         for FaultWindow { window, kind } in &self.faults {
             add(*window, format!("fault {kind}"));
         }
-        for FloorMove { t_ns, contact, height } in &self.floors {
+        for FloorMove { t_ns, contact, height, .. } in &self.floors {
             events.push((*t_ns, format!("floor under {contact} moves to {height} m when the foot is next in the air")));
         }
         events.sort_by_key(|event| event.0);
@@ -291,7 +291,10 @@ mod tests {
         bad_value(&format!("{SMALL}[drives]\ngain_in_air = true\n"), 9, "drives.gain_in_air", "true");
         let floor = "[[floor]]\nt_s = 1.0\nleg = \"LF\"\nheight_m = -0.05\n";
         let scenario = Scenario::parse(&format!("{SMALL}{floor}"), "small.toml", &GaitParams::default()).unwrap();
-        assert_eq!(scenario.floors, [FloorMove { t_ns: 1_000_000_000, contact: "LF".to_owned(), height: -0.05 }]);
+        assert_eq!(
+            scenario.floors,
+            [FloorMove { t_ns: 1_000_000_000, contact: "LF".to_owned(), key: "leg", height: -0.05 }]
+        );
         let text = &scenario.timeline()[0].1;
         assert!(text.contains("LF") && text.contains("-0.05 m"), "{text}");
         let rough = format!("{}{floor}", SMALL.replace("flat", "rough"));

@@ -171,9 +171,9 @@ impl Setup {
         progress: &mut dyn FnMut(f64),
     ) -> Result<Summary, DriverError> {
         self.inputs.iter().try_for_each(|input| replay::Error::check_distinct_files(input, log_path))?;
-        // An unknown link or joint is an error of the scenario file that names it.
+        // An unknown or ambiguous name, and too many floors, are errors of the scenario file.
         self.run(log_path, build, progress).map_err(|error| match error {
-            DriverError::Unknown { .. } => {
+            DriverError::Unknown { .. } | DriverError::ObjectNamedAsLink { .. } | DriverError::TooManyFloors { .. } => {
                 DriverError::InScenario { file: self.scenario_source.clone(), source: Box::new(error) }
             }
             error => error,
@@ -191,6 +191,7 @@ impl Setup {
             urdf,
             params: params_text,
             scenario: (&scenario.name, scenario_text),
+            objects: &scenario.objects,
             seed,
         };
         let info = run_info::describe(&run, build);

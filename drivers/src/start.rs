@@ -50,8 +50,17 @@ impl StartParams {
     /// Initial joint positions of a robot, rad.
     ///
     /// # Errors
-    /// [`DriverError::NoLyingPosture`] if the robot has no posture for lying.
+    /// [`DriverError::NoLyingPosture`] if the robot has no posture for lying; [`DriverError::Unknown`] for a joint that it does not have.
     pub(crate) fn posture_of(&self, robot: &RobotDescription) -> Result<BTreeMap<String, f64>, DriverError> {
+        let known = || robot.joints.iter().map(|joint| &joint.name);
+        if let Some(name) = self.joints.keys().find(|name| !known().any(|known| known == *name)) {
+            return Err(DriverError::Unknown {
+                wanted_by: "start.joints".to_owned(),
+                what: "joint",
+                name: name.clone(),
+                known: known().cloned().collect(),
+            });
+        }
         let mut posture = match self.posture {
             StartPosture::Standing => robot.postures.get(NOMINAL).cloned().unwrap_or_default(),
             StartPosture::Lying => {

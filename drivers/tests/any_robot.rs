@@ -3,14 +3,16 @@
 
 mod common;
 
-use common::{assert_torques_bounded, description, run};
+use common::{assert_torques_bounded, description, run, run_with};
 use controller::params::Params;
 use drivers::simulation::{Components, Job, Setup};
 use drivers::terrain::{TerrainKind, TerrainParams};
 use drivers::{MujocoSim, SimParams, Simulator, Terrain};
-use lcmtypes::{ControllerTick, GroundTruth, RobotState};
+use lcmtypes::{ComponentInfo, ControllerTick, GroundTruth, RobotState};
+use nalgebra::Vector3;
 use replay::engine::Build;
-use robot_model::{GRAVITY, Model, UrdfTree};
+use robot_model::math::quaternion;
+use robot_model::{BaseState, GRAVITY, Kinematics, Model, UrdfTree, centroidal_momentum, com};
 use std::path::Path;
 
 const ROBOTS: [&str; 4] = ["centauro", "coman_plus", "coman", "centauro_upper"];
@@ -62,6 +64,42 @@ fn wheels_and_soles_carry_the_weight() {
         assert!((f_z / weight - 1.0).abs() < 0.005, "{robot}: {f_z} N of {weight} N");
         assert_eq!(last[0].contact.iter().map(|c| usize::from(*c == 1)).sum::<usize>(), feet, "{robot}");
     }
+}
+
+/// Weight and contact forces of a swaying robot on soles change its angular momentum about the origin of W,
+/// `d/dt (p_WC x m v_WC + l_C) = p_WC x m g + sum(p_WF x f + tau)`, summed over 1 s.
+#[test]
+fn forces_and_moments_on_the_soles_change_the_angular_momentum() {
+    let (_, model) = simulator("coman_plus");
+    let (seen, _) = run("coman_plus", &hold(3.0, "hold"), &[("hold.duration", "0.5")]);
+    let mut kin = Kinematics::new(&model);
+    let weight = Vector3::new(0.0, 0.0, -model.total_mass() * GRAVITY);
+    let (mut momenta, mut impulse, mut on_soles) = (Vec::new(), Vector3::zeros(), Vector3::zeros());
+    for (state, truth) in seen.states.iter().zip(&seen.truth).skip(2000) {
+        let base = BaseState {
+            p_WB: truth.p_WB.into(),
+            R_WB: quaternion::to_rotation(truth.q_WB_wxyz),
+            v_WB: truth.v_WB.into(),
+            w_WB_W: truth.w_WB_W.into(),
+        };
+        kin.update(&model, &base, &state.q, &state.qd);
+        let momentum = centroidal_momentum(&kin);
+        let (linear, angular) = (momentum.fixed_rows::<3>(0).into_owned(), momentum.fixed_rows::<3>(3));
+        momenta.push(com(&kin).cross(&linear) + angular);
+        if momenta.len() == 1 {
+            continue;
+        }
+        impulse += com(&kin).cross(&weight) * 1e-3;
+        for ((p_WF, f), tau) in truth.p_WF.iter().zip(&truth.f_F_W).zip(&truth.tau_F_W) {
+            impulse += (Vector3::from(*p_WF).cross(&Vector3::from(*f)) + Vector3::from(*tau)) * 1e-3;
+            on_soles += Vector3::from(*tau) * 1e-3;
+        }
+    }
+    let change = momenta.last().unwrap() - momenta[0];
+    let error = (change - impulse).norm();
+    println!("change {:?} N m s, error {error}, soles {:?}", change.as_slice(), on_soles.as_slice());
+    assert!(on_soles.norm() > 5.0, "{on_soles}");
+    assert!(error < 0.1, "{error} N m s: {change} and {impulse}");
 }
 
 /// Without torque a robot falls within 3 s; the arms of one with a fixed base drop.
@@ -116,20 +154,38 @@ fn the_posture_controller_moves_an_arm_within_its_limits() {
     assert!((seen.commands[0].q_des[j]).abs() < 1e-5 && (seen.commands.last().unwrap().q_des[j] - 0.5).abs() < 1e-12);
 }
 
+/// A posture within the limits of the arms, rad.
+fn second_posture(joint: &str) -> f64 {
+    match joint {
+        "j_arm1_1" => -1.2,
+        "j_arm1_2" => 0.4,
+        "j_arm2_2" => -0.4,
+        "j_arm1_4" | "j_arm2_4" => -1.5,
+        _ => 0.0,
+    }
+}
+
 /// A change of the posture while the robot moves continues from the present references, without a step.
 #[test]
 fn a_new_posture_is_followed_from_the_present_references() {
-    let change = "[[parameter]]\nt_s = 1.0\nkey = \"motion.velocity\"\nvalue = 0.02\n";
+    let change = "[[parameter]]\nt_s = 1.0\nkey = \"motion.posture\"\nvalue = \"second\"\n";
     let start = "[start]\njoints = { j_arm1_1 = -1.5 }\n";
-    let text = hold(2.0, "posture").replace("[[operator]]", &format!("{start}[[operator]]")) + change;
-    let (seen, _) = run("centauro_upper", &text, &[("motion.velocity", "0.2")]);
-    let (_, model) = simulator("centauro_upper");
+    let text = hold(4.0, "posture").replace("[[operator]]", &format!("{start}[[operator]]")) + change;
+    let (sim, model) = simulator("centauro_upper");
+    // The nominal posture has j_arm1_1 at 0.5 rad.
+    let second: Vec<String> = sim.joints().iter().map(|joint| format!("{joint} = {}", second_posture(joint))).collect();
+    let mut info = description("centauro_upper", &[("motion.velocity", "0.2")]);
+    let params = format!("{}\n[robot.postures.second]\n{}\n", info.params(), second.join("\n"));
+    info.components[0] = ComponentInfo::new("posture", &params);
+    let (seen, outcome) = run_with(info, &text);
+    assert_eq!(outcome.safe_state, None);
     let j = model.joint("j_arm1_1").unwrap().index();
     let of = |k: usize| (seen.commands[k].q_des[j], seen.commands[k].qd_des[j]);
     assert!(of(999).1 > 0.5, "{:?}", of(999));
     for k in 990..1100 {
         assert!((of(k + 1).1 - of(k).1).abs() <= 2e-3 * (1.0 + 1e-9) && (of(k + 1).0 - of(k).0).abs() < 1e-3);
     }
+    assert!((seen.commands.last().unwrap().q_des[j] - second_posture("j_arm1_1")).abs() < 1e-12);
 }
 
 /// `hoof sim --prove`: the log of each robot in the shipped scenario replays bit for bit. Writes the real-time factor with log to the output of the test.

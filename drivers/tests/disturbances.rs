@@ -94,7 +94,7 @@ fn a_gain_in_air_does_not_affect_stance_legs() {
 #[test]
 fn a_floor_moves_only_under_a_lifted_foot() {
     for (height, lands) in [(0.04, 0.03..0.05), (-0.05, -0.049..-0.005)] {
-        let floors = vec![FloorMove { t_ns: 0, contact: "LF".to_owned(), height }];
+        let floors = vec![FloorMove { t_ns: 0, contact: "LF".to_owned(), key: "leg", height }];
         let mut sim = simulation(SimParams { floors, ..SimParams::default() }).unwrap();
         let (down, up) = (hold(&sim, &[]), hold(&sim, &[("lf_hfe_joint", 1.1), ("lf_kfe_joint", -2.2)]));
         run(&mut sim, &down, 300);

@@ -3,10 +3,12 @@
 
 mod common;
 
-use common::description;
+use common::{description, run};
 use controller::params::Params;
+use drivers::run_info::{Run, describe};
 use drivers::{DriverError, MujocoSim, Scenario, SimParams, Simulator, Terrain};
-use lcmtypes::RobotCommand;
+use lcmtypes::{GroundTruth, RobotCommand};
+use replay::engine::Build;
 use robot_model::{GRAVITY, UrdfTree};
 
 fn scenario(robot: &str, text: &str) -> Result<Scenario, DriverError> {
@@ -94,6 +96,47 @@ fn in_the_air_an_object_moves_as_a_free_mass() {
     // Semi-implicit steps: t (t + dt) / 2 instead of t² / 2.
     let t2 = 0.5 * 0.4 * 0.401;
     assert!((p.y - 2.0 / 0.5 * t2).abs() < 1e-6 && (p.z - 5.0 + GRAVITY * t2).abs() < 1e-6, "{p}");
+    let mut truth = GroundTruth::default();
+    sim.ground_truth(0, &mut truth);
+    let [vx, vy, vz] = truth.v_WO[0];
+    assert_eq!((truth.n_objects, truth.p_WO[0], truth.w_WO_W[0]), (1, p.into(), [0.0; 3]));
+    assert_eq!(truth.q_WO_wxyz, [[1.0, 0.0, 0.0, 0.0]]);
+    assert!(vx.abs() < 1e-9 && (vy - 2.0 / 0.5 * 0.4).abs() < 1e-9 && (vz + GRAVITY * 0.4).abs() < 1e-9, "{truth:?}");
+}
+
+#[test]
+fn a_log_names_the_objects_of_its_scenario() {
+    let text = cube("mass_kg = 1.0", 0.5, [3.0, 0.0, 1.0], [0.0; 3]);
+    let (info, scenario) = (description("hyq", &[]), scenario("hyq", &text).unwrap());
+    let run = Run {
+        first: ("quadruped", "quadruped"),
+        others: &[],
+        robot: "hyq",
+        urdf: &info.urdf,
+        params: info.params(),
+        scenario: (&scenario.name, &text),
+        objects: &scenario.objects,
+        seed: 0,
+    };
+    let info = describe(&run, &Build::default());
+    assert_eq!((info.n_objects, info.objects), (1, vec!["cube".to_owned()]));
+}
+
+/// A plate 3 cm high under a foot lifts the foot, whether or not its leg has a floor of its own.
+#[test]
+fn a_leg_with_its_own_floor_stands_on_an_object() {
+    let text =
+        "name = \"plate\"\nduration_s = 1.0\n[terrain]\nkind = \"flat\"\n[[operator]]\nt_s = 0.0\nmode = \"stand\"\n";
+    let foot = |text: &str| run("hyq", text, &[]).0.truth;
+    let [x, y, _] = foot(&text.replace("1.0", "0.01"))[0].p_WF[0];
+    let plate = format!(
+        "[[object]]\nname = \"plate\"\nshape = \"box\"\nsize_m = [0.2, 0.2, 0.1]\nposition_m = [{x}, {y}, -0.02]\n"
+    );
+    let floor = "[[floor]]\nt_s = 100.0\nleg = \"LF\"\nheight_m = 0.1\n";
+    for (rest, expected) in [(floor, 0.0), (&*plate, 0.03), (&*format!("{plate}{floor}"), 0.03)] {
+        let height = foot(&format!("{text}{rest}")).last().unwrap().p_WF[0][2];
+        assert!((height - expected).abs() < 0.003, "{rest}{height} m, expected {expected} m");
+    }
 }
 
 /// A held object stays at its pose in the hand; released, it falls with g.
@@ -145,12 +188,29 @@ fn invalid_objects_and_welds_are_errors_with_their_key() {
         (ok.replace("size_m = [0.2, 0.2, 0.2]\n", ""), "object[1].shape"),
         (ok.replace("mass_kg = 1.0", "mass_kg = -1.0"), "object[1].mass_kg"),
         (format!("{ok}{ok}"), "object[2].name"),
+        (ok.replace("cube", "cu\\u001b[2Jbe"), "object[1].name"),
         (ok.replace("mass_kg = 1.0", "") + weld, "weld[1].object"),
         (format!("{ok}{}", weld.replace("cube", "cup")), "weld[1].object"),
     ] {
         let error = scenario("centauro_upper", &text).unwrap_err();
         assert!(matches!(&error, DriverError::Value { key: found, .. } if found == key), "{key}: {error}");
     }
-    let error = simulator("centauro_upper", &format!("{ok}{}", weld.replace("arm1_8", "arm9"))).err().unwrap();
-    assert!(matches!(&error, DriverError::Unknown { what: "link", name, .. } if name == "arm9"), "{error}");
+    let refused = |text: &str| simulator("centauro_upper", text).err().unwrap();
+    let floor = "[[floor]]\nt_s = 1.0\nleg = \"hand_1\"\nheight_m = 0.1\n";
+    for (text, key, name) in [
+        (format!("{ok}{}", weld.replace("arm1_8", "arm9")), "weld.link", "arm9"),
+        (format!("{floor}{}", floor.replace("hand_1", "tail")), "floor[2].leg", "tail"),
+        (floor.replace("leg = \"hand_1\"", "contact = \"tail\""), "floor[1].contact", "tail"),
+        ("[start]\njoints = { j_tail = 0.1 }\n".to_owned(), "start.joints", "j_tail"),
+    ] {
+        let error = refused(&text);
+        let DriverError::Unknown { wanted_by, name: found, .. } = &error else { panic!("{error}") };
+        assert_eq!((wanted_by.as_str(), found.as_str()), (key, name));
+    }
+    let error = refused(&ok.replace("cube", "arm1_8"));
+    assert!(matches!(&error, DriverError::ObjectNamedAsLink { name } if name == "arm1_8"), "{error}");
+    for floor in [floor.replace("leg = \"hand_1\"\n", ""), floor.replace("leg", "contact = \"hand_1\"\nleg")] {
+        let error = scenario("centauro_upper", &floor).unwrap_err();
+        assert!(matches!(&error, DriverError::Value { key, .. } if key == "floor[1].contact"), "{error}");
+    }
 }

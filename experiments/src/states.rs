@@ -32,6 +32,7 @@ impl States {
                     let GroundTruth { p_WB, v_WB, .. } = GroundTruth::decode(&event.data)?;
                     place = Some(AssumedBase { p_WB: p_WB.into(), v_WB: v_WB.into() });
                 }
+                channels::CONTROLLER_SNAPSHOT => unpacked.restore(&event.data),
                 channels::CONTROLLER_INPUT => {
                     let place = place.with_context(|| {
                         format!("{}: CONTROLLER_INPUT before the first GROUND_TRUTH", log.display())

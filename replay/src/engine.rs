@@ -31,6 +31,7 @@ mod report;
 mod run_messages;
 mod seek;
 mod segment;
+mod state_types;
 mod stepper;
 pub(crate) mod ticks;
 mod what_if;
@@ -90,7 +91,13 @@ impl<'a> Replay<'a> {
     ) -> Result<Self, Error> {
         let path = path.as_ref();
         let (info, clock) = (run_info(path)?, RunClock::read(path)?);
-        let messages = RunMessages::of(&info);
+        // If the controller cannot be built, the replay says why.
+        let snapshot = load(&info).ok().map(|controller| {
+            let mut bytes = Vec::new();
+            controller.snapshot(&mut bytes);
+            bytes
+        });
+        let messages = RunMessages::of(&info).with_snapshots_like(snapshot.as_deref());
         Ok(Replay { path: path.into(), info, clock, messages, load: Box::new(load) })
     }
 

@@ -6,9 +6,9 @@ mod common;
 use common::toy::{self, PERIOD_NS, SNAPSHOT, Toy};
 use common::{Message, path};
 use lcmtypes::channels::{self, Stage};
-use lcmtypes::{ControllerTick, QuadrupedState, RobotCommand, RobotState, RunInfo, WbcSolution};
+use lcmtypes::{ComponentState, ControllerTick, QuadrupedState, RobotCommand, RobotState, RunInfo, WbcSolution};
 use replay::Error;
-use replay::engine::{Divergence, Index, Options, OtherParameters, Replay, ReplayReport};
+use replay::engine::{Cursor, Divergence, Index, Options, OtherParameters, Replay, ReplayReport};
 use std::path::Path;
 
 const TICKS: i64 = 1000;
@@ -452,6 +452,42 @@ fn a_log_that_is_not_one_run_is_rejected() {
 /// Changes the type of all messages of a channel.
 fn of_other_type(events: &mut [Message], channel: &str) {
     events.iter_mut().filter(|(c, ..)| c == channel).for_each(|(.., data)| data[7] ^= 1);
+}
+
+/// The fingerprint of CONTROLLER_SNAPSHOT does not cover the controller's state in it.
+#[test]
+fn a_snapshot_with_a_state_of_another_type_is_left_out() {
+    let expected = <QuadrupedState as lcmtypes::Message>::FINGERPRINT;
+    type Edit = fn(&mut Vec<u8>);
+    let edits: [(_, Edit, _); 2] = [("old", |data| data[7] ^= 1, expected ^ 1), ("empty", Vec::clear, 0)];
+    for (name, edit, found) in edits {
+        let path = log(&format!("{name}_state.mcap"), |events| {
+            toy::change(events, channels::CONTROLLER_SNAPSHOT, 299, |state: &mut ComponentState| {
+                edit(&mut state.controller.data);
+                state.controller.size = state.controller.data.len() as i32;
+            });
+        });
+        for jobs in [1, 3] {
+            let report = replay(&path, &Options { jobs, ..Options::default() });
+            assert_eq!((report.identical, report.ticks, report.snapshots_compared), (true, TICKS as u64, 9), "{name}");
+            let [other] = &report.account.other_types[..] else { panic!("{report:?}") };
+            assert_eq!((&*other.channel, other.count), (channels::CONTROLLER_SNAPSHOT, 1));
+            assert_eq!((other.found, other.expected, other.is_every_message), (found, expected, false), "{name}");
+        }
+        let replay = Replay::open_with(&path, toy::load).unwrap();
+        let mut cursor = Cursor::open(&replay, &Options::default(), &mut |_| {}).unwrap();
+        assert!(cursor.go_to(305).unwrap().divergence.is_none());
+        assert_eq!(cursor.state_before(305).unwrap(), Some(199));
+    }
+    // A state of the right type that is cut costs itself.
+    let path = log("cut_state.mcap", |events| {
+        toy::change(events, channels::CONTROLLER_SNAPSHOT, 299, |state: &mut ComponentState| {
+            state.controller.data.truncate(60);
+            state.controller.size = 60;
+        });
+    });
+    let report = replay(&path, &Options::default());
+    assert_eq!((report.identical, report.complete, report.account.undecodable_messages), (true, false, 1));
 }
 
 #[test]

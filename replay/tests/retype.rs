@@ -95,14 +95,21 @@ fn messages_inside_messages_are_rewritten() {
     writer.write("IN", 4, &data).unwrap();
     writer.write("BOX", 5, &boxed(&data)).unwrap();
     writer.write("BOX", 6, &boxed(b"no message")).unwrap();
+    writer.write("BOX", 7, &boxed(&boxed(&data))).unwrap();
+    let deep = (0..20).fold(data.clone(), |data, _| boxed(&data));
+    writer.write("BOX", 8, &deep).unwrap();
     writer.finish().unwrap();
     let report = retype(&log, &out, &[folder], &EventFilter::default(), Types::default(), &mut |_| ()).unwrap();
-    assert_eq!((report.converted, report.unchanged), (2, 0));
+    assert_eq!((report.converted, report.unchanged), (3, 0));
     let events: Vec<_> = LogReader::open(&out).unwrap().events().map(Result::unwrap).collect();
     let (opened, _) = new.by_name("p.box_t").unwrap().decode_opened(&events[1].data).unwrap();
     assert_eq!(opened.get("parts[0].data.f").and_then(Value::as_f64), Some(1.5));
     assert_eq!(opened.get("parts[0].size").and_then(Value::as_i64), Some(8 + 8 + 1));
     assert_eq!(events[2].data, boxed(b"no message"));
+    // The state of a sequence is in a snapshot, and contains the states of its controllers.
+    assert_eq!(events[3].data, boxed(&events[1].data));
+    // The depth is limited.
+    assert_eq!(events[4].data, deep);
 }
 
 #[test]

@@ -80,11 +80,11 @@ pub fn run(args: &ControllerArgs) -> anyhow::Result<Outcome> {
 pub(super) fn prepare_info(file: &RunFile) -> anyhow::Result<RunInfo> {
     let (files, params_text) = file.robot_files()?;
     let params = Params::from_toml(&params_text, &file.robot)?;
-    let (mut scenario, mut scenario_name, mut seed) = (String::new(), String::new(), 0);
+    let (mut scenario, mut scenario_name, mut objects, mut seed) = (String::new(), String::new(), Vec::new(), 0);
     if let Some(simulation) = &file.simulation {
         scenario = read(&simulation.scenario)?;
         let parsed = Scenario::parse(&scenario, &simulation.scenario.display().to_string(), &params.gait)?;
-        (scenario_name, seed) = (parsed.name, parsed.seed);
+        (scenario_name, objects, seed) = (parsed.name, parsed.objects, parsed.seed);
     }
     let first = file.first();
     let others = resolve(file.others(), &first.0, &file.robot, &file.gait, &file.set)?;
@@ -96,6 +96,7 @@ pub(super) fn prepare_info(file: &RunFile) -> anyhow::Result<RunInfo> {
             urdf: &files.urdf,
             params: &params_text,
             scenario: (&scenario_name, &scenario),
+            objects: &objects,
             seed,
         },
         &run_info::build(),

@@ -3,11 +3,10 @@
 use super::{Shared, Stop, refuse_a_second, wait_for_controller};
 use crate::{Outcome, note, say, say_json};
 use anyhow::{Context, bail};
-use controller::model::{Base, Model};
 use controller::params::Params;
 use drivers::live::plant::{self, Plant, Summary};
 use drivers::live::{JointRange, LcmReceiver, LcmSender, RealtimeParams};
-use drivers::robot_info::{robot_info, with_sensors};
+use drivers::robot_info::{imu_links, robot_info, with_sensors};
 use drivers::{MujocoSim, Scenario, SimParams, Simulator, Terrain};
 use lcmtypes::channels;
 use std::sync::Arc;
@@ -51,10 +50,11 @@ pub fn run(args: &DriverArgs) -> anyhow::Result<Outcome> {
     let stopping = Arc::new(AtomicBool::new(false));
     let stopping_thread = stopping.clone();
     let name = scenario.name.clone();
-    let joints = JointRange::of(&Model::new(&tree, Base::Floating)?.joints, &params);
+    let robot = params.robot.description(&tree)?;
+    let joints = JointRange::of(&robot.model(&tree)?.joints, &robot.joints, &params);
     let damping = params.safety.damping;
     let info = robot_info(&params.robot.name, &files.urdf, sim.joints(), 0);
-    let info = with_sensors(info, std::slice::from_ref(&params.robot.imu_link), &[]);
+    let info = with_sensors(info, &imu_links(&robot), &[]);
     let send_operator = simulation.operator;
     let thread = std::thread::Builder::new().name("real-time".to_owned()).spawn(move || {
         let granted = realtime.apply();

@@ -106,6 +106,7 @@ impl Requests {
                         parameters.push(request);
                     }
                 }
+                channels::CONTROLLER_SNAPSHOT => unpacked.restore(&event.data),
                 channels::CONTROLLER_INPUT => {
                     let input = ControllerInput::decode(&event.data).with_context(place)?;
                     let TickInput { t_ns, tick, t_op_ns, ref op, .. } = *unpacked.update(&input);

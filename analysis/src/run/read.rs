@@ -202,6 +202,7 @@ impl Gathered {
                 tick.consumed = Some(found);
                 tick.joint_rows[0] = Some(row);
             }
+            "CONTROLLER_SNAPSHOT" => self.unpacked.restore(data),
             "ROBOT_COMMAND" => {
                 let m = decode::<RobotCommand>(data)?;
                 let row = self.joints.commanded.push_command(&m)?;

@@ -284,6 +284,7 @@ fn values_out_of_range_are_errors_with_their_key() {
             "robot.group.arm_1.tip",
         ),
         ("base = \"floating\"", "imu_link = \"imu_link\"".into(), "robot.imu_link"),
+        ("link = \"wheel_2\"", "link = \"wheel_1\"".into(), "robot.contact.wheel_2.link"),
         ("base = \"floating\"", "drives = { j_wheel_4 = { power = 300.0 } }".into(), "robot.drives"),
         ("base = \"floating\"", "feet = [\"wheel_1\", \"wheel_2\", \"wheel_3\", \"wheel_4\"]".into(), "robot.contact"),
     ] {

@@ -1,6 +1,8 @@
 //! From delivered messages to what a controller reads.
 
-use lcmtypes::{ControllerInput, Delivered, Message, OperatorCommand, RobotState, Running, TickInput, channels};
+use lcmtypes::{
+    ComponentState, ControllerInput, Delivered, Message, OperatorCommand, RobotState, Running, TickInput, channels,
+};
 
 /// Joints and sensors for which memory is allocated in advance. A robot with more of them causes allocations in its first ticks.
 const JOINTS: usize = 64;
@@ -74,6 +76,17 @@ impl Unpacked {
     pub fn all<'i>(inputs: impl IntoIterator<Item = &'i ControllerInput>) -> Vec<TickInput> {
         let mut unpacked = Unpacked::default();
         inputs.into_iter().map(|input| unpacked.update(input).clone()).collect()
+    }
+
+    /// Takes the input that holds after a tick from a CONTROLLER_SNAPSHOT. A reader of a log calls it for every one: the messages before a part of a run,
+    /// before the start of a recording or in a gap are known from there. A snapshot that does not decode, is of an earlier tick than the last
+    /// [`Unpacked::update`], or is of another run, changes nothing.
+    pub fn restore(&mut self, snapshot: &[u8]) {
+        let Ok(ComponentState { input, .. }) = ComponentState::decode(snapshot) else { return };
+        let now = &self.input;
+        if now.tick < 0 || now.run_id == input.run_id && now.tick <= input.tick {
+            self.input = input;
+        }
     }
 
     /// Takes the messages of a tick. Messages on channels outside the table of [`crate::runtime`] are ignored.

@@ -224,7 +224,7 @@ mod tests {
             drive: robot_model::DriveLimits::default(),
         };
         let params = Params::from_toml(include_str!("../../../robots/hyq/hyq.toml"), "hyq.toml").unwrap();
-        let mut gate = CommandGate::new(JointRange::of(&[knee], &params), robot("a", 1));
+        let mut gate = CommandGate::new(JointRange::of(&[knee], &[], &params), robot("a", 1));
         assert_eq!(gate.expect(&robot("a", 5)), None);
         assert_eq!(gate.expect(&robot("a", 6)), None);
         gate

@@ -2,7 +2,7 @@
 
 use controller::params::Params;
 use lcmtypes::RobotCommand;
-use robot_model::JointInfo;
+use robot_model::{JointDescription, JointInfo};
 use std::f64::consts::TAU;
 
 /// Largest stiffness and damping as multiples of the largest ones of the robot's parameters.
@@ -33,21 +33,26 @@ pub struct JointRange {
 
 impl JointRange {
     /// The ranges of each joint of a robot.
-    pub fn of(joints: &[JointInfo], params: &Params) -> Vec<Self> {
-        joints.iter().map(|joint| JointRange::new(joint, params)).collect()
+    ///
+    /// - `described`: joints of the description, which may have gains of their own.
+    pub fn of(joints: &[JointInfo], described: &[JointDescription], params: &Params) -> Vec<Self> {
+        let of_joint = |joint: &JointInfo| described.iter().find(|other| other.name == joint.name);
+        joints.iter().map(|joint| JointRange::new(joint, of_joint(joint), params)).collect()
     }
 
-    fn new(joint: &JointInfo, params: &Params) -> Self {
+    fn new(joint: &JointInfo, described: Option<&JointDescription>, params: &Params) -> Self {
         let JointInfo { name, lower, upper, .. } = joint;
         let (effort, velocity) = (joint.effort.min(UNLIMITED), joint.velocity.min(UNLIMITED));
         let (hold, stand, safety) = (&params.hold, &params.stand, &params.safety);
+        let own = |gain: fn(&JointDescription) -> Option<f64>| described.and_then(gain).unwrap_or(0.0);
+        let (own_kp, own_kd) = (own(|joint| joint.stiffness), own(|joint| joint.damping));
         let range = upper - lower;
         let margin = (MARGIN * range).max(MIN_MARGIN);
         JointRange {
             name: name.clone(),
             effort,
-            kp: GAIN_FACTOR * hold.kp.max(stand.stiffness * effort),
-            kd: GAIN_FACTOR * hold.kd.max(stand.damping * effort).max(safety.damping),
+            kp: GAIN_FACTOR * hold.kp.max(stand.stiffness * effort).max(own_kp),
+            kd: GAIN_FACTOR * hold.kd.max(stand.damping * effort).max(safety.damping).max(own_kd),
             q_des: if range.is_finite() { [lower - margin, upper + margin] } else { [-CONTINUOUS, CONTINUOUS] },
             qd_des: VELOCITY_FACTOR * velocity,
             error: if range.is_finite() { range + 2.0 * margin } else { TAU },
@@ -77,7 +82,7 @@ impl JointRange {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use robot_model::{DriveLimits, JointKind};
+    use robot_model::{DriveLimits, JointKind, JointRole};
 
     const PARAMS: &str = include_str!("../../../robots/hyq/hyq.toml");
 
@@ -90,7 +95,7 @@ mod tests {
         let mut params = Params::from_toml(PARAMS, "hyq.toml").unwrap();
         (params.hold.kp, params.hold.kd, params.safety.damping) = (50.0, 1.0, 2.0);
         (params.stand.stiffness, params.stand.damping) = (3.0, 0.1);
-        JointRange::of(&[joint(effort, lower, upper)], &params).remove(0)
+        JointRange::of(&[joint(effort, lower, upper)], &[], &params).remove(0)
     }
 
     #[test]
@@ -107,11 +112,30 @@ mod tests {
     }
 
     #[test]
+    fn larger_gains_of_the_description_extend_the_range() {
+        let params = Params::from_toml(PARAMS, "hyq.toml").unwrap();
+        let knee = [joint(2.5, 0.0, 0.4)];
+        let own = |name: &str, stiffness, damping| JointDescription {
+            name: name.to_owned(),
+            role: JointRole::Actuated,
+            effort: None,
+            velocity: None,
+            stiffness,
+            damping,
+            drive: DriveLimits::default(),
+        };
+        let described = [own("hip", Some(7e5), Some(7e4)), own("knee", Some(5000.0), Some(3000.0))];
+        let range = |described: &[JointDescription]| JointRange::of(&knee, described, &params).remove(0);
+        assert_eq!((range(&described).kp, range(&described).kd), (50_000.0, 30_000.0));
+        assert_eq!(range(&[own("knee", Some(1e-3), None)]), range(&[]));
+    }
+
+    #[test]
     fn a_joint_without_limits_accepts_finite_values_only() {
         let params = Params::from_toml(PARAMS, "hyq.toml").unwrap();
         let (lower, upper) = (f64::NEG_INFINITY, f64::INFINITY);
         let wheel = JointInfo { velocity: f64::INFINITY, ..joint(f64::INFINITY, lower, upper) };
-        let range = JointRange::of(&[wheel], &params).remove(0);
+        let range = JointRange::of(&[wheel], &[], &params).remove(0);
         let good = RobotCommand { tau: vec![1e3], ..RobotCommand::zeros(1) };
         assert_eq!(range.check(0, &good), None);
         for change in [

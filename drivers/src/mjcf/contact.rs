@@ -13,6 +13,24 @@ const SOLE_THICKNESS: f64 = 0.02;
 /// Half of the width of a wheel without a cylinder in the URDF, as a fraction of its radius.
 const WHEEL_WIDTH: f64 = 0.2;
 
+/// Contact bit of objects for the chains of contacts with their own floor. MuJoCo has 31 bits without that of the sign.
+pub(super) const OBJECT_BIT: u32 = 1 << 30;
+/// Largest number of contacts with their own floor: bit 0 is for all other contacts, the last one for objects.
+pub(crate) const MOST_FLOORS: usize = 29;
+
+/// For each contact, the bit that it shares with its own floor; `None` without one.
+///
+/// # Errors
+/// The number of floors, if it exceeds [`MOST_FLOORS`].
+pub(crate) fn floor_bits(own_floor: &[bool]) -> Result<Vec<Option<u32>>, usize> {
+    let found = own_floor.iter().filter(|own| **own).count();
+    if found > MOST_FLOORS {
+        return Err(found);
+    }
+    let mut bits = (0..MOST_FLOORS).map(|floor| 2 << floor);
+    Ok(own_floor.iter().map(|own| if *own { bits.next() } else { None }).collect())
+}
+
 /// The contact of a link.
 pub(crate) fn contact_of_link<'a>(robot: &'a RobotDescription, link: &str) -> Option<&'a Contact> {
     robot.contacts.iter().find(|contact| contact.link == link)
@@ -116,5 +134,22 @@ impl ContactPoint {
     /// Whether the robot stands on contacts of this kind.
     pub fn is_foot(&self) -> bool {
         !matches!(self.geometry, ContactGeometry::Hand { .. })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn only_contacts_with_their_own_floor_take_a_bit() {
+        let mut own_floor = vec![false; 40];
+        (own_floor[31], own_floor[36]) = (true, true);
+        let bits = floor_bits(&own_floor).unwrap();
+        assert_eq!((bits[31], bits[36], bits.iter().flatten().count()), (Some(2), Some(4), 2));
+        let all = floor_bits(&[true; MOST_FLOORS]).unwrap();
+        let union = all.iter().flatten().fold(1 | OBJECT_BIT, |union, bit| union | bit);
+        assert_eq!((union, union.count_ones()), (u32::MAX >> 1, 31));
+        assert_eq!(floor_bits(&[true; MOST_FLOORS + 1]), Err(30));
     }
 }

@@ -19,7 +19,9 @@ pub(crate) fn weld_name(number: usize) -> String {
 }
 
 /// The bodies of the objects. Their friction replaces that of the other geom of a contact (`priority`); of two objects the larger one counts.
-pub(super) fn bodies(objects: &[Object]) -> String {
+///
+/// - `conaffinity`: bits of the geoms that collide with them.
+pub(super) fn bodies(objects: &[Object], conaffinity: u32) -> String {
     let mut text = String::new();
     for Object { name, shape, mass, friction, X_WO } in objects {
         let name = xml_escaped(&object_name(name));
@@ -29,8 +31,8 @@ pub(super) fn bodies(objects: &[Object]) -> String {
         };
         let contact = format!("priority=\"1\" friction=\"{friction} 0.005 0.0001\" rgba=\"0.75 0.55 0.30 1\"");
         let (joint, kind) = match mass {
-            Some(mass) => ("<freejoint/>", format!("mass=\"{mass}\" contype=\"1\" conaffinity=\"1\"")),
-            None => ("", "contype=\"0\" conaffinity=\"1\"".to_owned()),
+            Some(mass) => ("<freejoint/>", format!("mass=\"{mass}\" contype=\"1\" conaffinity=\"{conaffinity}\"")),
+            None => ("", format!("contype=\"0\" conaffinity=\"{conaffinity}\"")),
         };
         let place = place(X_WO);
         writeln!(

@@ -4,9 +4,9 @@ use super::{ContactIndex, JointIndex, MujocoSim, SimParams};
 use crate::DriverError;
 use crate::drives::Drives;
 use crate::floor::Floors;
-use crate::mjcf::contact::ContactPoint;
+use crate::mjcf::contact::{ContactPoint, MOST_FLOORS, floor_bits};
 use crate::mjcf::object::{object_name, weld_name};
-use crate::mjcf::{self, IMU, TIME_STEP_S};
+use crate::mjcf::{self, TIME_STEP_S};
 use crate::sensors::Sensors;
 use crate::simulator::Simulator;
 use crate::terrain::Terrain;
@@ -20,8 +20,8 @@ impl MujocoSim {
     /// Places a robot on the ground, as specified by [`SimParams::start`].
     ///
     /// # Errors
-    /// Unknown links or joints, a joint that cannot move the robot ([`check_runnable`]), a model that MuJoCo rejects, or a mass that differs from the
-    /// URDF by more than 1e-6 of it.
+    /// Unknown links or joints, an object with the name of a link, more floors than MuJoCo has bits, a joint that cannot move the robot
+    /// ([`check_runnable`]), a model that MuJoCo rejects, or a mass that differs from the URDF by more than 1e-6 of it.
     pub fn new(
         tree: &UrdfTree,
         config: &RobotConfig,
@@ -43,6 +43,13 @@ impl MujocoSim {
         for weld in &params.welds {
             link_exists("weld.link", tree, &weld.link)?;
         }
+        if let Some(object) =
+            params.objects.iter().find(|object| tree.links.iter().any(|link| link.name == object.name))
+        {
+            return Err(DriverError::ObjectNamedAsLink { name: object.name.clone() });
+        }
+        let own_floor =
+            floor_bits(&own_floor).map_err(|found| DriverError::TooManyFloors { found, most: MOST_FLOORS })?;
         let scene = (params.objects.as_slice(), params.welds.as_slice());
         let mjcf = mjcf::write(tree, robot, &terrain, params.friction, time_step_s, &own_floor, scene);
         let refused = |error: String| DriverError::Model { robot: robot.name.clone(), error };
@@ -105,13 +112,14 @@ impl MujocoSim {
         };
         let mut imus = Vec::new();
         for imu in &robot.imus {
-            let name = mjcf::sensor_name(IMU, &imu.name);
+            let name = mjcf::imu_name(&imu.name);
             let [orientation, gyro, accelerometer] =
                 ["orientation", "gyro", "accelerometer"].map(|of| sensor(&format!("{name}_{of}")));
             imus.push([orientation?, gyro?, accelerometer?]);
         }
         let mut floor_bodies = vec![None; contacts.len()];
-        for (contact, place) in floor_bodies.iter_mut().enumerate().filter(|(contact, _)| own_floor[*contact]) {
+        for (contact, place) in floor_bodies.iter_mut().enumerate().filter(|(contact, _)| own_floor[*contact].is_some())
+        {
             let body = id(MjtObjBase::mjOBJ_BODY, &mjcf::floor_name(&robot.contacts[contact].name))?;
             *place = usize::try_from(model.body_mocapid()[body]).ok();
         }
@@ -139,6 +147,7 @@ impl MujocoSim {
             standing_height: 0.0,
             imus,
             f_F_W: vec![[0.0; 3]; contacts.len()],
+            tau_F_W: vec![[0.0; 3]; contacts.len()],
             contact: vec![0; contacts.len()],
             contacts,
         };

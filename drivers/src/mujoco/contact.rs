@@ -1,4 +1,59 @@
-//! Contact forces of MuJoCo as forces on a foot.
+//! Contacts of a robot in MuJoCo: their points, and the forces on them.
+
+use super::{ContactIndex, MujocoSim};
+use nalgebra::Vector3;
+use robot_model::ContactGeometry;
+use robot_model::math::quaternion;
+
+impl MujocoSim {
+    /// Sums the contact forces on each foot, and their moments about its lowest point: `(p - p_WF) x f` of each point of contact. The moment on a
+    /// point is 0 by definition: its sphere touches level ground at the lowest point. Valid between the computation of forces and the next collision pass.
+    pub(super) fn read_contact_forces(&mut self) {
+        self.f_F_W.fill([0.0; 3]);
+        self.tau_F_W.fill([0.0; 3]);
+        self.contact.fill(0);
+        for (index, contact) in self.data.contact().iter().enumerate() {
+            for (foot, index_of_foot) in self.contacts.iter().enumerate() {
+                let geoms = [contact.geom1, contact.geom2];
+                let Some(f_W) = force_on(index_of_foot.geom, geoms, &contact.frame, &self.data.contact_force(index))
+                else {
+                    continue;
+                };
+                if !index_of_foot.is_point() {
+                    let p_FC_W = Vector3::from(contact.pos) - Vector3::from(self.lowest_point(index_of_foot));
+                    let tau_W = p_FC_W.cross(&Vector3::from(f_W));
+                    self.tau_F_W[foot].iter_mut().zip(tau_W.iter()).for_each(|(sum, part)| *sum += part);
+                }
+                self.f_F_W[foot].iter_mut().zip(f_W).for_each(|(sum, part)| *sum += part);
+                self.contact[foot] |= i8::from(contact.exclude == 0);
+            }
+        }
+    }
+
+    /// Origin of a contact's link, in W, m.
+    pub(super) fn p_WL(&self, contact: &ContactIndex) -> [f64; 3] {
+        // The shape of a point, a wheel and a hand is at the origin of the link.
+        if !matches!(contact.point.geometry, ContactGeometry::Sole { .. }) {
+            return self.data.geom_xpos()[contact.geom];
+        }
+        let p_BL_W = quaternion::to_rotation(self.data.xquat()[contact.body]) * contact.X_BL.p;
+        let p_WB = self.data.xpos()[contact.body];
+        [p_WB[0] + p_BL_W.x, p_WB[1] + p_BL_W.y, p_WB[2] + p_BL_W.z]
+    }
+
+    /// The lowest point of a contact, below the origin of its link, in W, m.
+    pub(super) fn lowest_point(&self, contact: &ContactIndex) -> [f64; 3] {
+        let R_WL = quaternion::to_rotation(self.data.xquat()[contact.body]) * contact.X_BL.R;
+        let [x, y, z] = self.p_WL(contact);
+        [x, y, z - contact.point.depth(&R_WL)]
+    }
+}
+
+impl ContactIndex {
+    fn is_point(&self) -> bool {
+        matches!(self.point.geometry, ContactGeometry::Point { .. })
+    }
+}
 
 /// Force on a geom in a contact, in W, N; `None` if the geom is not part of the contact.
 ///

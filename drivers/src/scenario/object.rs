@@ -11,7 +11,7 @@ const MOST: usize = 64;
 /// A body beside the robot: a thing to push or to carry, or a fixture such as a wall or a table.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Object {
-    /// Unique name. A push can name it in place of a link.
+    /// Unique name, which no link of the robot has. A push can name it in place of a link.
     pub name: String,
     /// Shape; lengths in m.
     pub shape: ObjectShape,
@@ -83,8 +83,9 @@ impl ObjectEntry {
     pub(super) fn resolve(self, friction: f64, others: &[Object]) -> Result<Object, BadKey> {
         let bad = |key, found: String, expected: &str| BadKey { key, found, expected: expected.to_owned() };
         let is_new = others.iter().all(|other| other.name != self.name);
-        if self.name.is_empty() || self.name.len() > 64 || !is_new || others.len() >= MOST {
-            let expected = "a unique name of 1 to 64 bytes, and at most 64 objects";
+        let is_text = (1..=64).contains(&self.name.len()) && !self.name.contains(char::is_control);
+        if !is_text || !is_new || others.len() >= MOST {
+            let expected = "a unique name of 1 to 64 bytes without control characters, and at most 64 objects";
             return Err(bad("name", format!("{:?}", self.name), expected));
         }
         let shape = match (self.shape, self.size_m, self.radius_m, self.length_m) {

@@ -74,11 +74,15 @@ pub fn description(robot: &str, set: &[(&str, &str)]) -> RunInfo {
 
 /// Runs a scenario in lockstep.
 pub fn run(robot: &str, scenario: &str, set: &[(&str, &str)]) -> (Seen, Outcome) {
-    let mut info = description(robot, set);
-    let params = Params::from_toml(info.params(), robot).unwrap();
+    run_with(description(robot, set), scenario)
+}
+
+/// Runs a scenario in lockstep with the parameters of RUN_INFO.
+pub fn run_with(mut info: RunInfo, scenario: &str) -> (Seen, Outcome) {
+    let params = Params::from_toml(info.params(), &info.robot).unwrap();
     let scenario = Scenario::parse(scenario, "test", &params.gait).unwrap();
     info.components[0].kind.clone_from(&scenario.controller);
-    let tree = UrdfTree::parse(&info.urdf, robot).unwrap();
+    let tree = UrdfTree::parse(&info.urdf, &info.robot).unwrap();
     let terrain = Terrain::new(&scenario.terrain, scenario.seed);
     let mut sim = MujocoSim::new(&tree, &params.robot, terrain, SimParams::of(&scenario)).unwrap();
     let mut controller = controller::load(&info).unwrap();

@@ -51,7 +51,7 @@ pub struct RejectedChange {
 pub struct OtherType {
     /// Channel.
     pub channel: String,
-    /// Type of the channel in this build.
+    /// Type of the channel in this build, or of the state inside a snapshot that has another type.
     pub type_name: String,
     /// Fingerprint of the first such message; hexadecimal in JSON.
     #[serde(serialize_with = "hexadecimal")]
@@ -147,9 +147,11 @@ impl Account {
             other.count += 1;
             return;
         }
+        // In a snapshot it may be a state inside that has another type.
+        let ty = lcmtypes::types().by_fingerprint(expected);
         self.other_types.push(OtherType {
             channel: channel.to_owned(),
-            type_name: known.type_name.to_owned(),
+            type_name: ty.map_or(known.type_name, |ty| ty.name()).to_owned(),
             found: found.unwrap_or(0),
             expected,
             count: 1,

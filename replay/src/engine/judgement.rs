@@ -88,10 +88,14 @@ impl Judgement {
                 self.ticks += 1;
                 self.first_tick.get_or_insert(tick.tick);
             }
+            // Also in ticks that cannot be computed: a message of them holds later.
+            let running = tick.input.as_ref().map_or(0, |input| unpacked.update(input).running);
+            if let Some(snapshot) = tick.snapshot() {
+                unpacked.restore(snapshot);
+            }
             if continuity.can_compute(&tick, tick.has_parameters(digest)) {
                 self.computable += 1;
                 self.outputs += u64::from(!tick.recorded.is_empty());
-                let running = tick.input.as_ref().map_or(0, |input| unpacked.update(input).running);
                 outputs.take(tick.tick, running, tick.recorded.iter().map(|(channel, _)| channel));
             } else if tick.snapshot().is_some() {
                 continuity.restored(tick.tick);

@@ -1,5 +1,6 @@
 //! Which messages of a log belong to the run that is replayed, and what they are for.
 
+use super::state_types::{first_difference, state_types};
 use crate::log::Event;
 use lcm_idl::ast::{Field, FieldType, Primitive};
 use lcmtypes::RunInfo;
@@ -21,8 +22,8 @@ pub(super) enum Role {
     Beside,
     /// On a channel outside the table, with a tick: an output if the controller has one on this channel, else a message of another program.
     Candidate,
-    /// On a channel of the run, but of another type than this build's: expected fingerprint.
-    OtherType(&'static Channel, u64),
+    /// On a channel of the run, but of another type than this build's, or a snapshot that contains a state of another type: the fingerprints.
+    OtherType { known: &'static Channel, found: Option<u64>, expected: u64 },
     /// Not used.
     Other,
 }
@@ -36,6 +37,8 @@ pub(crate) struct RunMessages {
     members: Vec<String>,
     /// Parameters of the run at its start, as TOML.
     pub(super) params: Arc<str>,
+    /// Types of the states in a snapshot of the controller; `None`: not compared.
+    states: Option<Vec<u64>>,
 }
 
 impl RunMessages {
@@ -43,7 +46,19 @@ impl RunMessages {
     pub fn of(info: &RunInfo) -> Self {
         let list = info.controller().split_once('(').and_then(|(_, rest)| rest.split_once(')')).map(|(list, _)| list);
         let members = list.into_iter().flat_map(|list| list.split(',')).map(|name| name.trim().to_owned()).collect();
-        RunMessages { run_id: Some(info.run_id), members, params: info.params().into() }
+        RunMessages { run_id: Some(info.run_id), members, params: info.params().into(), states: None }
+    }
+
+    /// With the types that the states in a snapshot must have: those of this one.
+    pub fn with_snapshots_like(self, snapshot: Option<&[u8]>) -> Self {
+        RunMessages { states: snapshot.and_then(state_types), ..self }
+    }
+
+    /// The role of a CONTROLLER_SNAPSHOT that contains a state of another type than the run's controller.
+    pub(super) fn other_state(&self, event: &Event) -> Option<Role> {
+        let known = (*event.channel == *channels::CONTROLLER_SNAPSHOT).then(|| channels::find(&event.channel))??;
+        let (found, expected) = first_difference(&state_types(&event.data)?, self.states.as_ref()?)?;
+        Some(Role::OtherType { known, found: Some(found), expected })
     }
 
     /// Whether this is the run.
@@ -70,7 +85,7 @@ impl RunMessages {
         let has_tick = match self.role(channel, crate::log::fingerprint(message)) {
             Role::Input | Role::Change | Role::Output | Role::Beside | Role::Candidate => true,
             // An output of another type version has its tick at the same place.
-            Role::OtherType(known, _) => known.name != channels::RUN_INFO,
+            Role::OtherType { known, .. } => known.name != channels::RUN_INFO,
             Role::RunInfo | Role::Other => false,
         };
         // -1 is used by an EVENT without a tick.
@@ -94,7 +109,7 @@ impl RunMessages {
         match role {
             _ if same => role,
             Role::Beside => Role::Other,
-            _ => Role::OtherType(known, known.fingerprint),
+            _ => Role::OtherType { known, found: fingerprint, expected: known.fingerprint },
         }
     }
 }

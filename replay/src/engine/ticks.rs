@@ -3,6 +3,7 @@
 use super::account::{Account, Unused};
 use super::parameter_changes::Changes;
 use super::run_messages::{Role, RunMessages};
+use super::state_types::state_types;
 use crate::Error;
 use crate::log::{Event, Events, Health, LogReader};
 use lcmtypes::channels::{self, Class};
@@ -287,8 +288,8 @@ impl Ticks {
                     self.other(event);
                 }
             }
-            Role::OtherType(known, expected) => {
-                self.account.other_type(&event.channel, known, event.fingerprint(), expected);
+            Role::OtherType { known, found, expected } => {
+                self.account.other_type(&event.channel, known, found, expected);
                 self.other(event);
             }
             Role::Other => self.other(event),
@@ -317,7 +318,8 @@ impl Ticks {
 
     fn output(&mut self, event: Event) {
         let is_snapshot = event.channel.ends_with(channels::CONTROLLER_SNAPSHOT);
-        let Some(number) = integer_at(&event.data, 16).filter(|_| !is_snapshot || decodes(&event.data)) else {
+        let Some(number) = integer_at(&event.data, 16).filter(|_| !is_snapshot || state_types(&event.data).is_some())
+        else {
             let tick = integer_at(&event.data, 16);
             return self.account.unused(&event.channel, tick, event.offset, Unused::Undecodable);
         };
@@ -365,6 +367,9 @@ impl Ticks {
     }
 
     fn role(&mut self, event: &Event) -> Role {
+        if let Some(role) = self.messages.other_state(event) {
+            return role;
+        }
         let fingerprint = event.fingerprint();
         let same = |(c, f, _): &&(Arc<str>, _, _)| Arc::ptr_eq(c, &event.channel) && *f == fingerprint;
         if let Some((.., role)) = self.kinds.iter().find(same) {

@@ -133,12 +133,7 @@ fn converted(
     }
     let (mut value, _) = old.decode_lenient(event.data).ok()?;
     let mut found = Vec::new();
-    let has_changed = messages_inside(old, &mut value, &mut |data| {
-        let ty = types.of_message("", data)?;
-        let to = new.given_by_name(ty.name()).filter(|to| to.fingerprint() != ty.fingerprint())?;
-        let (value, _) = ty.decode_lenient(data).ok()?;
-        to.encode(&structure(ty, &value, to, &mut found)).ok()
-    });
+    let has_changed = messages_inside(old, &mut value, &mut |data| converted_inside(data, types, new, 1, &mut found));
     if is_same && !has_changed {
         return Some(None);
     }
@@ -155,7 +150,30 @@ fn converted(
     Some(Some(data))
 }
 
-/// Nesting of structs in which messages are looked for.
+/// A message inside a message in its new type, with the messages in it; `None` if nothing changes.
+fn converted_inside(
+    data: &[u8],
+    types: &Types,
+    new: &Types,
+    depth: usize,
+    found: &mut Vec<(String, FieldChange)>,
+) -> Option<Vec<u8>> {
+    let old = types.of_message("", data)?;
+    let to = new.given_by_name(old.name()).unwrap_or(old);
+    let is_same = to.fingerprint() == old.fingerprint();
+    if is_same && !has_bytes(old, 0) {
+        return None;
+    }
+    let (mut value, _) = old.decode_lenient(data).ok()?;
+    let has_changed = depth < MAX_DEPTH
+        && messages_inside(old, &mut value, &mut |data| converted_inside(data, types, new, depth + 1, found));
+    if is_same && !has_changed {
+        return None;
+    }
+    to.encode(&structure(old, &value, to, found)).ok()
+}
+
+/// Nesting of structs in which messages are looked for, and of messages in messages.
 const MAX_DEPTH: usize = 4;
 
 /// Whether a type has an array of bytes, which may hold a message.

@@ -119,13 +119,17 @@ impl Check<'_> {
 
     fn contacts(&self, tables: &[ContactTable]) -> Result<Vec<Contact>> {
         self.unique("robot.contact", tables.iter().map(|contact| contact.name.as_str()))?;
-        let contact = |table: &ContactTable| {
+        let contact = |(at, table): (usize, &ContactTable)| {
             let key = format!("robot.contact.{}", table.name);
             self.link(&format!("{key}.link"), &table.link)?;
+            if let Some(other) = tables[..at].iter().find(|other| other.link == table.link) {
+                let found = format!("{}, the link of the contact {}", table.link, other.name);
+                return Err(self.bad(&format!("{key}.link"), &found, "a link without another contact"));
+            }
             let geometry = self.geometry(&format!("{key}.geometry"), table.geometry)?;
             Ok(Contact { name: table.name.clone(), link: table.link.clone(), geometry })
         };
-        tables.iter().map(contact).collect()
+        tables.iter().enumerate().map(contact).collect()
     }
 
     fn geometry(&self, key: &str, mut geometry: ContactGeometry) -> Result<ContactGeometry> {

@@ -10,7 +10,9 @@ use controller::Unpacked;
 use controller::math::quaternion;
 use controller::model::{Base, BaseState, Kinematics, Model, Pose, UrdfTree};
 use controller::params::Params;
-use lcmtypes::channels::{BASE_TRACKING, CONTACT_ESTIMATE, CONTROLLER_INPUT, GROUND_TRUTH, ROBOT_STATE};
+use lcmtypes::channels::{
+    BASE_TRACKING, CONTACT_ESTIMATE, CONTROLLER_INPUT, CONTROLLER_SNAPSHOT, GROUND_TRUTH, ROBOT_STATE,
+};
 use lcmtypes::{BaseTracking, ContactEstimate, ControllerInput, GroundTruth, Message, RobotState, RunInfo};
 
 /// Name of the world frame.
@@ -123,6 +125,7 @@ impl RobotTopics {
                     self.transforms(input.t_ns, out);
                 }
             }
+            CONTROLLER_SNAPSHOT => self.unpacked.restore(data),
             BASE_TRACKING if self.source == BaseSource::Estimate => {
                 let Ok(tracking) = BaseTracking::decode(data) else { return };
                 let pose = Pose::from_xyz_rpy([0.0, 0.0, tracking.height_est], tracking.rpy_est);
