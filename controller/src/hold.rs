@@ -57,7 +57,7 @@ impl Hold {
             ..HoldState::default()
         };
         let (joints, snapshot_buffer) = (model.joints, state.clone());
-        let gains = Gains::new(&robot, &params.hold);
+        let gains = Gains::new(&robot, &params.hold, &params.safety);
         let step_limit = StepLimit::of(info);
         Ok(Hold { params, joints, gains, q_posture, step_limit, snapshot_buffer, state, output })
     }
@@ -100,7 +100,7 @@ impl Hold {
             (command.q_des[j], command.qd_des[j]) =
                 if moving { (from + fraction * (to - from), rate * (to - from)) } else { (0.0, 0.0) };
         }
-        gains.fill(state.mode, params.safety.damping, command);
+        gains.fill(state.mode, command);
     }
 }
 

@@ -3,7 +3,7 @@
 use crate::error::LoadError;
 use crate::hold::{self, Hold};
 use crate::interface::Controller;
-use crate::model::{JointKind, UrdfTree};
+use crate::model::UrdfTree;
 use crate::params::{Params, parameters_digest};
 use crate::posture::{self, Posture};
 use crate::quadruped::{self, Quadruped};
@@ -44,8 +44,7 @@ fn load_own(info: &RunInfo) -> Loaded {
     let controllers = list.split(',').map(|name| load_one(name.trim(), info)).collect::<Result<_, _>>()?;
     let params = Params::from_toml(info.params(), "parameters")?;
     let tree = UrdfTree::parse(&info.urdf, &params.robot.urdf)?;
-    let nj = tree.joints.iter().filter(|joint| joint.kind != JointKind::Fixed).count();
-    let damping = RobotCommand::damping(nj, params.safety.damping);
+    let damping = RobotCommand::damping(params.safety.damping_of(&params.robot.description(&tree)?));
     Ok(Box::new(Sequence::new(controllers, damping, parameters_digest(info.params()))?))
 }
 

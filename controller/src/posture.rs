@@ -54,7 +54,7 @@ impl Posture {
         let model = robot.model(&tree)?;
         let q_posture = posture_of(&robot, &params.motion.posture)?;
         check_runnable(&model, &posture_of(&robot, NOMINAL)?)?;
-        let gains = Gains::new(&robot, &params.hold);
+        let gains = Gains::new(&robot, &params.hold, &params.safety);
         let nj = q_posture.len();
         let output = Output::new(nj, digest_parameters);
         let state = PostureState {
@@ -131,9 +131,9 @@ impl Posture {
 
     /// Computes the command from the state, before effort limits.
     fn fill_command(&mut self) {
-        let Posture { params, gains, state, output: Output { command, .. }, .. } = self;
+        let Posture { gains, state, output: Output { command, .. }, .. } = self;
         command.tau.fill(0.0);
-        gains.fill(state.mode, params.safety.damping, command);
+        gains.fill(state.mode, command);
         if command.mode == RobotCommand::MODE_TORQUE {
             command.q_des.copy_from_slice(&state.q_ref);
             command.qd_des.copy_from_slice(&state.qd_ref);

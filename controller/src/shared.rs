@@ -29,8 +29,8 @@ const PERIODS: i64 = 10;
 pub(crate) struct Shared {
     own: Box<dyn Controller>,
     others: Vec<Other>,
-    /// Damping of joints whose component is silent, N m s/rad.
-    damping: f64,
+    /// Damping of each joint if its component is silent, N m s/rad.
+    damping: Vec<f64>,
     t_ns: i64,
     tick: i64,
     own_outbox: Outbox,
@@ -106,7 +106,7 @@ impl Shared {
         Ok(Shared {
             own,
             others,
-            damping: params.safety.damping,
+            damping: params.safety.damping_of(&params.robot.description(&tree)?),
             t_ns: 0,
             tick: -1,
             own_outbox: Outbox::new(),
@@ -133,7 +133,7 @@ impl Shared {
             for &j in &other.joints {
                 let from = &other.command;
                 let rows = if is_silent {
-                    [0.0, 0.0, 0.0, 0.0, *damping]
+                    [0.0, 0.0, 0.0, 0.0, damping[j]]
                 } else if from.mode == RobotCommand::MODE_IDLE {
                     [0.0; 5]
                 } else {

@@ -17,8 +17,9 @@ impl RobotCommand {
         }
     }
 
-    /// A command that damps `nj` joints with `kd` (N m s/rad) and applies no other torque.
-    pub fn damping(nj: usize, kd: f64) -> Self {
-        RobotCommand { mode: Self::MODE_DAMPING, kd: vec![kd; nj], ..Self::zeros(nj) }
+    /// A command that damps each joint with its `kd` (N m s/rad) and applies no other torque.
+    pub fn damping(kd: Vec<f64>) -> Self {
+        let zeros = Self::zeros(kd.len());
+        RobotCommand { mode: Self::MODE_DAMPING, kd, ..zeros }
     }
 }

@@ -52,7 +52,7 @@ pub fn run(args: &DriverArgs) -> anyhow::Result<Outcome> {
     let name = scenario.name.clone();
     let robot = params.robot.description(&tree)?;
     let joints = JointRange::of(&robot.model(&tree)?.joints, &robot.joints, &params);
-    let damping = params.safety.damping;
+    let damping = params.safety.damping_of(&robot);
     let info = robot_info(&params.robot.name, &files.urdf, sim.joints(), 0);
     let info = with_sensors(info, &imu_links(&robot), &[]);
     let send_operator = simulation.operator;

@@ -17,22 +17,24 @@ pub(crate) struct Gains {
     kp: Vec<f64>,
     /// Damping, N m s/rad or N s/m.
     kd: Vec<f64>,
+    /// Damping in the safe state, N m s/rad or N s/m.
+    safe: Vec<f64>,
 }
 
 impl Gains {
-    pub fn new(robot: &RobotDescription, params: &HoldParams) -> Self {
+    pub fn new(robot: &RobotDescription, params: &HoldParams, safety: &SafetyParams) -> Self {
         let joints = robot.joints.iter();
         Gains {
             kp: joints.clone().map(|joint| joint.stiffness.unwrap_or(params.kp)).collect(),
             kd: joints.map(|joint| joint.damping.unwrap_or(params.kd)).collect(),
+            safe: safety.damping_of(robot),
         }
     }
 
     /// Sets mode and gains of a command.
     ///
     /// - `mode`: `controller_tick_t` MODE_*.
-    /// - `damping`: that of the safe state, N m s/rad.
-    pub fn fill(&self, mode: i8, damping: f64, command: &mut RobotCommand) {
+    pub fn fill(&self, mode: i8, command: &mut RobotCommand) {
         match mode {
             ControllerTick::MODE_STAND_UP | ControllerTick::MODE_STANCE => {
                 command.mode = RobotCommand::MODE_TORQUE;
@@ -47,7 +49,7 @@ impl Gains {
             _ => {
                 command.mode = RobotCommand::MODE_DAMPING;
                 command.kp.fill(0.0);
-                command.kd.fill(damping);
+                command.kd.copy_from_slice(&self.safe);
             }
         }
     }

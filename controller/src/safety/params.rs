@@ -1,5 +1,6 @@
 //! Parameters of the safety checks.
 
+use crate::model::RobotDescription;
 use crate::params::range::{Bound, range};
 use serde::{Deserialize, Serialize};
 
@@ -47,6 +48,13 @@ impl Default for SafetyParams {
 }
 
 impl SafetyParams {
+    /// Damping of each joint in the safe state, N m s/rad or N s/m: [`SafetyParams::damping`], but not more than the joint's own damping in
+    /// `[robot.joints]`, with which its drive is known to be stable: a wrist has a thousandth of the inertia of a hip.
+    pub fn damping_of(&self, robot: &RobotDescription) -> Vec<f64> {
+        let of_joint = |own: Option<f64>| own.map_or(self.damping, |own| own.min(self.damping));
+        robot.joints.iter().map(|joint| of_joint(joint.damping)).collect()
+    }
+
     /// Allowed range of each number.
     pub const BOUNDS: &[Bound] = &[
         Bound::new("safety.max_tilt", range!(0.05, 1.2), "rad"),

@@ -105,12 +105,12 @@ impl Others {
 
     /// Takes arrived results, computes or hands out the ticks that are due, and delivers what is due to the first component.
     ///
-    /// - `measured`: the measurement of the base tick, if one arrived.
+    /// - `measured`: the newest measurement, and whether it arrived in this base tick.
     /// - `send`: takes the messages for the bus: time, channel, bytes.
     pub fn tick(
         &mut self,
         (base_tick, t_ns): (i64, i64),
-        measured: Option<&RobotState>,
+        (measured, is_new): (&RobotState, bool),
         send: &mut dyn FnMut(i64, &str, &[u8]),
     ) {
         if self.others.is_empty() {
@@ -121,7 +121,7 @@ impl Others {
             self.take_results(k, t_ns, send);
         }
         for slot in &mut self.slots[1..] {
-            slot.has_new_state |= measured.is_some();
+            slot.has_new_state |= is_new;
         }
         for k in 0..self.others.len() {
             if self.slots[k + 1].is_due(base_tick) && !matches!(self.others[k].runner, Runner::External) {
@@ -147,7 +147,7 @@ impl Others {
         &mut self,
         k: usize,
         (base_tick, t_ns): (i64, i64),
-        measured: Option<&RobotState>,
+        measured: &RobotState,
         send: &mut dyn FnMut(i64, &str, &[u8]),
     ) {
         let at = k + 1;
@@ -158,9 +158,7 @@ impl Others {
         self.deliver(at, (base_tick, t_ns));
         let Others { slots, others, results, outbox, bytes, .. } = self;
         let slot = &mut slots[at];
-        if slot.has_new_state
-            && let Some(measured) = measured
-        {
+        if slot.has_new_state {
             slot.inbox.put(channels::ROBOT_STATE, t_ns, measured).expect("arrays have the length of a decoded message");
             slot.has_new_state = false;
         }

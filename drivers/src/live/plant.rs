@@ -58,7 +58,7 @@ pub struct Plant<'a> {
     /// Ranges of commands of the actuated joints, in URDF order.
     pub joints: Vec<JointRange>,
     /// Damping of each joint when the driver damps by itself, N m s/rad.
-    pub damping: f64,
+    pub damping: Vec<f64>,
 }
 
 /// Runs until `stop` is set. After the end of the scenario its last operator command continues to be sent.
@@ -133,7 +133,7 @@ impl<'a> Run<'a> {
             truth: GroundTruth::default(),
             newest: RobotCommand::default(),
             applied: RobotCommand::default(),
-            damping: RobotCommand::damping(sim.joints().len(), damping),
+            damping: RobotCommand::damping(damping),
             scenario,
             sim,
             receiver,

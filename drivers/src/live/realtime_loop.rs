@@ -290,7 +290,7 @@ impl RealtimeLoop {
             report.not_carried += u64::from(!ring.push(t_ns, channel, data));
         };
         let stepped = catch_unwind(AssertUnwindSafe(|| {
-            others.tick((report.ticks, wake_ns), is_new.then_some(robot), &mut send);
+            others.tick((report.ticks, wake_ns), (robot, is_new), &mut send);
         }));
         if let Err(panic) = stepped {
             self.others.stop();

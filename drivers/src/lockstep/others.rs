@@ -14,6 +14,8 @@ pub struct Others {
     slots: Vec<Slot>,
     /// Those beside the first one; `None` for an external one, which takes no part.
     components: Vec<Option<Running>>,
+    /// The newest measurement.
+    newest: RobotState,
     results: Releases,
     outbox: Outbox,
     bytes: Vec<u8>,
@@ -56,6 +58,7 @@ impl Others {
         Ok(Others {
             slots: slots(info, entries, receives),
             components,
+            newest: RobotState::default(),
             results: Releases::default(),
             outbox: Outbox::new(),
             bytes: Vec::new(),
@@ -85,7 +88,13 @@ impl Others {
         log: &mut dyn EventSink,
     ) -> Result<Vec<Report>, DriverError> {
         let mut reports = Vec::new();
-        let Others { slots, components, results, outbox, bytes, .. } = self;
+        let Others { slots, components, newest, results, outbox, bytes, .. } = self;
+        if let Some(measured) = measured.filter(|_| !components.is_empty()) {
+            newest.clone_from(measured);
+        }
+        for slot in slots.iter_mut() {
+            slot.has_new_state |= measured.is_some();
+        }
         for (k, running) in components.iter_mut().enumerate() {
             let Some(Running { component, clock, modes }) = running else { continue };
             let at = k + 1;
@@ -94,8 +103,9 @@ impl Others {
             }
             results.release(base_tick, t_ns, slots);
             let slot = &mut slots[at];
-            if let Some(measured) = measured {
-                slot.inbox.put(channels::ROBOT_STATE, t_ns, measured)?;
+            if slot.has_new_state {
+                slot.has_new_state = false;
+                slot.inbox.put(channels::ROBOT_STATE, t_ns, newest)?;
             }
             slot.inbox.stamp(t_ns, slot.tick);
             write(bytes, log, slot.channel(channels::CONTROLLER_INPUT), t_ns, slot.inbox.input())?;
