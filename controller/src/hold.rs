@@ -14,8 +14,8 @@ use crate::outbox::Outbox;
 use crate::params::{Params, parameters_digest};
 use crate::safety::Fault;
 use crate::time::StepLimit;
-use drive::{Gains, Output, STAGES, judge, posture_of};
-use lcmtypes::{ControllerTick, HoldState, Message, RunInfo, TickInput};
+use drive::{Gains, Handover, Output, STAGES, judge, posture_of};
+use lcmtypes::{ControllerTick, HoldState, Message, RunInfo, TickInput, channels};
 
 /// Name by which [`crate::load`] finds the controller.
 pub const NAME: &str = "hold";
@@ -31,6 +31,7 @@ pub struct Hold {
     /// Preallocated message for reading snapshots.
     snapshot_buffer: HoldState,
     output: Output,
+    handover: Handover,
 }
 
 impl Hold {
@@ -59,7 +60,17 @@ impl Hold {
         let (joints, snapshot_buffer) = (model.joints, state.clone());
         let gains = Gains::new(&robot, &params.hold, &params.safety);
         let step_limit = StepLimit::of(info);
-        Ok(Hold { params, joints, gains, q_posture, step_limit, snapshot_buffer, state, output })
+        Ok(Hold {
+            params,
+            joints,
+            gains,
+            q_posture,
+            step_limit,
+            snapshot_buffer,
+            state,
+            output,
+            handover: Handover::new(nj),
+        })
     }
 
     /// Updates the state. The references are a function of it.
@@ -76,7 +87,7 @@ impl Hold {
         }
         if self.state.mode == ControllerTick::MODE_IDLE {
             self.state.mode = ControllerTick::MODE_STAND_UP;
-            self.state.q_from.copy_from_slice(&input.state.q);
+            self.handover.start(&self.joints, &input.state.q, &mut self.state.q_from);
             self.state.progress = 0.0;
         } else {
             let dt = self.step_limit.seconds(input.t_ns, before_ns);
@@ -113,9 +124,14 @@ impl Controller for Hold {
         &STAGES
     }
 
+    fn receive(&mut self, _: &TickInput, channel: &str, data: &[u8]) -> bool {
+        channel == channels::ROBOT_COMMAND && self.handover.take(data, self.q_posture.len())
+    }
+
     fn step_probed(&mut self, input: &TickInput, out: &mut Outbox, probe: &mut dyn Probe) {
         let digest_input = input_digest(input);
         self.advance(input);
+        self.handover.clear();
         probe.stage_done(0);
         self.fill_command();
         let HoldState { mode, fault: code, fault_index: index, fault_value: value, .. } = self.state;

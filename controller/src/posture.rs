@@ -11,7 +11,7 @@ pub mod params;
 
 use crate::digest::input_digest;
 use crate::error::{LoadError, RestoreError};
-use crate::hold::drive::{Gains, Output, STAGES, judge, posture_of};
+use crate::hold::drive::{Gains, Handover, Output, STAGES, judge, posture_of};
 use crate::interface::{Controller, Probe};
 use crate::model::{JointInfo, NOMINAL, UrdfTree, check_runnable};
 use crate::outbox::Outbox;
@@ -39,6 +39,7 @@ pub struct Posture {
     /// Preallocated message for reading references.
     reference: JointReference,
     output: Output,
+    handover: Handover,
 }
 
 impl Posture {
@@ -71,7 +72,18 @@ impl Posture {
         let names = joints.iter().map(|joint| joint.name.clone()).collect();
         let reference = JointReference { n: output.command.nj, joints: names, q: vec![0.0; nj], ..Default::default() };
         let step_limit = StepLimit::of(info);
-        Ok(Posture { params, joints, gains, q_posture, step_limit, state, snapshot_buffer, reference, output })
+        Ok(Posture {
+            params,
+            joints,
+            gains,
+            q_posture,
+            step_limit,
+            state,
+            snapshot_buffer,
+            reference,
+            output,
+            handover: Handover::new(nj),
+        })
     }
 
     /// Replaces the goal of the joints that a reference names.
@@ -108,7 +120,7 @@ impl Posture {
         }
         if self.state.mode == ControllerTick::MODE_IDLE {
             self.state.mode = ControllerTick::MODE_STAND_UP;
-            self.state.q_ref.copy_from_slice(&input.state.q);
+            self.handover.start(&self.joints, &input.state.q, &mut self.state.q_ref);
             self.state.qd_ref.fill(0.0);
             return;
         }
@@ -172,12 +184,17 @@ impl Controller for Posture {
     }
 
     fn receive(&mut self, _: &TickInput, channel: &str, data: &[u8]) -> bool {
-        channels::split(channel).1 == channels::JOINT_REFERENCE && self.take_reference(data)
+        match channels::split(channel) {
+            ("", channels::ROBOT_COMMAND) => self.handover.take(data, self.q_posture.len()),
+            (_, channels::JOINT_REFERENCE) => self.take_reference(data),
+            _ => false,
+        }
     }
 
     fn step_probed(&mut self, input: &TickInput, out: &mut Outbox, probe: &mut dyn Probe) {
         let digest_input = input_digest(input);
         self.advance(input);
+        self.handover.clear();
         probe.stage_done(0);
         self.fill_command();
         let PostureState { mode, fault: code, fault_index: index, fault_value: value, .. } = self.state;

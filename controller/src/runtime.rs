@@ -9,6 +9,7 @@
 //! | `ROBOT_STATE` | `state` |
 //! | `OPERATOR_COMMAND` | `op`, and its arrival time in `t_op_ns` |
 //! | `RUNNING` | `running` |
+//! | `ROBOT_COMMAND`: the last command before a controller starts | offered to the controllers that run in this tick |
 //! | any other | offered to `Controller::receive` after those above; if the controller does not know it, it is counted in `n_ignored` |
 //!
 //! A message that cannot be decoded is counted in `n_ignored` and changes nothing. Before the first ROBOT_STATE, `state` has no joints: controllers

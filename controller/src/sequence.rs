@@ -212,7 +212,8 @@ impl Controller for Sequence {
         for (_, member) in self.members.iter_mut().enumerate().filter(|(k, _)| runs(input.running, *k)) {
             is_used |= member.controller.receive(input, channel, data);
         }
-        is_used
+        // The command before a start is of use to some controllers only.
+        is_used || channel == channels::ROBOT_COMMAND
     }
 
     fn step_probed(&mut self, input: &TickInput, out: &mut Outbox, probe: &mut dyn Probe) {

@@ -318,3 +318,39 @@ fn members_that_run_receive_messages_on_other_channels() {
     }
     assert_eq!(heard, [(1, 0), (2, 0), (3, 0), (-1, 1), (-1, 1), (1, 0), (2, 0), (3, 0)]);
 }
+
+/// The largest step of a joint reference when `posture` takes over from `hold` in the middle of its motion, rad.
+fn largest_step(with_handover: bool) -> f64 {
+    let set = [("hold.duration", "0.5"), ("motion.posture", "\"nominal\"")];
+    let mut sequence = load_with("sequence(hold, posture)", &set).unwrap();
+    let (mut out, mut last, mut largest) = (Outbox::new(), None::<RobotCommand>, 0.0_f64);
+    for tick in 0..400 {
+        let is_switched = tick >= 200;
+        let mut input = input(tick, if is_switched { 2 } else { 1 });
+        // The joints lag behind their references by 0.05 rad, as under a load.
+        for (j, q) in input.state.q.iter_mut().enumerate() {
+            *q = last.as_ref().map_or(*q - 0.3, |last| last.q_des[j] - 0.05);
+        }
+        if tick == 200 && with_handover {
+            let mut bytes = Vec::new();
+            last.as_ref().unwrap().encode(&mut bytes).unwrap();
+            assert!(sequence.receive(&input, channels::ROBOT_COMMAND, &bytes));
+        }
+        sequence.step(&input, &mut out);
+        let command = command_of(&out);
+        assert_eq!(tick_of(&out).fault, ControllerTick::FAULT_NONE, "tick {tick}");
+        if let Some(last) = last {
+            let steps = last.q_des.iter().zip(&command.q_des).map(|(before, now)| (now - before).abs());
+            largest = steps.fold(largest, f64::max);
+        }
+        last = Some(command);
+    }
+    largest
+}
+
+/// HyQ's joints are allowed 12 rad/s: 0.012 rad in a tick. Without the last command the reference jumps to the measured position.
+#[test]
+fn a_controller_that_takes_over_continues_from_the_last_command() {
+    assert!(largest_step(true) < 0.012, "{}", largest_step(true));
+    assert!(largest_step(false) > 0.04, "{}", largest_step(false));
+}

@@ -8,7 +8,7 @@ use crate::outbox::Outbox;
 use crate::safety::{Fault, SafetyParams, check_joint_limits, check_joint_values, fault, limit_command};
 use crate::time::seconds;
 use lcmtypes::channels;
-use lcmtypes::{ControllerTick, OperatorCommand, RobotCommand, TickInput};
+use lcmtypes::{ControllerTick, Message, OperatorCommand, RobotCommand, TickInput};
 
 /// Gains of the position loop of the drives, by joint: those of `[robot.joints]`, else `hold.kp` and `hold.kd`.
 #[derive(Clone, Debug)]
@@ -101,6 +101,44 @@ fn rejection(op: &OperatorCommand) -> Option<Fault> {
     let is_followed = op.seq < 0 || op.mode == OperatorCommand::MODE_STAND;
     let refused = Fault { code: ControllerTick::FAULT_OPERATOR_REFUSED, index: op.mode.into(), value: 0.0 };
     (!is_followed).then_some(refused)
+}
+
+/// Joint references with which a controller starts: those of the last command of the controller before it, so that a switch of controllers is
+/// continuous. The executor delivers that command (ROBOT_COMMAND) in the tick in which a controller starts. Scratch: used in the same tick.
+pub(crate) struct Handover {
+    /// The last command.
+    command: RobotCommand,
+    has_command: bool,
+}
+
+impl Handover {
+    /// For a robot with `nj` joints.
+    pub fn new(nj: usize) -> Self {
+        Handover { command: RobotCommand::zeros(nj), has_command: false }
+    }
+
+    /// Takes the last command; false if it cannot be decoded or is for another robot.
+    pub fn take(&mut self, data: &[u8], nj: usize) -> bool {
+        let decoded = self.command.decode_into(data).is_ok();
+        self.has_command = decoded && self.command.q_des.len() == nj && self.command.kp.len() == nj;
+        self.has_command
+    }
+
+    /// Fills the references of the first tick: the last command's where its drive followed a position within the limits of the joint, else the
+    /// measured position.
+    pub fn start(&self, joints: &[JointInfo], measured: &[f64], q_ref: &mut [f64]) {
+        let RobotCommand { mode, q_des, kp, .. } = &self.command;
+        let follows = self.has_command && *mode == RobotCommand::MODE_TORQUE;
+        for (j, joint) in joints.iter().enumerate() {
+            let is_followed = follows && kp[j] > 0.0 && (joint.lower..=joint.upper).contains(&q_des[j]);
+            q_ref[j] = if is_followed { q_des[j] } else { measured[j] };
+        }
+    }
+
+    /// Forgets the command.
+    pub fn clear(&mut self) {
+        self.has_command = false;
+    }
 }
 
 /// Stages of a tick.

@@ -349,6 +349,14 @@ impl RealtimeLoop {
             if switch.start { *running | 1 << switch.controller } else { *running & !(1 << switch.controller) },
         );
         let (t_ns, tick, changed) = (self.t_ns(), self.report.ticks, self.running != before);
+        // A controller that starts continues from the last command: the handover.
+        let Self { others, outbox, .. } = self;
+        if changed
+            && switch.start
+            && let Some(last) = outbox.get(channels::ROBOT_COMMAND)
+        {
+            others.first().inbox.put_newest(channels::ROBOT_COMMAND, t_ns, last);
+        }
         self.put_result(CallResult::Switched { switch, t_ns, tick, changed });
     }
 
