@@ -14,6 +14,7 @@ mod entry;
 mod release;
 mod slot;
 
-pub use entry::{ComponentEntry, EXTERNAL, Runs, resolve, slots};
+pub use entry::{ComponentEntry, Runs, resolve, slots};
+pub use lcmtypes::EXTERNAL;
 pub use release::Releases;
 pub use slot::Slot;
