@@ -1,4 +1,4 @@
-//! Every component of a run replays bit for bit, and what they deliver to each other keeps to their latencies.
+//! Every component of a run replays bit for bit, and every result is delivered after the latency of its component.
 #![allow(clippy::unwrap_used, missing_docs)]
 
 mod common;
@@ -17,6 +17,13 @@ fn run(log: &Path) {
 
 fn replay(log: &Path, more: &str) -> Ran {
     hoof(&format!("replay {} --json {more}", log.display()))
+}
+
+/// The text of the run file, for a copy in another folder.
+fn run_file() -> String {
+    let text = std::fs::read_to_string("runs/centauro_components.toml").unwrap();
+    let scenario = Path::new("scenarios/hold.toml").canonicalize().unwrap();
+    text.replace("../scenarios/hold.toml", &scenario.display().to_string())
 }
 
 fn names(report: &Value) -> Value {
@@ -76,6 +83,24 @@ fn a_part_of_the_log_replays_on_its_own() {
     let found = report["components"].as_array().unwrap();
     assert!(found.iter().all(|one| one["identical"] == true && one["replayed"] == true), "{report:#}");
     assert_eq!(report["release_violations"]["count"], 0, "{report:#}");
+}
+
+/// A component of another program, and one whose first tick is after the end of the log, are listed.
+#[test]
+fn components_without_a_tick_are_listed_as_not_replayed() {
+    let folder = folder("not_replayed");
+    let (file, log) = (folder.join("run.toml"), folder.join("run.mcap"));
+    let text = run_file() + "\n[[component]]\nname = \"camera\"\nkind = \"external\"\n";
+    std::fs::write(&file, text).unwrap();
+    hoof(&format!("sim {} --seconds 0.04 --log {}", file.display(), log.display())).exits(0);
+    let report = replay(&log, "").exits(0).json();
+    let found =
+        report["components"].as_array().unwrap().iter().map(|one| json!([one["name"], one["ticks"], one["replayed"]]));
+    let expected = json!([["legs", 40, true], ["arms", 2, true], ["planner", 0, false], ["camera", 0, false]]);
+    assert_eq!(found.collect::<Value>(), expected, "{report:#}");
+    assert_eq!((&report["identical"], &report["complete"]), (&json!(true), &json!(true)));
+    hoof(&format!("log verify {} --json", log.display())).exits(0);
+    replay(&log, "--component camera").exits(2);
 }
 
 #[test]
@@ -174,20 +199,33 @@ fn a_delivery_at_another_time_is_found() {
     assert_eq!(moved(None), violation(1, 1000, "not_delivered"));
 }
 
+/// Names with the component in front select fields for figures and files.
+#[test]
+fn fields_of_a_component_are_plotted_and_exported_by_name() {
+    let folder = folder("fields");
+    let (log, plots) = (folder.join("run.mcap"), folder.join("plots.toml"));
+    run(&log);
+    let fields = r#"["arms/ROBOT_COMMAND.tau[3]", "arms/CONTROLLER_INPUT.state.q[0]", "planner/JOINT_REFERENCE.q[1]"]"#;
+    std::fs::write(&plots, format!("[[figure]]\nname = \"arms\"\nkind = \"fields\"\nfields = {fields}\n")).unwrap();
+    let (report, table) = (folder.join("report"), folder.join("table"));
+    hoof(&format!("report {} --out {} --plots {}", log.display(), report.display(), plots.display())).exits(0);
+    assert!(report.join("arms.svg").is_file());
+    hoof(&format!("log convert {} {} --to csv", log.display(), table.display())).exits(0);
+    let commands = std::fs::read_to_string(table.join("arms_ROBOT_COMMAND.csv")).unwrap();
+    assert!(commands.lines().next().unwrap().split(',').any(|column| column == "tau[3]"));
+    assert_eq!(commands.lines().count(), 1 + 75);
+}
+
 /// Where a component runs changes no bit apart from RUN_INFO and the messages about wall-clock time.
 #[test]
 fn where_a_component_runs_changes_no_bit() {
     let folder = folder("runs");
-    let text = std::fs::read_to_string("runs/centauro_components.toml").unwrap();
+    let text = run_file();
     let run_of = |places: [&str; 2]| {
         let [arms, planner] = places;
         let text = text
             .replace("runs = \"worker\"", &format!("runs = \"{arms}\""))
-            .replace("runs = \"process\"", &format!("runs = \"{planner}\""))
-            .replace(
-                "../scenarios/hold.toml",
-                &Path::new("scenarios/hold.toml").canonicalize().unwrap().display().to_string(),
-            );
+            .replace("runs = \"process\"", &format!("runs = \"{planner}\""));
         let (file, log) = (folder.join("run.toml"), folder.join(format!("{arms}_{planner}.mcap")));
         std::fs::write(&file, text).unwrap();
         hoof(&format!("sim {} --seconds 0.5 --log {}", file.display(), log.display())).exits(0);

@@ -68,6 +68,9 @@ use stepper::Stepper;
 use ticks::{Beside, Ticks};
 use what_if::Collector;
 
+/// Largest number of components of a run; each takes a pass through the log.
+const MAX_COMPONENTS: usize = 64;
+
 /// A log that can be replayed.
 pub struct Replay<'a> {
     path: PathBuf,
@@ -86,7 +89,7 @@ impl<'a> Replay<'a> {
     /// Opens a log and reads its RUN_INFO and [`RunClock`].
     ///
     /// # Errors
-    /// As [`LogReader::open`]; [`Error::NoRunInfo`]; [`Error::OtherTypeVersion`] if the type of RUN_INFO differs from this build's.
+    /// As [`LogReader::open`]; [`Error::NoRunInfo`]; [`Error::Load`] for a run with more than 64 components; [`Error::OtherTypeVersion`] if the type of RUN_INFO differs from this build's.
     pub fn open(path: impl AsRef<Path>) -> Result<Self, Error> {
         Self::open_with(path, controller::load)
     }
@@ -101,6 +104,11 @@ impl<'a> Replay<'a> {
     ) -> Result<Self, Error> {
         let path = path.as_ref();
         let (info, clock) = (run_info(path)?, RunClock::read(path)?);
+        if let Some(ComponentInfo { name, .. }) = info.components.get(MAX_COMPONENTS) {
+            let what = format!("the run has {} components, expected at most {MAX_COMPONENTS}", info.components.len());
+            let source = Box::new(LoadError::Component { component: name.clone(), what });
+            return Err(Error::Load { path: path.into(), source });
+        }
         let messages = RunMessages::of(&info);
         let (path, recorded) = (path.to_owned(), info.clone());
         Ok(Replay { path, info, recorded, component: None, clock, messages, load: Box::new(load) })

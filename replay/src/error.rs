@@ -246,7 +246,7 @@ pub enum Error {
     NoComponent {
         /// Log.
         path: PathBuf,
-        /// The name that was asked for.
+        /// The requested name.
         name: String,
         /// Names of the components of the run.
         known: Vec<String>,
