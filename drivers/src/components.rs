@@ -4,7 +4,7 @@
 //! |---|---|
 //! | [`ComponentEntry`] | a `[[component]]` table of a run file |
 //! | [`Slot`] | when a component runs, and the messages that wait for its next tick |
-//! | [`Releases`] | results on their way: what a component computes from the inputs of base tick k is delivered at k + latency, never earlier |
+//! | [`Releases`] | results in transit: what a component computes from the inputs of base tick k is delivered at k + latency, never earlier |
 //!
 //! The first component commands the robot and runs in every base tick. In a base tick the other components run before it, in their order, so with
 //! latency 0 it receives what they computed in the same tick. A component receives, once per tick, the newest ROBOT_STATE, all operator commands since
@@ -14,6 +14,7 @@ mod entry;
 mod release;
 mod slot;
 
-pub use entry::{ComponentEntry, EXTERNAL, Runs, resolve, slots};
+pub use entry::{ComponentEntry, Runs, resolve, slots};
+pub use lcmtypes::EXTERNAL;
 pub use release::Releases;
 pub use slot::Slot;

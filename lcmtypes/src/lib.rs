@@ -40,6 +40,7 @@ use std::sync::LazyLock;
 
 pub use generated::hoofprint::*;
 pub use lcm_idl::{DecodeError, EncodeError, Message};
+pub use run_info::EXTERNAL;
 pub use sender::{EventNumbers, new_sender_id};
 
 /// Name and text of every `.lcm` file, sorted by name. A log stores them, so that its messages can be decoded.

@@ -1,6 +1,9 @@
-//! Access to the first component of a [`RunInfo`], which commands the robot.
+//! Access to the components of a [`RunInfo`]; the first one commands the robot.
 
 use crate::{ComponentInfo, RunInfo};
+
+/// Kind of a component that is no controller of this project: any program that publishes on its channels.
+pub const EXTERNAL: &str = "external";
 
 impl ComponentInfo {
     /// A component that runs in every base tick on the real-time thread, named by the first word of its kind, without joints and stages.

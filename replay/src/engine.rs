@@ -11,11 +11,15 @@
 //! - PARAMETER_CHANGE in the log applies in the same tick; a parameter that is overridden keeps its override.
 //! - A [`Cursor`] goes to any tick and returns all its quantities.
 //!
+//! A run can have several components. Each is replayed on its own: the messages of the others that it consumed are in its inputs. [`RunMessages`] shows the
+//! log as one component sees it, with plain channel names.
+//!
 //! The engine knows no specific controller: [`controller::load`] builds it from the RUN_INFO of the log.
 
 mod account;
 mod builder;
 mod compare;
+mod components;
 mod continuity;
 mod cursor;
 mod expected;
@@ -27,6 +31,7 @@ mod out;
 mod outputs;
 mod parallel;
 mod parameter_changes;
+mod release_rule;
 mod report;
 mod run_messages;
 mod seek;
@@ -46,6 +51,7 @@ pub(crate) use judgement::Judgement;
 pub use options::{Load, Options};
 pub use origin::{Build, Deviation};
 pub use outputs::MissingOutputs;
+pub use release_rule::{ReleaseFault, ReleaseViolation, ReleaseViolations};
 pub use report::{ComponentReport, ReplayReport};
 pub(crate) use run_messages::RunMessages;
 pub use what_if::{DEFAULT_BOUND, Departure, Sample, TimedOverride, WhatIf, When};
@@ -54,7 +60,7 @@ use crate::Error;
 use crate::log::{LogReader, RunClock};
 use builder::Builder;
 use controller::{Component, LoadError};
-use lcmtypes::{Message, RunInfo, channels};
+use lcmtypes::{ComponentInfo, EXTERNAL, Message, RunInfo, channels};
 use out::Out;
 use segment::{Segment, Source, Step};
 use std::path::{Path, PathBuf};
@@ -63,10 +69,18 @@ use stepper::Stepper;
 use ticks::{Beside, Ticks};
 use what_if::Collector;
 
+/// Largest number of components of a run; each takes a pass through the log.
+const MAX_COMPONENTS: usize = 64;
+
 /// A log that can be replayed.
 pub struct Replay<'a> {
     path: PathBuf,
+    /// The run as its component sees it: [`RunInfo::of_component`].
     info: RunInfo,
+    /// RUN_INFO of the log.
+    recorded: RunInfo,
+    /// Component; `None`: all of them, and the first one where only one is possible.
+    component: Option<usize>,
     clock: RunClock,
     messages: RunMessages,
     load: Box<Load<'a>>,
@@ -76,7 +90,7 @@ impl<'a> Replay<'a> {
     /// Opens a log and reads its RUN_INFO and [`RunClock`].
     ///
     /// # Errors
-    /// As [`LogReader::open`]; [`Error::NoRunInfo`]; [`Error::OtherTypeVersion`] if the type of RUN_INFO differs from this build's.
+    /// As [`LogReader::open`]; [`Error::NoRunInfo`]; [`Error::Load`] for a run with more than 64 components; [`Error::OtherTypeVersion`] if the type of RUN_INFO differs from this build's.
     pub fn open(path: impl AsRef<Path>) -> Result<Self, Error> {
         Self::open_with(path, controller::load)
     }
@@ -91,14 +105,48 @@ impl<'a> Replay<'a> {
     ) -> Result<Self, Error> {
         let path = path.as_ref();
         let (info, clock) = (run_info(path)?, RunClock::read(path)?);
-        // If the controller cannot be built, the replay says why.
-        let snapshot = load(&info).ok().map(|controller| {
-            let mut bytes = Vec::new();
-            controller.snapshot(&mut bytes);
-            bytes
-        });
-        let messages = RunMessages::of(&info).with_snapshots_like(snapshot.as_deref());
-        Ok(Replay { path: path.into(), info, clock, messages, load: Box::new(load) })
+        if let Some(ComponentInfo { name, .. }) = info.components.get(MAX_COMPONENTS) {
+            let what = format!("the run has {} components, expected at most {MAX_COMPONENTS}", info.components.len());
+            let source = Box::new(LoadError::Component { component: name.clone(), what });
+            return Err(Error::Load { path: path.into(), source });
+        }
+        let messages = RunMessages::of(&info).with_snapshots_like(first_snapshot(&load, &info).as_deref());
+        let (path, recorded) = (path.to_owned(), info.clone());
+        Ok(Replay { path, info, recorded, component: None, clock, messages, load: Box::new(load) })
+    }
+
+    /// The replay of one component alone.
+    ///
+    /// # Errors
+    /// [`Error::NoComponent`]; [`Error::ExternalComponent`].
+    pub fn of_component(self, name: &str) -> Result<Self, Error> {
+        let Some(index) = self.recorded.find_component(name) else {
+            let known = self.recorded.components.into_iter().map(|component| component.name).collect();
+            return Err(Error::NoComponent { path: self.path, name: name.to_owned(), known });
+        };
+        if self.recorded.components[index].kind == EXTERNAL {
+            return Err(Error::ExternalComponent { path: self.path, name: name.to_owned() });
+        }
+        let info = self.recorded.of_component(index);
+        let messages = RunMessages::of_component(&self.recorded, index);
+        let messages = messages.with_snapshots_like(first_snapshot(&*self.load, &info).as_deref());
+        Ok(Replay { info, messages, component: Some(index), ..self })
+    }
+
+    /// The replay of a component of the same log.
+    fn view(&self, index: usize) -> Replay<'_> {
+        let load = &*self.load;
+        let info = self.recorded.of_component(index);
+        let snapshot = first_snapshot(load, &info);
+        Replay {
+            path: self.path.clone(),
+            info,
+            recorded: self.recorded.clone(),
+            component: Some(index),
+            clock: self.clock,
+            messages: RunMessages::of_component(&self.recorded, index).with_snapshots_like(snapshot.as_deref()),
+            load: Box::new(load),
+        }
     }
 
     /// Converts times of the log to times since the run's first tick.
@@ -106,19 +154,40 @@ impl<'a> Replay<'a> {
         &self.clock
     }
 
-    /// RUN_INFO of the log.
+    /// RUN_INFO of the log as the component sees it: [`RunInfo::of_component`].
     pub fn info(&self) -> &RunInfo {
         &self.info
     }
 
-    /// Replays the log. `progress` receives the fraction of the file that was read, 0 to 1.
+    /// The components of the run.
+    pub fn components(&self) -> &[ComponentInfo] {
+        &self.recorded.components
+    }
+
+    /// Whether [`Replay::run`] with these options replays one component of several: a selected one, or the first one for a what-if replay or a copy of
+    /// the log.
+    pub fn is_in_part(&self, options: &Options) -> bool {
+        let is_one = self.component.is_some() || options.is_what_if() || options.out.is_some();
+        is_one && self.recorded.components.len() > 1
+    }
+
+    /// Replays the log: all components, apart from [`Replay::is_in_part`]. `progress` receives the fraction that was done, 0 to 1.
     ///
     /// # Errors
     /// - [`Error::Load`]: the controller cannot be built, or a parameter of [`Options::set`] does not exist.
     /// - [`Error::OtherTypeVersion`]: the type of a consumed or compared message differs from this build's.
     /// - [`Error::NoInput`], [`Error::SeveralRuns`], [`Error::Decode`], [`Error::Restore`]: the log does not contain exactly one run.
     /// - [`Error::Io`], [`Error::SameFile`] and the errors of [`crate::log::LogWriter`] for [`Options::out`].
+    /// - [`Error::Component`] with one of these for a component that is not the first one.
     pub fn run(&self, options: &Options, progress: &mut dyn FnMut(f64)) -> Result<ReplayReport, Error> {
+        if self.recorded.components.len() > 1 && !self.is_in_part(options) {
+            return components::run(self, options, progress);
+        }
+        Ok(self.run_one(options, progress)?.0)
+    }
+
+    /// Replays one component. Returns the report, and the last tick that was read.
+    fn run_one(&self, options: &Options, progress: &mut dyn FnMut(f64)) -> Result<(ReplayReport, i64), Error> {
         let begin = Instant::now();
         let builder = self.builder(options)?;
         let what_if = options.is_what_if();
@@ -130,7 +199,7 @@ impl<'a> Replay<'a> {
         let mut out = match &options.out {
             Some(path) => {
                 Error::check_distinct_files(&self.path, path)?;
-                Some(Out::create(path, &builder.info, &builder.overridden)?)
+                Some(Out::create(path, &self.merged(&builder.info), &self.messages, &builder.overridden)?)
             }
             None => None,
         };
@@ -158,14 +227,24 @@ impl<'a> Replay<'a> {
             out.finish()?;
         }
         let account = ticks.account()?;
-        if !segment.has_input {
+        let Some(last_tick) = segment.last_tick else {
             return Err(Error::NoInput { path: self.path.clone() });
-        }
+        };
         let mut report =
             counts.report(self.info.component().to_owned(), account, ticks.health(), begin.elapsed().as_secs_f64());
         report.deviations = origin::deviations(&self.info, &builder.info, options.here.as_ref());
         report.what_if = found;
-        Ok(report)
+        report.qualify(&self.messages);
+        Ok((report, last_tick))
+    }
+
+    /// RUN_INFO of the log with the changed description of the component.
+    fn merged(&self, changed: &RunInfo) -> RunInfo {
+        let Some(index) = self.component.filter(|index| *index > 0) else { return changed.clone() };
+        let mut info = RunInfo { components: self.recorded.components.clone(), ..changed.clone() };
+        info.n_components = self.recorded.n_components;
+        info.components[index].clone_from(&changed.components[0]);
+        info
     }
 
     /// Builds controllers with all overrides that hold from the start.
@@ -194,6 +273,13 @@ impl<'a> Replay<'a> {
         }
         Ok(info)
     }
+}
+
+/// The state of a component before its first tick, for its types; `None` if it cannot be built: the replay says why.
+fn first_snapshot(load: &dyn Fn(&RunInfo) -> Result<Component, LoadError>, info: &RunInfo) -> Option<Vec<u8>> {
+    let mut bytes = Vec::new();
+    load(info).ok()?.snapshot(&mut bytes);
+    Some(bytes)
 }
 
 /// Runs a stepper through all steps in the calling thread.

@@ -1,6 +1,7 @@
 //! The error type of this crate.
 
 use crate::printable::{printable, printable_path};
+use lcmtypes::EXTERNAL;
 use std::os::unix::fs::MetadataExt;
 use std::path::{Path, PathBuf};
 
@@ -231,6 +232,32 @@ pub enum Error {
         path: PathBuf,
         /// Cause.
         source: Box<lcmtypes::EncodeError>,
+    },
+    /// A component of a run that is not the first one cannot be replayed.
+    #[error("component {}: {source}", printable(name))]
+    Component {
+        /// Its name.
+        name: String,
+        /// Cause.
+        source: Box<Error>,
+    },
+    /// A component that RUN_INFO does not contain.
+    #[error("{path}: the run has no component {name:?}; its components are {}", printable(&known.join(", ")), path = printable_path(path))]
+    NoComponent {
+        /// Log.
+        path: PathBuf,
+        /// The requested name.
+        name: String,
+        /// Names of the components of the run.
+        known: Vec<String>,
+    },
+    /// A component of another program.
+    #[error("{path}: component {name:?} is of kind {EXTERNAL}: it has no controller to replay", path = printable_path(path))]
+    ExternalComponent {
+        /// Log.
+        path: PathBuf,
+        /// Its name.
+        name: String,
     },
     /// The controller of a log cannot be built.
     #[error("{path}: {source}", path = printable_path(path))]

@@ -1,7 +1,7 @@
 //! Replays the log of a run before it is completed, and appends the verdict as the last message.
 
 use crate::Error;
-use crate::engine::{Options, Replay, ReplayReport};
+use crate::engine::{Options, ReleaseViolation, Replay, ReplayReport};
 use crate::record::Target;
 use lcmtypes::{Event, EventNumbers, Message, channels};
 use std::path::Path;
@@ -23,6 +23,10 @@ pub fn prove(path: &Path, log: &mut dyn Target, jobs: usize) -> Result<ReplayRep
     let report = replay.run(&Options { jobs, ..Options::default() }, &mut |_| {})?;
     let proved = is_proof(&report);
     let text = match &report.first_divergence {
+        _ if report.release_violations.count > 0 => {
+            let first = report.release_violations.first.as_ref().map_or(String::new(), ReleaseViolation::text);
+            format!("does not replay: {first}")
+        }
         _ if proved => format!("replays bit for bit: {} ticks, {} messages", report.ticks, report.messages_compared),
         Some(d) => format!(
             "does not replay: differs from tick {} on, first in stage {}: {} {}",
@@ -43,5 +47,7 @@ pub fn prove(path: &Path, log: &mut dyn Target, jobs: usize) -> Result<ReplayRep
 /// Whether a replay proves its log: every tick was computed and compared, and all outputs are identical.
 pub fn is_proof(report: &ReplayReport) -> bool {
     let whole = report.missing_input_ticks == 0 && report.skipped_ticks == 0 && report.unverifiable_ticks == 0;
-    report.identical && whole && report.damaged == 0
+    // A component that is not replayed but should be is in no count.
+    let has_all = report.components.iter().all(|component| component.replayed || component.complete);
+    report.identical && whole && has_all && report.damaged == 0 && report.release_violations.count == 0
 }

@@ -14,7 +14,7 @@ use controller::model::{Base, Model, UrdfTree};
 use events::Kind;
 use ratatui::Terminal;
 use ratatui::backend::TestBackend;
-use replay::engine::{Cursor, Options, Replay};
+use replay::engine::{Cursor, Options};
 use std::path::{Path, PathBuf};
 use view::Screen;
 
@@ -35,6 +35,9 @@ pub struct Args {
     log: PathBuf,
     #[command(flatten)]
     one_run: crate::log::OneRun,
+    /// Step through this component of a run with several [default: the first one]
+    #[arg(long, value_name = "NAME")]
+    component: Option<String>,
     /// Show this tick first
     #[arg(long, value_name = "N", conflicts_with = "at")]
     tick: Option<i64>,
@@ -56,7 +59,7 @@ pub struct Args {
 }
 
 pub fn run(args: &Args) -> anyhow::Result<Outcome> {
-    let replay = Replay::open(args.one_run.of(&args.log))?;
+    let replay = replay_log::open(&args.one_run.of(&args.log), args.component.as_deref())?;
     check_overrides("--set", replay.info().params(), &args.set)?;
     let options = Options { set: overrides(&args.set)?, here: Some(run_info::build()), ..Options::default() };
     let bar = Progress::new("read the log");

@@ -4,12 +4,10 @@ use crate::progress::Progress;
 use crate::{Outcome, say, say_json};
 use controller::dump::{Group, Value};
 use replay::engine::{Cursor, Moment, Options, Replay, lines, of_bytes};
-use std::path::Path;
 
-pub fn run(log: &Path, options: &Options, tick: i64, json: bool) -> anyhow::Result<Outcome> {
-    let replay = Replay::open(log)?;
+pub fn run(replay: &Replay, options: &Options, tick: i64, json: bool) -> anyhow::Result<Outcome> {
     let bar = Progress::new("to the tick");
-    let moment = Cursor::open(&replay, options, &mut |part| bar.set(part))?.go_to(tick)?;
+    let moment = Cursor::open(replay, options, &mut |part| bar.set(part))?.go_to(tick)?;
     drop(bar);
     let tree = tree(&moment);
     if json {

@@ -16,6 +16,7 @@ use crate::{Outcome, run_info, say, say_json};
 use analysis::robot::Robot;
 use anyhow::Context;
 use replay::engine::{DEFAULT_BOUND, Options, Replay, ReplayReport};
+use replay::printable;
 use std::path::{Path, PathBuf};
 
 pub use break_at::tree as moment_tree;
@@ -28,11 +29,12 @@ pub use text::{divergence_text, text};
     after_help = "Example: hoof replay run.mcap\n         hoof replay run.mcap --from 12 --to 15 --json\n         \
     hoof replay run.mcap --set wbc.friction=0.6 --out what_if.mcap\n         \
     hoof replay run.mcap --break 4812\n         \
+    hoof replay run.mcap --component arms --set motion.velocity=0.3\n         \
     hoof replay run.mcap --sweep posture.stance_kp=300:700:5 --plot sweep.svg\n         \
     hoof replay run.mcap --set trunk.kp='[800, 800, 800]' --resim closed_loop.mcap\n         \
     hoof replay old.mcap --revision --repo ~/hoofprint\n         \
     hoof replay bisect run.mcap --good v1 --bad HEAD\n\n\
-    Exit code 0: every recorded output is identical; 1: one differs, or none is recorded; 2: the log cannot be replayed; 3: nothing differs, but messages are missing, \
+    Exit code 0: every recorded output is identical; 1: one differs, none is recorded, or a result of a component was delivered at another time than its latency says; 2: the log cannot be replayed; 3: nothing differs, but messages are missing, \
     late, doubled or cannot be decoded."
 )]
 pub struct Args {
@@ -43,6 +45,10 @@ pub struct Args {
     log: Option<PathBuf>,
     #[command(flatten)]
     one_run: crate::log::OneRun,
+    /// Replay only this component of a run with several; --set, --changes, --urdf, --out, --sweep and --break change or show this one [default: replay all;
+    /// these options: the first one]
+    #[arg(long, value_name = "NAME", conflicts_with_all = ["resim", "revision"])]
+    component: Option<String>,
     /// Replay with another value of a parameter, on the recorded inputs; may be repeated
     #[arg(long, value_name = "KEY=VALUE")]
     set: Vec<String>,
@@ -144,13 +150,14 @@ fn run_log(args: &Args, log: &Path, options: &Options) -> anyhow::Result<Outcome
         let mut inputs = inputs.iter().flatten();
         inputs.try_for_each(|input| replay::Error::check_distinct_files(input, out)).context(option)?;
     }
-    let replay = Replay::open(log)?;
+    let component = args.component.as_deref();
+    let replay = open(log, component)?;
     check_overrides("--set", replay.info().params(), &args.set)?;
     if let Some(tick) = args.at {
-        return break_at::run(log, options, tick, args.json);
+        return break_at::run(&replay, options, tick, args.json);
     }
     if let Some(sweep) = &args.sweep {
-        return sweep::run(log, options, sweep, args.plot.as_deref(), args.json);
+        return sweep::run(&replay, options, sweep, args.plot.as_deref(), args.json);
     }
     if let Some(out) = &args.resim {
         return resim::run(log, options, out, args.json);
@@ -166,7 +173,14 @@ fn run_log(args: &Args, log: &Path, options: &Options) -> anyhow::Result<Outcome
     if args.json {
         say_json(&report)?
     } else {
-        say(text(&report, &joints(&replay)))?
+        let (joints, first) = (joints(&replay), replay.info().component());
+        let part = match component {
+            None if replay.is_in_part(options) => {
+                format!("component {} only; --component selects another one\n", printable(first))
+            }
+            _ => String::new(),
+        };
+        say(part + &text(&report, &joints))?
     }
     Ok(outcome(&report))
 }
@@ -205,6 +219,15 @@ pub fn threads() -> usize {
     std::thread::available_parallelism().map_or(1, usize::from)
 }
 
+/// Opens a log for the replay of one component, or of all of them.
+pub fn open(log: &Path, component: Option<&str>) -> anyhow::Result<Replay<'static>> {
+    let replay = Replay::open(log)?;
+    Ok(match component {
+        Some(name) => replay.of_component(name)?,
+        None => replay,
+    })
+}
+
 /// Replays with a progress bar.
 pub fn replay(log: &Path, options: &Options) -> anyhow::Result<ReplayReport> {
     with_bar(&Replay::open(log)?, options)
@@ -223,7 +246,7 @@ fn joints(replay: &Replay) -> Vec<String> {
 
 /// Exit code of a replay: a difference comes before data loss.
 pub fn outcome(report: &ReplayReport) -> Outcome {
-    if report.first_divergence.is_some() {
+    if report.first_divergence.is_some() || report.release_violations.count > 0 {
         Outcome::Failed
     } else if !report.complete {
         Outcome::DataLoss

@@ -25,7 +25,7 @@ struct Row {
 }
 
 pub fn run(
-    log: &Path,
+    replay: &Replay,
     options: &Options,
     sweep: &str,
     plot_file: Option<&Path>,
@@ -35,13 +35,13 @@ pub fn run(
         .split_once('=')
         .with_context(|| format!("--sweep {sweep}: found no =, expected KEY=FROM:TO:COUNT or KEY=VALUE|VALUE"))?;
     let values = values(spec).with_context(|| format!("--sweep {sweep}"))?;
-    let params = &Replay::open(log)?.info().params().to_owned();
+    let params = replay.info().params();
     let as_found = |value: &String| filled(params, key, value);
     let settings: Vec<String> = values.iter().map(as_found).collect();
     for value in &settings {
         check_overrides("--sweep", params, &[format!("{key}={value}")])?;
     }
-    let reports = replay_all(log, options, key, &settings, plot_file.is_some())?;
+    let reports = replay_all(replay, options, key, &settings, plot_file.is_some())?;
     let mut rows = Vec::new();
     for (value, report) in values.iter().zip(reports) {
         let what_if = report.what_if.context("a replay with another parameter is a what-if")?;
@@ -107,7 +107,7 @@ fn filled(params: &str, key: &str, value: &str) -> String {
 ///
 /// - `plots`: keep the samples for a figure.
 fn replay_all(
-    log: &Path,
+    replay: &Replay,
     options: &Options,
     key: &str,
     settings: &[String],
@@ -136,7 +136,7 @@ fn replay_all(
                 let all: u64 = done.iter().map(|part| part.load(Ordering::Relaxed)).sum();
                 bar.set(all as f64 * 1e-6 / settings.len() as f64);
             };
-            let mut report = Replay::open(log)?.run(&options, &mut progress)?;
+            let mut report = replay.run(&options, &mut progress)?;
             progress(1.0);
             if let Some(what_if) = report.what_if.as_mut().filter(|_| !plots) {
                 what_if.samples = Vec::new();

@@ -1,7 +1,8 @@
 //! The text that `hoof replay` prints.
 
 use replay::engine::{
-    Deviation, Divergence, Index, MissingOutputs, OtherParameters, OtherType, ReplayReport, WhatIf, lines,
+    ComponentReport, Deviation, Divergence, Index, MissingOutputs, OtherParameters, OtherType, ReplayReport, WhatIf,
+    lines,
 };
 use replay::printable;
 
@@ -10,9 +11,10 @@ const GAPS_LISTED: usize = 8;
 
 /// The report as text. Differences in build, parameters and types come first. `joints`: names, URDF order.
 pub fn text(report: &ReplayReport, joints: &[String]) -> String {
-    let ReplayReport { ticks, messages_compared, real_time_factor, wall_seconds, .. } = report;
+    let ReplayReport { components, ticks, messages_compared, real_time_factor, wall_seconds, .. } = report;
     let mut text = deviations(&report.deviations);
     text += &match &report.first_divergence {
+        None if report.identical && report.complete && components.len() > 1 => "identical: all components".to_owned(),
         None if report.identical && report.complete => format!("identical: {ticks} ticks"),
         None if report.identical => format!("identical as far as recorded, but incomplete: {ticks} ticks"),
         None => format!("nothing to compare: the log contains no output of the {ticks} ticks"),
@@ -21,6 +23,17 @@ pub fn text(report: &ReplayReport, joints: &[String]) -> String {
     text += &format!(
         "\n{messages_compared} messages compared, {wall_seconds:.1} s ({real_time_factor:.1} times real time)"
     );
+    if components.len() > 1 {
+        components.iter().for_each(|component| text += &format!("\n{}", component_text(component)));
+    }
+    let violations = &report.release_violations;
+    if let Some(first) = &violations.first {
+        text += &format!(
+            "\n{} deliveries violate the latency of their component, first: {}",
+            violations.count,
+            first.text()
+        );
+    }
     let mut note = |n: u64, what: &str| {
         if n > 0 {
             text += &format!("\n{n} {what}");
@@ -54,6 +67,23 @@ pub fn text(report: &ReplayReport, joints: &[String]) -> String {
         text += &format!("\n{}", what_if_text(what_if, joints));
     }
     text + &report.first_divergence.as_ref().map(inputs).unwrap_or_default()
+}
+
+/// One line for a component of a run with several.
+fn component_text(component: &ComponentReport) -> String {
+    let ComponentReport { ticks, late_results, .. } = component;
+    let late = if *late_results > 0 { format!(", {late_results} late results") } else { String::new() };
+    let verdict = match &component.first_divergence {
+        _ if !component.replayed && component.complete => "not replayed".to_owned(),
+        _ if !component.replayed => "not replayed: the log has no input of it".to_owned(),
+        Some(first) => {
+            format!("differs from its tick {} on: {} {}", first.tick, printable(&first.channel), first.field)
+        }
+        None if component.identical && component.complete => format!("identical: {ticks} ticks"),
+        None if component.identical => format!("identical as far as recorded, but incomplete: {ticks} ticks"),
+        None => format!("nothing to compare: the log contains no output of the {ticks} ticks"),
+    };
+    format!("component {}: {verdict}{late}", printable(&component.name))
 }
 
 /// One line for each difference between the log and this build.

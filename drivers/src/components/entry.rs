@@ -5,14 +5,12 @@ use crate::DriverError;
 use crate::robot_files::RobotFiles;
 use crate::teleop::is_channel_name;
 use controller::params::Params;
-use lcmtypes::{ComponentInfo, channels};
+use lcmtypes::{ComponentInfo, EXTERNAL, channels};
 use robot_model::{JointKind, RobotDescription, UrdfTree};
 use serde::Deserialize;
 use std::collections::BTreeSet;
 use std::path::PathBuf;
 
-/// Kind of a component that is no controller of this project: any program that publishes on its channels.
-pub const EXTERNAL: &str = "external";
 /// Largest period, phase and latency, base ticks: a minute at 1 kHz.
 const MAX_TICKS: i32 = 60_000;
 /// Largest number of components of a run.

@@ -7,14 +7,14 @@ const RESULTS: usize = 256;
 /// Bytes for which memory is allocated in each of them.
 const CAPACITY: usize = 4096;
 
-/// A result on its way.
+/// A result in transit.
 struct Waiting {
     due_tick: i64,
     channel: &'static str,
     data: Vec<u8>,
 }
 
-/// Results on their way from the components that computed them to those that listen.
+/// results in transit from the components that computed them to those that listen.
 pub struct Releases {
     /// In the order in which they were computed.
     waiting: Vec<Waiting>,
@@ -29,7 +29,7 @@ impl Default for Releases {
 }
 
 impl Releases {
-    /// Takes a result that is due at a base tick. Allocates only with more than 256 results on their way, or for a large one.
+    /// Takes a result that is due at a base tick. Allocates only with more than 256 results in transit, or for a large one.
     pub fn put(&mut self, due_tick: i64, channel: &'static str, data: &[u8]) {
         let mut result = self.spare.pop().unwrap_or(Waiting { due_tick, channel, data: Vec::new() });
         (result.due_tick, result.channel) = (due_tick, channel);

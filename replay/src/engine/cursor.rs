@@ -102,7 +102,7 @@ impl<'r> Cursor<'r> {
         let options = Options { set: options.set.clone(), urdf: options.urdf.clone(), ..Options::default() };
         let (builder, keep_state) = (replay.builder(&options)?, options.is_what_if());
         let stepper = Stepper::new(&builder, keep_state)?;
-        let mut places = Places::indexed(&replay.path)?;
+        let mut places = Places::indexed(&replay.path, &replay.messages)?;
         let (first_tick, last_tick) = ends(replay, &mut places, progress)?;
         Ok(Cursor {
             replay,

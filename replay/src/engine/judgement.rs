@@ -5,11 +5,12 @@ use super::continuity::Continuity;
 use super::expected::ExpectedOutputs;
 use super::ticks::{Beside, Ticks};
 use super::{Account, MissingOutputs, OtherParameters, Replay};
-use crate::Error;
+use crate::{Error, printable};
 use controller::Unpacked;
+use lcmtypes::EXTERNAL;
 use std::path::Path;
 
-/// What a replay of the whole log would find, apart from differences.
+/// What a replay of the whole log would find, apart from differences. The numbers are those of the first component.
 #[derive(Debug, Default)]
 pub(crate) struct Judgement {
     /// Name of the controller.
@@ -18,6 +19,8 @@ pub(crate) struct Judgement {
     pub ticks: u64,
     /// First of them.
     pub first_tick: Option<i64>,
+    /// Last of them.
+    pub last_tick: Option<i64>,
     /// Ticks without an input.
     pub missing: u64,
     /// Ticks whose parameters are unknown.
@@ -32,6 +35,8 @@ pub(crate) struct Judgement {
     pub missing_outputs: Vec<MissingOutputs>,
     /// Messages that a replay does not use.
     pub account: Account,
+    /// Reasons why other components of the run cannot be replayed completely.
+    pub of_others: Vec<String>,
     /// Why the log cannot be replayed at all.
     pub error: Option<Error>,
 }
@@ -39,8 +44,31 @@ pub(crate) struct Judgement {
 impl Judgement {
     /// Reads a log. `progress` receives the fraction read, 0 to 1.
     pub fn of(log: &Path, progress: &mut dyn FnMut(f64)) -> Self {
+        let replay = match Replay::open(log) {
+            Ok(replay) => replay,
+            Err(error) => return Judgement { error: Some(error), ..Judgement::default() },
+        };
+        let components = replay.components();
+        let parts = components.len().max(1) as f64;
+        let mut first = Judgement::of_one(&replay, &mut |part| progress(part / parts));
+        for (index, component) in components.iter().enumerate().skip(1).filter(|(_, one)| one.kind != EXTERNAL) {
+            let mut bar = |part: f64| progress((index as f64 + part) / parts);
+            let other = Judgement::of_one(&replay.view(index), &mut bar);
+            // A short log may end before its first tick.
+            let is_before = matches!(other.error, Some(Error::NoInput { .. }))
+                && first.last_tick < Some(component.phase_ticks.into());
+            if !is_before {
+                let why = other.why().into_iter().map(|why| format!("component {}: {why}", printable(&component.name)));
+                first.of_others.extend(why);
+            }
+        }
+        first
+    }
+
+    /// Reads one component of a log.
+    fn of_one(replay: &Replay, progress: &mut dyn FnMut(f64)) -> Self {
         let mut judgement = Judgement::default();
-        if let Err(error) = judgement.read(log, progress) {
+        if let Err(error) = judgement.read(replay, progress) {
             judgement.error = Some(error);
         }
         judgement
@@ -60,11 +88,12 @@ impl Judgement {
         } else if self.error.is_none() && self.outputs == 0 {
             why.push("no outputs to compare with".to_owned());
         }
+        why.extend(self.of_others.iter().cloned());
         why
     }
 
-    fn read(&mut self, log: &Path, progress: &mut dyn FnMut(f64)) -> Result<(), Error> {
-        let replay = Replay::open(log)?;
+    fn read(&mut self, replay: &Replay, progress: &mut dyn FnMut(f64)) -> Result<(), Error> {
+        let log = &*replay.path;
         self.controller = Some(replay.info.controller().to_owned());
         let builder = replay.builder(&super::Options::default())?;
         builder.build(&[])?;
@@ -87,6 +116,7 @@ impl Judgement {
             if tick.input.is_some() {
                 self.ticks += 1;
                 self.first_tick.get_or_insert(tick.tick);
+                self.last_tick = Some(tick.tick);
             }
             // Also in ticks that cannot be computed: a message of them holds later.
             let running = tick.input.as_ref().map_or(0, |input| unpacked.update(input).running);

@@ -1,5 +1,6 @@
 //! Writes a copy of a log with the replayed outputs.
 
+use super::run_messages::RunMessages;
 use super::ticks::{Tick, integer_at};
 use crate::Error;
 use crate::log::{Event, LogWriter};
@@ -10,6 +11,7 @@ use std::path::Path;
 pub(super) struct Out {
     log: LogWriter,
     info: Vec<u8>,
+    messages: RunMessages,
     overridden: Vec<String>,
     bytes: Vec<u8>,
 }
@@ -17,8 +19,10 @@ pub(super) struct Out {
 impl Out {
     /// Creates the file.
     ///
+    /// - `info`: RUN_INFO of the copy.
+    /// - `messages`: those of the component that is replayed.
     /// - `overridden`: keys that are set for the whole replay. Changes of them in the log do not apply, so they are not written.
-    pub fn create(path: &Path, info: &RunInfo, overridden: &[String]) -> Result<Self, Error> {
+    pub fn create(path: &Path, info: &RunInfo, messages: &RunMessages, overridden: &[String]) -> Result<Self, Error> {
         // The outputs have the types of this build, so RUN_INFO gets their texts.
         let text_file = |(name, text): &(&str, &str)| TextFile { name: (*name).into(), text: (*text).into() };
         let lcm_types: Vec<_> = lcmtypes::SOURCES.iter().map(text_file).collect();
@@ -26,7 +30,8 @@ impl Out {
         let mut bytes = Vec::new();
         encode(path, &info, &mut bytes)?;
         let overridden = overridden.to_vec();
-        Ok(Out { log: LogWriter::create(path)?, info: bytes, overridden, bytes: Vec::new() })
+        let (log, messages) = (LogWriter::create(path)?, messages.clone());
+        Ok(Out { log, info: bytes, messages, overridden, bytes: Vec::new() })
     }
 
     /// Writes the events before a tick's input, the input, and the replayed outputs.
@@ -35,15 +40,15 @@ impl Out {
         if let Some(input) = &tick.input {
             self.bytes.clear();
             encode(Path::new(channels::CONTROLLER_INPUT), input, &mut self.bytes)?;
-            self.log.write(channels::CONTROLLER_INPUT, tick.t_log_ns, &self.bytes)?;
+            self.log.write(&self.messages.in_log(channels::CONTROLLER_INPUT), tick.t_log_ns, &self.bytes)?;
         }
         // A tick that was not computed keeps the snapshot from which the replay continues.
         if let (None, Some(state)) = (outbox, tick.snapshot()) {
             let t_ns = integer_at(state, 8).unwrap_or(tick.t_log_ns);
-            self.log.write(channels::CONTROLLER_SNAPSHOT, t_ns, state)?;
+            self.log.write(&self.messages.in_log(channels::CONTROLLER_SNAPSHOT), t_ns, state)?;
         }
         for (channel, bytes) in outbox.iter().flat_map(|outbox| outbox.iter()) {
-            self.log.write(channel, tick.t_log_ns, bytes)?;
+            self.log.write(&self.messages.in_log(channel), tick.t_log_ns, bytes)?;
         }
         Ok(())
     }
@@ -51,8 +56,9 @@ impl Out {
     /// Writes events that are not outputs.
     pub fn rest(&mut self, events: Vec<Event>) -> Result<(), Error> {
         for event in events {
-            let is_of =
-                |channel: &str, fingerprint| *event.channel == *channel && event.fingerprint() == Some(fingerprint);
+            let is_of = |channel: &str, fingerprint| {
+                self.messages.plain(&event.channel) == Some(channel) && event.fingerprint() == Some(fingerprint)
+            };
             let change = || ParameterChange::decode(&event.data).ok();
             if is_of(channels::PARAMETER_CHANGE, ParameterChange::FINGERPRINT)
                 && change().is_some_and(|change| self.overridden.contains(&change.key))

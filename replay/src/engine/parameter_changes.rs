@@ -24,7 +24,10 @@ impl Changes {
     /// Reads all parameter changes of a run, each once: a live run repeats them, so a change is known even if its first message is lost.
     pub fn read(path: &Path, messages: &RunMessages) -> Result<Self, Error> {
         let mut by_tick = BTreeMap::<i64, Vec<(u64, ParameterChange)>>::new();
-        for (offset, change) in all(path)?.into_iter().filter(|(_, change)| messages.is_of_run(change.run_id)) {
+        for (offset, change) in all(path, &messages.in_log(channels::PARAMETER_CHANGE))?
+            .into_iter()
+            .filter(|(_, change)| messages.is_of_run(change.run_id))
+        {
             by_tick.entry(change.tick).or_default().push((offset, change));
         }
         let (mut changes, mut params) = (Changes::default(), messages.params.to_string());
@@ -45,11 +48,11 @@ impl Changes {
     }
 }
 
-/// All parameter changes of a log with their offsets, each once, in the order of the log.
-fn all(path: &Path) -> Result<Vec<(u64, ParameterChange)>, Error> {
+/// All parameter changes on a channel of a log with their offsets, each once, in the order of the log.
+fn all(path: &Path, channel: &str) -> Result<Vec<(u64, ParameterChange)>, Error> {
     let (mut found, mut known) = (Vec::new(), BTreeSet::new());
     let mut take = |event: &EventRef<'_>| {
-        if **event.channel == *channels::PARAMETER_CHANGE
+        if **event.channel == *channel
             && let Ok(change) = ParameterChange::decode(event.data)
             && known.insert(event.data.to_vec())
         {
@@ -57,7 +60,7 @@ fn all(path: &Path) -> Result<Vec<(u64, ParameterChange)>, Error> {
         }
     };
     if let Some(mut index) = ChunkIndex::read(path)? {
-        for chunk in index.chunks_with(channels::PARAMETER_CHANGE) {
+        for chunk in index.chunks_with(channel) {
             index.events(chunk, &mut take)?;
         }
         return Ok(found);

@@ -5,6 +5,7 @@ use super::compare::{Divergence, Pair, largest_ulp};
 use super::continuity::{Continuity, OtherParameters};
 use super::origin::Deviation;
 use super::outputs::{MissingOutputs, OutputCounts};
+use super::release_rule::ReleaseViolations;
 use super::what_if::WhatIf;
 
 /// The report of a replay; the JSON of `hoof replay --json`.
@@ -58,9 +59,13 @@ pub struct ReplayReport {
     pub largest_ulp: Option<u64>,
     /// Comparison of a changed controller with the recorded one; only for what-if replays.
     pub what_if: Option<WhatIf>,
+    /// Violations of the release rule; only for the whole log of a run with several components.
+    pub release_violations: ReleaseViolations,
     /// The first difference.
     pub first_divergence: Option<Divergence>,
-    /// The components that were replayed; `identical` is the conjunction of theirs.
+    /// The components of the run, or the one that was replayed. `identical` and `complete` are the conjunctions of those that were replayed.
+    /// `ticks`, times, `missing_ticks` and `deviations` are those of the first one; `first_divergence` is the earliest one; all other fields are for all of
+    /// them together. Channels of the others have their names in front.
     pub components: Vec<ComponentReport>,
 }
 
@@ -69,10 +74,14 @@ pub struct ReplayReport {
 pub struct ComponentReport {
     /// Name of the component in RUN_INFO.
     pub name: String,
+    /// It was replayed: false for one of another program, and for one without a tick in the part.
+    pub replayed: bool,
     /// Computed ticks.
     pub ticks: u64,
     /// At least one message was compared, and all compared ones are equal in every bit.
     pub identical: bool,
+    /// As `complete` of the report.
+    pub complete: bool,
     /// Results of other components that were late in the computed ticks.
     pub late_results: u64,
     /// The first difference.
@@ -166,16 +175,19 @@ impl Counts {
         let Continuity { missing, skipped, other_parameters, .. } = self.continuity;
         let is_whole = missing == 0 && other_parameters.is_none() && missing_outputs.is_empty();
         let replayed = self.t_ns.map_or(0.0, |(from, to)| to.saturating_sub(from) as f64 * 1e-9);
+        let complete = is_whole && account.is_complete() && health.is_good();
         let component = ComponentReport {
             name,
+            replayed: true,
             ticks: self.ticks,
             identical: self.compared > 0 && self.first.is_none(),
+            complete,
             late_results: self.late_results,
             first_divergence: self.first.clone(),
         };
         ReplayReport {
             identical: component.identical,
-            complete: is_whole && account.is_complete() && health.is_good(),
+            complete,
             ticks: self.ticks,
             messages_compared: self.compared,
             messages_different: self.different,
@@ -197,6 +209,7 @@ impl Counts {
             missing_ticks,
             largest_ulp: self.ulp,
             what_if: None,
+            release_violations: ReleaseViolations::default(),
             first_divergence: self.first,
             components: vec![component],
         }

@@ -24,6 +24,8 @@ pub(super) enum Role {
     Candidate,
     /// On a channel of the run, but of another type than this build's, or a snapshot that contains a state of another type: the fingerprints.
     OtherType { known: &'static Channel, found: Option<u64>, expected: u64 },
+    /// On a channel of a component that is not the first one, without a tick: as [`Role::Candidate`], of the tick at its `t_ns`.
+    AtTime,
     /// Not used.
     Other,
 }
@@ -35,6 +37,10 @@ pub(crate) struct RunMessages {
     run_id: Option<i64>,
     /// Controllers of a sequence: their names are prefixes of channels.
     members: Vec<String>,
+    /// Prefix of the component's channels in the log, such as `arms/`; empty for the first component.
+    prefix: String,
+    /// For the first component: prefixes of the others, whose messages are hidden.
+    hidden: Vec<String>,
     /// Parameters of the run at its start, as TOML.
     pub(super) params: Arc<str>,
     /// Types of the states in a snapshot of the controller; `None`: not compared.
@@ -42,11 +48,25 @@ pub(crate) struct RunMessages {
 }
 
 impl RunMessages {
-    /// Those of the run that RUN_INFO describes.
+    /// Those of the first component of the run that RUN_INFO describes.
     pub fn of(info: &RunInfo) -> Self {
+        Self::of_component(info, 0)
+    }
+
+    /// Those of one component of a run.
+    ///
+    /// - `run`: RUN_INFO of the log.
+    pub fn of_component(run: &RunInfo, index: usize) -> Self {
+        let info = &run.of_component(index);
+        let (mut prefix, mut hidden) = (String::new(), Vec::new());
+        if index > 0 {
+            prefix = format!("{}/", info.component());
+        } else {
+            hidden = run.components.iter().skip(1).map(|component| format!("{}/", component.name)).collect();
+        }
         let list = info.controller().split_once('(').and_then(|(_, rest)| rest.split_once(')')).map(|(list, _)| list);
         let members = list.into_iter().flat_map(|list| list.split(',')).map(|name| name.trim().to_owned()).collect();
-        RunMessages { run_id: Some(info.run_id), members, params: info.params().into(), states: None }
+        RunMessages { run_id: Some(info.run_id), members, prefix, hidden, params: info.params().into(), states: None }
     }
 
     /// With the types that the states in a snapshot must have: those of this one.
@@ -55,10 +75,27 @@ impl RunMessages {
     }
 
     /// The role of a CONTROLLER_SNAPSHOT that contains a state of another type than the run's controller.
-    pub(super) fn other_state(&self, event: &Event) -> Option<Role> {
-        let known = (*event.channel == *channels::CONTROLLER_SNAPSHOT).then(|| channels::find(&event.channel))??;
-        let (found, expected) = first_difference(&state_types(&event.data)?, self.states.as_ref()?)?;
+    pub(super) fn other_state(&self, plain: &str, data: &[u8]) -> Option<Role> {
+        let known = (*plain == *channels::CONTROLLER_SNAPSHOT).then(|| channels::find(plain))??;
+        let (found, expected) = first_difference(&state_types(data)?, self.states.as_ref()?)?;
         Some(Role::OtherType { known, found: Some(found), expected })
+    }
+
+    /// Name in the log of a channel of the component.
+    pub fn in_log(&self, channel: &str) -> String {
+        format!("{}{channel}", self.prefix)
+    }
+
+    /// Name of a channel of the log as the component uses it, without its prefix; `None` for a channel of another component, or of the run if the
+    /// component is not the first one. All components see RUN_INFO.
+    pub fn plain<'c>(&self, channel: &'c str) -> Option<&'c str> {
+        if self.prefix.is_empty() {
+            return (!self.hidden.iter().any(|prefix| channel.starts_with(&**prefix))).then_some(channel);
+        }
+        match channel.strip_prefix(&*self.prefix) {
+            None => (channel == channels::RUN_INFO).then_some(channel),
+            plain => plain.filter(|plain| *plain != channels::RUN_INFO),
+        }
     }
 
     /// Whether this is the run.
@@ -82,20 +119,24 @@ impl RunMessages {
 
     /// Tick of a message that belongs to one; `None` for any other.
     pub fn tick_of(&self, channel: &str, message: &[u8]) -> Option<i64> {
-        let has_tick = match self.role(channel, crate::log::fingerprint(message)) {
+        let has_tick = match self.role(self.plain(channel)?, crate::log::fingerprint(message)) {
             Role::Input | Role::Change | Role::Output | Role::Beside | Role::Candidate => true,
             // An output of another type version has its tick at the same place.
             Role::OtherType { known, .. } => known.name != channels::RUN_INFO,
-            Role::RunInfo | Role::Other => false,
+            Role::RunInfo | Role::AtTime | Role::Other => false,
         };
         // -1 is used by an EVENT without a tick.
         crate::log::sequence_number(message).filter(|tick| has_tick && *tick >= 0)
     }
 
-    /// The role of a message.
+    /// The role of a message on a channel, named as by [`RunMessages::plain`].
     pub(super) fn role(&self, channel: &str, fingerprint: Option<u64>) -> Role {
         let Some(known) = self.known(channel) else {
-            return if fingerprint.is_some_and(has_tick) { Role::Candidate } else { Role::Other };
+            return match fingerprint {
+                Some(fingerprint) if has_tick(fingerprint) => Role::Candidate,
+                Some(_) if !self.prefix.is_empty() => Role::AtTime,
+                _ => Role::Other,
+            };
         };
         let role = match (known.name, known.class) {
             (channels::RUN_INFO, _) => Role::RunInfo,
@@ -103,12 +144,13 @@ impl RunMessages {
             (_, Class::ReplayInput) => Role::Input,
             (channels::TIMING | channels::EVENT, _) => Role::Beside,
             _ if is_output(known) => Role::Output,
+            _ if !self.prefix.is_empty() => Role::AtTime,
             _ => return Role::Other,
         };
         let same = fingerprint == Some(known.fingerprint);
         match role {
             _ if same => role,
-            Role::Beside => Role::Other,
+            Role::Beside | Role::AtTime => Role::Other,
             _ => Role::OtherType { known, found: fingerprint, expected: known.fingerprint },
         }
     }

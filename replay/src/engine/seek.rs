@@ -1,5 +1,6 @@
 //! Where to start reading a long log, so that a replay from its middle does not read what is before.
 
+use super::run_messages::RunMessages;
 use super::ticks::{Tick, integer_at};
 use crate::Error;
 use crate::log::{ChunkIndex, EventRef, RunClock, split_run};
@@ -11,22 +12,23 @@ const MARGIN: usize = 5;
 
 /// Places of a log at which reading can start, in the order of the log.
 pub(super) enum Places {
-    /// The chunks of an MCAP that contain a snapshot.
-    Chunks(Box<ChunkIndex>, Vec<u64>),
+    /// The chunks of an MCAP that contain a snapshot, and its channel.
+    Chunks { index: Box<ChunkIndex>, chunks: Vec<u64>, channel: String },
     /// Snapshots of a log without index that has been read: tick, `t_ns`, and offset of the tick's first message.
     Scanned(Vec<(i64, i64, u64)>),
 }
 
 impl Places {
-    /// Those of the index of a log; none if it has no index.
+    /// Those of a component from the index of a log; none if it has no index.
     ///
     /// # Errors
     /// Those of reading the log.
-    pub fn indexed(path: &Path) -> Result<Self, Error> {
+    pub fn indexed(path: &Path, messages: &RunMessages) -> Result<Self, Error> {
         Ok(match ChunkIndex::read(path)? {
             Some(index) => {
-                let chunks = index.chunks_with(CONTROLLER_SNAPSHOT);
-                Places::Chunks(Box::new(index), chunks)
+                let channel = messages.in_log(CONTROLLER_SNAPSHOT);
+                let chunks = index.chunks_with(&channel);
+                Places::Chunks { index: Box::new(index), chunks, channel }
             }
             None => Places::none(),
         })
@@ -39,7 +41,7 @@ impl Places {
 
     /// Whether the log has an index.
     pub fn is_indexed(&self) -> bool {
-        matches!(self, Places::Chunks(..))
+        matches!(self, Places::Chunks { .. })
     }
 
     /// Takes a tick of a log without index. One run of a log has no places: which events belong to it is known only from the start.
@@ -78,10 +80,10 @@ impl Places {
     /// - `is_before`: of tick and `t_ns` of a snapshot.
     fn before(&mut self, is_before: &dyn Fn(i64, i64) -> bool) -> Result<Option<u64>, Error> {
         let is_before_at = |places: &mut Self, at: usize| match places {
-            Places::Chunks(index, chunks) => {
+            Places::Chunks { index, chunks, channel } => {
                 let mut first = None;
                 index.events(chunks[at], &mut |event: &EventRef<'_>| {
-                    if **event.channel == *CONTROLLER_SNAPSHOT {
+                    if **event.channel == **channel {
                         first = first.or(integer_at(event.data, 16).zip(integer_at(event.data, 8)));
                     }
                 })?;
@@ -90,7 +92,7 @@ impl Places {
             Places::Scanned(places) => Ok(is_before(places[at].0, places[at].1)),
         };
         let count = match self {
-            Places::Chunks(_, chunks) => chunks.len(),
+            Places::Chunks { chunks, .. } => chunks.len(),
             Places::Scanned(places) => places.len(),
         };
         let (mut low, mut high) = (0, count);
@@ -104,7 +106,7 @@ impl Places {
         }
         let place = low.checked_sub(1 + MARGIN);
         Ok(place.map(|at| match self {
-            Places::Chunks(_, chunks) => chunks[at],
+            Places::Chunks { chunks, .. } => chunks[at],
             Places::Scanned(places) => places[at].2,
         }))
     }

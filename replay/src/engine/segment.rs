@@ -20,8 +20,8 @@ pub(super) struct Segment {
     pub to_ns: Option<i64>,
     /// Times of the run.
     pub clock: RunClock,
-    /// At least one CONTROLLER_INPUT was read.
-    pub has_input: bool,
+    /// Last tick with a CONTROLLER_INPUT that was read.
+    pub last_tick: Option<i64>,
 }
 
 impl Segment {
@@ -33,10 +33,10 @@ impl Segment {
         let nanoseconds = |s: f64| (s * 1e9).round() as i64;
         let to_ns = options.to_s.map(nanoseconds);
         let Some(from_s) = options.from_s else {
-            return Ok(Segment { start: None, chunk: None, to_ns, clock, has_input: false });
+            return Ok(Segment { start: None, chunk: None, to_ns, clock, last_tick: None });
         };
         let from_ns = nanoseconds(from_s);
-        let mut chunk = Places::indexed(path)?.before_time(&clock, from_ns)?;
+        let mut chunk = Places::indexed(path, messages)?.before_time(&clock, from_ns)?;
         let (mut start, mut last_ns) = find(path, messages, &clock, from_ns, chunk)?;
         if start.is_none() && chunk.is_some() {
             chunk = None;
@@ -46,7 +46,7 @@ impl Segment {
             Some(last_ns) if last_ns < from_ns => {
                 Err(Error::BeyondEnd { path: path.into(), from_s, last_s: last_ns as f64 * 1e-9 })
             }
-            _ => Ok(Segment { start, chunk, to_ns, clock, has_input: false }),
+            _ => Ok(Segment { start, chunk, to_ns, clock, last_tick: None }),
         }
     }
 }
@@ -105,7 +105,7 @@ impl Source<'_> {
         while let Some(mut tick) = self.ticks.next()? {
             self.changes.extend(tick.changes.iter().cloned());
             let t_ns = tick.input.as_ref().map(|input| input.t_ns);
-            self.segment.has_input |= t_ns.is_some();
+            self.segment.last_tick = t_ns.map(|_| tick.tick).or(self.segment.last_tick);
             let since = t_ns.map(|t_ns| self.segment.clock.since_ns(t_ns));
             tick.since_ns = since;
             if since.zip(self.segment.to_ns).is_some_and(|(since, to)| since > to) {

@@ -84,6 +84,17 @@ pub(crate) enum Beside {
     ByTick,
 }
 
+/// What is known of the messages of a channel and type.
+#[derive(Clone)]
+struct Kind {
+    channel: Arc<str>,
+    fingerprint: Option<u64>,
+    /// The channel as the component names it: [`RunMessages::plain`].
+    plain: Arc<str>,
+    is_hidden: bool,
+    role: Role,
+}
+
 /// The ticks of a log in order. Memory is bounded by the number of waiting ticks.
 pub(crate) struct Ticks {
     path: PathBuf,
@@ -97,7 +108,7 @@ pub(crate) struct Ticks {
     returned: Option<i64>,
     /// Largest tick of an input so far.
     newest: Option<i64>,
-    kinds: Vec<(Arc<str>, Option<u64>, Role)>,
+    kinds: Vec<Kind>,
     /// Channels of the table with a message of this build's type.
     read: BTreeSet<Arc<str>>,
     /// Events since the last input; `None` if not requested.
@@ -199,7 +210,8 @@ impl Ticks {
             // After the last input no tick can be computed: these outputs have no input.
             if is_end && self.with_input == 0 {
                 tick.recorded.iter().for_each(|(channel, _)| {
-                    self.account.unused(channel, Some(number), tick.offset, Unused::NoInput);
+                    let channel = self.messages.in_log(channel);
+                    self.account.unused(&channel, Some(number), tick.offset, Unused::NoInput);
                 });
                 continue;
             }
@@ -220,9 +232,9 @@ impl Ticks {
         }
     }
 
-    fn take(&mut self, event: Event) -> Result<(), Error> {
-        let role = self.role(&event);
-        let is_foreign = self.messages.is_foreign(&event);
+    fn take(&mut self, mut event: Event) -> Result<(), Error> {
+        let Kind { plain, is_hidden, role, .. } = self.kind(&event);
+        let is_foreign = !is_hidden && self.messages.is_foreign(&event);
         match role {
             // A live run repeats RUN_INFO.
             Role::RunInfo => {
@@ -263,13 +275,16 @@ impl Ticks {
                 }
                 self.other(event);
             }
-            Role::Output => self.output(event),
-            Role::Candidate => {
-                let number = integer_at(&event.data, 16);
+            Role::Output => self.output(event, plain),
+            Role::Candidate | Role::AtTime => {
+                let number = match role {
+                    Role::AtTime => integer_at(&event.data, 8).and_then(|t_ns| self.tick_at(t_ns)),
+                    _ => integer_at(&event.data, 16),
+                };
                 // The outputs of a tick come after its input, apart from the command.
                 match number.and_then(|number| self.waiting.get_mut(&number)) {
                     Some(tick) if tick.candidates.len() < MAX_OF_TICK => {
-                        tick.candidates.push((event.channel, event.data));
+                        tick.candidates.push((plain, event.data));
                     }
                     _ => self.other(event),
                 }
@@ -281,6 +296,7 @@ impl Ticks {
                     if self.waiting.last_key_value().is_none_or(|(last, _)| !is_far(*last)) {
                         let of_tick = waiting.entry(number).or_default();
                         if of_tick.len() < MAX_OF_TICK {
+                            event.channel = plain;
                             of_tick.push(event);
                         }
                     }
@@ -289,7 +305,7 @@ impl Ticks {
                 }
             }
             Role::OtherType { known, found, expected } => {
-                self.account.other_type(&event.channel, known, found, expected);
+                self.account.other_type(&plain, known, found, expected);
                 self.other(event);
             }
             Role::Other => self.other(event),
@@ -316,7 +332,8 @@ impl Ticks {
         self.account.unused(&event.channel, Some(number), event.offset, unused);
     }
 
-    fn output(&mut self, event: Event) {
+    /// - `plain`: name of its channel.
+    fn output(&mut self, event: Event, plain: Arc<str>) {
         let is_snapshot = event.channel.ends_with(channels::CONTROLLER_SNAPSHOT);
         let Some(number) = integer_at(&event.data, 16).filter(|_| !is_snapshot || state_types(&event.data).is_some())
         else {
@@ -324,9 +341,9 @@ impl Ticks {
             return self.account.unused(&event.channel, tick, event.offset, Unused::Undecodable);
         };
         let unused = match self.slot(number, event.offset) {
-            Ok(tick) => match tick.recorded.iter_mut().find(|(channel, _)| *channel == event.channel) {
+            Ok(tick) => match tick.recorded.iter_mut().find(|(channel, _)| *channel == plain) {
                 None => {
-                    tick.recorded.push((event.channel, event.data));
+                    tick.recorded.push((plain, event.data));
                     return;
                 }
                 Some((_, first)) if *first == event.data => Unused::Doubled,
@@ -339,7 +356,7 @@ impl Ticks {
                 Some(_) => {
                     // Both are compared, so one of them differs.
                     if tick.recorded.len() < MAX_OF_TICK {
-                        tick.recorded.push((Arc::clone(&event.channel), event.data));
+                        tick.recorded.push((plain, event.data));
                     }
                     Unused::DoubledOtherBytes
                 }
@@ -366,23 +383,42 @@ impl Ticks {
         Ok(self.waiting.entry(number).or_insert_with(|| Tick { tick: number, offset, ..Tick::default() }))
     }
 
-    fn role(&mut self, event: &Event) -> Role {
-        if let Some(role) = self.messages.other_state(event) {
-            return role;
-        }
+    /// The newest waiting tick whose input has this time.
+    fn tick_at(&self, t_ns: i64) -> Option<i64> {
+        let has_time = |tick: &Tick| tick.input.as_ref().is_some_and(|input| input.t_ns == t_ns);
+        self.waiting.iter().rev().find(|(_, tick)| has_time(tick)).map(|(number, _)| *number)
+    }
+
+    fn kind(&mut self, event: &Event) -> Kind {
         let fingerprint = event.fingerprint();
-        let same = |(c, f, _): &&(Arc<str>, _, _)| Arc::ptr_eq(c, &event.channel) && *f == fingerprint;
-        if let Some((.., role)) = self.kinds.iter().find(same) {
-            return *role;
+        if let Some(plain) = self.messages.plain(&event.channel)
+            && let Some(role) = self.messages.other_state(plain, &event.data)
+        {
+            let channel = Arc::clone(&event.channel);
+            return Kind { channel, fingerprint, plain: Arc::from(plain), is_hidden: false, role };
         }
-        let role = self.messages.role(&event.channel, fingerprint);
+        let same = |kind: &&Kind| Arc::ptr_eq(&kind.channel, &event.channel) && kind.fingerprint == fingerprint;
+        if let Some(known) = self.kinds.iter().find(same) {
+            return known.clone();
+        }
+        let plain = self.messages.plain(&event.channel);
+        let role = plain.map_or(Role::Other, |plain| self.messages.role(plain, fingerprint));
+        let kind = Kind {
+            channel: Arc::clone(&event.channel),
+            fingerprint,
+            plain: plain
+                .filter(|plain| **plain != *event.channel)
+                .map_or_else(|| Arc::clone(&event.channel), Arc::from),
+            is_hidden: plain.is_none(),
+            role,
+        };
         if matches!(role, Role::RunInfo | Role::Input | Role::Change | Role::Output | Role::Beside) {
-            self.read.insert(Arc::clone(&event.channel));
+            self.read.insert(Arc::clone(&kind.plain));
         }
         if self.kinds.len() < MAX_KINDS {
-            self.kinds.push((Arc::clone(&event.channel), fingerprint, role));
+            self.kinds.push(kind.clone());
         }
-        role
+        kind
     }
 }
 

@@ -204,7 +204,7 @@ impl RunClockFinder {
 
 /// `t_ns` of a message that a controller consumed, computed or timed; `None` for any other.
 pub(super) fn controller_time(event: &EventRef<'_>) -> Option<i64> {
-    let known = channels::find(event.channel)?;
+    let known = channels::find(channels::split(event.channel).1)?;
     let is_of_controller = known.stage.is_some() || known.class == Class::Timing;
     first_integer(event.data).filter(|_| is_of_controller)
 }

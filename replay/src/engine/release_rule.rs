@@ -1,0 +1,256 @@
+//! Checks the release rule of a run with several components: what a component computes from the inputs of base tick k is delivered at
+//! k + `latency_ticks`, never earlier; what is due and has not arrived is listed as late in the input.
+//!
+//! A replay cannot find this: it computes a component from its recorded inputs, whatever they are. The base tick of an input is the one with the same
+//! time. A component that is not the first one runs in its order before the first one. Components of other programs are not checked.
+
+use super::Replay;
+use super::ticks::{Beside, Tick, Ticks};
+use crate::{Error, printable};
+use lcmtypes::{ControllerInput, EXTERNAL, channels};
+use std::collections::{BTreeMap, VecDeque};
+
+/// Bytes of messages that are kept of a component until they are delivered.
+const MAX_BYTES: usize = 64 << 20;
+
+/// What is wrong with a delivery.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum ReleaseFault {
+    /// It was delivered before it was due.
+    Early,
+    /// It was due, was not delivered, and is not listed as late.
+    NotDelivered,
+    /// Its component published no such message at this time, or one with other bytes.
+    OtherBytes,
+}
+
+/// A delivery that violates the release rule.
+#[derive(Debug, Clone, PartialEq, Eq, serde::Serialize)]
+pub struct ReleaseViolation {
+    /// Component that consumed the message, or should have.
+    pub component: String,
+    /// Channel of the message.
+    pub channel: String,
+    /// Tick of that component.
+    pub tick: i64,
+    /// What is wrong.
+    pub what: ReleaseFault,
+    /// Base tick in which the message is due; `None` if its component published none at this time.
+    pub expected_base_tick: Option<i64>,
+    /// Base tick of the input.
+    pub found_base_tick: i64,
+}
+
+impl ReleaseViolation {
+    /// One line for people.
+    pub fn text(&self) -> String {
+        let ReleaseViolation { component, channel, tick, what, expected_base_tick, found_base_tick } = self;
+        let due = expected_base_tick.map_or("no base tick".to_owned(), |tick| format!("base tick {tick}"));
+        let what = match what {
+            ReleaseFault::Early => format!("delivered in base tick {found_base_tick}, due in {due}"),
+            ReleaseFault::NotDelivered => {
+                format!("due in {due}, not delivered in base tick {found_base_tick} and not listed as late")
+            }
+            ReleaseFault::OtherBytes => {
+                format!("delivered in base tick {found_base_tick} with bytes that were not published")
+            }
+        };
+        format!("component {}, tick {tick}: {}: {what}", printable(component), printable(channel))
+    }
+}
+
+/// Violations of the release rule in a log.
+#[derive(Debug, Clone, Default, PartialEq, Eq, serde::Serialize)]
+pub struct ReleaseViolations {
+    /// Their number.
+    pub count: u64,
+    /// The first one.
+    pub first: Option<ReleaseViolation>,
+}
+
+/// A component as sender and receiver.
+struct Part {
+    name: String,
+    latency_ticks: i64,
+    ticks: Ticks,
+    /// The next tick with an input.
+    next: Option<Tick>,
+    /// The last tick with an input.
+    last_tick: Option<i64>,
+    /// What it published, by its time.
+    published: BTreeMap<i64, Published>,
+    bytes: usize,
+    /// All its messages from this time on are known.
+    known_from_ns: i64,
+    /// Published, and not yet due: due base tick, and time.
+    waiting: VecDeque<(i64, i64)>,
+    /// Base tick in which the newest message that is due became due, by channel.
+    due: BTreeMap<String, i64>,
+    /// Base tick in which the newest message that it consumed was due, by channel.
+    consumed: BTreeMap<String, i64>,
+}
+
+/// Messages of one tick.
+struct Published {
+    due_tick: i64,
+    /// With the channels as in the log.
+    messages: Vec<(String, Vec<u8>)>,
+}
+
+/// Checks the log of a run with several components. Reads it once for each of them.
+///
+/// # Errors
+/// Those of reading the log.
+pub(super) fn check(replay: &Replay) -> Result<ReleaseViolations, Error> {
+    let mut found = ReleaseViolations::default();
+    let mut parts = Vec::new();
+    for (index, component) in replay.components().iter().enumerate().filter(|(_, one)| one.kind != EXTERNAL) {
+        let messages = super::RunMessages::of_component(&replay.recorded, index);
+        let mut part = Part {
+            name: component.name.clone(),
+            latency_ticks: component.latency_ticks.into(),
+            ticks: Ticks::open(&replay.path, &messages, Beside::Nothing)?,
+            next: None,
+            last_tick: None,
+            published: BTreeMap::new(),
+            bytes: 0,
+            known_from_ns: i64::MAX,
+            waiting: VecDeque::new(),
+            due: BTreeMap::new(),
+            consumed: BTreeMap::new(),
+        };
+        part.read()?;
+        parts.push(part);
+    }
+    while let Some(base) = parts.first_mut().map(Part::take).transpose()?.flatten() {
+        let Some(input) = &base.input else { continue };
+        for at in 1..parts.len() {
+            while parts[at].next_ns().is_some_and(|t_ns| t_ns < input.t_ns) {
+                // Its base tick is not in the log.
+                parts[at].take()?;
+                (parts[at].known_from_ns, parts[at].last_tick) = (i64::MAX, None);
+            }
+            if parts[at].next_ns() == Some(input.t_ns)
+                && let Some(tick) = parts[at].take()?
+            {
+                tick.input.iter().for_each(|own| consume(&mut parts, at, own, base.tick, &mut found));
+                parts[at].publish(tick, input.t_ns, base.tick);
+            }
+        }
+        consume(&mut parts, 0, input, base.tick, &mut found);
+    }
+    Ok(found)
+}
+
+/// Checks the input of a component in a base tick.
+fn consume(parts: &mut [Part], at: usize, input: &ControllerInput, base_tick: i64, found: &mut ReleaseViolations) {
+    parts.iter_mut().for_each(|part| part.advance(base_tick));
+    if parts[at].last_tick.is_none_or(|last| last.checked_add(1) != Some(input.tick)) {
+        // What it consumed before is not in the log.
+        parts[at].consumed.clear();
+    }
+    parts[at].last_tick = Some(input.tick);
+    let name = parts[at].name.clone();
+    let mut violation = |channel: &str, what, expected_base_tick| {
+        found.count += 1;
+        found.first.get_or_insert_with(|| ReleaseViolation {
+            component: name.clone(),
+            channel: channel.to_owned(),
+            tick: input.tick,
+            what,
+            expected_base_tick,
+            found_base_tick: base_tick,
+        });
+    };
+    for message in &input.messages {
+        let Some(sender) = sender(parts, &message.channel) else { continue };
+        let t_ns = super::ticks::integer_at(&message.data, 8).unwrap_or(i64::MIN);
+        let Some(Published { due_tick, messages }) = parts[sender].published.get(&t_ns) else {
+            if t_ns >= parts[sender].known_from_ns {
+                violation(&message.channel, ReleaseFault::OtherBytes, None);
+            }
+            continue;
+        };
+        let due_tick = *due_tick;
+        let is_published = messages.iter().any(|(channel, data)| *channel == message.channel && *data == message.data);
+        if base_tick < due_tick {
+            violation(&message.channel, ReleaseFault::Early, Some(due_tick));
+        } else if !is_published {
+            violation(&message.channel, ReleaseFault::OtherBytes, Some(due_tick));
+        }
+        parts[at].consumed.insert(message.channel.clone(), due_tick);
+    }
+    let missing = |channel: &String, consumed: i64| {
+        let due = *parts[sender(parts, channel)?].due.get(channel)?;
+        (due > consumed && !input.late.iter().any(|late| late.channel == *channel)).then_some(due)
+    };
+    let missed: Vec<(String, i64)> = parts[at]
+        .consumed
+        .iter()
+        .filter_map(|(channel, consumed)| Some((channel.clone(), missing(channel, *consumed)?)))
+        .collect();
+    for (channel, due) in missed {
+        violation(&channel, ReleaseFault::NotDelivered, Some(due));
+        parts[at].consumed.insert(channel, due);
+    }
+}
+
+/// Index of the component of a channel; `None` for one of the first component, of another program or of no component.
+fn sender(parts: &[Part], channel: &str) -> Option<usize> {
+    let (name, _) = channels::split(channel);
+    (1..parts.len()).find(|at| parts[*at].name == name)
+}
+
+impl Part {
+    /// Time of the next tick, ns.
+    fn next_ns(&self) -> Option<i64> {
+        Some(self.next.as_ref()?.input.as_ref()?.t_ns)
+    }
+
+    /// Reads the next tick with an input.
+    fn read(&mut self) -> Result<(), Error> {
+        self.next = self.ticks.next()?;
+        while self.next.as_ref().is_some_and(|tick| tick.input.is_none()) {
+            self.next = self.ticks.next()?;
+        }
+        Ok(())
+    }
+
+    /// Returns the next tick.
+    fn take(&mut self) -> Result<Option<Tick>, Error> {
+        let tick = self.next.take();
+        self.read()?;
+        Ok(tick)
+    }
+
+    /// Takes what it published in a tick.
+    fn publish(&mut self, tick: Tick, t_ns: i64, base_tick: i64) {
+        let due_tick = base_tick.saturating_add(self.latency_ticks);
+        let is_message = |(channel, _): &(std::sync::Arc<str>, Vec<u8>)| **channel != *channels::CONTROLLER_SNAPSHOT;
+        let all = tick.recorded.into_iter().chain(tick.candidates).filter(is_message);
+        let messages: Vec<_> = all.map(|(channel, data)| (format!("{}/{channel}", self.name), data)).collect();
+        self.bytes += messages.iter().map(|(_, data)| data.len()).sum::<usize>();
+        self.known_from_ns = self.known_from_ns.min(t_ns);
+        self.waiting.push_back((due_tick, t_ns));
+        self.published.insert(t_ns, Published { due_tick, messages });
+        while self.bytes > MAX_BYTES
+            && let Some((old_ns, old)) = self.published.pop_first()
+        {
+            self.bytes -= old.messages.iter().map(|(_, data)| data.len()).sum::<usize>();
+            self.known_from_ns = self.known_from_ns.max(old_ns.saturating_add(1));
+        }
+    }
+
+    /// Notes what is due in a base tick.
+    fn advance(&mut self, base_tick: i64) {
+        while let Some((due_tick, t_ns)) = self.waiting.pop_front_if(|(due_tick, _)| *due_tick <= base_tick) {
+            for (channel, _) in self.published.get(&t_ns).iter().flat_map(|published| &published.messages) {
+                match self.due.get_mut(channel) {
+                    Some(due) => *due = due_tick,
+                    None => drop(self.due.insert(channel.clone(), due_tick)),
+                }
+            }
+        }
+    }
+}
