@@ -132,6 +132,6 @@ fn a_part_of_a_log_has_the_input_that_holds() {
 
 fn encoded(message: &impl Message) -> Vec<u8> {
     let mut bytes = Vec::new();
-    message.encode(&mut bytes).unwrap();
+    message.encode(&mut bytes).expect("the lengths are those of the arrays");
     bytes
 }
