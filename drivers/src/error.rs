@@ -214,6 +214,16 @@ pub enum DriverError {
         /// The mode.
         found: i8,
     },
+    /// A weld begins while its object is elsewhere: the constraint would throw it.
+    #[error("weld[{number}]: its object is {distance:.3} m from the pose in the link, expected at most {expected} m; place the object there (position_m)")]
+    FarWeld {
+        /// Number of the entry, from 1.
+        number: usize,
+        /// Distance found, m.
+        distance: f64,
+        /// Largest distance, m.
+        expected: f64,
+    },
     /// The simulation diverged.
     #[error("the simulation diverged at {t_s} s: generalized coordinate {index} is {found}")]
     Diverged {

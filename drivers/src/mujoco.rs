@@ -23,7 +23,7 @@ use crate::terrain::Terrain;
 use lcmtypes::{GroundTruth, RobotCommand, RobotState};
 use mujoco_rs::prelude::{MjData, MjModel, MjtObjBase};
 use nalgebra::Vector3;
-use robot_model::Pose;
+use robot_model::{GRAVITY, Pose};
 use robot_model::math::quaternion;
 use std::collections::BTreeMap;
 
@@ -31,6 +31,19 @@ use std::collections::BTreeMap;
 const MAX_PENETRATION: f64 = 1e-4;
 /// Largest number of steps in which the robot is raised out of the ground.
 const MAX_LIFTS: usize = 20;
+
+/// Largest distance of an object from its pose in the link at the start of a weld, m.
+const WELD_DISTANCE_M: f64 = 0.05;
+
+/// Indices of the readings of an IMU in the sensor data.
+#[derive(Clone, Copy)]
+struct Imu {
+    /// It is on a body that cannot move.
+    is_static: bool,
+    orientation: usize,
+    gyro: usize,
+    accelerometer: usize,
+}
 
 /// A robot in MuJoCo.
 pub struct MujocoSim {
@@ -60,8 +73,7 @@ pub struct MujocoSim {
     is_fixed: bool,
     /// Height of the base above the ground when the robot stands on its feet, m.
     standing_height: f64,
-    /// Indices of orientation, gyro and accelerometer of each IMU in the sensor data.
-    imus: Vec<[usize; 3]>,
+    imus: Vec<Imu>,
     command: RobotCommand,
     /// Force on each contact in the last interval, in W, N.
     f_F_W: Vec<[f64; 3]>,
@@ -135,11 +147,33 @@ impl MujocoSim {
     }
 
     /// Activates and deactivates the welds for the next step.
-    fn update_welds(&mut self) {
+    ///
+    /// # Errors
+    /// [`DriverError::FarWeld`]: a weld begins, and its object is far from the pose in the link.
+    fn update_welds(&mut self) -> Result<(), DriverError> {
         let t_ns = self.t_ns();
-        for (weld, window) in &self.welds {
-            self.data.eq_active_mut()[*weld] = window.contains(t_ns);
+        for (number, (weld, window)) in (1..).zip(&self.welds) {
+            let is_active = window.contains(t_ns);
+            if is_active && !self.data.eq_active()[*weld] {
+                let distance = self.weld_distance(*weld);
+                if distance > WELD_DISTANCE_M {
+                    return Err(DriverError::FarWeld { number, distance, expected: WELD_DISTANCE_M });
+                }
+            }
+            self.data.eq_active_mut()[*weld] = is_active;
         }
+        Ok(())
+    }
+
+    /// Distance of the object of a weld from its pose in the link, m.
+    fn weld_distance(&self, weld: usize) -> f64 {
+        let body = |ids: &[i32]| usize::try_from(ids[weld]).expect("the constraint has two bodies");
+        let (link, object) = (body(self.data.model().eq_obj1id()), body(self.data.model().eq_obj2id()));
+        // Anchor (3), position (3) and quaternion (4) of the object's body in the link's.
+        let data = &self.data.model().eq_data()[weld];
+        let p_LO = Vector3::new(data[3], data[4], data[5]);
+        let X_WL = self.X_W(link);
+        (X_WL.p + X_WL.R * p_LO - Vector3::from(self.data.xpos()[object])).norm()
     }
 
     /// Applies the floor moves that are due and whose foot is high enough.
@@ -204,7 +238,7 @@ impl MujocoSim {
         self.data.step2();
         self.read_contact_forces();
         self.check_finite()?;
-        self.update_welds();
+        self.update_welds()?;
         self.data.step1();
         Ok(())
     }
@@ -254,7 +288,7 @@ impl Simulator for MujocoSim {
         self.data.qacc_mut().fill(0.0);
         self.data.rne_post_constraint();
         self.data.sensor_acc();
-        self.update_welds();
+        self.update_welds()?;
         self.data.step1();
         self.check_finite()
     }
@@ -275,10 +309,16 @@ impl Simulator for MujocoSim {
         state.q_WI_wxyz.resize(self.imus.len(), [0.0; 4]);
         state.w_WI_I.resize(self.imus.len(), [0.0; 3]);
         state.a_I.resize(self.imus.len(), [0.0; 3]);
-        for (k, &[orientation, gyro, accelerometer]) in self.imus.iter().enumerate() {
+        for (k, imu) in self.imus.iter().enumerate() {
+            let Imu { is_static, orientation, gyro, accelerometer } = *imu;
             state.q_WI_wxyz[k].copy_from_slice(&read[orientation..orientation + 4]);
             state.w_WI_I[k].copy_from_slice(&read[gyro..gyro + 3]);
             state.a_I[k].copy_from_slice(&read[accelerometer..accelerometer + 3]);
+            // MuJoCo computes no acceleration of bodies that cannot move: it would read 0 instead of gravity.
+            if is_static {
+                let R_WI = quaternion::to_rotation(state.q_WI_wxyz[k]);
+                state.a_I[k] = (R_WI.transpose() * Vector3::new(0.0, 0.0, GRAVITY)).into();
+            }
         }
         self.sensors.measure(state);
     }

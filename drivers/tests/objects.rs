@@ -214,3 +214,36 @@ fn invalid_objects_and_welds_are_errors_with_their_key() {
         assert!(matches!(&error, DriverError::Value { key, .. } if key == "floor[1].contact"), "{error}");
     }
 }
+
+/// The object of the first weld is 0.2 m from the pose: an error, not a simulation that diverges.
+#[test]
+fn a_weld_of_an_object_that_is_elsewhere_is_an_error() {
+    let hand = with("").link_pose("arm1_8").unwrap().p;
+    let text = |away: f64, t_s: f64| {
+        let p = [hand.x + away, hand.y, hand.z];
+        let object = "name = \"ball\"\nshape = \"box\"\nsize_m = [0.04, 0.04, 0.04]";
+        let weld = "duration_s = 1.0\nlink = \"arm1_8\"\nobject = \"ball\"\nposition_m = [0.0, 0.0, 0.0]";
+        format!("[[object]]\n{object}\nmass_kg = 0.5\nposition_m = {p:?}\n[[weld]]\nt_s = {t_s:?}\n{weld}\n")
+    };
+    let distance_of = |error: DriverError| match error {
+        DriverError::FarWeld { number: 1, distance, .. } => distance,
+        error => panic!("{error}"),
+    };
+    let found = distance_of(simulator("centauro_upper", &text(0.2, 0.0)).err().unwrap());
+    assert!((found - 0.2).abs() < 1e-9, "{found}");
+    assert!(simulator("centauro_upper", &text(0.04, 0.0)).is_ok());
+    // Later in the run the object has fallen.
+    let mut sim = with(&text(0.0, 0.5));
+    let failed = (0..510).find_map(|_| sim.step().err()).map(distance_of);
+    assert!(failed.is_some_and(|distance| distance > 0.05), "{failed:?}");
+}
+
+/// A robot with a fixed base at rest: the accelerometer reads what holds it against gravity, in the frame of the IMU.
+#[test]
+fn an_imu_on_a_fixed_base_reads_gravity() {
+    let mut state = lcmtypes::RobotState::default();
+    with("").robot_state(0, 0, &mut state);
+    let R_WI = robot_model::math::quaternion::to_rotation(state.q_WI_wxyz[0]);
+    let a_W = R_WI * nalgebra::Vector3::from(state.a_I[0]);
+    assert!((a_W - nalgebra::Vector3::new(0.0, 0.0, GRAVITY)).norm() < 1e-9, "{a_W}");
+}

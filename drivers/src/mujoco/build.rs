@@ -1,6 +1,6 @@
 //! Builds a simulation: the model, and the indices of its parts in MuJoCo.
 
-use super::{ContactIndex, JointIndex, MujocoSim, SimParams};
+use super::{ContactIndex, Imu, JointIndex, MujocoSim, SimParams};
 use crate::DriverError;
 use crate::drives::Drives;
 use crate::floor::Floors;
@@ -115,7 +115,9 @@ impl MujocoSim {
             let name = mjcf::imu_name(&imu.name);
             let [orientation, gyro, accelerometer] =
                 ["orientation", "gyro", "accelerometer"].map(|of| sensor(&format!("{name}_{of}")));
-            imus.push([orientation?, gyro?, accelerometer?]);
+            let link = tree.links.iter().position(|link| link.name == imu.link);
+            let is_static = link.is_some_and(|link| model.body_weldid()[body_of_link[link].1] == 0);
+            imus.push(Imu { is_static, orientation: orientation?, gyro: gyro?, accelerometer: accelerometer? });
         }
         let mut floor_bodies = vec![None; contacts.len()];
         for (contact, place) in floor_bodies.iter_mut().enumerate().filter(|(contact, _)| own_floor[*contact].is_some())
