@@ -1,5 +1,5 @@
 //! Joints that several components command: whose rows the command has, what holds, and what a silent component leads to.
-#![allow(clippy::unwrap_used, missing_docs)]
+#![allow(non_snake_case, clippy::unwrap_used, missing_docs)]
 
 mod common;
 

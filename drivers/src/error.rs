@@ -215,7 +215,9 @@ pub enum DriverError {
         found: i8,
     },
     /// A weld begins while its object is elsewhere: the constraint would throw it.
-    #[error("weld[{number}]: its object is {distance:.3} m from the pose in the link, expected at most {expected} m; place the object there (position_m)")]
+    #[error(
+        "weld[{number}]: its object is {distance:.3} m from the pose in the link, expected at most {expected} m; place the object there (position_m)"
+    )]
     FarWeld {
         /// Number of the entry, from 1.
         number: usize,

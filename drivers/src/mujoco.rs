@@ -23,8 +23,8 @@ use crate::terrain::Terrain;
 use lcmtypes::{GroundTruth, RobotCommand, RobotState};
 use mujoco_rs::prelude::{MjData, MjModel, MjtObjBase};
 use nalgebra::Vector3;
-use robot_model::{GRAVITY, Pose};
 use robot_model::math::quaternion;
+use robot_model::{GRAVITY, Pose};
 use std::collections::BTreeMap;
 
 /// Largest penetration of the ground at the start, m.

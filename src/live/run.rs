@@ -167,6 +167,8 @@ impl Running {
                 }
                 lines.push(line.text);
             } else if process.status()?.is_some() {
+                // What it wrote between the last look and its end.
+                lines.extend(self.lines.try_iter().filter(|line| line.process == name).map(|line| line.text));
                 let error = lines.last().map_or("ended at once", |text| text.trim_start_matches("error: "));
                 bail!("{name}: {error}");
             }

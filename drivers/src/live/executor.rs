@@ -25,6 +25,8 @@ use std::time::Duration;
 const RING_BYTES: usize = 1 << 24;
 /// Longest wait for the answer of the driver, ns.
 const ANSWER_NS: i64 = 300_000_000;
+/// Time between two questions for the driver, ns.
+const ASK_EVERY_NS: i64 = 20_000_000;
 /// Longest wait for one message.
 const POLL: Duration = Duration::from_millis(20);
 /// Capacity of the ring for messages of processes, bytes.
@@ -237,11 +239,15 @@ fn find_driver(peers: &mut Peers, bus: &mut dyn Bus) -> Result<Option<i64>, Driv
     bus.subscribe(channels::EXPECTED_ROBOT)?;
     let mut bytes = Vec::new();
     let end_ns = now_ns() + ANSWER_NS;
+    let mut due_ns = i64::MIN;
     while now_ns() < end_ns {
-        // In each round: a message may be lost.
-        bytes.clear();
-        peers.expected(now_ns()).encode(&mut bytes)?;
-        bus.publish(channels::EXPECTED_ROBOT, &bytes)?;
+        // Again and again: a message may be lost. Not after each message that arrives, which may be our own.
+        if now_ns() >= due_ns {
+            due_ns = now_ns() + ASK_EVERY_NS;
+            bytes.clear();
+            peers.expected(now_ns()).encode(&mut bytes)?;
+            bus.publish(channels::EXPECTED_ROBOT, &bytes)?;
+        }
         for message in bus.handle(POLL)? {
             let Ok(info) = RobotInfo::decode(&message.data) else { continue };
             let found = match &*message.channel {
