@@ -21,7 +21,7 @@ pub(super) enum Role {
     Beside,
     /// On a channel outside the table, with a tick: an output if the controller has one on this channel, else a message of another program.
     Candidate,
-    /// On a channel of a component that is not the first one, without a tick: as [`Role::Candidate`], of the tick at its `t_ns`.
+    /// On another channel of a component that is not the first one, with or without a tick: as [`Role::Candidate`], of the tick at its `t_ns`.
     AtTime,
     /// On a channel of the run, but of another type than this build's: expected fingerprint.
     OtherType(&'static Channel, u64),
@@ -64,6 +64,11 @@ impl RunMessages {
         let list = info.controller().split_once('(').and_then(|(_, rest)| rest.split_once(')')).map(|(list, _)| list);
         let members = list.into_iter().flat_map(|list| list.split(',')).map(|name| name.trim().to_owned()).collect();
         RunMessages { run_id: Some(info.run_id), members, prefix, hidden, params: info.params().into() }
+    }
+
+    /// Whether the component is the first one of the run.
+    pub fn is_of_first(&self) -> bool {
+        self.prefix.is_empty()
     }
 
     /// Name in the log of a channel of the component.
@@ -118,8 +123,8 @@ impl RunMessages {
     pub(super) fn role(&self, channel: &str, fingerprint: Option<u64>) -> Role {
         let Some(known) = self.known(channel) else {
             return match fingerprint {
-                Some(fingerprint) if has_tick(fingerprint) => Role::Candidate,
                 Some(_) if !self.prefix.is_empty() => Role::AtTime,
+                Some(fingerprint) if has_tick(fingerprint) => Role::Candidate,
                 _ => Role::Other,
             };
         };
