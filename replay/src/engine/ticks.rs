@@ -296,21 +296,21 @@ impl Ticks {
                 }
             }
             Role::AtTime => {
-                let Some(t_ns) = integer_at(&event.data, 8) else { return Ok(self.other(event)) };
-                let number = self.times.get(&t_ns);
-                match number.and_then(|number| self.waiting.get_mut(number)) {
-                    Some(tick) if tick.candidates.len() < MAX_OF_TICK => {
+                let t_ns = integer_at(&event.data, 8);
+                let number = t_ns.and_then(|t_ns| self.times.get(&t_ns));
+                match (number.and_then(|number| self.waiting.get_mut(number)), t_ns) {
+                    (Some(tick), _) if tick.candidates.len() < MAX_OF_TICK => {
                         tick.candidates.push((plain, event.data));
                     }
                     // Its input may come later; a component has few such messages.
-                    None => {
+                    (None, Some(t_ns)) => {
                         if self.early.len() == MAX_OF_TICK {
                             let (.., oldest) = self.early.remove(0);
                             self.other(oldest);
                         }
                         self.early.push((t_ns, plain, event));
                     }
-                    Some(_) => self.other(event),
+                    _ => self.other(event),
                 }
             }
             Role::Beside => {
