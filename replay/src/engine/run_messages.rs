@@ -24,7 +24,7 @@ pub(super) enum Role {
     Candidate,
     /// On a channel of the run, but of another type than this build's, or a snapshot that contains a state of another type: the fingerprints.
     OtherType { known: &'static Channel, found: Option<u64>, expected: u64 },
-    /// On a channel of a component that is not the first one, without a tick: as [`Role::Candidate`], of the tick at its `t_ns`.
+    /// On another channel of a component that is not the first one, with or without a tick: as [`Role::Candidate`], of the tick at its `t_ns`.
     AtTime,
     /// Not used.
     Other,
@@ -81,6 +81,11 @@ impl RunMessages {
         Some(Role::OtherType { known, found: Some(found), expected })
     }
 
+    /// Whether the component is the first one of the run.
+    pub fn is_of_first(&self) -> bool {
+        self.prefix.is_empty()
+    }
+
     /// Name in the log of a channel of the component.
     pub fn in_log(&self, channel: &str) -> String {
         format!("{}{channel}", self.prefix)
@@ -133,8 +138,8 @@ impl RunMessages {
     pub(super) fn role(&self, channel: &str, fingerprint: Option<u64>) -> Role {
         let Some(known) = self.known(channel) else {
             return match fingerprint {
-                Some(fingerprint) if has_tick(fingerprint) => Role::Candidate,
                 Some(_) if !self.prefix.is_empty() => Role::AtTime,
+                Some(fingerprint) if has_tick(fingerprint) => Role::Candidate,
                 _ => Role::Other,
             };
         };

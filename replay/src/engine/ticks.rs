@@ -101,6 +101,10 @@ pub(crate) struct Ticks {
     messages: RunMessages,
     events: Events,
     waiting: BTreeMap<i64, Tick>,
+    /// Waiting ticks with an input by its time; only for a component that is not the first one.
+    times: BTreeMap<i64, i64>,
+    /// Messages of [`Role::AtTime`] whose input was not read yet: time, plain channel, event.
+    early: Vec<(i64, Arc<str>, Event)>,
     /// Number of waiting ticks that have their input.
     with_input: usize,
     /// Parameter changes of ticks that are not returned yet, by their first tick.
@@ -137,6 +141,8 @@ impl Ticks {
             messages: messages.clone(),
             events: reader.events(),
             waiting: BTreeMap::new(),
+            times: BTreeMap::new(),
+            early: Vec::new(),
             with_input: 0,
             changes,
             returned: None,
@@ -161,7 +167,8 @@ impl Ticks {
 
     /// Events after the last input.
     pub fn rest(&mut self) -> Vec<Event> {
-        self.others.take().unwrap_or_default()
+        let early = self.early.drain(..).map(|(.., event)| event);
+        self.others.take().map(|others| others.into_iter().chain(early).collect()).unwrap_or_default()
     }
 
     /// The account of the part that was read.
@@ -217,6 +224,9 @@ impl Ticks {
             }
             self.returned = Some(number);
             self.with_input -= usize::from(tick.input.is_some());
+            if let Some(input) = &tick.input {
+                self.times.remove(&input.t_ns);
+            }
             let later = self.changes.split_off(&number.saturating_add(1));
             tick.changes = std::mem::replace(&mut self.changes, later).into_values().flatten().collect();
             let next = self.waiting.first_key_value().filter(|(next, _)| number.checked_add(1) == Some(**next));
@@ -276,15 +286,30 @@ impl Ticks {
                 self.other(event);
             }
             Role::Output => self.output(event, plain),
-            Role::Candidate | Role::AtTime => {
-                let number = match role {
-                    Role::AtTime => integer_at(&event.data, 8).and_then(|t_ns| self.tick_at(t_ns)),
-                    _ => integer_at(&event.data, 16),
-                };
+            Role::Candidate => {
+                let number = integer_at(&event.data, 16);
                 // The outputs of a tick come after its input, apart from the command.
                 match number.and_then(|number| self.waiting.get_mut(&number)) {
                     Some(tick) if tick.candidates.len() < MAX_OF_TICK => {
                         tick.candidates.push((plain, event.data));
+                    }
+                    _ => self.other(event),
+                }
+            }
+            Role::AtTime => {
+                let t_ns = integer_at(&event.data, 8);
+                let number = t_ns.and_then(|t_ns| self.times.get(&t_ns));
+                match (number.and_then(|number| self.waiting.get_mut(number)), t_ns) {
+                    (Some(tick), _) if tick.candidates.len() < MAX_OF_TICK => {
+                        tick.candidates.push((plain, event.data));
+                    }
+                    // Its input may come later; a component has few such messages.
+                    (None, Some(t_ns)) => {
+                        if self.early.len() == MAX_OF_TICK {
+                            let (.., oldest) = self.early.remove(0);
+                            self.other(oldest);
+                        }
+                        self.early.push((t_ns, plain, event));
                     }
                     _ => self.other(event),
                 }
@@ -319,7 +344,9 @@ impl Ticks {
             Ok(Tick { input: Some(first), .. }) if *first == input => Unused::Doubled,
             Ok(Tick { input: Some(_), .. }) => Unused::DoubledOtherBytes,
             Ok(tick) => {
+                let t_ns = input.t_ns;
                 (tick.t_log_ns, tick.input) = (event.t_ns, Some(input));
+                self.at_time(number, t_ns);
                 self.with_input += 1;
                 self.newest = self.newest.max(Some(number));
                 if let (Some(others), Some(tick)) = (&mut self.others, self.waiting.get_mut(&number)) {
@@ -383,10 +410,16 @@ impl Ticks {
         Ok(self.waiting.entry(number).or_insert_with(|| Tick { tick: number, offset, ..Tick::default() }))
     }
 
-    /// The newest waiting tick whose input has this time.
-    fn tick_at(&self, t_ns: i64) -> Option<i64> {
-        let has_time = |tick: &Tick| tick.input.as_ref().is_some_and(|input| input.t_ns == t_ns);
-        self.waiting.iter().rev().find(|(_, tick)| has_time(tick)).map(|(number, _)| *number)
+    /// Notes the time of a tick, and gives it the messages of this time.
+    fn at_time(&mut self, number: i64, t_ns: i64) {
+        if self.messages.is_of_first() {
+            return;
+        }
+        self.times.insert(t_ns, number);
+        let Some(tick) = self.waiting.get_mut(&number) else { return };
+        for (_, channel, event) in self.early.extract_if(.., |(time, ..)| *time == t_ns) {
+            tick.candidates.push((channel, event.data));
+        }
     }
 
     fn kind(&mut self, event: &Event) -> Kind {
