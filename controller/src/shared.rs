@@ -29,7 +29,7 @@ const PERIODS: i64 = 10;
 pub(crate) struct Shared {
     own: Box<dyn Controller>,
     others: Vec<Other>,
-    /// Damping of each joint if its component is silent, N m s/rad.
+    /// Damping of each joint if its component has timed out, N m s/rad.
     damping: Vec<f64>,
     t_ns: i64,
     tick: i64,
@@ -117,22 +117,22 @@ impl Shared {
         })
     }
 
-    /// Replaces the rows of the joints of other components in [`Shared::command`]. Returns index and age of a component that is silent.
+    /// Replaces the rows of the joints of other components in [`Shared::command`]. Returns index and age of a component that has timed out.
     fn merge(&mut self, tick: i64) -> Option<(i32, i64)> {
         let Shared { others, command, damping, .. } = self;
         if command.mode == RobotCommand::MODE_DAMPING {
             return None;
         }
-        let (mut silent, mut mode) = (None, command.mode);
+        let (mut late, mut mode) = (None, command.mode);
         for other in others {
             let age = if other.arrival_tick < 0 { -1 } else { tick - other.arrival_tick };
-            let is_silent = age > other.max_age || age < 0 && tick > other.max_age;
-            if is_silent {
-                silent = silent.or(Some((other.index, age)));
+            let timed_out = age > other.max_age || age < 0 && tick > other.max_age;
+            if timed_out {
+                late = late.or(Some((other.index, age)));
             }
             for &j in &other.joints {
                 let from = &other.command;
-                let rows = if is_silent {
+                let rows = if timed_out {
                     [0.0, 0.0, 0.0, 0.0, damping[j]]
                 } else if from.mode == RobotCommand::MODE_IDLE {
                     [0.0; 5]
@@ -141,12 +141,12 @@ impl Shared {
                 };
                 [command.tau[j], command.q_des[j], command.qd_des[j], command.kp[j], command.kd[j]] = rows;
             }
-            if is_silent || other.command.mode != RobotCommand::MODE_IDLE {
+            if timed_out || other.command.mode != RobotCommand::MODE_IDLE {
                 mode = RobotCommand::MODE_TORQUE;
             }
         }
         command.mode = mode;
-        silent
+        late
     }
 
     /// Writes the state into the snapshot buffer.
@@ -212,11 +212,11 @@ impl Controller for Shared {
         self.own.step_probed(input, &mut self.own_outbox, probe);
         let own = self.own_outbox.get(channels::ROBOT_COMMAND);
         let has_command = own.is_some_and(|bytes| self.command.decode_into(bytes).is_ok());
-        let silent = if has_command { self.merge(input.tick) } else { None };
+        let late = if has_command { self.merge(input.tick) } else { None };
         let Shared { own_outbox, command, status, .. } = self;
         out.clear();
         for (channel, bytes) in own_outbox.iter() {
-            let put = match (channel, silent) {
+            let put = match (channel, late) {
                 (channels::ROBOT_COMMAND, _) if has_command => out.put(channel, command),
                 (channels::CONTROLLER_TICK, Some((index, age))) if status.decode_into(bytes).is_ok() => {
                     if status.fault == ControllerTick::FAULT_NONE {

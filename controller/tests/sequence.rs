@@ -251,7 +251,7 @@ fn a_list_that_cannot_be_run_is_refused_by_name() {
 /// A controller that counts the messages on a channel of its own.
 #[derive(Default)]
 struct Listener {
-    heard: i64,
+    received: i64,
 }
 
 impl Controller for Listener {
@@ -264,23 +264,24 @@ impl Controller for Listener {
     }
 
     fn receive(&mut self, _input: &TickInput, channel: &str, _data: &[u8]) -> bool {
-        self.heard += i64::from(channel == "PLAN");
+        self.received += i64::from(channel == "PLAN");
         channel == "PLAN"
     }
 
     fn step_probed(&mut self, input: &TickInput, out: &mut Outbox, _probe: &mut dyn Probe) {
         out.clear();
         let n_ignored = input.n_ignored;
-        let tick = ControllerTick { tick: self.heard, n_ignored, n_stages: 1, digest: vec![0], ..Default::default() };
+        let tick =
+            ControllerTick { tick: self.received, n_ignored, n_stages: 1, digest: vec![0], ..Default::default() };
         out.put(channels::CONTROLLER_TICK, &tick).unwrap();
     }
 
     fn snapshot(&self, out: &mut Vec<u8>) {
-        Running { t_ns: 0, running: self.heard }.encode(out).unwrap();
+        Running { t_ns: 0, running: self.received }.encode(out).unwrap();
     }
 
     fn restore(&mut self, bytes: &[u8]) -> Result<(), RestoreError> {
-        self.heard = Running::decode(bytes)?.running;
+        self.received = Running::decode(bytes)?.running;
         Ok(())
     }
 
@@ -303,7 +304,7 @@ fn members_that_run_receive_messages_on_other_channels() {
         input
     };
     let (mut whole, mut out) = (component(), Outbox::new());
-    let mut heard = Vec::new();
+    let mut received = Vec::new();
     for tick in 0..8 {
         let mut part = component();
         let mut state = Vec::new();
@@ -314,9 +315,9 @@ fn members_that_run_receive_messages_on_other_channels() {
         part.step(&input(tick), &mut of_part);
         assert_eq!(messages(&of_part), messages(&out), "tick {tick}");
         let status = tick_of(&out);
-        heard.push((if (3..5).contains(&tick) { -1 } else { status.tick }, status.n_ignored));
+        received.push((if (3..5).contains(&tick) { -1 } else { status.tick }, status.n_ignored));
     }
-    assert_eq!(heard, [(1, 0), (2, 0), (3, 0), (-1, 1), (-1, 1), (1, 0), (2, 0), (3, 0)]);
+    assert_eq!(received, [(1, 0), (2, 0), (3, 0), (-1, 1), (-1, 1), (1, 0), (2, 0), (3, 0)]);
 }
 
 /// The largest step of a joint reference when `posture` takes over from `hold` in the middle of its motion, rad.

@@ -1,4 +1,4 @@
-//! Joints that several components command: whose rows the command has, what holds, and what a silent component leads to.
+//! Joints that several components command: whose rows the command has, what holds, and what a component that has timed out leads to.
 #![allow(non_snake_case, clippy::unwrap_used, missing_docs)]
 
 mod common;
@@ -90,7 +90,7 @@ fn each_joint_takes_its_row_from_its_component_and_the_newest_command_holds() {
 }
 
 #[test]
-fn the_joints_of_a_silent_component_are_damped_and_the_fault_names_it() {
+fn the_joints_of_a_component_that_has_timed_out_are_damped_and_the_fault_names_it() {
     let mut shared = shared();
     for tick in 0..60 {
         let mut input = input(tick);
@@ -98,10 +98,10 @@ fn the_joints_of_a_silent_component_are_damped_and_the_fault_names_it() {
             input.deliver(CHANNEL, 0, &command(RobotCommand::MODE_TORQUE)).unwrap();
         }
         let (merged, status) = step(&mut shared, &input);
-        let is_silent = (5 + MAX_AGE + 1..50).contains(&tick);
-        let expected = if is_silent { (ControllerTick::FAULT_COMPONENT, 1) } else { (ControllerTick::FAULT_NONE, -1) };
+        let timed_out = (5 + MAX_AGE + 1..50).contains(&tick);
+        let expected = if timed_out { (ControllerTick::FAULT_COMPONENT, 1) } else { (ControllerTick::FAULT_NONE, -1) };
         assert_eq!((status.fault, status.fault_index), expected, "tick {tick}");
-        if is_silent {
+        if timed_out {
             #[expect(clippy::cast_precision_loss, reason = "a small number of ticks")]
             let age = (tick - 5) as f64;
             assert_eq!(status.fault_value, age);
@@ -109,7 +109,7 @@ fn the_joints_of_a_silent_component_are_damped_and_the_fault_names_it() {
             assert_ne!(rows(&merged, 3), [0.0, 0.0, 0.0, 0.0, 20.0]);
         }
     }
-    // One that has never sent a command is silent too.
+    // One that has never sent a command has timed out too.
     let mut shared = self::shared();
     for tick in 0..30 {
         let (_, status) = step(&mut shared, &input(tick));

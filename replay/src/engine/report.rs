@@ -5,7 +5,7 @@ use super::compare::{Divergence, Pair, largest_ulp};
 use super::continuity::{Continuity, OtherParameters};
 use super::origin::Deviation;
 use super::outputs::{MissingOutputs, OutputCounts};
-use super::release_rule::ReleaseViolations;
+use super::release_violation::ReleaseViolations;
 use super::what_if::WhatIf;
 
 /// The report of a replay; the JSON of `hoof replay --json`.
