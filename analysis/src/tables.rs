@@ -75,7 +75,16 @@ pub fn tracking_rows(metrics: &Metrics) -> Vec<TrackingRow> {
         [("x", foot.x), ("y", foot.y), ("z", foot.z)].map(|(axis, stats)| (format!("{leg} {axis}"), "m", stats))
     });
     let rows = base.into_iter().map(|(name, unit, stats)| (name.to_owned(), unit, stats)).chain(feet);
-    rows.map(|(name, unit, measured)| TrackingRow { published: published(&name), name, unit, measured }).collect()
+    // A robot that is not a quadruped has rows for what was measured, and nothing was published about it.
+    let is_quadruped = metrics.run.quadruped;
+    rows.filter(|(_, _, measured)| is_quadruped || measured.is_some())
+        .map(|(name, unit, measured)| TrackingRow {
+            published: published(&name).filter(|_| is_quadruped),
+            name,
+            unit,
+            measured,
+        })
+        .collect()
 }
 
 /// Definition of the errors, for the line above the table.
@@ -105,7 +114,8 @@ pub fn tracking(metrics: &Metrics) -> NumericTable {
         let ratio_last = [4, 4, 4, 4, 4, 4, 4, 4, 2].to_vec();
         Row { decimals: ratio_last, ..Row::new(row.name, row.unit, 4, values) }
     });
-    let caption = format!("{}; published: Raiola et al. 2020, Table 3", tracking_heading(metrics));
+    let source = if metrics.run.quadruped { "; published: Raiola et al. 2020, Table 3" } else { "" };
+    let caption = format!("{}{source}", tracking_heading(metrics));
     NumericTable { caption, head: head.map(str::to_owned).to_vec(), rows: rows.collect() }
 }
 

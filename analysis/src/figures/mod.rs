@@ -94,6 +94,10 @@ kinds! {
     FIELDS, "fields", "Fields", |runs, spec| trace::chart(custom::traces, runs, spec);
 }
 
+/// Kinds that show the legs of a quadruped.
+const OF_FEET: [&str; 7] =
+    ["feet_tracking", "figure9", "contact_forces", "friction_use", "contact_estimation", "gait", "foot_slip"];
+
 /// A figure that was drawn.
 #[derive(Clone, Debug)]
 pub struct Figure {
@@ -218,6 +222,9 @@ impl Figure {
 /// [`NotDrawn`] with the channels or fields that are missing.
 pub fn draw(spec: &FigureSpec, runs: &[(Named, &Run)]) -> Result<Figure, NotDrawn> {
     let not_drawn = |needs| NotDrawn { name: spec.name.clone(), title: spec.title(), needs };
+    if OF_FEET.contains(&spec.kind.name) && !runs.iter().all(|(_, run)| run.has_feet()) {
+        return Err(not_drawn("a quadruped (robot.feet)".to_owned()));
+    }
     let chart = (spec.kind.chart)(runs, spec).map_err(not_drawn)?;
     let drawing = chart.draw(spec.sheet()).scaled(spec.scale());
     let mut metadata = vec![("Title", spec.title()), ("Description", chart.caption.clone()), ("Software", software())];

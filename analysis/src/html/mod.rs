@@ -196,13 +196,22 @@ fn timeline(page: &mut String, part: &Part) {
 }
 
 fn tracking(page: &mut String, metrics: &Metrics) {
+    let table = tables::tracking(metrics);
+    if table.rows.is_empty() {
+        return;
+    }
+    let published = if metrics.run.quadruped {
+        " Published: Raiola et al. 2020, Table 3, HyQ in simulation. Ratio: measured rms / published rms."
+    } else {
+        ""
+    };
     let _ = writeln!(
         page,
         "<h2>Tracking</h2>\n<p class=\"soft\">{}, in the modes STANCE and WALK; feet during swing, relative to the base, in the horizontal \
-         frame. Published: Raiola et al. 2020, Table 3, HyQ in simulation. Ratio: measured rms / published rms.</p>",
+         frame.{published}</p>",
         escape(tables::tracking_heading(metrics))
     );
-    numbers(page, &tables::tracking(metrics));
+    numbers(page, &table);
 }
 
 fn contact(page: &mut String, metrics: &Metrics) {

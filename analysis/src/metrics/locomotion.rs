@@ -41,11 +41,13 @@ pub struct Locomotion {
 #[derive(Clone, Debug, Serialize)]
 pub struct Safety {
     /// The robot fell: roll or pitch above 0.6 rad in any mode except `IDLE`, or the base below half of its first height reference in the modes `STANCE` and
-    /// `WALK`. In the other modes the base may be low.
+    /// `WALK`. In the other modes the base may be low. A robot that is not a quadruped has no height reference: half of its first height. A fixed base
+    /// does not fall.
     pub fell: bool,
     /// Time of the fall, s since the first tick.
     pub fell_at_s: Option<f64>,
-    /// Lowest height of the base above the mean of all four feet (ground truth) or above the stance feet (estimate), m.
+    /// Lowest height of the base above the mean of all four feet (ground truth) or above the stance feet (estimate), m. Of a robot that is not a
+    /// quadruped: above its lowest contact.
     pub min_height_m: Option<f64>,
     /// Largest absolute roll or pitch, rad.
     pub max_tilt_rad: Option<f64>,
@@ -118,15 +120,18 @@ impl Safety {
 
     pub(super) fn of(run: &Run, against: Reference) -> Self {
         let mut references = run.ticks.iter().filter_map(|tick| tick.base.as_ref().map(|b| b.height_des));
-        let floor = references.find(|&h| h > 0.0).map_or(FALLEN_HEIGHT, |h| FALLEN_HEIGHT_SHARE * h);
+        let has_feet = run.has_feet();
         let postures: Vec<(&Tick, f64, f64)> = run
             .ticks
             .iter()
-            .filter_map(|tick| posture(tick, against).map(|(tilt, height)| (tick, tilt, height)))
+            .filter_map(|tick| posture(tick, against, has_feet).map(|(tilt, height)| (tick, tilt, height)))
             .collect();
+        let first = if has_feet { references.find(|&h| h > 0.0) } else { postures.first().map(|posture| posture.2) };
+        let floor = first.map_or(FALLEN_HEIGHT, |height| FALLEN_HEIGHT_SHARE * height);
+        let is_fixed = run.has_fixed_base();
         let is_idle = |tick: &Tick| tick.status.is_some_and(|s| s.mode == ControllerTick::MODE_IDLE);
         let fallen = |(tick, tilt, height): &&(&Tick, f64, f64)| {
-            !is_idle(tick) && *tilt > FALLEN_TILT || tick.balances() && *height < floor
+            !is_fixed && (!is_idle(tick) && *tilt > FALLEN_TILT || tick.balances() && *height < floor)
         };
         let fell_at_s = postures.iter().find(fallen).map(|(tick, ..)| tick.t_s);
         let clamps: Vec<u64> = run
@@ -138,7 +143,11 @@ impl Safety {
         Self {
             fell: fell_at_s.is_some(),
             fell_at_s,
-            min_height_m: postures.iter().map(|p| p.2).reduce(f64::min),
+            min_height_m: postures
+                .iter()
+                .map(|p| p.2)
+                .reduce(f64::min)
+                .filter(|height| height.is_finite() && !is_fixed),
             max_tilt_rad: postures.iter().map(|p| p.1).reduce(f64::max),
             faults: faults(run),
             clamped_ticks: logged.then(|| clamps.iter().filter(|&&n| n > 0).count() as u64),
@@ -147,12 +156,20 @@ impl Safety {
     }
 }
 
-/// Tilt (rad) and height (m) of the base. The height is above all four feet, because a robot that lies on its belly may have no stance foot.
-fn posture(tick: &Tick, against: Reference) -> Option<(f64, f64)> {
+/// Tilt (rad) and height (m) of the base. The height of a quadruped is above all four feet, because a robot that lies on its belly may have no stance
+/// foot; that of another robot is above its lowest contact.
+fn posture(tick: &Tick, against: Reference, has_feet: bool) -> Option<(f64, f64)> {
     let (rpy, height) = match against {
         Reference::GroundTruth => {
             let truth = tick.truth.as_ref()?;
-            (truth.rpy, truth.p_WB[2] - truth.p_WF.iter().map(|p| p[2]).sum::<f64>() / 4.0)
+            let heights = truth.p_WF.iter().map(|p| p[2]);
+            let ground = if has_feet {
+                heights.sum::<f64>() / 4.0
+            } else {
+                // Contacts that the robot does not have are at NaN. Without any, the height is that in W.
+                heights.filter(|z| z.is_finite()).reduce(f64::min).unwrap_or(0.0)
+            };
+            (truth.rpy, truth.p_WB[2] - ground)
         }
         Reference::Estimate => {
             let base = tick.base.as_ref()?;

@@ -49,7 +49,7 @@ pub struct Metrics {
     pub safety: Safety,
     /// Torque, power and tracking of joints; `null` without joint states.
     pub energy: Option<Energy>,
-    /// Slip of the feet, in the order LF RF LH RH; `null` without ground truth.
+    /// Slip of the feet, in the order LF RF LH RH; `null` without ground truth, and for a robot that is not a quadruped.
     pub slip: Option<[FootSlip; 4]>,
     /// Durations of the ticks; `null` without TIMING, and for a log of which only a part of the ticks is used.
     pub timing: Option<TimingMetrics>,
@@ -64,6 +64,8 @@ pub struct RunSummary {
     pub log_sha256: String,
     /// Robot.
     pub robot: String,
+    /// The robot is a quadruped: contacts, swing feet and gaits have their rows.
+    pub quadruped: bool,
     /// Controller.
     pub controller: String,
     /// Scenario.
@@ -101,11 +103,11 @@ impl Metrics {
             missing_channels: run.missing(),
             notes: run.notes.clone(),
             tracking: Tracking::of(run, measured_against),
-            contact: if run.is_thinned() { None } else { ContactMetrics::of(run) },
+            contact: if run.is_thinned() || !run.has_feet() { None } else { ContactMetrics::of(run) },
             locomotion: Locomotion::of(run, measured_against),
             safety: Safety::of(run, measured_against),
             energy: Energy::of(run),
-            slip: slip::of(run),
+            slip: if run.has_feet() { slip::of(run) } else { None },
             timing: if run.is_thinned() { None } else { TimingMetrics::of(run) },
             qp: if run.is_thinned() { None } else { Qp::of(run) },
         }
@@ -123,6 +125,7 @@ fn summary(run: &Run) -> RunSummary {
     RunSummary {
         log_sha256: run.sha256.clone(),
         robot: info.robot.clone(),
+        quadruped: run.has_feet(),
         controller: info.controller().to_owned(),
         scenario: info.scenario_name,
         seed: info.seed,

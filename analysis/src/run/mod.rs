@@ -144,6 +144,25 @@ impl Run {
         read().unwrap_or_default()
     }
 
+    /// Whether the robot is a quadruped: its parameters have `robot.feet`. True for a log without RUN_INFO.
+    pub fn has_feet(&self) -> bool {
+        self.robot_table().is_none_or(|robot| robot.contains_key("feet"))
+    }
+
+    /// Whether the base of the robot is fixed to the world.
+    pub fn has_fixed_base(&self) -> bool {
+        let base = self.robot_table().and_then(|robot| Some(robot.get("base")?.as_str()? == "fixed"));
+        base.unwrap_or(false)
+    }
+
+    fn robot_table(&self) -> Option<toml::Table> {
+        let mut table: toml::Table = self.info.as_ref()?.params().parse().ok()?;
+        match table.remove("robot")? {
+            toml::Value::Table(robot) => Some(robot),
+            _ => None,
+        }
+    }
+
     /// A number in the parameters of RUN_INFO, by dotted key.
     pub fn parameter(&self, key: &str) -> Option<f64> {
         let table: toml::Table = self.info.as_ref()?.params().parse().ok()?;
