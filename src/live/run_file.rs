@@ -253,6 +253,12 @@ impl RunFile {
         let set = || format!("set = {:?}", self.set);
         let (_, params) = self.robot_files().with_context(set)?;
         Params::from_toml(&params, &self.robot).with_context(set)?;
+        // The outputs of a controller that another one replaces have its name in front, as those of a component.
+        let clash =
+            self.components.iter().find(|one| self.controllers.iter().any(|controller| controller.name == one.name));
+        if let Some(ComponentEntry { name, .. }) = clash {
+            anyhow::bail!("[[component]] name = {name:?}: a controller of the first component has this name");
+        }
         resolve(&self.components, &self.first().0, &self.robot, &self.gait, &self.set)?;
         anyhow::ensure!(priority <= 99, "realtime.priority is {priority}, expected 0 (no real-time scheduler) to 99");
         Ok(())

@@ -33,7 +33,7 @@ pub(super) fn run(replay: &Replay, options: &Options, progress: &mut dyn FnMut(f
         }
     }
     if options.from_s.is_none() && options.to_s.is_none() {
-        report.release_violations = release_rule::check(replay)?;
+        report.release_violations = release_rule::check(&replay.path, &replay.recorded)?;
     }
     let replayed = || report.components.iter().filter(|component| component.replayed);
     report.identical = replayed().all(|component| component.identical);

@@ -4,12 +4,13 @@
 //! A replay cannot find this: it computes a component from its recorded inputs, whatever they are. The base tick of an input is the one with the same
 //! time. A component that is not the first one runs in its order before the first one. Components of other programs are not checked.
 
-use super::Replay;
 use super::release_violation::{ReleaseFault, ReleaseViolation, ReleaseViolations};
+use super::run_messages::RunMessages;
 use super::ticks::{Beside, Tick, Ticks};
 use crate::Error;
-use lcmtypes::{ControllerInput, EXTERNAL, channels};
+use lcmtypes::{ControllerInput, EXTERNAL, RunInfo, channels};
 use std::collections::{BTreeMap, VecDeque};
+use std::path::Path;
 
 /// Bytes of messages that are kept of a component until they are delivered.
 const MAX_BYTES: usize = 64 << 20;
@@ -45,17 +46,19 @@ struct Published {
 
 /// Checks the log of a run with several components. Reads it once for each of them.
 ///
+/// - `run`: RUN_INFO of the log.
+///
 /// # Errors
 /// Those of reading the log.
-pub(super) fn check(replay: &Replay) -> Result<ReleaseViolations, Error> {
+pub(super) fn check(path: &Path, run: &RunInfo) -> Result<ReleaseViolations, Error> {
     let mut found = ReleaseViolations::default();
     let mut parts = Vec::new();
-    for (index, component) in replay.components().iter().enumerate().filter(|(_, one)| one.kind != EXTERNAL) {
-        let messages = super::RunMessages::of_component(&replay.recorded, index);
+    for (index, component) in run.components.iter().enumerate().filter(|(_, one)| one.kind != EXTERNAL) {
+        let messages = RunMessages::of_component(run, index);
         let mut part = Part {
             name: component.name.clone(),
             latency_ticks: component.latency_ticks.into(),
-            ticks: Ticks::open(&replay.path, &messages, Beside::Nothing)?,
+            ticks: Ticks::open(path, &messages, Beside::Nothing)?,
             next: None,
             last_tick: None,
             published: BTreeMap::new(),
