@@ -415,7 +415,7 @@ fn a_panic_in_a_handover_damps_the_joints() {
     let dummy = Box::new(Dummy::new(vec![0.0]));
     let mut realtime = RealtimeLoop::new(
         Component::new(Box::new(sequence(controllers))),
-        Others::new(slots(&RunInfo::default(), &[], &[]), Vec::new(), message_ring(1).1),
+        Others::new(slots(&RunInfo { run_id: 3, ..RunInfo::default() }, &[], &[]), Vec::new(), message_ring(1).1),
         (3, 1),
         dummy,
         calls_out,

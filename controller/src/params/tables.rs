@@ -247,6 +247,10 @@ mod tests {
                     path[..path.len() - 1].iter().fold(&mut table, |table, key| table[key].as_table_mut().unwrap());
                 let array = inside[&path[path.len() - 1]].as_array_mut().unwrap();
                 let last = array.pop().unwrap();
+                // A list of names has any length.
+                if last.is_str() {
+                    continue;
+                }
                 array.extend(vec![last; if longer { 2 } else { 0 }]);
                 let error = Params::from_toml(&table.to_string(), "test").unwrap_err();
                 assert!(matches!(error, ParamsError::Parse { .. }), "{path:?}: {error}");

@@ -17,9 +17,13 @@ use crate::stage_clock::StageClock;
 use controller::{Component, Outbox};
 use lcmtypes::{Message, OperatorCommand, RobotState, channels};
 use std::collections::VecDeque;
+use std::time::Duration;
 
 /// Inputs of a component whose results have not arrived, beyond those within its latency.
 const MAX_BEHIND: usize = 4;
+/// Longest wait for the results of a worker after the last tick, and time between two looks.
+const END_WAIT: Duration = Duration::from_secs(2);
+const END_POLL: Duration = Duration::from_millis(1);
 /// Messages of other processes that a tick takes at most.
 const MAX_RECEIVED: usize = 64;
 
@@ -87,6 +91,18 @@ impl Others {
     /// The slot of the first component.
     pub fn first(&mut self) -> &mut Slot {
         &mut self.slots[0]
+    }
+
+    /// Waits until the workers have computed their last inputs, and passes their results on; not in a tick. Gives up on a worker after [`END_WAIT`].
+    pub fn finish(&mut self, t_ns: i64, send: &mut dyn FnMut(i64, &str, &[u8])) {
+        let begin = std::time::Instant::now();
+        let is_open = |other: &Other| matches!(other.runner, Runner::Worker(_)) && !other.pending.is_empty();
+        while self.others.iter().any(is_open) && begin.elapsed() < END_WAIT {
+            for k in 0..self.others.len() {
+                self.take_results(k, t_ns, send);
+            }
+            std::thread::sleep(END_POLL);
+        }
     }
 
     /// Lets no component compute any more.

@@ -43,8 +43,14 @@ pub fn run_component(
     let mut clock = StageClock::new(component.stages().len());
     let (mut outbox, mut input, mut bytes) = (Outbox::new(), ControllerInput::default(), Vec::new());
     let (mut report, mut run_id) = (ProcessReport::default(), None);
-    while !is_over() {
-        for message in bus.handle(POLL)? {
+    loop {
+        // The inputs that have arrived by then are computed too.
+        let has_ended = is_over();
+        let messages = bus.handle(POLL)?;
+        if has_ended && messages.is_empty() {
+            return Ok(report);
+        }
+        for message in messages {
             if message.channel != input_channel {
                 continue;
             }
@@ -75,5 +81,4 @@ pub fn run_component(
             report.ticks += 1;
         }
     }
-    Ok(report)
 }

@@ -235,6 +235,10 @@ impl RealtimeLoop {
             self.report.skipped += ((next_ns - due_ns) / self.schedule.period_ns).cast_unsigned() - ticked;
             due_ns = next_ns;
         }
+        let Self { others, ring, report, .. } = self;
+        others.finish(now_ns(), &mut |t_ns, channel, data| {
+            report.not_carried += u64::from(!ring.push(t_ns, channel, data));
+        });
         self.report.unsent = self.hardware.unsent();
         (self.report.missed, self.report.unknown_results) = (self.others.missed, self.others.unknown);
         self.report

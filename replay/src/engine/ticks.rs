@@ -85,10 +85,17 @@ pub(crate) enum Beside {
 }
 
 /// What is known of the messages of a channel and type.
-#[derive(Clone)]
 struct Kind {
     channel: Arc<str>,
     fingerprint: Option<u64>,
+    /// They may contain a state of another type, each of them.
+    is_snapshot: bool,
+    of_all: Use,
+}
+
+/// What a message is used for.
+#[derive(Clone)]
+struct Use {
     /// The channel as the component names it: [`RunMessages::plain`].
     plain: Arc<str>,
     is_hidden: bool,
@@ -243,7 +250,7 @@ impl Ticks {
     }
 
     fn take(&mut self, mut event: Event) -> Result<(), Error> {
-        let Kind { plain, is_hidden, role, .. } = self.kind(&event);
+        let Use { plain, is_hidden, role } = self.use_of(&event);
         let is_foreign = !is_hidden && self.messages.is_foreign(&event);
         match role {
             // A live run repeats RUN_INFO.
@@ -422,36 +429,44 @@ impl Ticks {
         }
     }
 
-    fn kind(&mut self, event: &Event) -> Kind {
+    fn use_of(&mut self, event: &Event) -> Use {
         let fingerprint = event.fingerprint();
-        if let Some(plain) = self.messages.plain(&event.channel)
-            && let Some(role) = self.messages.other_state(plain, &event.data)
-        {
-            let channel = Arc::clone(&event.channel);
-            return Kind { channel, fingerprint, plain: Arc::from(plain), is_hidden: false, role };
-        }
-        let same = |kind: &&Kind| Arc::ptr_eq(&kind.channel, &event.channel) && kind.fingerprint == fingerprint;
-        if let Some(known) = self.kinds.iter().find(same) {
-            return known.clone();
+        let same = |kind: &Kind| Arc::ptr_eq(&kind.channel, &event.channel) && kind.fingerprint == fingerprint;
+        if let Some(at) = self.kinds.iter().position(same) {
+            let Kind { is_snapshot, of_all, .. } = &self.kinds[at];
+            let (is_snapshot, known) = (*is_snapshot, of_all.clone());
+            return if is_snapshot { self.use_of_snapshot(event, known) } else { known };
         }
         let plain = self.messages.plain(&event.channel);
         let role = plain.map_or(Role::Other, |plain| self.messages.role(plain, fingerprint));
-        let kind = Kind {
-            channel: Arc::clone(&event.channel),
-            fingerprint,
+        let of_all = Use {
             plain: plain
                 .filter(|plain| **plain != *event.channel)
                 .map_or_else(|| Arc::clone(&event.channel), Arc::from),
             is_hidden: plain.is_none(),
             role,
         };
-        if matches!(role, Role::RunInfo | Role::Input | Role::Change | Role::Output | Role::Beside) {
-            self.read.insert(Arc::clone(&kind.plain));
-        }
+        let is_snapshot = plain == Some(channels::CONTROLLER_SNAPSHOT) && matches!(role, Role::Output);
         if self.kinds.len() < MAX_KINDS {
-            self.kinds.push(kind.clone());
+            let channel = Arc::clone(&event.channel);
+            self.kinds.push(Kind { channel, fingerprint, is_snapshot, of_all: of_all.clone() });
         }
-        kind
+        if is_snapshot {
+            return self.use_of_snapshot(event, of_all);
+        }
+        if matches!(role, Role::RunInfo | Role::Input | Role::Change | Role::Output | Role::Beside) {
+            self.read.insert(Arc::clone(&of_all.plain));
+        }
+        of_all
+    }
+
+    /// A snapshot that contains a state of another type than the controller's is of no use.
+    fn use_of_snapshot(&mut self, event: &Event, of_all: Use) -> Use {
+        if let Some(role) = self.messages.other_state(&of_all.plain, &event.data) {
+            return Use { role, ..of_all };
+        }
+        self.read.insert(Arc::clone(&of_all.plain));
+        of_all
     }
 }
 

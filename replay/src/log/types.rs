@@ -177,20 +177,29 @@ impl Types {
     }
 
     /// The schema of a type for an MCAP file: the schema of the file that the message comes from; else the `.lcm` text of the type, followed
-    /// by the texts of its nested types.
+    /// by the texts of its nested types: those of the log's RUN_INFO if it has all of them, so that comments of an older build stay, else this build's.
     pub(super) fn schema(&self, channel: &str, fingerprint: u64) -> Option<Arc<FileSchema>> {
         if let Some(schema) = self.schemas.get(&fingerprint) {
             return Some(Arc::clone(schema));
         }
-        let (ty, texts) = self.find(channel, fingerprint)?;
-        let mut inner = BTreeSet::new();
-        files_inside(ty, &mut BTreeSet::from([ty.name()]), &mut inner);
-        inner.remove(ty.file());
-        let text = |file| match texts {
+        let files = |ty: Type| -> Vec<String> {
+            let mut inner = BTreeSet::new();
+            files_inside(ty, &mut BTreeSet::from([ty.name()]), &mut inner);
+            inner.remove(ty.file());
+            std::iter::once(ty.file()).chain(inner).map(str::to_owned).collect()
+        };
+        let name = channels::find(channel).filter(|c| c.fingerprint == fingerprint).map(|c| c.type_name);
+        let of_log = in_texts(&self.of_log, name, fingerprint);
+        let is_whole = |(ty, texts): &(Type, Option<&Texts>)| {
+            texts.is_some_and(|texts| files(*ty).iter().all(|file| texts.texts.contains_key(file)))
+        };
+        let (ty, texts) = of_log.filter(is_whole).or_else(|| self.find(channel, fingerprint))?;
+        let text = |file: &str| match texts {
             Some(texts) => texts.texts.get(file).map(String::as_str),
             None => lcmtypes::SOURCES.iter().find(|(name, _)| *name == file).map(|(_, text)| *text),
         };
-        let texts: Vec<_> = std::iter::once(ty.file()).chain(inner).filter_map(text).collect();
+        let files = files(ty);
+        let texts: Vec<_> = files.iter().filter_map(|file| text(file)).collect();
         let schema =
             FileSchema { name: ty.name().to_owned(), encoding: "lcm".into(), data: texts.join("\n").into_bytes() };
         Some(schema.into())
