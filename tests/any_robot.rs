@@ -19,10 +19,23 @@ fn a_log_of_centauro_works_with_every_tool() {
         assert_eq!((&summary["fell"], &summary["ticks"]), (&false.into(), &2000.into()), "{robot}");
         let replay = hoof(&format!("replay {log} --json")).exits(0).json();
         assert_eq!((&replay["identical"], &replay["ticks"]), (&true.into(), &2000.into()), "{robot}: {replay}");
-        // Another gain is another output.
+        // Another motion is another output.
         let other = hoof(&format!("replay {log} --set hold.duration=0.6 --json")).exits(1).json();
         assert_eq!(other["identical"], false, "{robot}");
-        hoof(&format!("report {log} --out {}", folder.join(format!("report_{robot}")).display())).exits(0);
+        // The report of a robot without feet: what `hoof sim` said of the fall, and no rows of legs or of the published quadruped.
+        let metrics = hoof(&format!("report {log} --json")).exits(0).json()["metrics"].clone();
+        assert_eq!(
+            (&metrics["run"]["quadruped"], &metrics["safety"]["fell"]),
+            (&false.into(), &false.into()),
+            "{robot}"
+        );
+        assert!(metrics["slip"].is_null() && metrics["contact"].is_null(), "{robot}");
+        let height = metrics["safety"]["min_height_m"].as_f64();
+        assert_eq!(height.is_some_and(|height| height > 0.4), robot != "centauro_upper", "{robot}: {height:?}");
+        let report = folder.join(format!("report_{robot}"));
+        let written = hoof(&format!("report {log} --out {}", report.display())).exits(0);
+        let page = std::fs::read_to_string(report.join("report.html")).unwrap();
+        assert!(!page.contains("Table 3") && !page.contains("LF") && !written.stdout.contains("Table 3"), "{robot}");
         hoof(&format!(
             "log convert {log} {} --to mcap --encoding ros2",
             folder.join(format!("{robot}_ros2.mcap")).display()
