@@ -10,7 +10,10 @@ mod common;
 use common::{Puppet, hyq, hyq_with, tick_of, wbc_of};
 use controller::quadruped::Quadruped;
 use controller::{Component, Delivery, Outbox};
-use lcmtypes::{ControllerTick, OperatorCommand, TickInput, WbcSolution, channels};
+use lcmtypes::{
+    ComponentInfo, ControllerTick, JointReference, OperatorCommand, RobotCommand, RobotState, RunInfo, Running,
+    TickInput, WbcSolution, channels,
+};
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::cell::Cell;
 
@@ -160,4 +163,58 @@ fn a_bad_input_and_a_failed_solve_allocate_nothing_more() {
     });
     assert!(pushed.iter().any(|(_, wbc, _)| wbc.status == WbcSolution::STATUS_FAILED));
     assert!(pushed.iter().all(|(.., n)| *n == 0));
+}
+
+/// Centauro with arms of another component: `hold` and `posture` are started and stopped a thousand times, alone and together, each time with the last
+/// command; every command of the arms and a reference arrive too.
+#[test]
+fn a_thousand_starts_and_stops_of_centauro_allocate_nothing() {
+    let (urdf, toml) =
+        (include_str!("../../robots/centauro/centauro.urdf"), include_str!("../../robots/centauro/centauro.toml"));
+    let params = controller::params::Params::from_toml(toml, "centauro.toml").unwrap().to_toml();
+    let mut info = RunInfo { urdf: urdf.to_owned(), ..RunInfo::default() };
+    let arms: Vec<String> = (1..=7).map(|k| format!("j_arm1_{k}")).collect();
+    let other = ComponentInfo { name: "arms".to_owned(), joints: arms, ..ComponentInfo::new("posture", &params) };
+    info.components = vec![ComponentInfo::new("sequence(hold, posture)", &params), other];
+    let mut component = controller::load(&info).unwrap();
+    let nj = 39;
+    let description = controller::params::Params::from_toml(&params, "centauro").unwrap().robot;
+    let tree = controller::model::UrdfTree::parse(urdf, "centauro.urdf").unwrap();
+    let robot = description.description(&tree).unwrap();
+    let nominal = robot.posture("nominal").unwrap();
+    let mut state = RobotState::zeros(nj, 1, 0);
+    state.q = robot.joints.iter().map(|joint| nominal[&joint.name]).collect();
+    let sent = RobotCommand { mode: RobotCommand::MODE_TORQUE, ..RobotCommand::zeros(nj) };
+    let reference =
+        JointReference { n: 1, joints: vec!["j_arm2_4".to_owned()], q: vec![-1.5], ..JointReference::default() };
+    let (mut out, mut delivery, mut last) = (Outbox::new(), Delivery::new(0), Vec::with_capacity(1 << 14));
+    // Both together, each alone, none: in 2000 of 4000 ticks a controller starts or stops.
+    let schedule = [1, 3, 2, 0];
+    let (mut allocated, mut starts) = (0, 0);
+    for tick in 0..4000 {
+        let running = schedule[usize::try_from(tick % 4).unwrap()];
+        let t_ns = tick * 1_000_000;
+        let n = allocations(|| {
+            state.t_ns = t_ns;
+            delivery.begin(t_ns, tick);
+            assert!(delivery.put(channels::RUNNING, t_ns, &Running { t_ns, running }).unwrap());
+            assert!(delivery.put(channels::ROBOT_STATE, t_ns, &state).unwrap());
+            assert!(delivery.put("arms/ROBOT_COMMAND", t_ns, &sent).unwrap());
+            assert!(delivery.put("planner/JOINT_REFERENCE", t_ns, &reference).unwrap());
+            if !last.is_empty() {
+                delivery.put_newest(channels::ROBOT_COMMAND, t_ns, &last);
+            }
+            component.step(delivery.input(), &mut out);
+            last.clear();
+            last.extend_from_slice(out.get(channels::ROBOT_COMMAND).unwrap());
+        });
+        let status = tick_of(&out);
+        let expected = if running == 0 { ControllerTick::FAULT_CONTROLLER } else { ControllerTick::FAULT_NONE };
+        assert_eq!(status.fault, expected, "tick {tick}");
+        starts += i32::from(running == 1 || running == 3);
+        if tick >= WARM_UP {
+            allocated += n;
+        }
+    }
+    assert_eq!((starts, allocated), (2000, 0));
 }

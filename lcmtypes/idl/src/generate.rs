@@ -276,6 +276,11 @@ fn retake(out: &mut String, set: &TypeSet, fields: &[Field], field: &Field, iden
             let list = format!("wire.retake_list(&mut self.{ident}, \"{of}\", {length}, {smallest})");
             writeln!(out, "        wire.field(\"{name}\", |wire| {list})?;")
         }
+        ([Dim::Variable { field: index, name: of }], Element::Primitive(Primitive::String)) => {
+            let (length, smallest) = (length(fields, *index, place), Primitive::String.min_size());
+            let list = format!("wire.retake_list(&mut self.{ident}, \"{of}\", {length}, {smallest})");
+            writeln!(out, "        wire.field(\"{name}\", |wire| {list})?;")
+        }
         ([Dim::Variable { field: index, name: of }], element) if is_byte(element) => {
             let bytes = format!("wire.byte_list(\"{of}\", {})", length(fields, *index, place));
             writeln!(out, "        let bytes = wire.field(\"{name}\", |wire| {bytes})?;")

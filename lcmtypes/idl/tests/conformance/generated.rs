@@ -247,7 +247,7 @@ pub mod conformance {
             self.matrix = wire.field("matrix", lcm_wire::Wire::take)?;
             wire.field("by_n8", |wire| wire.refill(&mut self.by_n8, "n8", i64::from(self.n8), 2, lcm_wire::Wire::take))?;
             wire.field("by_n16", |wire| wire.refill(&mut self.by_n16, "n16", i64::from(self.n16), 1, lcm_wire::Wire::take))?;
-            wire.field("by_n32", |wire| wire.refill(&mut self.by_n32, "n32", i64::from(self.n32), 5, lcm_wire::Wire::take))?;
+            wire.field("by_n32", |wire| wire.retake_list(&mut self.by_n32, "n32", i64::from(self.n32), 5))?;
             let bytes = wire.field("by_n64", |wire| wire.byte_list("n64", self.n64))?;
             self.by_n64.clear();
             self.by_n64.extend_from_slice(bytes);
