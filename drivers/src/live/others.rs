@@ -93,7 +93,7 @@ impl Others {
         &mut self.slots[0]
     }
 
-    /// Waits until the workers have computed their last inputs, and passes their results on; not in a tick. Gives up on a worker after [`END_WAIT`].
+    /// Waits until the workers have computed their last inputs, and passes their results on; not in a tick. Gives up on a worker after 2 s.
     pub fn finish(&mut self, t_ns: i64, send: &mut dyn FnMut(i64, &str, &[u8])) {
         let begin = std::time::Instant::now();
         let is_open = |other: &Other| matches!(other.runner, Runner::Worker(_)) && !other.pending.is_empty();
