@@ -119,9 +119,12 @@ pub fn tracking(metrics: &Metrics) -> NumericTable {
     NumericTable { caption, head: head.map(str::to_owned).to_vec(), rows: rows.collect() }
 }
 
-/// The tracking table with its caption for a terminal, ending in a newline.
+/// The tracking table with its caption for a terminal, ending in a newline; empty if nothing was tracked.
 pub fn tracking_text(metrics: &Metrics) -> String {
     let table = tracking(metrics);
+    if table.rows.is_empty() {
+        return String::new();
+    }
     format!("{}\n{}", table.caption, table.text())
 }
 
