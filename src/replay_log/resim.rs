@@ -44,6 +44,12 @@ pub fn run(log: &Path, options: &Options, out: &Path, json: bool) -> anyhow::Res
     scenario.parameters = parameters.into_iter().filter(|request| !held(&request.key)).collect();
     let params = controller::params::apply_overrides(recorded.params(), &options.set)?;
     let urdf = options.urdf.clone().unwrap_or_else(|| recorded.urdf.clone());
+    // A live run has a sequence that `hoof ctl` starts and stops; the simulation has the controller that the scenario names.
+    let first = if live {
+        (scenario.controller.clone(), scenario.controller.clone())
+    } else {
+        (recorded.component().to_owned(), recorded.controller().to_owned())
+    };
     let setup = Setup {
         robot: recorded.robot.clone(),
         robot_source: recorded.robot.clone(),
@@ -54,7 +60,7 @@ pub fn run(log: &Path, options: &Options, out: &Path, json: bool) -> anyhow::Res
         scenario_text: recorded.scenario.clone(),
         scenario_source: format!("scenario of {}", log.display()),
         inputs: vec![log.to_owned()],
-        first: (recorded.component().to_owned(), recorded.controller().to_owned()),
+        first,
         receives: Vec::new(),
         running: 1,
         others: (Vec::new(), Vec::new()),
