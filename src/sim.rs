@@ -5,7 +5,9 @@ use crate::progress::Progress;
 use crate::replay_log::threads;
 use crate::{Outcome, note, run_info, say, say_json};
 use anyhow::Context;
+use controller::params::Params;
 use controller::quadruped::implausible;
+use drivers::robot_files::RobotFiles;
 use drivers::simulation::{Components, Job, Setup, Summary};
 use std::path::PathBuf;
 
@@ -92,6 +94,13 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
     let log = args.log.as_ref().or(file.as_ref().map(|file| &file.log)).context("--log")?;
     let set = [file.as_ref().map(RunFile::set_of_first).unwrap_or_default(), set].concat();
     let gaits = [file.as_ref().map(|file| file.gait.clone()).unwrap_or_default(), args.gait.clone()].concat();
+    if let Some(flag) = args.stack.map(|_| "--stack").or((!gaits.is_empty()).then_some("--gait")) {
+        let (_, params) = RobotFiles::find_with_params(robot)?;
+        anyhow::ensure!(
+            Params::from_toml(&params, robot)?.robot.is_quadruped(),
+            "{flag}: {robot} is not a quadruped (it has no robot.feet); gaits and stacks are of the controller quadruped"
+        );
+    }
     let first = file.as_ref().map(RunFile::first);
     let components = file.as_ref().map_or_else(Components::default, |file| Components {
         first: first.as_ref().map(|(name, kind)| (&**name, &**kind)),
@@ -131,7 +140,8 @@ pub fn text(summary: &Summary) -> String {
     let Summary { robot, scenario, seed, ticks, sim_seconds, wall_seconds, real_time_factor, distance_m, log, .. } =
         summary;
     let result = match (&summary.fell_at_s, &summary.safe_state) {
-        (Some(t), _) => format!("fell after {t:.3} s"),
+        (Some(t), Some(why)) => format!("fell after {t:.3} s; the controller entered its safe state at {why}"),
+        (Some(t), None) => format!("fell after {t:.3} s"),
         (None, Some(why)) => format!("did not fall; the controller entered its safe state at {why}"),
         (None, None) => "did not fall".to_owned(),
     };

@@ -5,6 +5,31 @@ mod common;
 
 use common::{folder, hoof};
 
+/// With soft knees COMAN sinks: simulation and report say so. A quadruped's options and scenarios are refused by name.
+#[test]
+fn a_fall_is_reported_and_options_of_quadrupeds_are_refused() {
+    let folder = folder("falls");
+    let log = folder.join("run.mcap");
+    let sim = |robot: &str, more: &str| {
+        hoof(&format!("sim --robot {robot} --log {} --seconds 2 --json {more}", log.display()))
+    };
+    let soft = "--set robot.joints.LKneeSag.stiffness=1.0 --set robot.joints.RKneeSag.stiffness=1.0";
+    let fell = sim("coman", &format!("--scenario scenarios/hold.toml {soft}")).exits(1).json();
+    assert_eq!(fell["fell"], true);
+    let metrics = hoof(&format!("report {} --json", log.display())).exits(0).json()["metrics"].clone();
+    assert_eq!(metrics["safety"]["fell"], true);
+    let (sim_s, report_s) = (fell["fell_at_s"].as_f64().unwrap(), metrics["safety"]["fell_at_s"].as_f64().unwrap());
+    assert!((sim_s - report_s).abs() < 0.0015, "{sim_s} {report_s}");
+    for (more, named) in [
+        ("--scenario scenarios/flat_trot.toml", "scenarios/hold.toml"),
+        ("--scenario scenarios/hold.toml --stack s1", "--stack"),
+        ("--scenario scenarios/hold.toml --gait gaits/pace.toml", "--gait"),
+    ] {
+        let refused = sim("coman", more).exits(2);
+        assert!(refused.stderr.contains(named) && refused.stderr.contains("robot.feet"), "{}", refused.stderr);
+    }
+}
+
 /// A log of Centauro replays bit for bit, and a log with one changed bit of an output does not; report, debugger, spy and ROS 2 export read it.
 #[test]
 fn a_log_of_centauro_works_with_every_tool() {

@@ -32,6 +32,15 @@ pub enum DriverError {
         /// Names below `robots/`.
         known: Vec<String>,
     },
+    /// The controller `quadruped` for a robot without feet.
+    #[error(
+        "robot {robot} is not a quadruped (it has no robot.feet): the controller quadruped cannot move it; take a scenario with controller = \"hold\" or \
+         \"posture\", such as scenarios/hold.toml"
+    )]
+    NoFeet {
+        /// Name of the robot.
+        robot: String,
+    },
     /// A robot has no preset of this name.
     #[error(
         "robot {robot}: no preset {name:?}, which would be the file {name}.toml beside the robot's; presets of this robot: {}",

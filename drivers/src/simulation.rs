@@ -137,6 +137,9 @@ impl Setup {
         let Components { first, receives, running, set, others } = job.components;
         let kind = first.map_or(&*scenario.controller, |(_, kind)| kind).to_owned();
         let name = first.map_or(kind.split('(').next().unwrap_or_default(), |(name, _)| name).to_owned();
+        if kind == controller::quadruped::NAME && !params.robot.is_quadruped() {
+            return Err(DriverError::NoFeet { robot: params.robot.name });
+        }
         let infos = components::resolve(others, &name, job.robot, job.gaits, set)?;
         Ok(Setup {
             first: (name, kind),

@@ -46,7 +46,7 @@ pub fn reply_code(code: i8) -> &'static str {
 pub fn fault(fault: i32) -> &'static str {
     match fault {
         ControllerTick::FAULT_NONE => "no fault",
-        ControllerTick::FAULT_INPUT_SIZE => "input of wrong size",
+        ControllerTick::FAULT_INPUT_SIZE => "number of joints in the state (0: no ROBOT_STATE has arrived)",
         ControllerTick::FAULT_INPUT_NOT_FINITE => "input not finite",
         ControllerTick::FAULT_ORIENTATION => "orientation is not a unit quaternion",
         ControllerTick::FAULT_STATE_STALE => "joint state too old (s)",

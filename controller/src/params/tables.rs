@@ -115,9 +115,10 @@ impl Params {
         }
         let table: toml::Table = text.parse().map_err(|error: toml::de::Error| error.to_string())?;
         match table.keys().find(|name| !FOR_ANY_ROBOT.contains(&name.as_str())) {
-            Some(name) => {
-                Err(format!("table [{name}] is for robots with robot.feet; expected one of {FOR_ANY_ROBOT:?}"))
-            }
+            Some(name) => Err(format!(
+                "table [{name}] is for robots with robot.feet; expected one of {}",
+                FOR_ANY_ROBOT.join(", ")
+            )),
             None => Ok(()),
         }
     }
