@@ -11,7 +11,7 @@
 //! - PARAMETER_CHANGE in the log applies in the same tick; a parameter that is overridden keeps its override.
 //! - A [`Cursor`] goes to any tick and returns all its quantities.
 //!
-//! A run can have several components. Each is replayed on its own: the messages of the others that it consumed are in its inputs. [`RunMessages`] shows the
+//! A run can have several components. Each is replayed on its own: the messages of the others that it consumed are in its inputs. `RunMessages` shows the
 //! log as one component sees it, with plain channel names.
 //!
 //! The engine knows no specific controller: [`controller::load`] builds it from the RUN_INFO of the log.
