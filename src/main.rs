@@ -19,6 +19,7 @@ mod report;
 mod robot;
 mod run_info;
 mod sim;
+mod solve;
 mod spy;
 mod teleop;
 
@@ -86,6 +87,7 @@ enum Command {
         after_help = "Example: hoof robot info hyq --params\n         hoof robot init my_robot.urdf --out robots/my_robot"
     )]
     Robot(robot::Command),
+    Solve(solve::Args),
     /// Write shell completions and manual pages
     #[command(hide = true)]
     InstallFiles(install_files::Args),
@@ -115,6 +117,7 @@ fn main() -> ExitCode {
         Command::Log(command) => log::run(&command),
         Command::Corpus(command) => corpus::run(&command),
         Command::Robot(command) => robot::run(&command),
+        Command::Solve(args) => solve::run(&args),
         Command::InstallFiles(args) => install_files::run(&args, Cli::command()),
     };
     match result {
