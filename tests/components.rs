@@ -108,7 +108,8 @@ fn components_without_a_tick_are_listed_as_not_replayed() {
     let (file, log) = (folder.join("run.toml"), folder.join("run.mcap"));
     let text = run_file() + "\n[[component]]\nname = \"camera\"\nkind = \"external\"\n";
     std::fs::write(&file, text).unwrap();
-    hoof(&format!("sim {} --seconds 0.04 --log {}", file.display(), log.display())).exits(0);
+    let ran = hoof(&format!("sim {} --seconds 0.04 --log {}", file.display(), log.display())).exits(0);
+    assert!(ran.stderr.contains("component camera is external"), "{}", ran.stderr);
     let report = replay(&log, "").exits(0).json();
     let found =
         report["components"].as_array().unwrap().iter().map(|one| json!([one["name"], one["ticks"], one["replayed"]]));

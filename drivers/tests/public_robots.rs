@@ -8,7 +8,7 @@ mod common;
 use common::Seen;
 use controller::params::{Params, apply_overrides};
 use controller::robot_init::{Options, propose_any};
-use drivers::lockstep::Others;
+use drivers::lockstep::LockstepOthers;
 use drivers::{MujocoSim, Scenario, SimParams, Terrain, lockstep, mesh};
 use lcmtypes::{ComponentInfo, RunInfo};
 use robot_model::{Base, UrdfTree};
@@ -35,7 +35,7 @@ fn hold(file: &str, base: Base, fixed: &[(String, f64)], seconds: f64) -> (Seen,
     let mut sim = MujocoSim::new(&tree, &params.robot, terrain, SimParams::of(&scenario)).unwrap();
     let mut controller = controller::load(&info).unwrap();
     let mut seen = Seen::default();
-    let others = Others::build(&info, &[], &[]).unwrap();
+    let others = LockstepOthers::build(&info, &[], &[]).unwrap();
     let outcome = lockstep::run(&scenario, &info, &mut sim, &mut controller, others, &mut seen, &mut |_| {}).unwrap();
     assert_eq!(outcome.safe_state, None, "{file}");
     (seen, outcome.fell_at_s, params.robot.contact.len())

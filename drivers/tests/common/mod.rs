@@ -2,7 +2,7 @@
 #![allow(dead_code, reason = "no test file needs all of it")]
 
 use controller::params::{Params, apply_overrides};
-use drivers::lockstep::{self, Others, Outcome};
+use drivers::lockstep::{self, LockstepOthers, Outcome};
 use drivers::{MujocoSim, Scenario, SimParams, Terrain};
 use lcmtypes::{
     ComponentInfo, ControllerTick, Event, GroundTruth, Message, RobotCommand, RobotState, RunInfo, channels,
@@ -87,7 +87,7 @@ pub fn run_with(mut info: RunInfo, scenario: &str) -> (Seen, Outcome) {
     let mut sim = MujocoSim::new(&tree, &params.robot, terrain, SimParams::of(&scenario)).unwrap();
     let mut controller = controller::load(&info).unwrap();
     let mut seen = Seen::default();
-    let others = Others::build(&info, &[], &[]).unwrap();
+    let others = LockstepOthers::build(&info, &[], &[]).unwrap();
     let outcome = lockstep::run(&scenario, &info, &mut sim, &mut controller, others, &mut seen, &mut |_| {}).unwrap();
     (seen, outcome)
 }
