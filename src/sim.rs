@@ -106,7 +106,7 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
     let components = file.as_ref().map_or_else(Components::default, |file| Components {
         first: first.as_ref().map(|(name, kind)| (&**name, &**kind)),
         receives: file.receives(),
-        running: file.running(),
+        running: Some(file.running()),
         preset: file.preset.as_deref(),
         others: file.others(),
         set: &file.set,

@@ -41,8 +41,8 @@ pub struct Components<'a> {
     pub first: Option<(&'a str, &'a str)>,
     /// Channels that the first one listens to.
     pub receives: &'a [String],
-    /// Which controllers of a sequence run, one bit each; 0: the first one.
-    pub running: i64,
+    /// Which controllers of a sequence run, one bit each; `None`: the first one.
+    pub running: Option<i64>,
     /// Preset of the parameters of the others, unless they have their own.
     pub preset: Option<&'a str>,
     /// Parameters to change in the others, before their own.
@@ -147,7 +147,7 @@ impl Setup {
         Ok(Setup {
             first: (name, kind),
             receives: receives.to_vec(),
-            running: if running == 0 { 1 } else { running },
+            running: running.unwrap_or(1),
             others: (others.to_vec(), infos),
             robot: params.robot.name,
             robot_source: job.robot.to_owned(),

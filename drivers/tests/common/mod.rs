@@ -8,11 +8,21 @@ use lcmtypes::{
     ComponentInfo, ControllerTick, Event, GroundTruth, Message, RobotCommand, RobotState, RunInfo, channels,
 };
 use replay::record::EventSink;
-use robot_model::UrdfTree;
+use robot_model::{BaseState, UrdfTree};
 use std::path::Path;
 
 /// Both robots of the project.
 pub const ROBOTS: [&str; 2] = ["hyq", "anymal_b"];
+
+/// Pose and twist of the base for kinematics, from the ground truth.
+pub fn base_state(truth: &GroundTruth) -> BaseState {
+    BaseState {
+        p_WB: truth.p_WB.into(),
+        R_WB: robot_model::math::quaternion::to_rotation(truth.q_WB_wxyz),
+        v_WB: truth.v_WB.into(),
+        w_WB_W: truth.w_WB_W.into(),
+    }
+}
 
 /// The messages of a run.
 #[derive(Default)]
