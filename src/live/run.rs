@@ -281,6 +281,9 @@ fn consequence(process: &Process, running: &[&str], ended: &[&str]) -> &'static 
         }
         "recorder" | "driver" => "",
         _ if process.is_good() => "",
+        name if name != "controller" && running.contains(&"controller") => {
+            ": the controller damps the joints that this component commands"
+        }
         _ if process.lost_data() => ": messages were lost, see its result",
         // A robot's own driver is not a process of the run.
         _ if ended.contains(&"driver") => ": no driver is running that could damp the joints",

@@ -263,7 +263,8 @@ impl RunFile {
         self.lcm.url.parse::<Url>().with_context(|| format!("lcm.url = {:?}", self.lcm.url))?;
         RobotFiles::find_with_params(&self.robot).with_context(|| format!("robot = {:?}", self.robot))?;
         let preset = self.preset_of_first();
-        RobotFiles::find_changed(&self.robot, preset, &[], &[]).with_context(|| format!("preset = {preset:?}"))?;
+        RobotFiles::find_changed(&self.robot, preset, &[], &[])
+            .with_context(|| format!("preset = {:?}", preset.unwrap_or_default()))?;
         RobotFiles::find_changed(&self.robot, preset, &self.gait, &[]).context("gait")?;
         let set = || format!("set = {:?}", self.set_of_first());
         let (_, params) = self.robot_files().with_context(set)?;
@@ -332,6 +333,7 @@ mod tests {
             (controller(""), "[[controller]] name = \"\""),
             (format!("{minimal}faults = \"nope.toml\"\n"), "nope.toml"),
             (format!("{minimal}gait = [\"nope.toml\"]\n"), "nope.toml"),
+            (format!("{minimal}preset = \"unknown\"\n"), "preset = \"unknown\""),
             (format!("{minimal}set = [\"trunk.kpp=3\"]\n"), "\"trunk.kpp\""),
             (format!("{minimal}set = [\"wbc.friction=-1\"]\n"), "wbc.friction is -1"),
             (format!("{minimal}set = [\"trunk.kp\"]\n"), "\"trunk.kp\": "),
@@ -390,7 +392,7 @@ mod tests {
         ] {
             let error = format!("{:#}", load(&format!("{first}{more}")).unwrap_err());
             assert!(error.contains(named) && error.contains(&format!("{component:?}")), "{named}: {error}");
-            assert_eq!(error.matches(".toml").count(), 1, "{error}");
+            assert_eq!(error.matches("/run-").count(), 1, "{error}");
         }
     }
 
