@@ -87,7 +87,7 @@ mod tests {
         assert_eq!((fast.bytes, slow.bytes), (300, 200));
         assert_eq!((fast.known_from_ns, slow.known_from_ns), (70, 0));
         assert!(fast.at(69).is_none() && fast.at(70).is_some() && slow.at(0).is_some());
-        // A tick that is larger than the bound is not kept.
+        // A tick that is larger than the bound is forgotten at once.
         fast.put(100, tick(1000));
         limit(&mut [&mut fast, &mut slow], 500);
         assert_eq!((fast.bytes, fast.known_from_ns, slow.bytes), (0, 101, 200));
