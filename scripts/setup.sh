@@ -141,7 +141,7 @@ install_mujoco
 ready="liblcm, MuJoCo $mujoco_version"
 if "$for_tests"; then
     install_cyclonedds
-    "$PWD/scripts/fetch_robots.sh" "${CARGO_TARGET_DIR:-target}/robots" || say "no public URDFs: the test public_urdfs will fail"
+    "$PWD/scripts/fetch_robots.sh" "${CARGO_TARGET_DIR:-target}/robots" || say "no public URDFs: the tests public_urdfs and public_srdfs will fail"
     ready+=", Cyclone DDS $cyclonedds_version"
 fi
 say "ready: $ready"

@@ -40,6 +40,7 @@ mod pose;
 mod read;
 mod runnable;
 mod shapes;
+pub mod srdf;
 mod topology;
 mod tree;
 mod write;
