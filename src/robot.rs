@@ -86,6 +86,7 @@ fn info(robot: &str, json: bool) -> anyhow::Result<()> {
         info.contacts = description.contacts.iter().map(|contact| contact.name.clone()).collect();
         info.groups = description.groups.iter().map(|group| group.name.clone()).collect();
         info.postures = description.postures.keys().cloned().collect();
+        info.disabled_collisions = description.disabled_collisions.iter().cloned().collect();
         info.feet.clear();
     }
     if let (Some(text), Some(params), true) = (&files.params, &params, is_quadruped) {
@@ -112,6 +113,10 @@ fn info(robot: &str, json: bool) -> anyhow::Result<()> {
             format!("{base} base, contacts: {contacts}, groups: {groups}, postures: {postures}")
         }
         _ => format!("feet: {}", info.feet.join(" ")),
+    };
+    let touching = match info.disabled_collisions.len() {
+        0 => touching,
+        pairs => format!("{touching}, {pairs} disabled collisions"),
     };
     say(format!("mass {:.3} kg, {} joints, {touching}", info.mass_kg, info.dof))?;
     let [lower, upper, effort, velocity] = ["lower", "upper", "effort", "velocity"].map(Column::right);

@@ -20,7 +20,8 @@ fn hold(file: &str, base: Base, fixed: &[(String, f64)], seconds: f64) -> (Seen,
     let urdf = std::fs::read(&path).unwrap_or_else(|error| panic!("{file}: {error}; run scripts/fetch_robots.sh"));
     let urdf = String::from_utf8_lossy(&urdf).into_owned();
     let bounds = |name: &str| mesh::bounds(name, &path);
-    let options = Options { urdf_file: "robot.urdf", beside: false, name: Some("robot"), fixed, bounds: &bounds };
+    let options =
+        Options { urdf_file: "robot.urdf", beside: false, srdf: None, name: Some("robot"), fixed, bounds: &bounds };
     let proposal = propose_any(&urdf, file, base, &options).unwrap();
     let urdf = proposal.urdf.unwrap_or(urdf);
     let params = apply_overrides(&proposal.toml, &[("hold.duration".to_owned(), "0.5".to_owned())]).unwrap();
