@@ -58,6 +58,10 @@ fn groups_are_the_union_of_their_elements() {
     // The chain of `across` goes up and down: its first link is not above its last one.
     let chains: Vec<_> = srdf.groups.iter().map(|group| group.chain.as_ref().map(|ends| ends.join(" "))).collect();
     assert_eq!(chains, [None, Some("trunk foot".to_owned()), None, None]);
+    // A group inside adds joints to those of the chain.
+    let chain = "<chain base_link=\"trunk\" tip_link=\"foot\"/>";
+    let srdf = parse(&replace_once(SRDF, chain, &format!("{chain}<group name=\"top\"/>"))).unwrap();
+    assert_eq!((srdf.groups[1].joints.len(), &srdf.groups[1].chain), (3, &None));
 }
 
 #[test]
