@@ -207,7 +207,7 @@ mod tests {
     const UPPER: &str = include_str!("../../../robots/centauro_upper/centauro_upper.urdf");
     const HYQ: &str = include_str!("../../../robots/hyq/hyq.urdf");
 
-    /// The file of the two arms or of HyQ with these elements of an SRDF, its table `[robot]`, and what is to be checked.
+    /// The file of the two arms or of HyQ with these elements of an SRDF, its table `[robot]`, and the remarks.
     fn with(elements: &str, is_quadruped: bool) -> (toml::Table, String) {
         let name = if is_quadruped { "hyq" } else { "centauro_upper" };
         let text = format!("<robot name=\"{name}\">{elements}</robot>");
