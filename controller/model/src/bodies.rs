@@ -9,6 +9,7 @@ use super::link_groups::LinkGroups;
 use super::names::near_names;
 use super::pose::Pose;
 use super::tree::{JointKind, Limits, UrdfTree};
+use crate::math::z_onto;
 
 /// Gravitational acceleration along -z of W, m/s².
 pub const GRAVITY: f64 = 9.81;
@@ -284,20 +285,6 @@ impl Model {
     fn unknown<'a>(&self, what: &'static str, name: &str, names: impl Iterator<Item = &'a str>) -> ModelError {
         ModelError::Unknown { robot: self.name.clone(), what, name: name.to_owned(), near: near_names(name, names) }
     }
-}
-
-/// Rotation whose third column is the unit vector `axis`; the identity for z.
-fn z_onto(axis: &Vector3<f64>) -> Matrix3<f64> {
-    let mut least = 0;
-    for k in 1..3 {
-        if axis[k].abs() < axis[least].abs() {
-            least = k;
-        }
-    }
-    let mut x = -axis[least] * axis;
-    x[least] += 1.0;
-    x /= x.norm();
-    Matrix3::from_columns(&[x, axis.cross(&x), *axis])
 }
 
 /// The principal moments of an inertia that no mass distribution has, ascending; `None` for a possible inertia, in which each moment is at most the

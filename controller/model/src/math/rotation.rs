@@ -49,6 +49,21 @@ pub fn rpy_of(R: &Matrix3<f64>) -> [f64; 3] {
     [atan2(R[(2, 1)], R[(2, 2)]), pitch, atan2(R[(1, 0)], R[(0, 0)])]
 }
 
+/// A rotation whose third column is the unit vector `axis`; the identity for z.
+#[inline]
+pub fn z_onto(axis: &Vector3<f64>) -> Matrix3<f64> {
+    let mut least = 0;
+    for k in 1..3 {
+        if axis[k].abs() < axis[least].abs() {
+            least = k;
+        }
+    }
+    let mut x = -axis[least] * axis;
+    x[least] += 1.0;
+    x /= x.norm();
+    Matrix3::from_columns(&[x, axis.cross(&x), *axis])
+}
+
 /// Wraps an angle, such as the difference of two headings, to (-π, π].
 #[inline]
 pub fn wrap_angle(angle: f64) -> f64 {
@@ -87,6 +102,16 @@ mod tests {
         // A body at yaw 2 rad, tilted by 0.05 rad about its own x axis: in W, the tilt is about Rz(2) e_x.
         let error = log(&(Rz(2.0) * Rx(0.05) * Rz(-2.0)));
         assert!((error - Rz(2.0) * Vector3::x() * 0.05).norm() < 1e-12);
+    }
+
+    #[test]
+    fn z_is_turned_onto_the_axis() {
+        for axis in [Vector3::x(), -Vector3::y(), -Vector3::z(), Vector3::new(0.6, 0.0, -0.8)] {
+            let R = z_onto(&axis);
+            assert!((R * Vector3::z() - axis).norm() < 1e-15);
+            assert!((R.transpose() * R - Matrix3::identity()).abs().max() < 1e-15 && R.determinant() > 0.0);
+        }
+        assert_eq!(z_onto(&Vector3::z()), Matrix3::identity());
     }
 
     #[test]
