@@ -4,10 +4,13 @@
 mod common;
 
 use common::Rng;
-use controller::math::{Rx, Ry, Rz, cos, log, sin};
-use controller::model::{Base, BaseState, FrameId, Kinematics, Model, UrdfTree};
-use controller::stack::{ModelState, Rows, Structure, Task, Variables};
-use controller::tasks::velocity::{RelativePose, RelativePoseReference};
+use controller::math::{Rx, Ry, Rz, atan2, cos, log, sin};
+use controller::model::{Base, BaseState, FrameId, JointInfo, Kinematics, Model, UrdfTree, gravity_force};
+use controller::stack::{ModelState, Rows, StackError, Structure, Task, Variables};
+use controller::tasks::velocity::{
+    AngularMomentum, CenterOfMass, Gaze, Manipulability, MinimumEffort, MinimumVelocity, Motion, RelativePose,
+    RelativePoseReference,
+};
 use nalgebra::{DMatrix, DVector, Matrix3, Vector3, Vector6};
 use serde_json::Value;
 
@@ -256,4 +259,213 @@ fn rows_of_a_relative_pose_are_its_rate() {
             assert!((rate.rows(0, 3) - linear).norm() < 1e-8 && (rate.rows(3, 3) - angular).norm() < 1e-8);
         }
     }
+}
+
+/// In the world and relative to a link: compared with Pinocchio's Jacobians and, for the error, its centre of mass.
+#[test]
+fn rows_of_the_center_of_mass_are_those_of_pinocchios_jacobians() {
+    for robot in [CENTAURO, COMAN] {
+        for (at, expected) in stored(robot) {
+            let nv = at.model.nv();
+            let (J_C, c) = (matrix(&expected["com_jacobian"]), Vector3::from_column_slice(&numbers(&expected["com"])));
+            let mut task = at.built(|of| CenterOfMass::new(of, 4.0));
+            let links: Vec<&str> = expected["frames"].as_object().unwrap().keys().map(String::as_str).collect();
+            for other in [None].into_iter().chain(links.into_iter().map(Some)) {
+                let (p_b, R_b, J_b) = frame_of(&expected, other, nv);
+                let mut J_d = DMatrix::zeros(6, nv);
+                J_d.rows_mut(0, 3).copy_from(&J_C);
+                let J = turned(&R_b.transpose(), &relative(&J_d, &J_b, &(c - p_b)));
+                let (e, v) = (Vector3::new(0.1, -0.2, 0.3), Vector3::new(1.0, 2.0, 3.0));
+                task.relative_to = other.map(|link| at.frame(link));
+                let rows = at.rows(&mut task, &(R_b.transpose() * (c - p_b) + e, v));
+                near("com", &rows.A, &J.rows(0, 3).into());
+                near("com", &column(&rows.b), &DMatrix::from_column_slice(3, 1, (v + e * 4.0).as_slice()));
+            }
+            task.relative_to = None;
+            task.disabled = vec![2, nv - 1];
+            let rows = at.rows(&mut task, &(c, c));
+            assert!(rows.A.column(2).norm() == 0.0 && rows.A.column(nv - 1).norm() == 0.0 && rows.A[(0, 0)] != 0.0);
+        }
+    }
+}
+
+#[test]
+fn rows_of_the_angular_momentum_are_those_of_pinocchios_matrix() {
+    for robot in [CENTAURO, COMAN] {
+        for (at, expected) in stored(robot) {
+            let mut task = at.built(AngularMomentum::new);
+            let rows = at.rows(&mut task, &Vector3::new(1.0, 2.0, 3.0));
+            near("A_G", &rows.A, &matrix(&expected["centroidal_momentum_matrix"]).rows(3, 3).into());
+            assert_eq!(rows.b.as_slice(), [1.0, 2.0, 3.0]);
+        }
+    }
+}
+
+/// Angle between the axis and the direction to the target.
+fn gaze_angle(at: &At, link: FrameId, axis: &Vector3<f64>, target_W: &Vector3<f64>) -> f64 {
+    let (a, d) = (at.kin.R_WF(&at.model, link) * axis, target_W - at.kin.p_WF(&at.model, link));
+    atan2(a.cross(&d).norm(), a.dot(&d))
+}
+
+/// Motions that satisfy the rows reduce the angle at `k` times the angle, also from behind, while the target moves.
+#[test]
+fn the_gaze_angle_decays_at_its_gain_from_any_side() {
+    let mut rng = Rng(4);
+    let axis = Vector3::new(0.6, 0.0, 0.8);
+    let mut largest = 0.0_f64;
+    for trial in 0..60 {
+        let at = random(COMAN[0], &mut rng);
+        let (link, foot) = (at.frame("LSoftHand"), at.frame("r_sole"));
+        let other = (trial % 2 == 0).then_some(foot);
+        let frame_of = |at: &At| match other {
+            None => (Vector3::zeros(), Matrix3::identity()),
+            Some(other) => (at.kin.p_WF(&at.model, other), at.kin.R_WF(&at.model, other)),
+        };
+        let (target, v_target) = (rng.vec3(2.0), rng.vec3(1.0));
+        let mut task = at.built(|of| Gaze::new(of, link, &axis, other, 3.0));
+        let rows = at.rows(&mut task, &(target, v_target));
+        // A random solution of the two rows.
+        let free = DVector::from_fn(at.model.nv(), |_, _| rng.symmetric());
+        let (A, b) = (&rows.A, &rows.b);
+        let v = &free + A.transpose() * (A * A.transpose()).try_inverse().unwrap() * (b - A * &free);
+        let angle_at = |dt: f64| {
+            let moved = at.moved(&v, dt);
+            let (p, R) = frame_of(&moved);
+            gaze_angle(&moved, link, &axis, &(p + R * (target + v_target * dt)))
+        };
+        let (angle, dt) = (angle_at(0.0), 1e-6);
+        let rate = (angle_at(dt) - angle_at(-dt)) / (2.0 * dt);
+        assert!((rate + 3.0 * angle).abs() < 1e-5, "{trial}: {rate} at {angle}");
+        largest = largest.max(angle);
+    }
+    assert!(largest > 2.5, "{largest}");
+}
+
+#[test]
+fn a_target_behind_gives_the_full_angle_and_one_at_the_link_none() {
+    let at = random(CENTAURO[0], &mut Rng(5));
+    let link = at.frame("arm1_8");
+    let p = at.kin.p_WF(&at.model, link);
+    let a: Vector3<f64> = at.kin.R_WF(&at.model, link).column(2).into();
+    let mut task = at.built(|of| Gaze::new(of, link, &Vector3::z(), None, 1.0));
+    for (target, angle) in [(p - a, std::f64::consts::PI), (p + a, 0.0)] {
+        let rows = at.rows(&mut task, &(target, Vector3::zeros()));
+        assert!((rows.b.norm() - angle).abs() < 1e-9, "{}", rows.b);
+    }
+    let rows = at.rows(&mut task, &(p, Vector3::zeros()));
+    assert!(!rows.is_on(0) && rows.A.norm() == 0.0 && rows.b.norm() == 0.0);
+    task.disabled = vec![0, 3];
+    let rows = at.rows(&mut task, &(p - a * 2.0, Vector3::zeros()));
+    assert!(rows.A.columns(0, 1).norm() + rows.A.columns(3, 1).norm() == 0.0 && rows.A.columns(4, 1).norm() > 0.0);
+}
+
+/// Compared with Pinocchio's gravity torques and their derivative.
+#[test]
+fn the_minimum_effort_descends_the_gradient_of_the_weighted_torques() {
+    for robot in [CENTAURO, COMAN] {
+        for (at, expected) in stored(robot) {
+            let nj = at.model.nj();
+            let (G, g) = (matrix(&expected["gravity_derivative"]), numbers(&expected["gravity_force"]));
+            let mut task = at.built(|of| MinimumEffort::new(of, 2.0));
+            let weighted =
+                DVector::from_fn(nj, |i, _| g[6 + i] / (at.model.joints[i].effort * at.model.joints[i].effort));
+            let rows = at.rows(&mut task, &());
+            near("effort", &column(&rows.b), &column(&(G.transpose() * weighted * -2.0)));
+            assert!(rows.b.norm() > 1e-3 && rows.A.columns(6, nj).is_identity(0.0));
+        }
+    }
+}
+
+/// The gradient of the effort compared with differences of the effort.
+#[test]
+fn the_effort_decreases_along_its_task() {
+    let mut rng = Rng(6);
+    for _ in 0..5 {
+        let at = random(COMAN[0], &mut rng);
+        let effort = |at: &At| {
+            let mut g = DVector::zeros(at.model.nv());
+            gravity_force(&at.model, &at.kin, &mut g);
+            let square = |(i, joint): (usize, &JointInfo)| g[6 + i] * g[6 + i] / (joint.effort * joint.effort);
+            0.5 * at.model.joints.iter().enumerate().map(square).sum::<f64>()
+        };
+        let mut task = at.built(|of| MinimumEffort::new(of, 1.0));
+        let rows = at.rows(&mut task, &());
+        let mut v = DVector::zeros(at.model.nv());
+        v.rows_mut(6, at.model.nj()).copy_from(&rows.b);
+        let dt = 1e-6;
+        let rate = (effort(&at.moved(&v, dt)) - effort(&at.moved(&v, -dt))) / (2.0 * dt);
+        assert!((rate + rows.b.norm_squared()).abs() < 1e-6 * rate.abs().max(1.0), "{rate}");
+        assert!(rate < 0.0);
+    }
+}
+
+/// `√det(J Jᵀ)` of Pinocchio's Jacobians, and its gradient compared with differences, for chains that go through the trunk and for one that is singular.
+#[test]
+fn the_manipulability_and_its_gradient() {
+    let mut rng = Rng(7);
+    for (at, expected) in stored(COMAN) {
+        let nv = at.model.nv();
+        for (link, base, motion) in [
+            ("LSoftHand", None, Motion::Pose),
+            ("LSoftHand", Some("r_sole"), Motion::Pose),
+            ("r_sole", Some("l_sole"), Motion::Position),
+        ] {
+            let rows = if motion == Motion::Pose { 6 } else { 3 };
+            let chain = (at.frame(link), base.map(|link| at.frame(link)));
+            let mut task = at.built(|of| Manipulability::new("reach", of, chain, motion, 1.0)).unwrap();
+            let base_jacobian = match base {
+                Some(_) => frame_of(&expected, base, nv),
+                // The root link: its origin moves with the base alone.
+                None => (at.base.p_WB, at.base.R_WB, DMatrix::identity(6, nv)),
+            };
+            let (p, _, J) = frame_of(&expected, Some(link), nv);
+            let J = relative(&J, &base_jacobian.2, &(p - base_jacobian.0));
+            let J = J.view((0, 6), (rows, nv - 6));
+            let expected = (J * J.transpose()).determinant().sqrt();
+            let (found, _) = task.evaluate(&at.model, &at.kin);
+            assert!((found - expected).abs() < 1e-9 * expected.max(1e-3), "{link} {base:?}: {found} {expected}");
+
+            let near = random(COMAN[0], &mut rng);
+            let columns: Vec<usize> = (0..nv).filter(|col| task.rows().A.column(*col).norm() > 0.0).collect();
+            let (_, gradient) = task.evaluate(&near.model, &near.kin);
+            let by_row = DVector::from_column_slice(gradient);
+            let gradient = task.rows().A.transpose() * by_row;
+            for col in columns {
+                let (mut v, dt) = (DVector::zeros(nv), 1e-5);
+                v[col] = 1.0;
+                let mut value = |dt: f64| {
+                    let moved = near.moved(&v, dt);
+                    task.evaluate(&moved.model, &moved.kin).0
+                };
+                let slope = (value(dt) - value(-dt)) / (2.0 * dt);
+                assert!((slope - gradient[col]).abs() < 1e-7, "{link} {base:?} {col}: {slope} {}", gradient[col]);
+            }
+            let rows = near.rows(&mut task, &());
+            let slope = task.evaluate(&near.model, &near.kin).1.to_vec();
+            assert_eq!(rows.b.as_slice(), slope);
+        }
+    }
+}
+
+#[test]
+fn a_singular_chain_has_no_gradient_and_a_short_one_is_refused() {
+    let n = Model::new(&UrdfTree::parse(COMAN[0], "urdf").unwrap(), Base::Floating).unwrap().nj();
+    // A leg with a straight knee is singular: hip, knee and ankle lie on a line.
+    let at = At::new(COMAN[0], BaseState::identity(), vec![0.0; n], vec![0.0; n]);
+    let foot = at.frame("r_sole");
+    let mut task = at.built(|of| Manipulability::new("reach", of, (foot, None), Motion::Pose, 1.0)).unwrap();
+    let (m, gradient) = task.evaluate(&at.model, &at.kin);
+    assert!(m < 1e-6 && gradient.iter().all(|slope| *slope == 0.0), "{m}");
+    let imu = at.frame("imu_link");
+    let short = at.built(|of| Manipulability::new("reach", of, (imu, None), Motion::Position, 1.0));
+    assert!(
+        matches!(short.err(), Some(StackError::ShortChain { task, link, needed: 3, .. }) if task == "reach" && link == "imu_link")
+    );
+}
+
+#[test]
+fn the_minimum_velocity_stops_everything() {
+    let at = random(COMAN[0], &mut Rng(8));
+    let rows = at.rows(&mut at.built(MinimumVelocity::new), &());
+    assert!(rows.A.is_identity(0.0) && rows.b.norm() == 0.0 && rows.A.nrows() == at.model.nv());
 }
