@@ -22,6 +22,7 @@
 #![allow(non_snake_case, reason = "names carry frames, as in p_WF = p_WB + R_WB * p_BF: see ARCHITECTURE.md")]
 
 mod bodies;
+mod capsule;
 mod centroidal;
 pub mod description;
 mod drive;
@@ -47,6 +48,7 @@ mod write;
 mod xml;
 
 pub use bodies::{Base, FrameId, GRAVITY, JointId, JointInfo, Model, impossible_moments};
+pub use capsule::{Capsule, capsules, closest_points};
 pub use centroidal::{
     centroidal_momentum, centroidal_momentum_matrix, com, com_bias_acceleration, com_jacobian, com_velocity, p_BC_W,
 };
