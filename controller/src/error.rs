@@ -3,6 +3,7 @@
 use crate::model::{DescriptionError, ModelError};
 use crate::params::ParamsError;
 use crate::stack::StackError;
+use crate::trajectory::error::ReferenceError;
 
 /// A snapshot that a controller cannot restore.
 #[derive(Debug, thiserror::Error)]
@@ -41,6 +42,9 @@ pub enum RestoreError {
         /// Field of the message.
         field: &'static str,
     },
+    /// A reference of a task that no command could have set.
+    #[error("snapshot: {0}")]
+    Reference(#[from] ReferenceError),
     /// A number that names no value of its enumeration, such as an unknown leg state.
     #[error("snapshot field {field} is {found}, expected 0 to {last}")]
     Value {

@@ -17,6 +17,7 @@
 //! | [`safety`] | faults, joint checks and command limits |
 //! | [`stack`], [`qp`] | stacks of tasks and the quadratic programs built from them |
 //! | [`tasks`], [`constraints`], [`contact`] | the parts of a stack, for any robot |
+//! | [`trajectory`] | references of tasks within limits: on-line generator, way-points, velocity commands |
 //! | [`posture`] | a controller that moves any robot to a named posture |
 //! | [`tour`] | a planner that visits named postures |
 //! | [`model`] | the crate `robot-model`: rigid-body model and dynamics from a URDF |
@@ -50,6 +51,7 @@ pub mod stack;
 pub mod tasks;
 pub mod time;
 pub mod tour;
+pub mod trajectory;
 
 pub use dump::Dump;
 pub use error::{LoadError, RestoreError};

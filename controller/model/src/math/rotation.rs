@@ -1,6 +1,6 @@
 //! Rotation matrices: elementary rotations, roll-pitch-yaw angles, rotation vectors.
 
-use super::{asin, atan2, cos, norm, quaternion, sin};
+use super::{asin, atan2, cos, quaternion, sin};
 use nalgebra::{Matrix3, Vector3};
 
 /// Rotation about x by `angle`, rad.
@@ -63,10 +63,7 @@ pub fn wrap_angle(angle: f64) -> f64 {
 /// Source: Raiola et al. 2020, eq. (8). The sign of its cross product is changed so that the error is reduced, not increased.
 #[inline]
 pub fn log(R: &Matrix3<f64>) -> Vector3<f64> {
-    let [eta, x, y, z] = quaternion::from_rotation(R);
-    let eps = if eta < 0.0 { -Vector3::new(x, y, z) } else { Vector3::new(x, y, z) };
-    let norm = norm(&eps);
-    if norm > 1e-8 { eps * (2.0 * atan2(norm, eta.abs()) / norm) } else { eps * 2.0 }
+    Vector3::from(quaternion::to_rotation_vector(quaternion::from_rotation(R)))
 }
 
 #[cfg(test)]
