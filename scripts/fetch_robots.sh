@@ -1,13 +1,13 @@
 #!/usr/bin/env bash
-# Fetches all URDFs of two packages of PyPI, example-robot-data and pybullet, for the test `public_urdfs`, and the meshes of public quadrupeds for
-# `hoof experiment run robots`. Nothing is installed. No package of PyPI has a URDF of Unitree's AS2 and B2-W.
+# Fetches all URDFs and SRDFs of two packages of PyPI, example-robot-data and pybullet, for the tests `public_urdfs` and `public_srdfs`, and the meshes of
+# public quadrupeds for `hoof experiment run robots`. Nothing is installed. No package of PyPI has a URDF of Unitree's AS2 and B2-W.
 # usage: scripts/fetch_robots.sh [DIR]     default: target/robots
 # Exit code 3 if there is no Python with pip, or the package index cannot be reached.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 to=${1:-target/robots}
 packages="example-robot-data==6.0.0 pybullet==3.2.7"
-version="$packages, all URDFs"
+version="$packages, all URDFs and SRDFs"
 [ -e "$to/VERSION" ] && [ "$(cat "$to/VERSION")" = "$version" ] && exit 0
 command -v python3 >/dev/null || { echo "fetch_robots: no python3" >&2; exit 3; }
 work=$(mktemp -d); trap 'rm -rf "$work"' EXIT
@@ -35,7 +35,7 @@ for wheel in pathlib.Path(sys.argv[1]).glob("*.whl"):
                 before, found, inside = name.partition(prefix)
                 is_prefix = found and (not before or before.endswith("/"))
                 # random_urdfs has a thousand boxes and cylinders.
-                is_urdf = name.endswith(".urdf") and not inside.startswith("random_urdfs/")
+                is_urdf = name.endswith((".urdf", ".srdf")) and not inside.startswith("random_urdfs/")
                 is_taken = is_urdf or inside.split("/")[0].removesuffix("_description") in robots
                 if is_prefix and is_taken and not name.endswith("/"):
                     # The folders of the package, so that package:// names are found.

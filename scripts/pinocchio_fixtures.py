@@ -108,6 +108,9 @@ class Robot:
             "rnea": X.T @ pin.rnea(model, data, q, v, X @ np.array(state["vd"]) + drift),
         }
 
+        G = pin.computeGeneralizedGravityDerivatives(model, data, q)
+        out["gravity_derivative"] = (X.T @ G @ X)[self.nb :, self.nb :]
+
         out |= self.centroidal(state)
 
         pin.computeJointJacobians(model, data, q)

@@ -4,7 +4,7 @@
     pip install pin==4.1.0
     python3 scripts/self_contact.py
 
-Links of one body and of neighbouring bodies are not compared.
+Links of one body, of neighbouring bodies, and the pairs of `[robot.disabled_collisions]` are not compared.
 """
 
 import pathlib
@@ -25,11 +25,13 @@ def touching(folder):
     model = pin.buildModelFromUrdf(urdf, pin.JointModelFreeFlyer())
     shapes = pin.buildGeomFromUrdf(model, urdf, pin.GeometryType.COLLISION)
     joints = [shape.parentJoint for shape in shapes.geometryObjects]
+    links = [model.frames[shape.parentFrame].name for shape in shapes.geometryObjects]
+    disabled = {frozenset((link, other)) for link, others in robot.get("disabled_collisions", {}).items() for other in others}
     pairs = 0
     for a in range(len(joints)):
         for b in range(a):
             near = joints[a] == joints[b] or model.parents[joints[a]] == joints[b] or model.parents[joints[b]] == joints[a]
-            if not near:
+            if not near and frozenset((links[a], links[b])) not in disabled:
                 shapes.addCollisionPair(pin.CollisionPair(b, a))
                 pairs += 1
     data, geometry = model.createData(), shapes.createData()

@@ -52,7 +52,7 @@ install_packages() {
     if "$for_tests"; then
         # Compilers and interpreters for the stock LCM code in tests/stock.
         command -v g++ >/dev/null || missing+=(g++)
-        command -v lua5.2 >/dev/null || missing+=(lua5.2)
+        lua5.2 -e 'require("lcm")' 2>/dev/null || missing+=(lua5.2 liblcm-lua)
         [ -f /usr/share/java/lcm.jar ] || missing+=(liblcm-java)
         command -v valgrind >/dev/null || missing+=(valgrind)
         command -v qemu-x86_64 >/dev/null || missing+=(qemu-user)
@@ -141,7 +141,7 @@ install_mujoco
 ready="liblcm, MuJoCo $mujoco_version"
 if "$for_tests"; then
     install_cyclonedds
-    "$PWD/scripts/fetch_robots.sh" "${CARGO_TARGET_DIR:-target}/robots" || say "no public URDFs: the test public_urdfs will fail"
+    "$PWD/scripts/fetch_robots.sh" "${CARGO_TARGET_DIR:-target}/robots" || say "no public URDFs: the tests public_urdfs and public_srdfs will fail"
     ready+=", Cyclone DDS $cyclonedds_version"
 fi
 say "ready: $ready"

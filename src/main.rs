@@ -19,7 +19,9 @@ mod report;
 mod robot;
 mod run_info;
 mod sim;
+mod solve;
 mod spy;
+mod task;
 mod teleop;
 
 use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
@@ -62,6 +64,7 @@ enum Command {
     #[command(subcommand, after_help = "Example: hoof experiment list\n         hoof experiment run A3 --seeds 20")]
     Experiment(experiment::Command),
     Spy(Box<spy::Args>),
+    Task(task::Args),
     /// Connect a live run to other middleware
     #[command(
         subcommand,
@@ -86,6 +89,7 @@ enum Command {
         after_help = "Example: hoof robot info hyq --params\n         hoof robot init my_robot.urdf --out robots/my_robot"
     )]
     Robot(robot::Command),
+    Solve(solve::Args),
     /// Write shell completions and manual pages
     #[command(hide = true)]
     InstallFiles(install_files::Args),
@@ -110,11 +114,13 @@ fn main() -> ExitCode {
         Command::Debug(args) => debug::run(&args),
         Command::Report(args) => report::run(&args),
         Command::Experiment(command) => experiment::run(&command),
+        Command::Task(args) => task::run(&args),
         Command::Spy(args) => spy::run(&args),
         Command::Bridge(command) => bridge::run(&command),
         Command::Log(command) => log::run(&command),
         Command::Corpus(command) => corpus::run(&command),
         Command::Robot(command) => robot::run(&command),
+        Command::Solve(args) => solve::run(&args),
         Command::InstallFiles(args) => install_files::run(&args, Cli::command()),
     };
     match result {

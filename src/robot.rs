@@ -1,5 +1,6 @@
 //! `hoof robot`: properties of a robot, model quantities at a state, and a first parameter file for a new robot.
 
+mod ik;
 mod init;
 
 use crate::{Outcome, say, say_json};
@@ -50,6 +51,8 @@ pub enum Command {
         #[arg(long)]
         json: bool,
     },
+    /// Find joint positions for poses of links: one-shot inverse kinematics
+    Ik(ik::Args),
     /// Write a first parameter file for a quadruped from its URDF: feet, posture, and forces and steps by size
     Init(init::Args),
 }
@@ -61,6 +64,7 @@ pub fn run(command: &Command) -> anyhow::Result<Outcome> {
         }
         Command::Info { robot, json, .. } => info(robot, *json)?,
         Command::Init(args) => return init::run(args),
+        Command::Ik(args) => return ik::run(args),
         Command::Eval { robot, state, json: _ } => {
             let files = RobotFiles::find(robot)?;
             let text =
@@ -86,6 +90,7 @@ fn info(robot: &str, json: bool) -> anyhow::Result<()> {
         info.contacts = description.contacts.iter().map(|contact| contact.name.clone()).collect();
         info.groups = description.groups.iter().map(|group| group.name.clone()).collect();
         info.postures = description.postures.keys().cloned().collect();
+        info.disabled_collisions = description.disabled_collisions.iter().cloned().collect();
         info.feet.clear();
     }
     if let (Some(text), Some(params), true) = (&files.params, &params, is_quadruped) {
@@ -112,6 +117,10 @@ fn info(robot: &str, json: bool) -> anyhow::Result<()> {
             format!("{base} base, contacts: {contacts}, groups: {groups}, postures: {postures}")
         }
         _ => format!("feet: {}", info.feet.join(" ")),
+    };
+    let touching = match info.disabled_collisions.len() {
+        0 => touching,
+        pairs => format!("{touching}, {pairs} disabled collisions"),
     };
     say(format!("mass {:.3} kg, {} joints, {touching}", info.mass_kg, info.dof))?;
     let [lower, upper, effort, velocity] = ["lower", "upper", "effort", "velocity"].map(Column::right);

@@ -7,6 +7,7 @@ use crate::{Outcome, note, run_info, say, say_json};
 use anyhow::Context;
 use controller::params::Params;
 use controller::quadruped::implausible;
+use drivers::components::EXTERNAL;
 use drivers::robot_files::RobotFiles;
 use drivers::simulation::{Components, Job, Setup, Summary};
 use std::path::PathBuf;
@@ -105,7 +106,8 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
     let components = file.as_ref().map_or_else(Components::default, |file| Components {
         first: first.as_ref().map(|(name, kind)| (&**name, &**kind)),
         receives: file.receives(),
-        running: file.running(),
+        running: Some(file.running()),
+        preset: file.preset.as_deref(),
         others: file.others(),
         set: &file.set,
     });
@@ -114,7 +116,7 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
         scenario: &scenario,
         seconds: args.seconds,
         seed: args.seed,
-        preset: args.preset.as_deref().or(file.as_ref().and_then(|file| file.preset.as_deref())),
+        preset: args.preset.as_deref().or(file.as_ref().and_then(RunFile::preset_of_first)),
         gaits: &gaits,
         set: &set,
         components,
@@ -124,6 +126,12 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
     // A robot that is not a quadruped has no such checks.
     for warning in implausible(&setup.urdf, &setup.params).into_iter().flatten() {
         note(format!("warning: {warning}"));
+    }
+    for component in setup.others.0.iter().filter(|component| component.kind == EXTERNAL) {
+        note(format!(
+            "warning: component {} is external: it takes no part in a simulation in lockstep",
+            component.name
+        ));
     }
     let summary = setup.simulate(log, &run_info::build(), &mut |fraction| bar.set(fraction))?;
     drop(bar);

@@ -55,6 +55,7 @@ fn a_log_of_centauro_works_with_every_tool() {
             "{robot}"
         );
         assert!(metrics["slip"].is_null() && metrics["contact"].is_null(), "{robot}");
+        assert_eq!(metrics["tracking"]["feet"], serde_json::json!([]), "{robot}");
         let height = metrics["safety"]["min_height_m"].as_f64();
         assert_eq!(height.is_some_and(|height| height > 0.4), robot != "centauro_upper", "{robot}: {height:?}");
         let report = folder.join(format!("report_{robot}"));

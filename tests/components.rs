@@ -108,7 +108,8 @@ fn components_without_a_tick_are_listed_as_not_replayed() {
     let (file, log) = (folder.join("run.toml"), folder.join("run.mcap"));
     let text = run_file() + "\n[[component]]\nname = \"camera\"\nkind = \"external\"\n";
     std::fs::write(&file, text).unwrap();
-    hoof(&format!("sim {} --seconds 0.04 --log {}", file.display(), log.display())).exits(0);
+    let ran = hoof(&format!("sim {} --seconds 0.04 --log {}", file.display(), log.display())).exits(0);
+    assert!(ran.stderr.contains("component camera is external"), "{}", ran.stderr);
     let report = replay(&log, "").exits(0).json();
     let found =
         report["components"].as_array().unwrap().iter().map(|one| json!([one["name"], one["ticks"], one["replayed"]]));
@@ -117,6 +118,44 @@ fn components_without_a_tick_are_listed_as_not_replayed() {
     assert_eq!((&report["identical"], &report["complete"]), (&json!(true), &json!(true)));
     hoof(&format!("log verify {} --json", log.display())).exits(0);
     replay(&log, "--component camera").exits(2);
+}
+
+/// The controllers of a sequence that run are those of the log: here the second one. A run with several components is not simulated again.
+#[test]
+fn resim_repeats_which_controllers_run_and_refuses_other_components() {
+    let folder = folder("resim");
+    let (file, log, again) = (folder.join("run.toml"), folder.join("run.mcap"), folder.join("again.mcap"));
+    let [scenario] = ["scenarios/hold.toml"].map(|path| Path::new(path).canonicalize().unwrap());
+    let controllers = "[[controller]]\nname = \"hold\"\nstart = false\n[[controller]]\nname = \"posture\"\n";
+    let text =
+        format!("robot = \"centauro\"\nlog = \"unused.mcap\"\n[simulation]\nscenario = {scenario:?}\n{controllers}");
+    std::fs::write(&file, text).unwrap();
+    hoof(&format!("sim {} --seconds 0.3 --log {}", file.display(), log.display())).exits(0);
+    let resim = |log: &Path| hoof(&format!("replay {} --json --resim {}", log.display(), again.display()));
+    let report = resim(&log).exits(0).json();
+    assert_eq!((&report["same_bits"], &report["first_difference"]), (&json!(true), &Value::Null));
+    let none = "[[controller]]\nname = \"hold\"\nstart = false\n";
+    let text = std::fs::read_to_string(&file).unwrap().replace(controllers, none);
+    std::fs::write(&file, text).unwrap();
+    hoof(&format!("sim {} --seconds 0.1 --log {}", file.display(), log.display())).exits(1);
+    assert_eq!(resim(&log).exits(1).json()["same_bits"], true);
+
+    // Another controller runs from tick 100 on.
+    std::fs::write(&file, format!("{}{controllers}", std::fs::read_to_string(&file).unwrap().replace(none, "")))
+        .unwrap();
+    hoof(&format!("sim {} --seconds 0.3 --log {}", file.display(), log.display())).exits(0);
+    let switched = folder.join("switched.mcap");
+    rewrite_one(&log, &switched, CONTROLLER_INPUT, 100, |input: &mut ControllerInput| {
+        let mut data = Vec::new();
+        lcmtypes::Running { t_ns: input.t_ns, running: 1 }.encode(&mut data).unwrap();
+        let size = data.len().try_into().unwrap();
+        input.messages.push(Delivered { channel: "RUNNING".to_owned(), t_arrival_ns: input.t_ns, size, data });
+        input.n_messages += 1;
+    });
+    assert!(resim(&switched).exits(2).stderr.contains("tick 100"));
+
+    run(&log);
+    assert!(resim(&log).exits(2).stderr.contains("3 components"));
 }
 
 #[test]

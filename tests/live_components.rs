@@ -3,11 +3,11 @@
 
 mod common;
 
-use common::live_process::LiveProcess;
+use common::live_process::{LiveProcess, kill};
 use common::network::url;
 use common::{events, folder, hoof};
 use lcmtypes::bus::{Bus, LcmBus};
-use lcmtypes::{ControllerInput, JointReference, Message, RobotCommand};
+use lcmtypes::{ControllerInput, ControllerTick, JointReference, Message, RobotCommand};
 use std::path::Path;
 
 /// A run file of HyQ without a robot: `hold`, and components in TOML.
@@ -120,4 +120,49 @@ kind = "external"
         (&report["components"][0]["identical"], &report["components"][1]["identical"]),
         (&true.into(), &true.into())
     );
+}
+
+#[test]
+fn the_joints_of_a_process_that_dies_are_damped_and_the_event_names_it() {
+    let components = r#"
+[[component]]
+name = "planner"
+kind = "tour"
+period_ticks = 100
+
+[[component]]
+name = "knees"
+kind = "posture"
+joints = ["lf_kfe_joint", "rf_kfe_joint"]
+period_ticks = 10
+latency_ticks = 10
+runs = "process"
+"#;
+    let (folder, url) = (folder("dies"), url(2));
+    let (file, log) = (run_file(&folder, components), folder.join("run.mcap"));
+    let mut run = LiveProcess::start(&format!("run {} --log {} --lcm-url {url} --json", file.display(), log.display()));
+    let knees = run.process("knees");
+    run.wait_for(&["knees: controller is in"]);
+    kill("-KILL", &knees);
+    run.wait_for(&["controller: ", ": knees, ", "ticks ago"]);
+    run.interrupt();
+    let ran = run.end();
+    assert!(ran.stderr.contains("knees ended, signal: 9 (SIGKILL): the controller damps"), "{}", ran.stderr);
+    assert_eq!(ran.exits(1).json()["knees"]["signal"], 9);
+    let ticks = events(&log).into_iter().filter(|event| *event.channel == *"CONTROLLER_TICK");
+    let ticks: Vec<ControllerTick> = ticks.map(|event| ControllerTick::decode(&event.data).unwrap()).collect();
+    let late = ticks.iter().find(|tick| tick.fault == ControllerTick::FAULT_COMPONENT).unwrap();
+    // Ten periods and the latency.
+    assert_eq!((late.fault_index, late.fault_value), (2, 111.0));
+}
+
+/// A component that cannot be built is an error before the recorder starts.
+#[test]
+fn a_run_with_a_component_of_an_unknown_kind_writes_no_log() {
+    let folder = folder("unknown");
+    let (file, log) =
+        (run_file(&folder, "[[component]]\nname = \"knees\"\nkind = \"postrue\"\n"), folder.join("run.mcap"));
+    let ran = hoof(&format!("run {} --log {} --lcm-url {}", file.display(), log.display(), url(3))).exits(2);
+    assert!(ran.stderr.contains("component knees") && ran.stderr.contains("\"postrue\""), "{}", ran.stderr);
+    assert!(!log.exists());
 }

@@ -2,7 +2,6 @@
 
 use crate::metrics::{Metrics, Reference};
 use crate::numeric_table::{NumericTable, Row};
-use crate::run::LEGS;
 use crate::stats::{Distribution, ErrorStats, mean_and_std};
 use crate::table::{Column, Table};
 
@@ -71,8 +70,8 @@ pub fn tracking_rows(metrics: &Metrics) -> Vec<TrackingRow> {
         ("yaw", "rad", tracking.yaw),
         ("height", "m", tracking.height),
     ];
-    let feet = tracking.feet.iter().zip(LEGS).flat_map(|(foot, leg)| {
-        [("x", foot.x), ("y", foot.y), ("z", foot.z)].map(|(axis, stats)| (format!("{leg} {axis}"), "m", stats))
+    let feet = tracking.feet.iter().flat_map(|foot| {
+        [("x", foot.x), ("y", foot.y), ("z", foot.z)].map(|(axis, stats)| (format!("{} {axis}", foot.leg), "m", stats))
     });
     let rows = base.into_iter().map(|(name, unit, stats)| (name.to_owned(), unit, stats)).chain(feet);
     // A robot that is not a quadruped has rows for what was measured, and nothing was published about it.

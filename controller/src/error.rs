@@ -3,6 +3,7 @@
 use crate::model::{DescriptionError, ModelError};
 use crate::params::ParamsError;
 use crate::stack::StackError;
+use crate::trajectory::error::ReferenceError;
 
 /// A snapshot that a controller cannot restore.
 #[derive(Debug, thiserror::Error)]
@@ -27,6 +28,14 @@ pub enum RestoreError {
         /// Components of the run.
         expected: usize,
     },
+    /// The state belongs to another stack of tasks.
+    #[error("snapshot holds {found} tasks, or tasks of other sizes; the stack has {expected}")]
+    Tasks {
+        /// Tasks in the snapshot.
+        found: usize,
+        /// Tasks of the stack.
+        expected: usize,
+    },
     /// The state belongs to a sequence with another number of controllers.
     #[error("snapshot holds {found} controllers, the run has {expected}")]
     Controllers {
@@ -41,6 +50,9 @@ pub enum RestoreError {
         /// Field of the message.
         field: &'static str,
     },
+    /// A reference of a task that no command could have set.
+    #[error("snapshot: {0}")]
+    Reference(#[from] ReferenceError),
     /// A number that names no value of its enumeration, such as an unknown leg state.
     #[error("snapshot field {field} is {found}, expected 0 to {last}")]
     Value {
@@ -59,7 +71,7 @@ pub enum RestoreError {
 pub enum LoadError {
     /// No controller has this name.
     #[error(
-        "unknown controller \"{found}\", expected quadruped, hold, posture, tour, or a list such as sequence(hold, quadruped)"
+        "unknown controller \"{found}\", expected quadruped, hold, posture, tour, cartesian_ik, or a list such as sequence(hold, quadruped)"
     )]
     UnknownController {
         /// Name in the run description.
@@ -77,6 +89,12 @@ pub enum LoadError {
     /// The stack of tasks is invalid, or does not fit the robot.
     #[error(transparent)]
     Stack(#[from] StackError),
+    /// A stack file of the controller `cartesian_ik` is invalid, or does not fit the robot.
+    #[error("stack file: {what}")]
+    StackFile {
+        /// What was found and what was expected.
+        what: String,
+    },
     /// The components of a run cannot share the joints of the robot.
     #[error("component \"{component}\": {what}")]
     Component {

@@ -17,7 +17,9 @@
 //! | [`safety`] | faults, joint checks and command limits |
 //! | [`stack`], [`qp`] | stacks of tasks and the quadratic programs built from them |
 //! | [`tasks`], [`constraints`], [`contact`] | the parts of a stack, for any robot |
+//! | [`trajectory`] | references of tasks within limits: on-line generator, way-points, velocity commands |
 //! | [`posture`] | a controller that moves any robot to a named posture |
+//! | [`cartesian`] | a Cartesian server: inverse kinematics for a stack of tasks, moved by requests |
 //! | [`tour`] | a planner that visits named postures |
 //! | [`model`] | the crate `robot-model`: rigid-body model and dynamics from a URDF |
 //! | [`robot_init`] | a first parameter file for a quadruped from its URDF |
@@ -26,6 +28,7 @@
 //! reports circular imports.
 #![allow(non_snake_case, reason = "names carry frames, as in p_WF = p_WB + R_WB * p_BF: see ARCHITECTURE.md")]
 
+pub mod cartesian;
 pub mod constraints;
 pub mod contact;
 mod dense;
@@ -50,12 +53,13 @@ pub mod stack;
 pub mod tasks;
 pub mod time;
 pub mod tour;
+pub mod trajectory;
 
 pub use dump::Dump;
 pub use error::{LoadError, RestoreError};
 pub use interface::{Controller, NoProbe, Probe};
 pub use lcmtypes::channels::Stage;
-pub use load::{load, load_controller};
+pub use load::{listens_to, load, load_controller};
 pub use outbox::Outbox;
 pub use robot_model as model;
 pub use robot_model::math;

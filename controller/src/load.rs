@@ -1,5 +1,6 @@
 //! Builds controllers by name.
 
+use crate::cartesian::{self, Cartesian};
 use crate::error::LoadError;
 use crate::hold::{self, Hold};
 use crate::interface::Controller;
@@ -58,9 +59,17 @@ type Build = fn(&RunInfo) -> Loaded;
 const KINDS: &[(&str, Build)] = &[
     (quadruped::NAME, |info| Ok(Box::new(Quadruped::new(&info.urdf, info.params())?))),
     (hold::NAME, |info| Ok(Box::new(Hold::new(info)?))),
+    (cartesian::NAME, |info| Ok(Box::new(Cartesian::new(info)?))),
     (tour::NAME, |info| Ok(Box::new(Tour::new(info)?))),
     (posture::NAME, |info| Ok(Box::new(Posture::new(info)?))),
 ];
+
+/// Channels of other programs that a kind of controller listens to, besides those that its run names.
+pub fn listens_to(kind: &str) -> &'static [&'static str] {
+    let kinds = kind.strip_prefix(sequence::NAME).unwrap_or(kind);
+    let has = |name: &str| kinds.trim_matches(['(', ')']).split(',').any(|kind| kind.trim() == name);
+    if has(cartesian::NAME) { &[lcmtypes::channels::TASK_REQUEST] } else { &[] }
+}
 
 fn load_one(name: &str, info: &RunInfo) -> Loaded {
     let kind = KINDS.iter().find(|(known, _)| *known == name);

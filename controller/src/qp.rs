@@ -11,6 +11,7 @@ mod clarabel_backend;
 mod constraints;
 mod envelope;
 mod explain;
+pub mod hierarchy;
 mod levels;
 mod null_space;
 mod program;

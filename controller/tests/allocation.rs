@@ -8,12 +8,15 @@
 mod common;
 
 use common::{Puppet, hyq, hyq_with, tick_of, wbc_of};
+use controller::model::Pose;
 use controller::quadruped::Quadruped;
+use controller::trajectory::{AxesReference, Limits, Mode, PoseGoal, PoseLimits, TaskReference, Waypoint};
 use controller::{Component, Delivery, Outbox};
 use lcmtypes::{
-    ComponentInfo, ControllerTick, JointReference, OperatorCommand, RobotCommand, RobotState, RunInfo, Running,
-    TickInput, WbcSolution, channels,
+    ComponentInfo, ControllerTick, JointReference, Message, OperatorCommand, RobotCommand, RobotState, RunInfo,
+    Running, TaskRequest, TaskStatus, TaskWaypoint, TickInput, WbcSolution, channels,
 };
+use nalgebra::Vector6;
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::cell::Cell;
 
@@ -217,4 +220,103 @@ fn a_thousand_starts_and_stops_of_centauro_allocate_nothing() {
         }
     }
     assert_eq!((starts, allocated), (2000, 0));
+}
+
+/// Commands, steps, snapshots and rejected commands of references.
+#[test]
+fn references_of_tasks_do_not_allocate() {
+    let limits = Limits { v: 0.5, a: 2.0, j: 20.0 };
+    let mut reference = TaskReference::new(&Pose::identity(), PoseLimits { linear: limits, angular: limits }).unwrap();
+    let mut joints = AxesReference::new(&[0.0; 12], limits).unwrap();
+    let mut numbers = [0.0; TaskReference::SIZE];
+    let goal = PoseGoal { p: [0.1, 0.2, 0.3], q: [0.6, 0.8, 0.0, 0.0] };
+    let invalid = PoseGoal { q: [0.0; 4], ..goal };
+    let counted = allocations(|| {
+        for mode in Mode::ALL {
+            reference.set_mode(mode, &Pose::identity());
+            for command in 0..3 {
+                _ = (reference.set_pose(&goal), reference.set_velocity(&Vector6::from_element(0.1), 0));
+                _ = reference.set_waypoints(&[
+                    Waypoint { t: 0.2, pose: goal },
+                    Waypoint { t: 0.4, pose: if command < 2 { invalid } else { goal } },
+                ]);
+                for tick in 0..100 {
+                    _ = reference.update(0.001, tick * 1_000_000);
+                }
+                reference.write(&mut numbers);
+                reference = TaskReference::read(&numbers).unwrap();
+                reference.set_base_link(&Pose::identity());
+            }
+        }
+        joints.set_goals(&[0.5; 12]).unwrap();
+        (0..100).for_each(|_| joints.update(0.001));
+    });
+    assert_eq!(counted, 0);
+}
+
+/// Centauro's Cartesian server under requests of all kinds, refused ones among them, with infeasible constraints for a while: no tick allocates.
+#[test]
+fn requests_to_a_cartesian_server_allocate_nothing() {
+    let (urdf, toml) =
+        (include_str!("../../robots/centauro/centauro.urdf"), include_str!("../../robots/centauro/centauro.toml"));
+    let stack = toml::Value::String(include_str!("../../stacks/centauro_hands.toml").to_owned()).to_string();
+    let set = [("cartesian_ik.stack".to_owned(), stack)];
+    let params = controller::params::apply_overrides(toml, &set).unwrap();
+    let info = RunInfo { urdf: urdf.to_owned(), ..RunInfo::default() };
+    let mut component = controller::load(&info.with_component(ComponentInfo::new("cartesian_ik", &params))).unwrap();
+    let tree = controller::model::UrdfTree::parse(urdf, "centauro.urdf").unwrap();
+    let robot = controller::params::Params::from_toml(toml, "centauro").unwrap().robot.description(&tree).unwrap();
+    let nominal = robot.posture("nominal").unwrap();
+    let mut state = RobotState::zeros(39, 1, 2);
+    state.q = robot.joints.iter().map(|joint| nominal[&joint.name]).collect();
+    state.q_WI_wxyz[0] = [1.0, 0.0, 0.0, 0.0];
+    let request = |operation: i8, task: &str, values: Vec<f64>, poses: Vec<TaskWaypoint>| TaskRequest {
+        operation,
+        task: task.to_owned(),
+        relative: true,
+        n: i32::try_from(poses.len()).unwrap(),
+        poses,
+        m: i32::try_from(values.len()).unwrap(),
+        values,
+        ..TaskRequest::default()
+    };
+    let pose = |time: f64, x: f64| TaskWaypoint { time, position: [x, 0.0, 0.1], q_wxyz: [1.0, 0.0, 0.0, 0.0] };
+    let ways: Vec<_> = (1..=32).map(|k| pose(0.1 * f64::from(k), 0.01)).collect();
+    let mut requests = [
+        request(TaskRequest::WAYPOINTS, "left_hand", vec![], ways),
+        request(TaskRequest::POSE, "right_hand", vec![], vec![pose(0.0, 0.05)]),
+        // A wheel that is lifted far away contradicts the limits of the joints.
+        request(TaskRequest::POSE, "wheel_1", vec![], vec![pose(0.0, 3.0)]),
+        request(TaskRequest::RESET, "wheel_1", vec![], vec![]),
+        request(TaskRequest::WEIGHT, "left_hand", vec![2.0], vec![]),
+        request(TaskRequest::ACTIVATE, "left_hand", vec![0.0], vec![]),
+        request(TaskRequest::ACTIVATE, "left_hand", vec![1.0], vec![]),
+        request(TaskRequest::LIMITS, "left_hand", vec![0.3, 1.5, 1.0, 5.0, 30.0, 100.0], vec![]),
+        request(TaskRequest::MODE, "right_hand", vec![1.0], vec![]),
+        request(TaskRequest::VELOCITY, "right_hand", vec![0.0, 0.0, -0.1, 0.0, 0.1, 0.0], vec![]),
+        request(TaskRequest::MODE, "right_hand", vec![0.0], vec![]),
+        request(TaskRequest::GAIN, "no_such_task", vec![-1.0], vec![]),
+        request(TaskRequest::VELOCITY, "left_hand", vec![f64::NAN; 6], vec![]),
+    ];
+    let (mut out, mut delivery, mut relaxed) = (Outbox::new(), Delivery::new(0), 0);
+    for tick in 0..2000_i64 {
+        let t_ns = tick * 1_000_000;
+        let at = usize::try_from(tick / 20).unwrap() % requests.len();
+        (requests[at].sender_id, requests[at].request_id) = (5, tick);
+        let n = allocations(|| {
+            state.t_ns = t_ns;
+            delivery.begin(t_ns, tick);
+            assert!(delivery.put(channels::ROBOT_STATE, t_ns, &state).unwrap());
+            if tick % 20 == 7 {
+                assert!(delivery.put(channels::TASK_REQUEST, t_ns, &requests[at]).unwrap());
+            }
+            component.step(delivery.input(), &mut out);
+        });
+        // The first round of requests makes the memory of the delivery large enough.
+        assert!(n == 0 || tick < 300, "tick {tick}: {n} allocations");
+        relaxed +=
+            out.get(channels::TASK_STATUS).map_or(0, |bytes| i32::from(TaskStatus::decode(bytes).unwrap().relaxed));
+        assert_eq!(tick_of(&out).mode, ControllerTick::MODE_STANCE, "tick {tick}");
+    }
+    assert!(relaxed > 0);
 }

@@ -4,6 +4,7 @@
 //! |---|---|
 //! | [`ComponentEntry`] | a `[[component]]` table of a run file |
 //! | [`Slot`] | when a component runs, and the messages that wait for its next tick |
+//! | [`Others`] | the components beside the first one: computes their ticks or hands their inputs out, and delivers results |
 //! | [`Releases`] | results in transit: what a component computes from the inputs of base tick k is delivered at k + latency, never earlier |
 //!
 //! The first component commands the robot and runs in every base tick. In a base tick the other components run before it, in their order, so with
@@ -11,10 +12,12 @@
 //! its last tick, and the newest message on each channel that it listens to.
 
 mod entry;
+mod others;
 mod release;
 mod slot;
 
-pub use entry::{ComponentEntry, Runs, resolve, slots};
+pub use entry::{CommonParams, ComponentEntry, Runs, resolve, slots};
 pub use lcmtypes::EXTERNAL;
+pub use others::{Others, Runner, build};
 pub use release::Releases;
 pub use slot::Slot;

@@ -41,6 +41,7 @@ pub mod simulation;
 mod simulator;
 mod stage_clock;
 mod start;
+mod task_requests;
 pub mod teleop;
 pub mod terrain;
 mod watch;

@@ -5,18 +5,18 @@
 
 mod others;
 
-pub use others::Others;
+pub use others::LockstepOthers;
 
 use crate::parameter_requests::{self, ParameterRequestHandler, Proposal, Refusal};
 use crate::robot_info::{ROBOT_INFO_EVERY_NS, of_run};
 use crate::stage_clock::StageClock;
-use crate::watch::{ModeEvent, ModeWatch};
+use crate::watch::{ComponentEvent, ModeEvent, ModeWatch};
 use crate::{DriverError, FaultInjection, Scenario, Simulator};
 use controller::handover::take_over;
 use controller::{Component, Outbox};
 use lcmtypes::{
     ControllerTick, Event, EventNumbers, GroundTruth, LegState, Message, ParameterChange, ParameterRequest,
-    RequestReply, RobotCommand, RobotInfo, RobotState, RunInfo, Running, channels,
+    RequestReply, RobotCommand, RobotInfo, RobotState, RunInfo, Running, TaskRequest, channels,
 };
 use replay::record::EventSink;
 use robot_model::math::WalkedDistance;
@@ -47,7 +47,7 @@ const TICKS_AFTER_FALL: i64 = 1000;
 ///
 /// - `sim`: a simulator after reset.
 /// - `controller`: the first component.
-/// - `others`: the other components; see [`Others::build`].
+/// - `others`: the other components; see [`LockstepOthers::build`].
 /// - `log`: receives all events; the caller finishes it. A [`replay::record::RingWriter`] compresses and writes on another thread.
 /// - `progress`: called with the simulated time, s, ten times per simulated second.
 ///
@@ -58,7 +58,7 @@ pub fn run(
     info: &RunInfo,
     sim: &mut dyn Simulator,
     controller: &mut Component,
-    others: Others,
+    others: LockstepOthers,
     log: &mut dyn EventSink,
     progress: &mut dyn FnMut(f64),
 ) -> Result<Outcome, DriverError> {
@@ -108,12 +108,14 @@ struct Run {
     timeline: VecDeque<(i64, String)>,
     /// Parameter requests of the scenario, in the order of time.
     requests: VecDeque<ParameterRequest>,
+    /// Requests to tasks of the scenario, in the order of time.
+    tasks: VecDeque<TaskRequest>,
     parameters: ParameterRequestHandler,
     /// The controller after the first parameter change.
     changed: Option<Component>,
     /// Snapshot buffer for a handover.
     state: Vec<u8>,
-    others: Others,
+    others: LockstepOthers,
     run_id: i64,
     measured: RobotState,
     truth: GroundTruth,
@@ -136,7 +138,7 @@ impl Run {
         scenario: &Scenario,
         info: &RunInfo,
         sim: &dyn Simulator,
-        others: Others,
+        others: LockstepOthers,
         n_stages: usize,
     ) -> Result<Self, DriverError> {
         Ok(Run {
@@ -144,6 +146,7 @@ impl Run {
             faults: FaultInjection::new(&scenario.faults, sim.joints())?,
             timeline: scenario.timeline().into(),
             requests: scenario.parameters.clone().into(),
+            tasks: scenario.tasks.clone().into(),
             parameters: ParameterRequestHandler::new(info),
             changed: None,
             state: Vec::new(),
@@ -191,8 +194,12 @@ impl Run {
             self.put(log, channels::OPERATOR_COMMAND, t_ns, &op)?;
             if self.faults.operator_arrives(t_ns) {
                 self.others.of_first().inbox.put(channels::OPERATOR_COMMAND, t_ns, &op)?;
-                self.others.operator(t_ns, &op)?;
+                self.others.operator(t_ns, &op);
             }
+        }
+        while let Some(request) = self.tasks.pop_front_if(|request| request.t_ns <= t_ns) {
+            self.put(log, channels::TASK_REQUEST, t_ns, &request)?;
+            self.others.of_first().inbox.put(channels::TASK_REQUEST, t_ns, &request)?;
         }
         sim.robot_state(t_ns, tick, &mut self.measured);
         self.add_false_touches(sim, t_ns);
@@ -205,13 +212,12 @@ impl Run {
         put(&mut self.bytes, log, channels::GROUND_TRUTH, t_ns, &self.truth)?;
         self.walked.add(t_ns, self.truth.p_WB);
 
-        for (source, ModeEvent { level, text, is_safe_state }) in
-            self.others.tick(t_ns, tick, has_state.then_some(&self.measured), log)?
-        {
+        let events = self.others.tick(t_ns, tick, has_state.then_some(&self.measured), log)?;
+        for ComponentEvent { component, event: ModeEvent { level, text, is_safe_state }, .. } in events {
             if is_safe_state {
-                self.safe_state = Some(format!("{:.3} s: {source}: {text}", seconds(t_ns)));
+                self.safe_state = Some(format!("{:.3} s: {component}: {text}", seconds(t_ns)));
             }
-            self.event(log, t_ns, tick, level, &source, text)?;
+            self.event(log, t_ns, tick, level, &component, text)?;
         }
 
         self.change_parameters(controller, log, t_ns, tick)?;

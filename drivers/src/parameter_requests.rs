@@ -1,6 +1,7 @@
 //! Requests to change controller parameters during a run: those of a scenario, and the handler for requests of any sender.
 
 use crate::checks::{BadKey, check_range, to_ns};
+use crate::robot_files::toml_line;
 use controller::Component;
 use controller::handover::{ChangeError, Parameters};
 use controller::params::{ParamsError, check_key};
@@ -32,7 +33,8 @@ impl ParameterEntry {
             return Err(BadKey { key: "key", found: key, expected: format!("the key of a parameter{hint}") });
         }
         let seq = i64::try_from(seq).unwrap_or(i64::MAX);
-        Ok(ParameterRequest { t_ns: to_ns(self.t_s), sender_id: 0, seq, key: self.key, value: self.value.to_string() })
+        let value = self.value.as_str().map_or_else(|| self.value.to_string(), toml_line);
+        Ok(ParameterRequest { t_ns: to_ns(self.t_s), sender_id: 0, seq, key: self.key, value })
     }
 }
 

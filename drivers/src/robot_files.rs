@@ -164,18 +164,40 @@ pub fn with_overrides(params: &str, set: &[String]) -> Result<String, DriverErro
     Ok(apply_overrides(params, &overrides(set)?)?)
 }
 
-/// Splits each `KEY=VALUE` into key and value.
+/// Splits each `KEY=VALUE` into key and value. A value `@FILE` is the text of a file, as a TOML string.
 ///
 /// # Errors
-/// [`DriverError::Override`] for a text without `=`, key or value.
+/// [`DriverError::Override`] for a text without `=`, key or value; [`DriverError::Read`] for a file that cannot be read.
 pub fn overrides(set: &[String]) -> Result<Vec<(String, String)>, DriverError> {
     let split = |text: &String| {
         let parts = text.split_once('=').map(|(key, value)| (key.trim(), value.trim()));
         let filled = parts.filter(|(key, value)| !key.is_empty() && !value.is_empty());
         let (key, value) = filled.ok_or_else(|| DriverError::Override { text: text.clone() })?;
-        Ok((key.to_owned(), value.to_owned()))
+        let value = match value.strip_prefix('@') {
+            None => value.to_owned(),
+            Some(path) => {
+                let path = shipped::find(Path::new(path)).unwrap_or_else(|| path.into());
+                toml_line(&read(&path)?)
+            }
+        };
+        Ok((key.to_owned(), value))
     };
     set.iter().map(split).collect()
+}
+
+/// A text as a TOML string in one line, as a `parameter_request_t` needs it.
+pub fn toml_line(text: &str) -> String {
+    let mut line = String::from("\"");
+    for c in text.chars() {
+        match c {
+            '\n' => line += "\\n",
+            '\t' => line += "\\t",
+            '"' | '\\' => line.extend(['\\', c]),
+            c if c.is_control() => line += &format!("\\u{:04X}", u32::from(c)),
+            c => line.push(c),
+        }
+    }
+    line + "\""
 }
 
 /// Parses parameters; every error names the file.
@@ -207,4 +229,19 @@ pub fn read_urdf(path: &Path) -> Result<String, DriverError> {
 /// [`DriverError::Read`], with the path.
 pub fn read(path: &Path) -> Result<String, DriverError> {
     replay::read_text(path).map_err(|source| DriverError::Read { path: path.to_owned(), source })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::toml_line;
+
+    #[test]
+    fn a_text_in_one_line_reads_back() {
+        for text in ["", "a = \"b\"\n\tc = 'd\\e'\r\n", "é\u{7f}\u{1}\u{301}"] {
+            let line = toml_line(text);
+            assert!(!line.contains('\n'));
+            let table: toml::Table = format!("v = {line}").parse().unwrap();
+            assert_eq!(table["v"].as_str(), Some(text));
+        }
+    }
 }

@@ -71,6 +71,13 @@
 //! t_s = 4.5
 //! key = "trunk.kp"
 //! value = [800.0, 800.0, 800.0]
+//!
+//! [[task]]              # a request to a task of the controller cartesian_ik; operations: task_request_t.lcm
+//! t_s = 2.0
+//! task = "left_hand"
+//! operation = "waypoints"   # pose, waypoints, velocity, mode, base_link, activate, weight, gain, limits, reset, posture
+//! relative = true           # poses relative to the present reference; also: name, values
+//! poses = [{ time_s = 2.0, position_m = [0.1, 0.0, 0.2] }, { time_s = 4.0, q_wxyz = [0.7071067811865476, 0.0, 0.0, 0.7071067811865476] }]
 //! ```
 //!
 //! A scenario is checked completely when it is read. Only names of links and joints are checked later, against the robot.
@@ -91,7 +98,7 @@ use crate::sensors::NoiseParams;
 use crate::start::StartParams;
 use crate::terrain::TerrainParams;
 use controller::quadruped::params::GaitParams;
-use lcmtypes::ParameterRequest;
+use lcmtypes::{ParameterRequest, TaskRequest};
 use std::path::Path;
 
 /// The description of a run.
@@ -131,6 +138,8 @@ pub struct Scenario {
     pub faults: Vec<FaultWindow>,
     /// Parameter changes, in order of time.
     pub parameters: Vec<ParameterRequest>,
+    /// Requests to tasks of a Cartesian server, in order of time.
+    pub tasks: Vec<TaskRequest>,
 }
 
 /// A force and torque on a link for a limited time.

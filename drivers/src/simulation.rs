@@ -1,7 +1,7 @@
 //! A complete lockstep simulation: from the files of a robot and a scenario to a finished log.
 
-use crate::components::{self, ComponentEntry};
-use crate::lockstep::Others;
+use crate::components::{self, CommonParams, ComponentEntry};
+use crate::lockstep::LockstepOthers;
 use crate::robot_files::{RobotFiles, read};
 use crate::run_info::{self, Run};
 use crate::{DriverError, MujocoSim, Scenario, SimParams, Terrain, lockstep};
@@ -41,8 +41,10 @@ pub struct Components<'a> {
     pub first: Option<(&'a str, &'a str)>,
     /// Channels that the first one listens to.
     pub receives: &'a [String],
-    /// Which controllers of a sequence run, one bit each; 0: the first one.
-    pub running: i64,
+    /// Which controllers of a sequence run, one bit each; `None`: the first one.
+    pub running: Option<i64>,
+    /// Preset of the parameters of the others, unless they have their own.
+    pub preset: Option<&'a str>,
     /// Parameters to change in the others, before their own.
     pub set: &'a [String],
     /// The others.
@@ -134,17 +136,18 @@ impl Setup {
         scenario.duration_s = job.seconds.unwrap_or(scenario.duration_s);
         scenario.seed = job.seed.unwrap_or(scenario.seed);
         files.read.push(job.scenario.to_owned());
-        let Components { first, receives, running, set, others } = job.components;
+        let Components { first, receives, running, preset, set, others } = job.components;
         let kind = first.map_or(&*scenario.controller, |(_, kind)| kind).to_owned();
         let name = first.map_or(kind.split('(').next().unwrap_or_default(), |(name, _)| name).to_owned();
         if kind == controller::quadruped::NAME && !params.robot.is_quadruped() {
             return Err(DriverError::NoFeet { robot: params.robot.name });
         }
-        let infos = components::resolve(others, &name, job.robot, job.gaits, set)?;
+        let common = CommonParams { robot: job.robot, preset, gaits: job.gaits, set };
+        let infos = components::resolve(others, (&name, receives), common)?;
         Ok(Setup {
             first: (name, kind),
             receives: receives.to_vec(),
-            running: if running == 0 { 1 } else { running },
+            running: running.unwrap_or(1),
             others: (others.to_vec(), infos),
             robot: params.robot.name,
             robot_source: job.robot.to_owned(),
@@ -203,7 +206,7 @@ impl Setup {
         let mut controller = controller::load(&info)
             .map_err(Box::new)
             .map_err(|source| DriverError::Controller { robot: robot_source.clone(), source })?;
-        let others = Others::build(&info, &self.others.0, &self.receives)?.with_running(self.running);
+        let others = LockstepOthers::build(&info, &self.others.0, &self.receives)?.with_running(self.running);
         let mut sim = MujocoSim::new(&tree, &params.robot, terrain, SimParams::of(scenario))?;
         if let Some(folder) = log_path.parent() {
             std::fs::create_dir_all(folder)

@@ -1,7 +1,7 @@
 //! Events from the ticks of a controller: changes of mode, rejected requests, faults.
 
 use crate::fault_limits::FaultLimits;
-use lcmtypes::{ControllerTick, Event, RunInfo, enum_names};
+use lcmtypes::{ControllerTick, Event, Message, RunInfo, channels, enum_names};
 
 /// Keys and units of the operator command, by the index in a fault.
 const OPERATOR_KEYS: [&str; 9] = [
@@ -21,6 +21,8 @@ const OPERATOR_KEYS: [&str; 9] = [
 pub struct ModeWatch {
     /// Names of the actuated joints, in URDF order.
     joints: Vec<String>,
+    /// Names of the components of the run.
+    components: Vec<String>,
     limits: Option<FaultLimits>,
     mode: i8,
     fault: i32,
@@ -55,6 +57,7 @@ impl ModeWatch {
     pub fn new(joints: Vec<String>) -> Self {
         ModeWatch {
             joints,
+            components: Vec::new(),
             limits: None,
             mode: ControllerTick::MODE_IDLE,
             fault: ControllerTick::FAULT_NONE,
@@ -63,10 +66,11 @@ impl ModeWatch {
         }
     }
 
-    /// The texts of faults contain the limits of this run.
+    /// The texts of faults contain the limits of this run, and the names of its components.
     #[must_use]
     pub fn with_limits(self, info: &RunInfo) -> Self {
-        ModeWatch { limits: FaultLimits::new(info), ..self }
+        let components = info.components.iter().map(|component| component.name.clone()).collect();
+        ModeWatch { limits: FaultLimits::new(info), components, ..self }
     }
 
     /// Takes a changed parameter, from which limits follow.
@@ -125,7 +129,7 @@ impl ModeWatch {
             let requested = i8::try_from(tick.fault_index).map_or("?", enum_names::operator_mode);
             return format!("{requested} rejected: not possible in {state}");
         }
-        if tick.fault == ControllerTick::FAULT_OPERATOR_LIMITED {
+        if [ControllerTick::FAULT_OPERATOR_LIMITED, ControllerTick::FAULT_COMPONENT].contains(&tick.fault) {
             return self.description(tick);
         }
         if tick.fault == ControllerTick::FAULT_NO_GROUND {
@@ -143,8 +147,8 @@ impl ModeWatch {
 
     /// The fault with joint or key and value.
     fn fault(&self, tick: &ControllerTick) -> String {
-        let ControllerTick { fault, fault_index, fault_value: value, .. } = *tick;
-        let name = enum_names::fault(fault);
+        let ControllerTick { fault, fault_index, fault_value, .. } = *tick;
+        let (name, value) = (enum_names::fault(fault), fault_value);
         let index = usize::try_from(fault_index).ok();
         let is_whole = value.fract() == 0.0 || !value.is_finite();
         let value = if is_whole { value.to_string() } else { format!("{value:.3}") };
@@ -161,12 +165,61 @@ impl ModeWatch {
                 let leg = index.and_then(|i| enum_names::LEGS.get(i));
                 format!("{name}: {} {value}", leg.unwrap_or(&"?"))
             }
+            (ControllerTick::FAULT_COMPONENT, index) => {
+                let component = index.and_then(|i| self.components.get(i)).map_or("?", String::as_str);
+                let age = if fault_value < 0.0 {
+                    "none arrived".to_owned()
+                } else {
+                    format!("the last one {value} ticks ago")
+                };
+                format!("{name}: {component}, {age}")
+            }
             (_, Some(index)) => match self.joints.get(index) {
                 Some(joint) => format!("{name}: {joint} {value}"),
                 None => format!("{name}: joint {index} {value}"),
             },
             (_, None) => format!("{name}: {value}"),
         }
+    }
+}
+
+/// Watches the ticks of the components beside the first one.
+#[derive(Debug)]
+pub struct ComponentWatch {
+    components: Vec<(String, ModeWatch)>,
+}
+
+/// What a component beside the first one reports.
+#[derive(Debug, PartialEq, Eq)]
+pub struct ComponentEvent {
+    /// Its name: the source of the EVENT.
+    pub component: String,
+    /// Time of its tick, ns.
+    pub t_ns: i64,
+    /// The event.
+    pub event: ModeEvent,
+}
+
+impl ComponentWatch {
+    /// A watch for the components of a run.
+    pub fn new(info: &RunInfo) -> Self {
+        let others = info.components.iter().skip(1);
+        let watch = |name: &String| (name.clone(), ModeWatch::new(info.joints.clone()));
+        ComponentWatch { components: others.map(|component| watch(&component.name)).collect() }
+    }
+
+    /// Whether the run has one component only.
+    pub fn is_empty(&self) -> bool {
+        self.components.is_empty()
+    }
+
+    /// Takes a message of the run; messages that are not the tick of a component beside the first one change nothing.
+    pub fn update(&mut self, channel: &str, data: &[u8]) -> Option<ComponentEvent> {
+        let (component, name) = channels::split(channel);
+        let (source, modes) = self.components.iter_mut().find(|(known, _)| known == component)?;
+        let tick = if name == channels::CONTROLLER_TICK { ControllerTick::decode(data).ok()? } else { return None };
+        let event = modes.update(&tick)?;
+        Some(ComponentEvent { component: source.clone(), t_ns: tick.t_ns, event })
     }
 }
 
@@ -244,5 +297,42 @@ mod tests {
         assert_eq!(event.level, Event::LEVEL_WARNING);
         assert_names(&event, &["step_height", "0.500"]);
         assert_eq!(watch.update(&range), None);
+    }
+
+    #[test]
+    fn a_component_whose_commands_do_not_arrive_is_named() {
+        let component = |name: &str| lcmtypes::ComponentInfo { name: name.to_owned(), ..Default::default() };
+        let info = RunInfo { components: ["legs", "arms", "tail"].map(component).to_vec(), ..RunInfo::default() };
+        let mut watch = watch().with_limits(&info);
+        let stance = ControllerTick::MODE_STANCE;
+        watch.update(&tick(stance, 0));
+        let late =
+            watch.update(&ControllerTick { fault_value: 350.0, ..tick(stance, ControllerTick::FAULT_COMPONENT) });
+        let late = late.unwrap();
+        assert_names(&late, &["tail", "350 ticks"]);
+        assert_eq!((late.level, late.is_safe_state), (Event::LEVEL_WARNING, false));
+        assert!(["rejected", "lf_kfe_joint"].iter().all(|word| !late.text.contains(word)), "{}", late.text);
+        watch.update(&tick(stance, 0));
+        let none =
+            ControllerTick { fault_index: 1, fault_value: -1.0, ..tick(stance, ControllerTick::FAULT_COMPONENT) };
+        assert_names(&watch.update(&none).unwrap(), &["arms", "none arrived"]);
+    }
+
+    #[test]
+    fn the_ticks_of_each_component_are_watched() {
+        let component = |name: &str| lcmtypes::ComponentInfo { name: name.to_owned(), ..Default::default() };
+        let info = RunInfo { components: ["legs", "arms", "tail"].map(component).to_vec(), ..RunInfo::default() };
+        let mut watch = ComponentWatch::new(&info);
+        let mut bytes = Vec::new();
+        ControllerTick { t_ns: 5, ..tick(ControllerTick::MODE_STANCE, 0) }.encode(&mut bytes).unwrap();
+        for other in ["CONTROLLER_TICK", "legs/CONTROLLER_TICK", "arms/ROBOT_COMMAND", "wings/CONTROLLER_TICK"] {
+            assert_eq!(watch.update(other, &bytes), None, "{other}");
+        }
+        assert_eq!(watch.update("arms/CONTROLLER_TICK", &[1, 2]), None);
+        for name in ["tail", "arms"] {
+            let found = watch.update(&format!("{name}/CONTROLLER_TICK"), &bytes).unwrap();
+            assert_eq!((&*found.component, found.t_ns), (name, 5));
+            assert_eq!(watch.update(&format!("{name}/CONTROLLER_TICK"), &bytes), None, "{name}");
+        }
     }
 }

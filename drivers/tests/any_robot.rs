@@ -3,7 +3,7 @@
 
 mod common;
 
-use common::{assert_torques_bounded, description, run, run_with};
+use common::{assert_torques_bounded, base_state, description, run, run_with};
 use controller::params::Params;
 use drivers::simulation::{Components, Job, Setup};
 use drivers::terrain::{TerrainKind, TerrainParams};
@@ -11,8 +11,7 @@ use drivers::{MujocoSim, SimParams, Simulator, Terrain};
 use lcmtypes::{ComponentInfo, ControllerTick, GroundTruth, RobotState};
 use nalgebra::Vector3;
 use replay::engine::Build;
-use robot_model::math::quaternion;
-use robot_model::{BaseState, GRAVITY, Kinematics, Model, UrdfTree, centroidal_momentum, com};
+use robot_model::{GRAVITY, Kinematics, Model, UrdfTree, centroidal_momentum, com};
 use std::path::Path;
 
 const ROBOTS: [&str; 4] = ["centauro", "coman_plus", "coman", "centauro_upper"];
@@ -44,10 +43,6 @@ fn each_robot_holds_its_posture() {
         let error = |j: usize| (last.q[j] - seen.commands[0].q_des[j]).abs();
         let largest = (0..first.q.len()).map(error).fold(0.0, f64::max);
         let fastest = last.qd.iter().fold(0.0_f64, |most, qd| most.max(qd.abs()));
-        println!(
-            "{robot}: error {largest} rad, speed {fastest} rad/s, {} x real time",
-            outcome.sim_seconds / outcome.wall_seconds
-        );
         assert!(largest < 0.1 && fastest < 0.05, "{robot}: error {largest} rad, speed {fastest} rad/s");
     }
 }
@@ -76,13 +71,7 @@ fn forces_and_moments_on_the_soles_change_the_angular_momentum() {
     let weight = Vector3::new(0.0, 0.0, -model.total_mass() * GRAVITY);
     let (mut momenta, mut impulse, mut on_soles) = (Vec::new(), Vector3::zeros(), Vector3::zeros());
     for (state, truth) in seen.states.iter().zip(&seen.truth).skip(2000) {
-        let base = BaseState {
-            p_WB: truth.p_WB.into(),
-            R_WB: quaternion::to_rotation(truth.q_WB_wxyz),
-            v_WB: truth.v_WB.into(),
-            w_WB_W: truth.w_WB_W.into(),
-        };
-        kin.update(&model, &base, &state.q, &state.qd);
+        kin.update(&model, &base_state(truth), &state.q, &state.qd);
         let momentum = centroidal_momentum(&kin);
         let (linear, angular) = (momentum.fixed_rows::<3>(0).into_owned(), momentum.fixed_rows::<3>(3));
         momenta.push(com(&kin).cross(&linear) + angular);
@@ -97,7 +86,6 @@ fn forces_and_moments_on_the_soles_change_the_angular_momentum() {
     }
     let change = momenta.last().unwrap() - momenta[0];
     let error = (change - impulse).norm();
-    println!("change {:?} N m s, error {error}, soles {:?}", change.as_slice(), on_soles.as_slice());
     assert!(on_soles.norm() > 5.0, "{on_soles}");
     assert!(error < 0.1, "{error} N m s: {change} and {impulse}");
 }
@@ -208,7 +196,6 @@ fn the_log_of_each_robot_replays_bit_for_bit() {
         let setup = Setup { prove: Some(2), ..Setup::read(&job).unwrap() };
         let log = Path::new(env!("CARGO_TARGET_TMPDIR")).join(format!("hold_{robot}.mcap"));
         let summary = setup.simulate(&log, &Build::default(), &mut |_| {}).unwrap();
-        println!("{robot}: {:.1} x real time with log", summary.real_time_factor);
         assert_eq!((summary.fell, summary.proved, summary.ticks), (false, Some(true), 3000), "{robot}");
         assert_eq!((&summary.safe_state, summary.robot.as_str()), (&None, robot));
     }

@@ -2,13 +2,15 @@
 #![allow(non_snake_case, reason = "frames are capital letters")]
 #![allow(clippy::unwrap_used, reason = "a test may panic")]
 
+mod common;
+
+use common::base_state;
 use controller::params::{Params, RobotConfig};
 use drivers::terrain::{TerrainKind, TerrainParams};
 use drivers::{DriveParams, DriverError, FloorMove, MujocoSim, SimParams, Simulator, Terrain};
 use lcmtypes::{GroundTruth, RobotCommand, RobotState};
 use nalgebra::{DMatrix, Vector3};
-use robot_model::math::quaternion;
-use robot_model::{Base, BaseState, Kinematics, Model, UrdfTree, point_jacobian_linear};
+use robot_model::{Base, Kinematics, Model, UrdfTree, point_jacobian_linear};
 
 fn hyq() -> (UrdfTree, RobotConfig) {
     let read =
@@ -124,14 +126,8 @@ fn a_false_touch_gives_the_torque_that_balances_it() {
     run(&mut sim, &command, 200);
     let model = Model::new(&tree, Base::Floating).unwrap();
     let (truth, state) = (truth(&sim), state(&sim));
-    let base = BaseState {
-        p_WB: Vector3::from(truth.p_WB),
-        R_WB: quaternion::to_rotation(truth.q_WB_wxyz),
-        v_WB: Vector3::zeros(),
-        w_WB_W: Vector3::zeros(),
-    };
     let mut kin = Kinematics::new(&model);
-    kin.update(&model, &base, &state.q, &state.qd);
+    kin.update(&model, &base_state(&truth), &state.q, &state.qd);
     let mut J = DMatrix::zeros(3, model.nv());
     for (foot, link) in robot.feet.iter().enumerate() {
         let p_FC_W = Vector3::z() * -robot.foot_radius;

@@ -9,12 +9,11 @@ mod network;
 
 use controller::Unpacked;
 use controller::params::apply_overrides;
-use drivers::StageClock;
-use drivers::components::Slot;
+use drivers::components::{Others, Runner, Slot};
 use drivers::live::clock::{TickSchedule, now_ns, sleep_until};
 use drivers::live::{
-    Call, CallResult, CallSender, Ending, Handover, HandoverError, LcmRobot, LcmSender, Others, RealtimeLoop,
-    RealtimeParams, RequestId, Runner, Switch, call_ring, message_ring, start_worker,
+    Call, CallResult, CallSender, Ending, Handover, HandoverError, LcmRobot, LcmSender, RealtimeLoop, RealtimeParams,
+    RequestId, Switch, call_ring, message_ring, start_worker,
 };
 use drivers::parameter_requests::{ParameterRequestHandler, Proposal};
 use lcmtypes::channels::{
@@ -110,8 +109,6 @@ fn others(info: &RunInfo, params: &str) -> (Others, JoinHandle<Option<String>>) 
     let (own, worker) = (planner("own"), planner("worker"));
     let build = |component: &ComponentInfo| controller::load(&info.clone().with_component(component.clone())).unwrap();
     let (end, thread) = start_worker(build(&worker), RealtimeParams::none(), Duration::ZERO).unwrap();
-    let component = build(&own);
-    let clock = StageClock::new(component.stages().len());
     let slot = |info: &ComponentInfo, receives: &[&str]| {
         Slot::new(info, 1, receives.iter().map(ToString::to_string).collect())
     };
@@ -120,7 +117,7 @@ fn others(info: &RunInfo, params: &str) -> (Others, JoinHandle<Option<String>>) 
         slot(&own, &["worker/JOINT_REFERENCE"]),
         slot(&worker, &["own/JOINT_REFERENCE"]),
     ];
-    let runners = vec![Runner::Rt(Box::new(component), clock), Runner::Worker(end)];
+    let runners = vec![Runner::in_place(build(&own)), Runner::Worker(end)];
     (Others::new(slots, runners, message_ring(1 << 16).1), thread)
 }
 

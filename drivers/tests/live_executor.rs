@@ -7,10 +7,10 @@ use controller::sequence::Sequence;
 use controller::{Component, Controller, Outbox, Probe, RestoreError, Unpacked};
 use drivers::Scenario;
 use drivers::command_mux::{CommandMux, default_sources};
-use drivers::components::slots;
+use drivers::components::{Others, slots};
 use drivers::live::clock::{TickSchedule, now_ns};
 use drivers::live::{
-    Call, CallResult, Dummy, Ending, Executor, Faulty, Handover, HandoverError, Hardware, Others, Plan, RealtimeLoop,
+    Call, CallResult, Dummy, Ending, Executor, Faulty, Handover, HandoverError, Hardware, Plan, RealtimeLoop,
     RealtimeParams, RequestId, Summary, call_ring, message_ring,
 };
 use lcmtypes::bus::{Bus, MemoryBus, Received};
@@ -442,4 +442,45 @@ fn a_panic_in_a_handover_damps_the_joints() {
     }
     assert_eq!((commands.len(), changes), (30, 0));
     assert!(commands.iter().all(|command| command.mode == RobotCommand::MODE_DAMPING && command.run_id == 3));
+}
+
+/// A flood of operator commands leaves room for the messages of other programs that the first component listens to.
+#[test]
+fn messages_of_other_programs_have_room_beside_operator_commands() {
+    const CHANNELS: usize = 20;
+    let (messages_in, mut messages_out) = message_ring(1 << 22);
+    let (mut received_in, received_out) = message_ring(1 << 16);
+    let (mut calls, calls_out) = call_ring();
+    let receives: Vec<String> = (0..CHANNELS).map(|k| format!("script/C{k}")).collect();
+    for channel in &receives {
+        assert!(received_in.push(0, channel, &[1, 2, 3]));
+    }
+    let mut sent = 0;
+    while sent < 60 && calls.send(Call::Operator { t_ns: 1, command: OperatorCommand::default() }) {
+        sent += 1;
+    }
+    let info = RunInfo { run_id: 3, ..RunInfo::default() };
+    let mut realtime = RealtimeLoop::new(
+        Component::new(Box::new(sequence(&[("only", |_| ())]))),
+        Others::new(slots(&info, &[], &receives), Vec::new(), received_out),
+        (3, 1),
+        Box::new(Dummy::new(vec![0.0])),
+        calls_out,
+        messages_in,
+        SCHEDULE,
+    );
+    realtime.run(30, &Ending::default());
+    drop(realtime);
+    let mut inputs = Vec::new();
+    while let Some(message) = messages_out.pop() {
+        if message.channel == CONTROLLER_INPUT {
+            inputs.push(ControllerInput::decode(message.data).unwrap());
+        }
+    }
+    let count = |input: &ControllerInput, is_counted: fn(&str) -> bool| {
+        input.messages.iter().filter(|message| is_counted(&message.channel)).count()
+    };
+    assert_eq!(count(&inputs[0], |channel| channel.starts_with("script/")), CHANNELS);
+    let operator: usize = inputs.iter().map(|input| count(input, |channel| channel == OPERATOR_COMMAND)).sum();
+    assert!(sent > 45 && operator >= sent, "{operator} of {sent} operator commands");
 }

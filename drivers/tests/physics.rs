@@ -2,6 +2,9 @@
 #![allow(non_snake_case, reason = "frames are capital letters")]
 #![allow(clippy::unwrap_used, reason = "a test may panic")]
 
+mod common;
+
+use common::base_state;
 use controller::params::{Params, RobotConfig};
 use drivers::terrain::{TerrainKind, TerrainParams};
 use drivers::{DriverError, MujocoSim, NoiseParams, SimParams, Simulator, Terrain};
@@ -173,19 +176,13 @@ fn momentum_changes_by_push_weight_and_contact_forces_times_time() {
 
 /// Linear momentum in W, computed with the controller's model.
 fn momentum(sim: &MujocoSim) -> [f64; 3] {
-    use robot_model::{Base, BaseState, Kinematics, Model, com_velocity};
+    use robot_model::{Base, Kinematics, Model, com_velocity};
     let (tree, _) = hyq();
     let model = Model::new(&tree, Base::Floating).unwrap();
     let truth = truth(sim);
     let state = state(sim);
     let mut kin = Kinematics::new(&model);
-    let base = BaseState {
-        p_WB: truth.p_WB.into(),
-        R_WB: quaternion::to_rotation(truth.q_WB_wxyz),
-        v_WB: truth.v_WB.into(),
-        w_WB_W: truth.w_WB_W.into(),
-    };
-    kin.update(&model, &base, &state.q, &state.qd);
+    kin.update(&model, &base_state(&truth), &state.q, &state.qd);
     (com_velocity(&kin) * MASS).into()
 }
 

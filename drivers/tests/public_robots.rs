@@ -8,7 +8,7 @@ mod common;
 use common::Seen;
 use controller::params::{Params, apply_overrides};
 use controller::robot_init::{Options, propose_any};
-use drivers::lockstep::Others;
+use drivers::lockstep::LockstepOthers;
 use drivers::{MujocoSim, Scenario, SimParams, Terrain, lockstep, mesh};
 use lcmtypes::{ComponentInfo, RunInfo};
 use robot_model::{Base, UrdfTree};
@@ -20,7 +20,8 @@ fn hold(file: &str, base: Base, fixed: &[(String, f64)], seconds: f64) -> (Seen,
     let urdf = std::fs::read(&path).unwrap_or_else(|error| panic!("{file}: {error}; run scripts/fetch_robots.sh"));
     let urdf = String::from_utf8_lossy(&urdf).into_owned();
     let bounds = |name: &str| mesh::bounds(name, &path);
-    let options = Options { urdf_file: "robot.urdf", beside: false, name: Some("robot"), fixed, bounds: &bounds };
+    let options =
+        Options { urdf_file: "robot.urdf", beside: false, srdf: None, name: Some("robot"), fixed, bounds: &bounds };
     let proposal = propose_any(&urdf, file, base, &options).unwrap();
     let urdf = proposal.urdf.unwrap_or(urdf);
     let params = apply_overrides(&proposal.toml, &[("hold.duration".to_owned(), "0.5".to_owned())]).unwrap();
@@ -35,7 +36,7 @@ fn hold(file: &str, base: Base, fixed: &[(String, f64)], seconds: f64) -> (Seen,
     let mut sim = MujocoSim::new(&tree, &params.robot, terrain, SimParams::of(&scenario)).unwrap();
     let mut controller = controller::load(&info).unwrap();
     let mut seen = Seen::default();
-    let others = Others::build(&info, &[], &[]).unwrap();
+    let others = LockstepOthers::build(&info, &[], &[]).unwrap();
     let outcome = lockstep::run(&scenario, &info, &mut sim, &mut controller, others, &mut seen, &mut |_| {}).unwrap();
     assert_eq!(outcome.safe_state, None, "{file}");
     (seen, outcome.fell_at_s, params.robot.contact.len())

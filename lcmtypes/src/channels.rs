@@ -3,7 +3,7 @@
 use crate::{
     BaseTracking, ComponentState, ContactEstimate, ControllerInput, ControllerTick, Event, ExecutorCommand,
     GroundTruth, JointReference, LegState, Message, OperatorCommand, ParameterChange, ParameterRequest, RequestReply,
-    RobotCommand, RobotInfo, RobotState, RunInfo, Running, Timing, WbcSolution,
+    RobotCommand, RobotInfo, RobotState, RunInfo, Running, TaskReply, TaskRequest, TaskStatus, Timing, WbcSolution,
 };
 
 /// Description of the run, which makes a log self-contained; first message of a run.
@@ -32,6 +32,12 @@ pub const CONTROLLER_INPUT: &str = "CONTROLLER_INPUT";
 pub const CONTROLLER_TICK: &str = "CONTROLLER_TICK";
 /// Positions that some joints are to reach.
 pub const JOINT_REFERENCE: &str = "JOINT_REFERENCE";
+/// Request to a task of a Cartesian server.
+pub const TASK_REQUEST: &str = "TASK_REQUEST";
+/// Answers of a Cartesian server to the requests of a tick.
+pub const TASK_REPLY: &str = "TASK_REPLY";
+/// Tasks and levels of a Cartesian server.
+pub const TASK_STATUS: &str = "TASK_STATUS";
 /// Estimated contact forces and contact flags.
 pub const CONTACT_ESTIMATE: &str = "CONTACT_ESTIMATE";
 /// Base orientation and height: references, estimates, errors.
@@ -132,6 +138,9 @@ pub const CHANNELS: &[Channel] = &[
     channel::<ControllerInput>(CONTROLLER_INPUT, Some(Stage::Input), Class::ReplayInput),
     channel::<ControllerTick>(CONTROLLER_TICK, Some(Stage::Output), Class::Output),
     channel::<JointReference>(JOINT_REFERENCE, None, Class::Debug),
+    channel::<TaskRequest>(TASK_REQUEST, None, Class::Debug),
+    channel::<TaskReply>(TASK_REPLY, Some(Stage::Output), Class::Debug),
+    channel::<TaskStatus>(TASK_STATUS, Some(Stage::Output), Class::Debug),
     channel::<ContactEstimate>(CONTACT_ESTIMATE, Some(Stage::Estimation), Class::Debug),
     channel::<BaseTracking>(BASE_TRACKING, Some(Stage::Estimation), Class::Debug),
     channel::<LegState>(LEG_STATE, Some(Stage::Gait), Class::Debug),

@@ -31,6 +31,7 @@ mod out;
 mod outputs;
 mod parallel;
 mod parameter_changes;
+mod published;
 mod release_rule;
 mod release_violation;
 mod report;

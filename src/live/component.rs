@@ -4,7 +4,7 @@ use super::controller::prepare_info;
 use super::{Shared, Stop};
 use crate::{Outcome, note, say, say_json};
 use anyhow::{Context, bail, ensure};
-use drivers::components::{EXTERNAL, Runs};
+use drivers::components::{EXTERNAL, Runs, build};
 use drivers::live::{ProcessReport, RealtimeParams, run_component};
 use lcmtypes::bus::LcmBus;
 use serde_json::json;
@@ -42,7 +42,7 @@ pub fn run(args: &ComponentArgs) -> anyhow::Result<Outcome> {
     );
     let info = prepare_info(&file)?;
     let index = info.find_component(name).with_context(|| name.clone())?;
-    let component = controller::load(&info.of_component(index)).with_context(|| format!("component {name}"))?;
+    let component = build(&info, index)?;
     let priority = file.realtime.priority.min(PRIORITY);
     let granted = RealtimeParams { priority, ..RealtimeParams::none() }.apply();
     for refused in &granted.refused {

@@ -11,7 +11,6 @@ use controller::params::Params;
 use controller::quadruped::params::GaitParams;
 use drivers::Scenario;
 use drivers::command_mux::CommandMux;
-use drivers::components::resolve;
 use drivers::live::{self, Dummy, EndCause, Executor, Faulty, LcmRobot, Plan, Summary};
 use drivers::run_info::{Run, describe};
 use lcmtypes::bus::LcmBus;
@@ -87,7 +86,7 @@ pub(super) fn prepare_info(file: &RunFile) -> anyhow::Result<RunInfo> {
         (scenario_name, objects, seed) = (parsed.name, parsed.objects, parsed.seed);
     }
     let first = file.first();
-    let others = resolve(file.others(), &first.0, &file.robot, &file.gait, &file.set)?;
+    let others = file.resolve_others()?;
     Ok(describe(
         &Run {
             first: (&first.0, &first.1),

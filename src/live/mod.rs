@@ -6,6 +6,7 @@ mod ctl;
 mod driver;
 mod process;
 mod request;
+pub use request::Client;
 mod run;
 mod run_file;
 mod screen;

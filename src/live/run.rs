@@ -10,7 +10,7 @@ use crate::{Outcome, say, say_json};
 use anyhow::{Context, bail};
 use controller::params::Params;
 use drivers::Scenario;
-use drivers::components::{EXTERNAL, Runs};
+use drivers::components::{EXTERNAL, Runs, build};
 use lcmtypes::bus::{Bus, LcmBus};
 use lcmtypes::{Event, Message, channels};
 use replay::udpm::Url;
@@ -64,6 +64,8 @@ pub fn run(args: &RunArgs) -> anyhow::Result<Outcome> {
     }
     let (info, _) = prepare(&file, &url)?;
     controller::load(&info).with_context(|| file.robot.clone())?;
+    let others = info.components.iter().enumerate().skip(1).filter(|(_, component)| component.kind != EXTERNAL);
+    others.map(|(index, _)| build(&info, index)).try_for_each(|component| component.map(drop))?;
     if let Some(folder) = log.parent() {
         std::fs::create_dir_all(folder).with_context(|| folder.display().to_string())?;
     }
@@ -279,6 +281,9 @@ fn consequence(process: &Process, running: &[&str], ended: &[&str]) -> &'static 
         }
         "recorder" | "driver" => "",
         _ if process.is_good() => "",
+        name if name != "controller" && running.contains(&"controller") => {
+            ": the controller damps the joints that this component commands"
+        }
         _ if process.lost_data() => ": messages were lost, see its result",
         // A robot's own driver is not a process of the run.
         _ if ended.contains(&"driver") => ": no driver is running that could damp the joints",

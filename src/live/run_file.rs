@@ -6,10 +6,11 @@ use anyhow::Context;
 use controller::params::Params;
 use drivers::DriverError;
 use drivers::command_mux::{CommandMux, Source, default_sources};
-use drivers::components::{ComponentEntry, Runs, resolve};
+use drivers::components::{CommonParams, ComponentEntry, Runs, resolve};
 use drivers::live::RealtimeParams;
 use drivers::live::clock::TickSchedule;
 use drivers::teleop::check_channel;
+use lcmtypes::ComponentInfo;
 use replay::udpm::Url;
 use serde::Deserialize;
 use std::path::{Path, PathBuf};
@@ -153,6 +154,11 @@ impl RunFile {
         self.set.iter().chain(of_first).cloned().collect()
     }
 
+    /// Preset of the parameters of the first component.
+    pub fn preset_of_first(&self) -> Option<&str> {
+        self.first.as_ref().and_then(|first| first.preset.as_deref()).or(self.preset.as_deref())
+    }
+
     /// Channels that the first component listens to.
     pub fn receives(&self) -> &[String] {
         self.first.as_ref().map_or(&[], |first| &first.receives)
@@ -161,6 +167,16 @@ impl RunFile {
     /// The components beside the first one.
     pub fn others(&self) -> &[ComponentEntry] {
         &self.components
+    }
+
+    /// Checks them, and reads their parameters.
+    ///
+    /// # Errors
+    /// See [`resolve`].
+    pub fn resolve_others(&self) -> Result<Vec<ComponentInfo>, DriverError> {
+        let RunFile { robot, preset, gait, set, .. } = self;
+        let common = CommonParams { robot, preset: preset.as_deref(), gaits: gait, set };
+        resolve(self.others(), (&self.first().0, self.receives()), common)
     }
 
     /// Which controllers run from the first tick on, one bit each.
@@ -181,8 +197,7 @@ impl RunFile {
         }
         file.faults = file.faults.map(|faults| folder.join(faults));
         file.gait = file.gait.iter().map(|gait| folder.join(gait)).collect();
-        file.split_first()?;
-        file.check().with_context(|| path.display().to_string())?;
+        file.split_first().and_then(|()| file.check()).with_context(|| path.display().to_string())?;
         Ok(file)
     }
 
@@ -191,7 +206,7 @@ impl RunFile {
     /// # Errors
     /// See [`RobotFiles::find_changed`].
     pub fn robot_files(&self) -> Result<(RobotFiles, String), DriverError> {
-        RobotFiles::find_changed(&self.robot, self.preset.as_deref(), &self.gait, &self.set_of_first())
+        RobotFiles::find_changed(&self.robot, self.preset_of_first(), &self.gait, &self.set_of_first())
     }
 
     /// Makes the first `[[component]]` the controller if there is no `[[controller]]`; the quadruped if there is neither.
@@ -204,6 +219,7 @@ impl RunFile {
             return Ok(());
         }
         let first = self.components.remove(0);
+        first.check()?;
         let ComponentEntry { name, kind, period_ticks, phase_ticks, latency_ticks, runs, .. } = &first;
         anyhow::ensure!(
             (*period_ticks, *phase_ticks, *latency_ticks, *runs) == (1, 0, 0, Runs::Rt),
@@ -215,7 +231,6 @@ impl RunFile {
             "[[component]] {name:?}: joints: the first component commands all joints that no other one commands"
         );
         self.controllers = vec![Controller { name: kind.clone(), start: true }];
-        self.preset = first.preset.clone().or_else(|| self.preset.take());
         self.first = Some(first);
         Ok(())
     }
@@ -247,10 +262,11 @@ impl RunFile {
         }
         self.lcm.url.parse::<Url>().with_context(|| format!("lcm.url = {:?}", self.lcm.url))?;
         RobotFiles::find_with_params(&self.robot).with_context(|| format!("robot = {:?}", self.robot))?;
-        let preset = self.preset.as_deref();
-        RobotFiles::find_changed(&self.robot, preset, &[], &[]).with_context(|| format!("preset = {preset:?}"))?;
+        let preset = self.preset_of_first();
+        RobotFiles::find_changed(&self.robot, preset, &[], &[])
+            .with_context(|| format!("preset = {:?}", preset.unwrap_or_default()))?;
         RobotFiles::find_changed(&self.robot, preset, &self.gait, &[]).context("gait")?;
-        let set = || format!("set = {:?}", self.set);
+        let set = || format!("set = {:?}", self.set_of_first());
         let (_, params) = self.robot_files().with_context(set)?;
         Params::from_toml(&params, &self.robot).with_context(set)?;
         // The outputs of a controller that another one replaces have its name in front, as those of a component.
@@ -259,7 +275,7 @@ impl RunFile {
         if let Some(ComponentEntry { name, .. }) = clash {
             anyhow::bail!("[[component]] name = {name:?}: a controller of the first component has this name");
         }
-        resolve(&self.components, &self.first().0, &self.robot, &self.gait, &self.set)?;
+        self.resolve_others()?;
         anyhow::ensure!(priority <= 99, "realtime.priority is {priority}, expected 0 (no real-time scheduler) to 99");
         Ok(())
     }
@@ -280,7 +296,8 @@ mod tests {
     use super::*;
 
     fn load(text: &str) -> anyhow::Result<RunFile> {
-        let path = std::env::temp_dir().join(format!("run-{}-{}.toml", std::process::id(), text.len()));
+        let (process, thread) = (std::process::id(), std::thread::current().id());
+        let path = std::env::temp_dir().join(format!("run-{process}-{thread:?}.toml"));
         std::fs::write(&path, text).unwrap();
         let file = RunFile::load(&path);
         std::fs::remove_file(&path).unwrap();
@@ -316,6 +333,7 @@ mod tests {
             (controller(""), "[[controller]] name = \"\""),
             (format!("{minimal}faults = \"nope.toml\"\n"), "nope.toml"),
             (format!("{minimal}gait = [\"nope.toml\"]\n"), "nope.toml"),
+            (format!("{minimal}preset = \"unknown\"\n"), "preset = \"unknown\""),
             (format!("{minimal}set = [\"trunk.kpp=3\"]\n"), "\"trunk.kpp\""),
             (format!("{minimal}set = [\"wbc.friction=-1\"]\n"), "wbc.friction is -1"),
             (format!("{minimal}set = [\"trunk.kp\"]\n"), "\"trunk.kp\": "),
@@ -328,6 +346,77 @@ mod tests {
             let error = format!("{:#}", load(&text).unwrap_err());
             assert!(error.contains(named) && error.contains(".toml"), "{error}");
             assert!(error.matches("nope.toml").count() < 2, "{error}");
+        }
+    }
+
+    /// Each pair: `[[component]]` entries, and what the error names. Every error names the file and the component.
+    #[test]
+    fn errors_of_components_name_component_key_and_value() {
+        let first = "robot = \"hyq\"\nlog = \"a.mcap\"\n[[component]]\nname = \"legs\"\nkind = \"hold\"\n";
+        let knee = "[[component]]\nname = \"knee\"\nkind = \"posture\"\njoints = [\"lf_kfe_joint\"]\n";
+        let external = "[[component]]\nname = \"script\"\nkind = \"external\"\n";
+        let list = |n: usize| (0..n).map(|k| format!("\"script/C{k}\"")).collect::<Vec<_>>().join(", ");
+        let unused = "[[component]]\nname = \"foot\"\nkind = \"posture\"\n";
+        for valid in ["", knee, &format!("receives = [{}]\n{knee}receives = [\"knee/X\"]\n{external}", list(24))] {
+            load(&format!("{first}{valid}")).unwrap();
+        }
+        for (more, component, named) in [
+            // Of the first one.
+            ("period_ticks = 2\n".to_owned(), "legs", "period_ticks"),
+            ("period_ticks = 0\n".to_owned(), "legs", "period_ticks is 0"),
+            ("pause_ms = 10\n".to_owned(), "legs", "pause_ms is 10"),
+            ("runs = \"worker\"\nlatency_ticks = 1\n".to_owned(), "legs", "runs = \"rt\""),
+            ("receives = [\"arms/JOINT_REFERENCE\"]\n".to_owned(), "legs", "\"arms/JOINT_REFERENCE\""),
+            ("receives = [\"ROBOT_STATE\"]\n".to_owned(), "legs", "\"ROBOT_STATE\""),
+            (format!("receives = [{}]\n{external}", list(25)), "legs", "25 channels"),
+            // Of another one.
+            (format!("{knee}period_ticks = 0\n"), "knee", "period_ticks is 0"),
+            (format!("{knee}phase_ticks = -1\n"), "knee", "phase_ticks is -1"),
+            (format!("{knee}runs = \"worker\"\n"), "knee", "latency_ticks is 0"),
+            (format!("{knee}runs = \"process\"\n"), "knee", "latency_ticks is 0"),
+            (format!("{knee}pause_ms = 10\n"), "knee", "pause_ms is 10"),
+            (format!("{external}pause_ms = 10\n"), "script", "pause_ms is 10"),
+            (format!("{knee}receives = [{}]\n{external}", list(25)), "knee", "25 channels"),
+            (format!("{knee}receives = [\"script/X\", \"script/X\"]\n{external}"), "knee", "\"script/X\""),
+            (format!("{knee}receives = [\"legs/JOINT_REFERENCE\"]\n"), "knee", "first component"),
+            (format!("{knee}receives = [\"wings/X\"]\n"), "knee", "\"wings/X\""),
+            (format!("{knee}{}", knee.replace("lf_", "rf_")), "knee", "name"),
+            (format!("{knee}{}", knee.replace("knee", "foot")), "foot", "lf_kfe_joint"),
+            (knee.replace("knee", "legs"), "legs", "name"),
+            (unused.replace("foot", "recorder"), "recorder", "name"),
+            (unused.replace("foot", "a b"), "a b", "name"),
+            (unused.replace("\"posture\"", "\"sequence(hold)\""), "foot", "kind"),
+            (knee.replace("lf_kfe_joint", "lf_kfe"), "knee", "\"lf_kfe\""),
+            (format!("{knee}preset = \"nope\"\n"), "knee", "nope"),
+            (format!("{knee}set = [\"motion.postrue=1\"]\n"), "knee", "\"motion.postrue\""),
+        ] {
+            let error = format!("{:#}", load(&format!("{first}{more}")).unwrap_err());
+            assert!(error.contains(named) && error.contains(&format!("{component:?}")), "{named}: {error}");
+            assert_eq!(error.matches("/run-").count(), 1, "{error}");
+        }
+    }
+
+    /// The preset of the run file is that of every component without one of its own.
+    #[test]
+    fn a_preset_of_the_run_is_a_preset_of_its_components() {
+        let of = |run: &str, first: &str, other: &str| {
+            let legs = format!("[[component]]\nname = \"legs\"\nkind = \"hold\"\n{first}");
+            let knee = format!("[[component]]\nname = \"knee\"\nkind = \"posture\"\n{other}");
+            let file = load(&format!("robot = \"hyq\"\nlog = \"a.mcap\"\n{run}{legs}{knee}")).unwrap();
+            let others = file.resolve_others().unwrap();
+            [file.robot_files().unwrap().1, others[0].params.clone()]
+        };
+        let printed = "preset = \"printed\"\n";
+        let [plain, of_printed] = [of("", "", "")[0].clone(), of("", printed, "")[0].clone()];
+        assert_ne!(plain, of_printed);
+        for (run, first, other, is_printed) in [
+            ("", "", "", [false, false]),
+            (printed, "", "", [true, true]),
+            ("", printed, "", [true, false]),
+            ("", "", printed, [false, true]),
+        ] {
+            let expected = is_printed.map(|printed| if printed { &of_printed } else { &plain }.clone());
+            assert!(of(run, first, other) == expected, "{run:?} {first:?} {other:?}");
         }
     }
 

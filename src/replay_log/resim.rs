@@ -35,7 +35,7 @@ pub fn run(log: &Path, options: &Options, out: &Path, json: bool) -> anyhow::Res
     let mut scenario = Scenario::parse(&recorded.scenario, &format!("scenario of {}", log.display()), &gaits)?;
     // A live run has monotonic clock times, and operators on several channels.
     let live = recorded.realtime.starts_with("live");
-    let Requests { commands, parameters, duration_s } = Requests::of(log, live)?;
+    let Requests { commands, parameters, duration_s, running } = Requests::of(log, live)?;
     scenario.duration_s = options.to_s.map_or(duration_s, |to| to.min(duration_s));
     scenario.seed = recorded.seed;
     scenario.operator = OperatorScript::recorded(commands);
@@ -44,12 +44,6 @@ pub fn run(log: &Path, options: &Options, out: &Path, json: bool) -> anyhow::Res
     scenario.parameters = parameters.into_iter().filter(|request| !held(&request.key)).collect();
     let params = controller::params::apply_overrides(recorded.params(), &options.set)?;
     let urdf = options.urdf.clone().unwrap_or_else(|| recorded.urdf.clone());
-    // A live run has a sequence that `hoof ctl` starts and stops; the simulation has the controller that the scenario names.
-    let first = if live {
-        (scenario.controller.clone(), scenario.controller.clone())
-    } else {
-        (recorded.component().to_owned(), recorded.controller().to_owned())
-    };
     let setup = Setup {
         robot: recorded.robot.clone(),
         robot_source: recorded.robot.clone(),
@@ -60,9 +54,9 @@ pub fn run(log: &Path, options: &Options, out: &Path, json: bool) -> anyhow::Res
         scenario_text: recorded.scenario.clone(),
         scenario_source: format!("scenario of {}", log.display()),
         inputs: vec![log.to_owned()],
-        first,
+        first: (recorded.component().to_owned(), recorded.controller().to_owned()),
         receives: Vec::new(),
-        running: 1,
+        running,
         others: (Vec::new(), Vec::new()),
         prove: None,
     };
@@ -86,18 +80,24 @@ pub fn run(log: &Path, options: &Options, out: &Path, json: bool) -> anyhow::Res
     Ok(Outcome::failed_if(summary.failed()))
 }
 
-/// The operator commands and parameter requests of a run; times in ns since its first tick.
+/// The operator commands and parameter requests of a run, and its running controllers; times in ns since its first tick.
 struct Requests {
     commands: Vec<OperatorCommand>,
     parameters: Vec<ParameterRequest>,
     duration_s: f64,
+    /// One bit for each controller of a sequence.
+    running: i64,
 }
 
 impl Requests {
     /// Reads a log: commands as the operator sent them or, for a live run, as the controller consumed them.
+    ///
+    /// # Errors
+    /// A log that cannot be read or does not start at tick 0, or in which a controller starts or stops while another one runs. A simulation does not repeat
+    /// this. That all are stopped is no error: a live run stops them after a panic or overruns, which a simulation does not have.
     fn of(log: &Path, live: bool) -> anyhow::Result<Self> {
         let (mut commands, mut parameters) = (Vec::<OperatorCommand>::new(), Vec::new());
-        let (mut first, mut times, mut unpacked) = (None, (0, 0), Unpacked::default());
+        let (mut first, mut last_running, mut times, mut unpacked) = (None, None, (0, 0), Unpacked::default());
         for event in LogReader::open(log)?.events() {
             let event = event?;
             let place = || format!("{}: {}, byte {}", log.display(), event.channel, event.offset);
@@ -115,9 +115,14 @@ impl Requests {
                 channels::CONTROLLER_SNAPSHOT => unpacked.restore(&event.data),
                 channels::CONTROLLER_INPUT => {
                     let input = ControllerInput::decode(&event.data).with_context(place)?;
-                    let TickInput { t_ns, tick, t_op_ns, ref op, .. } = *unpacked.update(&input);
+                    let TickInput { t_ns, tick, t_op_ns, ref op, running, .. } = *unpacked.update(&input);
                     times = (times.1, t_ns);
-                    first.get_or_insert((tick, t_ns));
+                    first.get_or_insert((tick, t_ns, running));
+                    ensure!(
+                        last_running.replace(running).is_none_or(|last| running == last || running == 0),
+                        "--resim: {}: controllers were started or stopped in tick {tick} (hoof ctl); a simulation runs the same ones from the first tick on",
+                        log.display()
+                    );
                     // At the end of a run the executor damps the joints with a command of its own, with the time of the tick.
                     let of_executor = op.mode == OperatorCommand::MODE_DAMPING && t_op_ns == t_ns;
                     if live && op.seq >= 0 && !of_executor && commands.last().is_none_or(|last| last.t_ns < t_op_ns) {
@@ -127,7 +132,7 @@ impl Requests {
                 _ => {}
             }
         }
-        let (first_tick, first) = first.with_context(|| format!("{}: no CONTROLLER_INPUT", log.display()))?;
+        let (first_tick, first, running) = first.with_context(|| format!("{}: no CONTROLLER_INPUT", log.display()))?;
         ensure!(
             first_tick == 0,
             "--resim: {} starts at tick {first_tick}, expected tick 0: a simulation starts from the robot's first posture, not from the state in the middle of a run",
@@ -137,7 +142,7 @@ impl Requests {
         parameters.iter_mut().for_each(|request| request.t_ns -= first);
         #[expect(clippy::cast_precision_loss, reason = "simulation times are far below 2^53 ns")]
         let duration_s = (times.1 - first + (times.1 - times.0)) as f64 * 1e-9;
-        Ok(Requests { commands, parameters, duration_s })
+        Ok(Requests { commands, parameters, duration_s, running })
     }
 }
 

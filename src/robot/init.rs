@@ -14,7 +14,8 @@ use std::path::{Path, PathBuf};
 #[command(after_help = "Example: hoof robot init my_dog.urdf --out robots/my_dog\n         \
     hoof sim --robot robots/my_dog/my_dog.toml --scenario scenarios/flat_trot.toml --log run.mcap\n         \
     hoof robot init my_arm.urdf --base fixed --out robots/my_arm\n         \
-    hoof sim --robot robots/my_arm/my_arm.toml --scenario scenarios/hold.toml --log run.mcap\n\n\
+    hoof sim --robot robots/my_arm/my_arm.toml --scenario scenarios/hold.toml --log run.mcap\n         \
+    hoof robot init hyq.urdf --srdf hyq.srdf --out robots/my_hyq\n\n\
     Finds legs, feet and IMU in the tree of links, orders the legs by position, and solves for a standing posture within the joint\n\
     limits and for a lying one. Forces, steps, swing frequency and gains are HyQ's, scaled by mass, height of the hips and inertia.\n\
     Where controller or simulator cannot use the URDF as it is (meshes, joints outside of the legs, a root that is not the trunk, effort\n\
@@ -25,6 +26,9 @@ pub struct Args {
     /// Describe a robot that is not such a quadruped, with a root that can move or not: posture, soles and gains for the controllers hold and posture
     #[arg(long, value_name = "BASE")]
     base: Option<BaseArg>,
+    /// Take groups, named postures, passive joints and disabled collision pairs from an SRDF
+    #[arg(long, value_name = "FILE")]
+    srdf: Option<PathBuf>,
     /// Name of the robot, instead of the URDF's
     #[arg(long)]
     name: Option<String>,
@@ -55,9 +59,12 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
     let text = read_urdf(&args.urdf)?;
     let file = args.urdf.display().to_string();
     let urdf_name = args.urdf.file_name().context("the URDF has no file name")?.to_string_lossy().into_owned();
+    let srdf = args.srdf.as_ref().map(|path| Ok::<_, anyhow::Error>((read_urdf(path)?, path.display().to_string())));
+    let srdf = srdf.transpose()?;
     let options = Options {
         urdf_file: &urdf_name,
         beside: args.out.is_none(),
+        srdf: srdf.as_ref().map(|(text, file)| (text.as_str(), file.as_str())),
         name: args.name.as_deref(),
         fixed: &args.fix,
         bounds: &|name| mesh::bounds(name, &args.urdf),

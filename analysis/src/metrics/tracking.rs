@@ -21,8 +21,8 @@ pub struct Tracking {
     pub yaw: Option<ErrorStats>,
     /// Height of the base above the mean contact point of the stance feet, m.
     pub height: Option<ErrorStats>,
-    /// Feet in the order LF RF LH RH.
-    pub feet: [FootTracking; 4],
+    /// Feet in the order LF RF LH RH; none of a robot that is not a quadruped.
+    pub feet: Vec<FootTracking>,
 }
 
 /// Error of one foot relative to the base during its swings (states `SWING_UP` and `SWING_DOWN`), in H, m.
@@ -53,7 +53,7 @@ impl Tracking {
             pitch: angle(1),
             yaw: angle(2),
             height: ErrorStats::of(balancing().filter_map(|tick| height_error(tick, against))),
-            feet: std::array::from_fn(foot),
+            feet: if run.has_feet() { (0..LEGS.len()).map(foot).collect() } else { Vec::new() },
         }
     }
 }

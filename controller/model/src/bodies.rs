@@ -9,6 +9,7 @@ use super::link_groups::LinkGroups;
 use super::names::near_names;
 use super::pose::Pose;
 use super::tree::{JointKind, Limits, UrdfTree};
+use crate::math::z_onto;
 
 /// Gravitational acceleration along -z of W, m/s².
 pub const GRAVITY: f64 = 9.81;
@@ -275,6 +276,25 @@ impl Model {
         self.frames.iter().enumerate().map(|(i, frame)| (FrameId(i), frame.name.as_str()))
     }
 
+    /// Name of the link of a frame.
+    pub fn frame_name(&self, frame: FrameId) -> &str {
+        &self.frames[frame.0].name
+    }
+
+    /// The frame of a link by its index in the order of [`UrdfTree::links`].
+    pub fn frame_at(&self, index: usize) -> Option<FrameId> {
+        (index < self.frames.len()).then_some(FrameId(index))
+    }
+
+    /// Whether the body of a frame is that of another frame, or one of those between it and the root: then it moves the other frame.
+    pub fn moves(&self, frame: FrameId, other: FrameId) -> bool {
+        let (mover, mut body) = (self.frames[frame.0].body, self.frames[other.0].body);
+        while body > mover {
+            body = self.bodies[body].parent;
+        }
+        body == mover
+    }
+
     /// The frame of the root link, B.
     #[inline]
     pub fn base_frame(&self) -> FrameId {
@@ -284,20 +304,6 @@ impl Model {
     fn unknown<'a>(&self, what: &'static str, name: &str, names: impl Iterator<Item = &'a str>) -> ModelError {
         ModelError::Unknown { robot: self.name.clone(), what, name: name.to_owned(), near: near_names(name, names) }
     }
-}
-
-/// Rotation whose third column is the unit vector `axis`; the identity for z.
-fn z_onto(axis: &Vector3<f64>) -> Matrix3<f64> {
-    let mut least = 0;
-    for k in 1..3 {
-        if axis[k].abs() < axis[least].abs() {
-            least = k;
-        }
-    }
-    let mut x = -axis[least] * axis;
-    x[least] += 1.0;
-    x /= x.norm();
-    Matrix3::from_columns(&[x, axis.cross(&x), *axis])
 }
 
 /// The principal moments of an inertia that no mass distribution has, ascending; `None` for a possible inertia, in which each moment is at most the

@@ -11,7 +11,13 @@ use super::kinematics::Kinematics;
 /// Centre of mass `p_WC`, in W, m.
 #[inline]
 pub fn com(kin: &Kinematics) -> Vector3<f64> {
-    kin.base.p_WB + c_B_W(kin)
+    kin.base.p_WB + p_BC_W(kin)
+}
+
+/// Centre of mass from the origin of B, in W axes, m.
+#[inline]
+pub fn p_BC_W(kin: &Kinematics) -> Vector3<f64> {
+    kin.bodies[0].subtree.mc / kin.bodies[0].subtree.m
 }
 
 /// Velocity of the centre of mass `v_WC`, in W, m/s.
@@ -38,7 +44,7 @@ pub fn com_jacobian(model: &Model, kin: &Kinematics, J: &mut DMatrix<f64>) {
     assert_eq!(J.shape(), (3, model.nv()), "the Jacobian of the centre of mass is 3 x nv");
     let m = kin.bodies[0].subtree.m;
     if model.base() == Base::Floating {
-        let c = c_B_W(kin);
+        let c = p_BC_W(kin);
         for k in 0..3 {
             let e = unit(k);
             J.set_column(k, &e);
@@ -55,7 +61,7 @@ pub fn com_jacobian(model: &Model, kin: &Kinematics, J: &mut DMatrix<f64>) {
 /// Momentum of the robot about its centre of mass: `[p; l]`, linear N s, angular N m s, in W axes.
 pub fn centroidal_momentum(kin: &Kinematics) -> Vector6<f64> {
     let (p, l) = momentum_seen_from_base(kin);
-    let l = l - c_B_W(kin).cross(&p);
+    let l = l - p_BC_W(kin).cross(&p);
     let p = p + kin.bodies[0].subtree.m * kin.base.v_WB;
     Vector6::new(p.x, p.y, p.z, l.x, l.y, l.z)
 }
@@ -69,7 +75,7 @@ pub fn centroidal_momentum(kin: &Kinematics) -> Vector6<f64> {
 /// If `A_G` has another shape.
 pub fn centroidal_momentum_matrix(model: &Model, kin: &Kinematics, A_G: &mut DMatrix<f64>) {
     assert_eq!(A_G.shape(), (6, model.nv()), "the centroidal momentum matrix is 6 x nv");
-    let c = c_B_W(kin);
+    let c = p_BC_W(kin);
     let mut set = |column: usize, (p, l): (Vector3<f64>, Vector3<f64>)| {
         let l = l - c.cross(&p);
         A_G.column_mut(column).copy_from(&Vector6::new(p.x, p.y, p.z, l.x, l.y, l.z));
@@ -84,11 +90,6 @@ pub fn centroidal_momentum_matrix(model: &Model, kin: &Kinematics, A_G: &mut DMa
         let body = &kin.bodies[i];
         set(model.bodies[i].i_v, body.subtree.momentum(&body.s_v, &body.s_w));
     }
-}
-
-/// Centre of mass from the origin of B, in W axes, m.
-fn c_B_W(kin: &Kinematics) -> Vector3<f64> {
-    kin.bodies[0].subtree.mc / kin.bodies[0].subtree.m
 }
 
 /// Momentum `(p, l)` about the origin of B in a frame that moves with `v_WB`.

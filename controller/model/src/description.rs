@@ -3,9 +3,9 @@
 //! A description is the table `[robot]` of the TOML file beside the URDF. It has one of two forms, which give the same [`RobotDescription`]:
 //!
 //! - any robot: `base`, `[[robot.imu]]`, `[[robot.force_torque]]`, `[[robot.contact]]`, `[[robot.group]]`, `[robot.postures.NAME]`,
-//!   `[robot.joints.NAME]`, `[robot.virtual_frame]`;
+//!   `[robot.joints.NAME]`, `[robot.disabled_collisions]`, `[robot.virtual_frame]`;
 //! - a quadruped: `feet`, `foot_radius`, `imu_link`, `posture`, `lying`, `drives`. It is described as four point contacts and four legs, named LF RF
-//!   LH RH, one IMU `imu`, and the postures `nominal` and `lying`.
+//!   LH RH, one IMU `imu`, and the postures `nominal` and `lying`. It may have further groups and postures.
 //!
 //! Names are checked against the URDF when a description is read, so a name that it contains can be used without a further check.
 
@@ -22,7 +22,7 @@ use crate::error::ModelError;
 use crate::names::near_names;
 use crate::tree::UrdfTree;
 use serde::{Deserialize, Serialize};
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 /// Name of the posture in which a robot stands, and to which controllers for any robot move it.
 pub const NOMINAL: &str = "nominal";
@@ -50,6 +50,8 @@ pub struct RobotDescription {
     pub postures: BTreeMap<String, BTreeMap<String, f64>>,
     /// Role and drive of each movable joint, in the order of `q`.
     pub joints: Vec<JointDescription>,
+    /// Pairs of links that need no check for collisions, such as neighbours: each pair once, the name that comes first in the alphabet first.
+    pub disabled_collisions: BTreeSet<[String; 2]>,
     /// A frame with virtual joints, for models of controllers.
     pub virtual_frame: Option<VirtualFrame>,
 }

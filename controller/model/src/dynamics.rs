@@ -91,6 +91,34 @@ pub fn gravity_force(model: &Model, kin: &Kinematics, g: &mut DVector<f64>) {
     });
 }
 
+/// Derivative of the gravity torques by the joint positions, `G_ij = ∂g_i/∂q_j`: the Hessian of the potential energy.
+///
+/// With unit rate, joint i gives its subtree the momentum `p_i`, and `g_i = g e_z · p_i`. A joint j above or equal to i turns the whole subtree with the
+/// axis of i, so `∂p_i/∂q_j = s_w,j × p_i`. The other half follows by symmetry; joints on different branches have no common entry.
+///
+/// - writes all of `G`, nj x nj, N m/rad (N/m, N/rad or N m/m for prismatic joints); exactly symmetric.
+/// - cost O(nj depth), no allocation.
+///
+/// # Panics
+/// If the shape of `G` is not nj x nj.
+pub fn gravity_derivative(model: &Model, kin: &Kinematics, G: &mut DMatrix<f64>) {
+    let nj = model.nj();
+    assert_eq!(G.shape(), (nj, nj), "the derivative of the gravity torques is nj x nj");
+    G.fill(0.0);
+    for i in 1..model.bodies.len() {
+        let body = &kin.bodies[i];
+        let (p, _) = body.subtree.momentum(&body.s_v, &body.s_w);
+        let row = model.bodies[i].i_q;
+        let mut j = i;
+        while j != 0 {
+            let s_w = &kin.bodies[j].s_w;
+            let (column, entry) = (model.bodies[j].i_q, GRAVITY * (s_w.x * p.y - s_w.y * p.x));
+            (G[(row, column)], G[(column, row)]) = (entry, entry);
+            j = model.bodies[j].parent;
+        }
+    }
+}
+
 /// Preallocated workspace of [`rnea`].
 #[derive(Debug, Clone)]
 pub struct RneaScratch {

@@ -43,6 +43,9 @@ pub struct RobotInfo {
     /// Names of its postures.
     #[serde(default)]
     pub postures: Vec<String>,
+    /// Its pairs of links that need no check for collisions.
+    #[serde(default)]
+    pub disabled_collisions: Vec<[String; 2]>,
     /// Limits that the TOML file beside the URDF changes.
     #[serde(default)]
     pub differences: Vec<DriveDifference>,
@@ -117,6 +120,7 @@ impl RobotInfo {
             contacts: Vec::new(),
             groups: Vec::new(),
             postures: Vec::new(),
+            disabled_collisions: Vec::new(),
             differences: Vec::new(),
             warnings: model.warnings.iter().map(ToString::to_string).collect(),
         })

@@ -56,17 +56,22 @@ impl Reader<'_> {
         element.attribute(key).ok_or_else(|| self.bad(element, format!("<{}> has no attribute {key}", element.name())))
     }
 
-    /// The name of an element. It is limited because messages, files of other formats and TOML keys contain it.
+    /// The name of an element.
     pub(super) fn name(&self, element: Element) -> Result<String, ModelError> {
-        let name = self.text(element, "name")?;
+        self.name_in(element, "name")
+    }
+
+    /// A name in an attribute. It is limited because messages, files of other formats and TOML keys contain it.
+    pub(super) fn name_in(&self, element: Element, key: &str) -> Result<String, ModelError> {
+        let name = self.text(element, key)?;
         if name.len() > MAX_NAME || name.chars().any(char::is_control) {
             let expected = format!("expected at most {MAX_NAME} bytes without control characters");
-            return Err(self.bad(element, format!("its name has {} bytes, {expected}", name.len())));
+            return Err(self.bad(element, format!("its {key} has {} bytes, {expected}", name.len())));
         }
         Ok(name.to_owned())
     }
 
-    fn parsed(&self, element: Element, key: &str, text: &str) -> Result<f64, ModelError> {
+    pub(super) fn parsed(&self, element: Element, key: &str, text: &str) -> Result<f64, ModelError> {
         text.trim().parse().map_err(|_| {
             let found: String = text.chars().take(40).collect();
             self.bad(element, format!("{key} of <{}> is \"{found}\", expected a number", element.name()))

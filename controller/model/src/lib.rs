@@ -22,6 +22,7 @@
 #![allow(non_snake_case, reason = "names carry frames, as in p_WF = p_WB + R_WB * p_BF: see ARCHITECTURE.md")]
 
 mod bodies;
+mod capsule;
 mod centroidal;
 pub mod description;
 mod drive;
@@ -38,22 +39,25 @@ mod names;
 mod parse;
 mod pose;
 mod read;
+mod relative;
 mod runnable;
 mod shapes;
+pub mod srdf;
 mod topology;
 mod tree;
 mod write;
 mod xml;
 
 pub use bodies::{Base, FrameId, GRAVITY, JointId, JointInfo, Model, impossible_moments};
+pub use capsule::{Capsule, capsules, closest_points};
 pub use centroidal::{
-    centroidal_momentum, centroidal_momentum_matrix, com, com_bias_acceleration, com_jacobian, com_velocity,
+    centroidal_momentum, centroidal_momentum_matrix, com, com_bias_acceleration, com_jacobian, com_velocity, p_BC_W,
 };
 pub use description::{
     Contact, ContactGeometry, DescriptionError, JointDescription, JointRole, NOMINAL, RobotDescription,
 };
 pub use drive::DriveLimits;
-pub use dynamics::{RneaScratch, bias_force, gravity_force, mass_matrix, rnea};
+pub use dynamics::{RneaScratch, bias_force, gravity_derivative, gravity_force, mass_matrix, rnea};
 pub use error::{ModelError, ModelWarning};
 pub use jacobian::{
     frame_bias_acceleration, frame_jacobian, point_bias_acceleration, point_jacobian, point_jacobian_linear,
@@ -62,6 +66,7 @@ pub use kinematics::{BaseState, Kinematics};
 pub use link_groups::LinkGroups;
 pub use names::{near_list, near_names};
 pub use pose::Pose;
+pub use relative::{for_each_relative_column, joints_between};
 pub use runnable::check_runnable;
 pub use shapes::{AddedShape, Bounds, bounds_of, untouchable, with_shapes};
 pub use tree::{Inertial, Joint, JointKind, Limits, Link, Shape, ShapeKind, UrdfTree};

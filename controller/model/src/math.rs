@@ -7,7 +7,7 @@ mod rotation;
 mod walked_distance;
 
 pub use random::Rng;
-pub use rotation::{Rx, Ry, Rz, log, rotation_of_rpy, rpy_of, wrap_angle};
+pub use rotation::{Rx, Ry, Rz, log, rotation_of_rpy, rpy_of, wrap_angle, z_onto};
 pub use walked_distance::WalkedDistance;
 
 use nalgebra::Vector3;

@@ -187,6 +187,44 @@ fn a_quadruped_is_four_point_contacts() {
 }
 
 #[test]
+fn a_quadruped_has_further_groups_beside_its_legs() {
+    let text = format!(
+        "{HYQ}\n[[robot.group]]\nname = \"hips\"\nkind = \"chain\"\njoints = [\"lf_haa_joint\", \"rf_haa_joint\"]\n"
+    );
+    let robot = read(&text, HYQ_URDF).unwrap();
+    assert_eq!(
+        robot.groups.iter().map(|group| group.name.as_str()).collect::<Vec<_>>(),
+        ["LF", "RF", "LH", "RH", "hips"]
+    );
+    let error = read(&replace_once(&text, "\"hips\"", "\"LF\""), HYQ_URDF).unwrap_err();
+    assert!(matches!(&error, DescriptionError::Duplicate { name, .. } if name == "LF"), "{error}");
+}
+
+#[test]
+fn disabled_collisions_are_pairs_of_two_links_of_the_robot() {
+    let with = |pairs: &str| read(&format!("{HYQ}\n[robot.disabled_collisions]\n{pairs}\n"), HYQ_URDF);
+    let robot = with("trunk = [\"lf_upperleg\", \"lf_foot\"]\nlf_foot = [\"rf_foot\"]").unwrap();
+    let pairs: Vec<String> = robot.disabled_collisions.iter().map(|pair| pair.join(" ")).collect();
+    assert_eq!(pairs, ["lf_foot rf_foot", "lf_foot trunk", "lf_upperleg trunk"]);
+    for (pairs, key, name) in [
+        ("trnk = [\"lf_foot\"]", "robot.disabled_collisions", "trnk"),
+        ("trunk = [\"toe\"]", "robot.disabled_collisions.trunk", "toe"),
+    ] {
+        let DescriptionError::Unknown { key: found, name: unknown, .. } = with(pairs).unwrap_err() else {
+            panic!("{pairs}")
+        };
+        assert_eq!((found.as_str(), unknown.as_str()), (key, name));
+    }
+    let error = with("trunk = [\"trunk\"]").unwrap_err();
+    assert!(matches!(&error, DescriptionError::BadValue { found, .. } if found == "trunk"), "{error}");
+    let error = with("trunk = [\"lf_foot\"]\nlf_foot = [\"trunk\"]").unwrap_err();
+    assert!(
+        matches!(&error, DescriptionError::Duplicate { name, .. } if name == "lf_foot" || name == "trunk"),
+        "{error}"
+    );
+}
+
+#[test]
 fn roles_gains_and_fixed_bases_are_read() {
     let joints = "[robot.joints]\ntorso_yaw = { role = \"passive\" }\nj_arm1_1 = { stiffness = 500.0, damping = 10.0 }\nhip_yaw_1 = { role = \"virtual\" }\n";
     let text = format!("[robot]\nname = \"upper\"\nurdf = \"centauro.urdf\"\nbase = \"fixed\"\n{joints}");

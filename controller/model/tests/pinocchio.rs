@@ -96,6 +96,9 @@ fn whole_robot(model: &Model, kin: &Kinematics, vd: &DVector<f64>, expected: &Va
     near("bias force", &expected["bias_force"], force.as_slice());
     gravity_force(model, kin, &mut force);
     near("gravity force", &expected["gravity_force"], force.as_slice());
+    let mut G = DMatrix::from_element(model.nj(), model.nj(), f64::NAN);
+    gravity_derivative(model, kin, &mut G);
+    near_matrix("gravity derivative", &expected["gravity_derivative"], &G);
     rnea(model, kin, vd, &mut RneaScratch::new(model), &mut force);
     near("rnea", &expected["rnea"], force.as_slice());
 

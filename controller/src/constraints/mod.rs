@@ -3,7 +3,8 @@
 //!
 //! | constraint | level | rows |
 //! |---|---|---|
-//! | [`velocity::JointLimits`] | velocity | bounds: positions and velocities of the joints |
+//! | [`velocity::JointLimits`] | velocity | bounds: positions, velocities, accelerations and jerks of the joints |
+//! | [`velocity::SelfCollision`] | velocity | one row for each of the nearest pairs of links: they approach each other slowly |
 //! | [`acceleration::BaseDynamics`] | acceleration | six equalities: dynamics of the floating base |
 //! | [`acceleration::JointAcceleration`] | acceleration | bounds: accelerations of the joints |
 //! | [`force::Friction`] | force | admissible forces of each contact: 5 rows, 17 for a sole |

@@ -50,15 +50,18 @@ pub struct RobotConfig {
     /// Key for any robot: contacts.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub contact: Vec<toml::Table>,
-    /// Key for any robot: groups of joints.
+    /// Groups of joints; beside the keys of a quadruped, further ones.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub group: Vec<toml::Table>,
-    /// Key for any robot: named postures, joint name -> rad or m.
+    /// Named postures, joint name -> rad or m.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     pub postures: BTreeMap<String, toml::Table>,
-    /// Key for any robot: roles and drives of joints.
+    /// Roles and drives of joints.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     pub joints: BTreeMap<String, toml::Table>,
+    /// Pairs of links that need no check for collisions: link -> other links.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    pub disabled_collisions: BTreeMap<String, toml::Value>,
     /// Key for any robot: a frame with virtual joints.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub virtual_frame: Option<toml::Table>,

@@ -4,6 +4,7 @@ use super::error::ParamsError;
 use super::key::toml_key;
 use super::range::Bound;
 use super::robot::RobotConfig;
+use crate::cartesian::params::CartesianParams;
 use crate::hold::params::HoldParams;
 use crate::posture::params::MotionParams;
 use crate::qp::QpParams;
@@ -17,7 +18,7 @@ use crate::tour::params::TourParams;
 use serde::{Deserialize, Serialize};
 
 /// Tables of the controllers that work with any robot.
-pub const FOR_ANY_ROBOT: [&str; 5] = ["robot", "safety", "hold", "motion", "tour"];
+pub const FOR_ANY_ROBOT: [&str; 6] = ["robot", "safety", "hold", "motion", "tour", "cartesian_ik"];
 
 /// Every parameter of a run.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -76,6 +77,9 @@ pub struct Params {
     /// The tour controller.
     #[serde(default)]
     pub tour: TourParams,
+    /// The Cartesian server.
+    #[serde(default)]
+    pub cartesian_ik: CartesianParams,
 }
 
 impl Params {

@@ -138,12 +138,12 @@ impl Coordinates for Envelope {
         self.n()
     }
 
-    fn pull(&self, normal: &[f64], at: Range<usize>, row: &mut [f64]) -> Range<usize> {
+    fn pull(&mut self, normal: &[f64], at: Range<usize>, row: &mut [f64]) -> Range<usize> {
         row.copy_from_slice(&normal[..row.len()]);
         self.forward(at, row)
     }
 
-    fn place(&self, v: &[f64], x: &mut [f64]) {
+    fn place(&mut self, v: &[f64], x: &mut [f64]) {
         x[..v.len()].copy_from_slice(v);
         self.backward(&mut x[..v.len()]);
     }

@@ -1,5 +1,6 @@
 //! Rows and bounds of a program in the form that the active-set solver uses: non-zero rows, over the coupled variables.
 
+use super::hierarchy::Hierarchy;
 use super::program::{Qp, QpRow, Unsolved};
 use crate::dense::dot;
 use std::ops::Range;
@@ -56,27 +57,108 @@ impl Constraints {
         }
     }
 
-    /// Loads the rows of a program. `places` lists the variable of each place. No constraint is in the working set afterwards.
+    /// Allocates memory for `rows` inequality rows in `n` variables, which [`Constraints::take_general`] loads.
+    pub fn with_capacity(n: usize, rows: usize) -> Self {
+        Constraints::new(&Qp::zeros(n, 0, rows))
+    }
+
+    /// Loads bounds and the inequalities of general rows down to a level; the places are the variables. No constraint is in the working set
+    /// afterwards.
     ///
     /// # Errors
-    /// Non-finite numbers; a violated row of zeros.
-    pub fn take(&mut self, qp: &Qp, places: &[usize]) -> Result<(), Unsolved> {
-        self.variables.clear();
-        self.variables.extend(places);
-        self.place_of.fill(None);
-        for (place, &i) in places.iter().enumerate() {
-            self.place_of[i] = Some(place);
+    /// Contradicting bounds; non-finite numbers; a violated row of zeros.
+    pub fn take_general(&mut self, problem: &Hierarchy, level: usize) -> Result<(), Unsolved> {
+        let n = problem.n();
+        if let Some(i) = (0..n).find(|&i| problem.lower[i] > problem.upper[i]) {
+            return Err(Unsolved::infeasible(QpRow::Lower(i)));
         }
+        if problem.lower.iter().chain(&problem.upper).any(|bound| bound.is_nan()) {
+            return Err(Unsolved::failed());
+        }
+        self.clear_rows();
+        self.variables.extend(0..n);
+        self.lower.extend(&problem.lower);
+        self.upper.extend(&problem.upper);
+        for (i, (c, sides)) in problem.general.iter().enumerate() {
+            if sides.from > level || sides.is_equality() {
+                continue;
+            }
+            for (sign, side) in [(-1.0, -sides.lower), (1.0, sides.upper)] {
+                if side != f64::INFINITY {
+                    for (place, value) in c.iter().enumerate().filter(|(_, value)| **value != 0.0) {
+                        self.places.push(place);
+                        self.values.push(sign * value);
+                    }
+                    self.end_row(side, QpRow::Inequality(i))?;
+                }
+            }
+        }
+        self.in_set.resize(self.rows.len() + 2 * n, false);
+        Ok(())
+    }
+
+    /// Moves the sides of inequalities that `x` violates, so that `x` fulfils them: the solution of a level above, which fulfils them up to rounding errors.
+    pub fn include(&mut self, x: &[f64]) {
+        for (lower, x) in self.lower.iter_mut().zip(x) {
+            *lower = lower.min(*x);
+        }
+        for (upper, x) in self.upper.iter_mut().zip(x) {
+            *upper = upper.max(*x);
+        }
+        for i in self.n_eq..self.rows.len() {
+            let excess = self.excess(i, x);
+            if excess > 0.0 {
+                self.sides[i] += excess;
+            }
+        }
+    }
+
+    fn clear_rows(&mut self) {
+        self.n_eq = 0;
+        self.variables.clear();
         for numbers in [&mut self.lower, &mut self.upper, &mut self.values, &mut self.sides] {
             numbers.clear();
         }
-        self.lower.extend(places.iter().map(|&i| qp.lower[i]));
-        self.upper.extend(places.iter().map(|&i| qp.upper[i]));
         self.places.clear();
         self.rows.clear();
         self.is_scaled.clear();
         self.starts.clear();
         self.starts.push(0);
+        self.in_set.clear();
+    }
+
+    /// Completes an inequality row whose numbers were added to `places` and `values`.
+    fn end_row(&mut self, side: f64, name: QpRow) -> Result<(), Unsolved> {
+        let start = self.starts[self.rows.len() - self.n_eq];
+        let values = &self.values[start..];
+        let size = dot(values, values);
+        if size == 0.0 || !size.is_finite() || side.is_nan() {
+            // An error, or a row of zeros that any `x` fulfils.
+            scaled(values, side, name)?;
+            self.values.truncate(start);
+            self.places.truncate(start);
+            return Ok(());
+        }
+        self.sides.push(side);
+        self.rows.push(name);
+        self.is_scaled.push(false);
+        self.starts.push(self.places.len());
+        Ok(())
+    }
+
+    /// Loads the rows of a program. `places` lists the variable of each place. No constraint is in the working set afterwards.
+    ///
+    /// # Errors
+    /// Non-finite numbers; a violated row of zeros.
+    pub fn take(&mut self, qp: &Qp, places: &[usize]) -> Result<(), Unsolved> {
+        self.clear_rows();
+        self.variables.extend(places);
+        self.place_of.fill(None);
+        for (place, &i) in places.iter().enumerate() {
+            self.place_of[i] = Some(place);
+        }
+        self.lower.extend(places.iter().map(|&i| qp.lower[i]));
+        self.upper.extend(places.iter().map(|&i| qp.upper[i]));
         self.take_equalities(qp, places)?;
         for row in 0..qp.d.len() {
             for &col in &self.pattern[row] {
@@ -88,30 +170,14 @@ impl Constraints {
                     }
                 }
             }
-            let start = self.starts[self.rows.len() - self.n_eq];
-            let (side, name) = (qp.d[row], QpRow::Inequality(row));
-            let values = &self.values[start..];
-            let size = dot(values, values);
-            if size == 0.0 || !size.is_finite() || side.is_nan() {
-                // An error, or a row of zeros that any `x` fulfils.
-                scaled(values, side, name)?;
-                self.values.truncate(start);
-                self.places.truncate(start);
-                continue;
-            }
-            self.sides.push(side);
-            self.rows.push(name);
-            self.is_scaled.push(false);
-            self.starts.push(self.places.len());
+            self.end_row(qp.d[row], QpRow::Inequality(row))?;
         }
-        self.in_set.clear();
         self.in_set.resize(self.rows.len() + 2 * places.len(), false);
         Ok(())
     }
 
     fn take_equalities(&mut self, qp: &Qp, places: &[usize]) -> Result<(), Unsolved> {
         let (n, rows) = (places.len(), qp.b.len());
-        self.n_eq = 0;
         if rows == 0 {
             return Ok(());
         }

@@ -67,7 +67,7 @@ impl Coordinates for Free {
         self.len
     }
 
-    fn pull(&self, normal: &[f64], at: Range<usize>, row: &mut [f64]) -> Range<usize> {
+    fn pull(&mut self, normal: &[f64], at: Range<usize>, row: &mut [f64]) -> Range<usize> {
         row.fill(0.0);
         for place in at {
             if normal[place] != 0.0 {
@@ -77,7 +77,7 @@ impl Coordinates for Free {
         0..self.len
     }
 
-    fn place(&self, v: &[f64], x: &mut [f64]) {
+    fn place(&mut self, v: &[f64], x: &mut [f64]) {
         for (x, (x0, k)) in x.iter_mut().zip(self.x0.iter().zip(self.K.chunks_exact(self.stride))).take(self.n) {
             *x = x0 + dot(&k[..v.len()], v);
         }

@@ -37,29 +37,57 @@ impl NullSpace {
 
     /// Adds a row, unless it is linearly dependent on the rows before it.
     pub fn push(&mut self, row: impl Iterator<Item = f64>) {
-        let NullSpace { mirrors, row: y, stride, n, rank } = self;
-        let y = &mut y[..*n];
-        for (y, x) in y.iter_mut().zip(row) {
+        let n = self.n;
+        let mut y = std::mem::take(&mut self.row);
+        for (y, x) in y[..n].iter_mut().zip(row) {
             *y = x;
         }
-        let size = dot(y, y).sqrt();
-        for (k, mirror) in mirrors.chunks_exact(*stride).take(*rank).enumerate() {
-            reflect(&mirror[k..*n], &mut y[k..]);
-        }
-        if *rank == *n {
-            return;
-        }
-        let outside = &mut y[*rank..];
-        let left = dot(outside, outside).sqrt();
-        // The comparison is false for NaN too, and for a row of zeros.
-        if left > DEPENDENT * size {
-            outside[0] += left.copysign(outside[0]);
-            let inverse = 1.0 / dot(outside, outside).sqrt();
-            let mirror = &mut mirrors[*rank * *stride + *rank..*rank * *stride + *n];
-            for (h, x) in mirror.iter_mut().zip(outside) {
-                *h = *x * inverse;
+        let size = dot(&y[..n], &y[..n]).sqrt();
+        self.coordinates_of(&mut y[..n]);
+        if self.rank < n {
+            let left = dot(&y[self.rank..n], &y[self.rank..n]).sqrt();
+            // The comparison is false for NaN too, and for a row of zeros.
+            if left > DEPENDENT * size {
+                self.add(&y[self.rank..n], left);
             }
-            *rank += 1;
+        }
+        self.row = y;
+    }
+
+    /// Number of rows that were added.
+    pub fn rank(&self) -> usize {
+        self.rank
+    }
+
+    /// Adds the reflection that maps the vector `outside`, the part of a row outside the first [`NullSpace::rank`] axes, to the next axis.
+    ///
+    /// - `left`: norm of `outside`, not 0. The image is `-left` with the sign of the first number.
+    pub fn add(&mut self, outside: &[f64], left: f64) {
+        let mirror = &mut self.mirrors[self.rank * self.stride + self.rank..self.rank * self.stride + self.n];
+        mirror.copy_from_slice(outside);
+        mirror[0] += left.copysign(mirror[0]);
+        let inverse = 1.0 / dot(mirror, mirror).sqrt();
+        mirror.iter_mut().for_each(|x| *x *= inverse);
+        self.rank += 1;
+    }
+
+    /// Applies the reflection that was added last to a vector without its first `rank - 1` numbers.
+    pub fn reflect_last(&self, outside: &mut [f64]) {
+        let last = self.rank - 1;
+        reflect(&self.mirrors[last * self.stride + last..last * self.stride + self.n], outside);
+    }
+
+    /// Applies all reflections, in the order in which they were added: replaces a row by its coordinates.
+    pub fn coordinates_of(&self, y: &mut [f64]) {
+        for (k, mirror) in self.mirrors.chunks_exact(self.stride).take(self.rank).enumerate() {
+            reflect(&mirror[k..self.n], &mut y[k..self.n]);
+        }
+    }
+
+    /// Applies all reflections in the reverse order: replaces coordinates by the vector.
+    pub fn vector_of(&self, y: &mut [f64]) {
+        for (k, mirror) in self.mirrors.chunks_exact(self.stride).take(self.rank).enumerate().rev() {
+            reflect(&mirror[k..self.n], &mut y[k..self.n]);
         }
     }
 
@@ -68,9 +96,7 @@ impl NullSpace {
         let to = &mut to[..self.n];
         to.fill(0.0);
         to[self.rank + k] = 1.0;
-        for (k, mirror) in self.mirrors.chunks_exact(self.stride).take(self.rank).enumerate().rev() {
-            reflect(&mirror[k..self.n], &mut to[k..]);
-        }
+        self.vector_of(to);
     }
 }
 

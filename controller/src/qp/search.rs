@@ -4,7 +4,7 @@
 //! the null space of the levels above ([`super::Levels`]).
 
 use super::constraints::Constraints;
-use super::program::Unsolved;
+use super::program::{QpRow, Unsolved};
 use super::working_set::WorkingSet;
 use crate::dense::axpy;
 use std::ops::Range;
@@ -21,9 +21,9 @@ pub(super) trait Coordinates {
     /// Number of coordinates.
     fn len(&self) -> usize;
     /// Transforms the row `normal`, which is 0 outside the range `at`, to coordinates. Returns the range outside which `row` is 0.
-    fn pull(&self, normal: &[f64], at: Range<usize>, row: &mut [f64]) -> Range<usize>;
+    fn pull(&mut self, normal: &[f64], at: Range<usize>, row: &mut [f64]) -> Range<usize>;
     /// Writes the point `x` that has the coordinates `v`.
-    fn place(&self, v: &[f64], x: &mut [f64]);
+    fn place(&mut self, v: &[f64], x: &mut [f64]);
 }
 
 /// The iterate and its working set.
@@ -66,8 +66,13 @@ impl Search {
         self.members.len() - self.n_eq
     }
 
+    /// The constraints that hold with equality, without the equality rows.
+    pub fn active(&self) -> impl Iterator<Item = QpRow> {
+        self.members[self.n_eq..].iter().map(|&i| self.constraints.name(i))
+    }
+
     /// Empties the working set and starts at `v`.
-    pub fn start(&mut self, at: &impl Coordinates) {
+    pub fn start(&mut self, at: &mut impl Coordinates) {
         self.constraints.clear_active();
         self.members.clear();
         self.n_eq = 0;
@@ -76,7 +81,7 @@ impl Search {
     }
 
     /// Moves to the minimizer under the equality rows.
-    pub fn equalities(&mut self, at: &impl Coordinates) -> Result<(), Unsolved> {
+    pub fn equalities(&mut self, at: &mut impl Coordinates) -> Result<(), Unsolved> {
         for i in 0..self.constraints.n_eq() {
             let (left, _) = self.split(i, at);
             if left > 0.0 {
@@ -94,7 +99,7 @@ impl Search {
     }
 
     /// Adds the most violated row to the working set until no row is violated. Returns the number of iterations.
-    pub fn inequalities(&mut self, at: &impl Coordinates, max_iterations: u32) -> Result<u32, Unsolved> {
+    pub fn inequalities(&mut self, at: &mut impl Coordinates, max_iterations: u32) -> Result<u32, Unsolved> {
         let mut iterations = 0;
         while let Some(worst) = self.constraints.worst(&self.x, FEASIBLE * self.scale()) {
             let mut multiplier = 0.0;
@@ -127,14 +132,14 @@ impl Search {
 
     /// Splits a row into its part in the span of the set and the rest. Returns the squared norm of the rest, and the range outside which the
     /// row is 0.
-    fn split(&mut self, i: usize, at: &impl Coordinates) -> (f64, Range<usize>) {
+    fn split(&mut self, i: usize, at: &mut impl Coordinates) -> (f64, Range<usize>) {
         let range = self.constraints.load(i, &mut self.normal);
         let range = at.pull(&self.normal, range, &mut self.row[..at.len()]);
         (self.set.split(&self.row[..at.len()], range.clone()), range)
     }
 
     /// Moves to the nearest point, in `v`, at which every row in the set holds with equality.
-    fn onto_members(&mut self, at: &impl Coordinates) {
+    fn onto_members(&mut self, at: &mut impl Coordinates) {
         for (product, &i) in self.products.iter_mut().zip(&self.members) {
             *product = self.constraints.excess(i, &self.x);
         }
@@ -148,7 +153,12 @@ impl Search {
 
     /// Moves towards equality of the row that was split last, as far as the multipliers stay non-negative. Returns the length of the step and,
     /// if a multiplier became zero before equality was reached, the index of its row in the set.
-    fn step(&mut self, entering: usize, left: f64, at: &impl Coordinates) -> Result<(f64, Option<usize>), Unsolved> {
+    fn step(
+        &mut self,
+        entering: usize,
+        left: f64,
+        at: &mut impl Coordinates,
+    ) -> Result<(f64, Option<usize>), Unsolved> {
         let (n_eq, len) = (self.n_eq, self.members.len());
         let change = &mut self.products[..len];
         change.copy_from_slice(&self.set.inside[..len]);

@@ -1,15 +1,16 @@
 //! A first description for any robot: base, IMU, soles, groups, posture, and gains of the drives for the controllers `hold` and `posture`.
 
 use super::scaled::two_digits;
-use super::{Guess, Options, Proposal, RobotInitError, file_name, prepare};
+use super::soles::{add_soles, chains, turns_freely};
+use super::srdf::{FromSrdf, Known, postures, within_limits};
+use super::{Guess, Options, Proposal, RobotInitError, file_name, prepare, read_srdf};
 use crate::hold::{self, Hold};
 use crate::model::{
-    Base, BaseState, Joint, JointKind, Kinematics, Limits, Link, LinkGroups, Model, Pose, Shape, ShapeKind, UrdfTree,
-    check_runnable, mass_matrix,
+    Base, BaseState, JointInfo, JointKind, Kinematics, Model, NOMINAL, UrdfTree, check_runnable, mass_matrix,
 };
 use crate::params::{quoted, toml_key};
 use lcmtypes::{ComponentInfo, RunInfo};
-use nalgebra::{DMatrix, Matrix3, Vector3};
+use nalgebra::DMatrix;
 use std::fmt::Write;
 
 /// Period of the drives' joint loop, s.
@@ -22,10 +23,6 @@ const LARGEST_FREQUENCY: f64 = 0.35;
 const DAMPING_TIME: f64 = 0.04;
 /// Largest part of a joint's speed that its damping removes in a period.
 const LARGEST_STEP: f64 = 0.4;
-/// Largest height above the lowest point at which the end of a chain is a foot, m.
-const FOOT_HEIGHT: f64 = 0.03;
-/// Smallest length and width of a sole, m.
-const LEAST_SOLE: f64 = 0.02;
 
 /// Stiffness and damping of each drive, for a position loop that holds the robot: the effort at a small error, as far as the inertia of the joint allows it.
 pub(super) fn drive_gains(model: &Model, q: &[f64]) -> Vec<(f64, f64)> {
@@ -35,7 +32,7 @@ pub(super) fn drive_gains(model: &Model, q: &[f64]) -> Vec<(f64, f64)> {
     mass_matrix(model, &kin, &mut M);
     let inverse = M.clone().cholesky().map(|factor| factor.inverse());
     let first = model.nv() - model.nj();
-    let gains = |(j, joint): (usize, &crate::model::JointInfo)| {
+    let gains = |(j, joint): (usize, &JointInfo)| {
         let at = first + j;
         // The inertia of a joint while all others are free.
         let inertia = inverse.as_ref().map_or(M[(at, at)], |inverse| 1.0 / inverse[(at, at)]);
@@ -52,9 +49,10 @@ pub(super) fn drive_gains(model: &Model, q: &[f64]) -> Vec<(f64, f64)> {
 /// - `base`: whether the root can move.
 ///
 /// # Errors
-/// An invalid URDF, a joint that cannot move the robot, or a name with characters that a file name should not have.
+/// An invalid URDF or SRDF, a joint that cannot move the robot, or a name with characters that a file name should not have.
 pub fn propose_any(urdf: &str, source: &str, base: Base, options: &Options) -> Result<Proposal, RobotInitError> {
     let mut tree = UrdfTree::parse(urdf, source)?;
+    let srdf = read_srdf(options, &tree)?;
     let original = tree.clone();
     let name = options.name.map_or_else(|| file_name(&tree.name), str::to_owned);
     if name.is_empty() || !name.chars().all(|c| c.is_ascii_alphanumeric() || "_-".contains(c)) {
@@ -78,7 +76,11 @@ pub fn propose_any(urdf: &str, source: &str, base: Base, options: &Options) -> R
         changes.push(format!("link {link}: no mass distribution has its inertia; it is replaced by that of a sphere"));
     }
     let model = Model::new(&tree, base)?;
-    let q: Vec<f64> = model.joints.iter().map(|joint| resting(joint.lower, joint.upper)).collect();
+    let (mut states, mut look_at) = (srdf.as_ref().map(postures).unwrap_or_default(), Vec::new());
+    let nominal = states.iter().position(|(name, _)| *name == NOMINAL).map(|at| states.remove(at).1);
+    let nominal = nominal.map(|positions| within_limits(NOMINAL, &positions, &model, &mut look_at)).unwrap_or_default();
+    let position = |joint: &JointInfo| nominal.get(&joint.name).copied().unwrap_or(resting(joint.lower, joint.upper));
+    let q: Vec<f64> = model.joints.iter().map(position).collect();
     check_runnable(&model, &q)?;
     let soles = if base == Base::Floating { add_soles(&mut tree, &model, &q, options) } else { Vec::new() };
     for (link, _) in &soles {
@@ -95,6 +97,10 @@ pub fn propose_any(urdf: &str, source: &str, base: Base, options: &Options) -> R
     let tips = chains.iter().map(|(tip, _)| tip.as_str());
     let wheels: Vec<&str> = tips.filter(|tip| base == Base::Floating && tip_turns(tip)).collect();
 
+    let contacts: Vec<String> = soles.iter().map(|(link, _)| link.clone()).collect();
+    let known = Known { tree: &tree, model: &model, base, groups: &[], postures: &[], contacts: &contacts };
+    let from_srdf = srdf.as_ref().map(|srdf| FromSrdf::new(srdf, &states, &known)).unwrap_or_default();
+
     let mut toml = format!(
         "# Description of {name}: what its URDF does not contain. A first guess by `hoof robot init`.\n\n[robot]\nname = {}\nurdf = {}\nbase = {}\n",
         quoted(&name),
@@ -109,21 +115,31 @@ pub fn propose_any(urdf: &str, source: &str, base: Base, options: &Options) -> R
         let (link, geometry) = (quoted(link), format!("{{ x = {x:?}, y = {y:?} }}"));
         add(format_args!("\n[[robot.contact]]\nname = {link}\nlink = {link}\ngeometry.sole = {geometry}"));
     }
-    for (tip, _) in &chains {
+    let guessed = if from_srdf.groups.is_empty() { &chains[..] } else { &[] };
+    for (tip, _) in guessed {
         add(format_args!("\n[[robot.group]]\nname = {0}\nkind = \"chain\"\ntip = {0}", quoted(tip)));
     }
+    let source = if nominal.is_empty() { "Each joint at 0" } else { "As in the SRDF; each other joint at 0" };
     add(format_args!(
-        "\n# Each joint at 0, or at the middle of its range if that does not contain 0.\n[robot.postures.nominal]"
+        "{}\n# {source}, or at the middle of its range if that does not contain 0.\n[robot.postures.nominal]",
+        from_srdf.groups
     ));
     for (joint, q) in model.joints.iter().zip(&q) {
         add(format_args!("{} = {q:?}", toml_key(&joint.name)));
     }
     add(format_args!(
-        "\n# Position loops of the drives: the effort at an error of {ERROR_AT_EFFORT} rad or m, as far as the inertia allows it.\n[robot.joints]"
+        "{}\n# Position loops of the drives: the effort at an error of {ERROR_AT_EFFORT} rad or m, as far as the inertia allows it.\n[robot.joints]",
+        from_srdf.postures
     ));
     for (joint, (kp, kd)) in model.joints.iter().zip(&gains) {
-        add(format_args!("{} = {{ stiffness = {kp:?}, damping = {kd:?} }}", toml_key(&joint.name)));
+        let name = toml_key(&joint.name);
+        if from_srdf.passive.contains(&joint.name) {
+            add(format_args!("{name} = {{ role = \"passive\", stiffness = 0.0, damping = 0.0 }}"));
+        } else {
+            add(format_args!("{name} = {{ stiffness = {kp:?}, damping = {kd:?} }}"));
+        }
     }
+    toml += &from_srdf.collisions;
     let written = (tree != original).then(|| {
         tree.name.clone_from(&name);
         let mut head = vec![format!("{name}, written by `hoof robot init` from {}. Changes:", options.urdf_file)];
@@ -134,8 +150,8 @@ pub fn propose_any(urdf: &str, source: &str, base: Base, options: &Options) -> R
     let info = RunInfo { urdf: text, ..RunInfo::default() }.with_component(ComponentInfo::new(hold::NAME, &toml));
     Hold::new(&info).map_err(|source| RobotInitError::Unusable { source: Box::new(source) })?;
     let guess = |what, value: String, because: &str| Guess { what, value, because: because.to_owned() };
-    let contacts: Vec<String> = soles.into_iter().map(|(link, _)| link).collect();
-    let mut look_at = changes;
+    look_at.extend(changes);
+    look_at.extend(from_srdf.look_at);
     if !wheels.is_empty() {
         look_at.push(format!(
             "[[robot.contact]]: {} turn without limits; a wheel needs a contact with geometry.wheel",
@@ -147,6 +163,17 @@ pub fn propose_any(urdf: &str, source: &str, base: Base, options: &Options) -> R
             "[[robot.contact]]: no foot was found at the lowest point; the robot stands on its shapes".to_owned(),
         );
     }
+    let mut guesses = vec![
+        guess("IMU", imu.unwrap_or_else(|| "none".to_owned()), "the first link with imu in its name, else the root"),
+        guess("soles", contacts.join(" "), "ends of chains at the lowest point of the robot"),
+        guess("posture nominal", "see the file".to_owned(), "0, or the middle of the range"),
+        guess("gains", "see the file".to_owned(), "effort at 0.1 rad or m, limited by the inertia of each joint"),
+    ];
+    if !guessed.is_empty() {
+        let groups = guessed.iter().map(|(tip, _)| tip.as_str()).collect::<Vec<_>>().join(" ");
+        guesses.push(guess("groups", groups, "ends of chains"));
+    }
+    guesses.extend(from_srdf.guesses);
     Ok(Proposal {
         name,
         urdf: written,
@@ -156,17 +183,7 @@ pub fn propose_any(urdf: &str, source: &str, base: Base, options: &Options) -> R
         hip_height: 0.0,
         joints: model.nj(),
         posture: Vec::new(),
-        guesses: vec![
-            guess(
-                "IMU",
-                imu.unwrap_or_else(|| "none".to_owned()),
-                "the first link with imu in its name, else the root",
-            ),
-            guess("soles", contacts.join(" "), "ends of chains at the lowest point of the robot"),
-            guess("groups", chains.iter().map(|(tip, _)| tip.as_str()).collect::<Vec<_>>().join(" "), "ends of chains"),
-            guess("posture nominal", "see the file".to_owned(), "0, or the middle of the range"),
-            guess("gains", "see the file".to_owned(), "effort at 0.1 rad or m, limited by the inertia of each joint"),
-        ],
+        guesses,
         look_at,
     })
 }
@@ -176,115 +193,13 @@ fn resting(lower: f64, upper: f64) -> f64 {
     if (lower..=upper).contains(&0.0) { 0.0 } else { f64::midpoint(lower, upper) }
 }
 
-/// The bodies without a movable child: the name of the first link, and the body.
-fn chains(tree: &UrdfTree) -> Vec<(String, usize)> {
-    let groups = LinkGroups::new(tree, |_| Matrix3::identity());
-    let mut is_end = vec![true; groups.first_links.len()];
-    for joint in tree.joints.iter().filter(|joint| joint.kind != JointKind::Fixed) {
-        is_end[groups.body_of_link[joint.parent]] = false;
-    }
-    let ends = (1..is_end.len()).filter(|&body| is_end[body]);
-    ends.map(|body| (tree.links[groups.first_links[body]].name.clone(), body)).collect()
-}
-
-/// Adds a link at the bottom of each foot: the ends of chains at the lowest point of the robot. Returns the links with the range of their soles in x and y, m.
-fn add_soles(tree: &mut UrdfTree, model: &Model, q: &[f64], options: &Options) -> Vec<(String, [[f64; 2]; 2])> {
-    let groups = LinkGroups::new(tree, |_| Matrix3::identity());
-    let mut kin = Kinematics::new(model);
-    kin.update(model, &BaseState::identity(), q, &vec![0.0; model.nj()]);
-    let mut feet = Vec::new();
-    for (name, body) in chains(tree) {
-        let Ok(frame) = model.frame(&name) else { continue };
-        let R_WB = kin.R_WF(model, frame);
-        let p_WB = kin.p_WF(model, frame);
-        let mut points = Vec::new();
-        for (index, link) in tree.links.iter().enumerate().filter(|(index, _)| groups.body_of_link[*index] == body) {
-            let shapes = if link.collisions.is_empty() { &link.visuals } else { &link.collisions };
-            for shape in shapes {
-                let X_BS = groups.X_BL[index].then(&shape.X_LS);
-                points.extend(corners(shape, options).into_iter().map(|p| R_WB * (X_BS.p + X_BS.R * p)));
-            }
-        }
-        let Some([low, high]) = crate::model::bounds_of(points) else { continue };
-        feet.push((groups.first_links[body], name, R_WB, p_WB.z + low.z, low, high));
-    }
-    let lowest = feet.iter().map(|foot| foot.3).fold(f64::INFINITY, f64::min);
-    let mut soles = Vec::new();
-    for (parent, name, R_WB, height, low, high) in feet {
-        let is_flat = high.x - low.x > LEAST_SOLE && high.y - low.y > LEAST_SOLE;
-        if height > lowest + FOOT_HEIGHT || !is_flat || turns_freely(tree, parent) {
-            continue;
-        }
-        // The link has the axes of W in the posture, below the origin of the foot.
-        let name = new_name(tree, &format!("{name}_bottom"));
-        let X_PC = Pose { p: R_WB.transpose() * Vector3::new(0.0, 0.0, low.z), R: R_WB.transpose() };
-        add_link(tree, parent, &name, X_PC);
-        let round = |x: f64| (x * 1e4).round() / 1e4;
-        soles.push((name, [[round(low.x), round(high.x)], [round(low.y), round(high.y)]]));
-    }
-    soles
-}
-
-/// Whether the joint of a link has no limits, as that of a wheel.
-fn turns_freely(tree: &UrdfTree, link: usize) -> bool {
-    let limits = tree.links[link].parent_joint.map(|joint| &tree.joints[joint].limits);
-    limits.is_some_and(|limits| limits.lower == f64::NEG_INFINITY && limits.upper == f64::INFINITY)
-}
-
-/// A name that no link and, with `_joint` behind it, no joint has: `wanted`, or with a number behind it.
-fn new_name(tree: &UrdfTree, wanted: &str) -> String {
-    let is_new = |name: &String| {
-        let joint = format!("{name}_joint");
-        tree.links.iter().all(|link| link.name != *name) && tree.joints.iter().all(|other| other.name != joint)
-    };
-    let numbered = (2..).map(|number| format!("{wanted}_{number}"));
-    std::iter::once(wanted.to_owned()).chain(numbered).find(is_new).expect("there are endless numbers")
-}
-
-fn add_link(tree: &mut UrdfTree, parent: usize, name: &str, X_PC: Pose) {
-    tree.joints.push(Joint {
-        name: format!("{name}_joint"),
-        kind: JointKind::Fixed,
-        parent,
-        child: tree.links.len(),
-        X_PC,
-        axis: Vector3::z(),
-        limits: Limits::NONE,
-        damping: 0.0,
-        friction: 0.0,
-    });
-    tree.links.push(Link {
-        name: name.to_owned(),
-        parent_joint: Some(tree.joints.len() - 1),
-        inertial: crate::model::Inertial { X_LC: Pose::identity(), mass: 0.0, I_C: Matrix3::zeros() },
-        visuals: Vec::new(),
-        collisions: Vec::new(),
-    });
-}
-
-/// Corners of the box around a shape, in its axes, m; none for a mesh that cannot be read.
-fn corners(shape: &Shape, options: &Options) -> Vec<Vector3<f64>> {
-    let around = |half: Vector3<f64>| [-half, half];
-    let [low, high] = match &shape.kind {
-        ShapeKind::Box { size } => around(Vector3::from(*size) / 2.0),
-        ShapeKind::Cylinder { radius, length } => around(Vector3::new(*radius, *radius, length / 2.0)),
-        ShapeKind::Capsule { radius, length } => around(Vector3::new(*radius, *radius, length / 2.0 + radius)),
-        ShapeKind::Sphere { radius } => around(Vector3::new(*radius, *radius, *radius)),
-        ShapeKind::Mesh { filename, scale } => {
-            let Some(bounds) = (options.bounds)(filename) else { return Vec::new() };
-            bounds.map(|corner| corner.component_mul(&Vector3::from(*scale)))
-        }
-    };
-    let pick = |i: usize, axis: usize| if i >> axis & 1 == 0 { low[axis] } else { high[axis] };
-    (0..8).map(|i| Vector3::new(pick(i, 0), pick(i, 1), pick(i, 2))).collect()
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
 
     fn proposal(urdf: &str) -> Proposal {
-        let options = Options { urdf_file: "a.urdf", beside: false, name: Some("a"), fixed: &[], bounds: &|_| None };
+        let options =
+            Options { urdf_file: "a.urdf", beside: false, srdf: None, name: Some("a"), fixed: &[], bounds: &|_| None };
         propose_any(urdf, "a.urdf", Base::Floating, &options).unwrap()
     }
 

@@ -2,6 +2,7 @@
 
 use crate::error::LoadError;
 use crate::model::ModelError;
+use crate::model::srdf::SrdfError;
 use crate::params::ParamsError;
 
 /// Why no parameter file can be derived from a URDF.
@@ -11,6 +12,9 @@ pub enum RobotInitError {
     /// The URDF is invalid.
     #[error(transparent)]
     Model(#[from] ModelError),
+    /// The SRDF is invalid.
+    #[error(transparent)]
+    Srdf(#[from] SrdfError),
     /// Fewer than four chains of movable joints.
     #[error(
         "found {} chains of movable joints, expected the four legs of a quadruped: {}", chains.len(),

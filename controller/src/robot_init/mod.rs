@@ -5,7 +5,8 @@
 //! - `posture` solves for a standing posture within the joint limits, `lying` for one on the ground.
 //! - `gains` scales gains by the inertia of the legs, `scaled` HyQ's forces and steps by mass and size.
 //! - `toml_text` writes the parameter file.
-//! - `any` writes a description of any other robot.
+//! - `any` writes a description of any other robot; `soles` finds its chains and feet.
+//! - `srdf` adds what an SRDF contains: groups, postures, passive joints and disabled collisions.
 //!
 //! It runs before a controller exists; no controller uses it.
 
@@ -17,6 +18,8 @@ mod lying;
 mod posture;
 mod prepare;
 mod scaled;
+mod soles;
+mod srdf;
 mod toml_text;
 
 pub use any::propose_any;
@@ -24,13 +27,15 @@ pub use error::RobotInitError;
 pub use legs::{FoundLeg, FoundLegs};
 pub use posture::Posture;
 
-use crate::model::{AddedShape, Base, Bounds, GRAVITY, Model, UrdfTree, check_runnable, with_shapes};
+use crate::model::srdf::Srdf;
+use crate::model::{AddedShape, Base, Bounds, GRAVITY, Model, NOMINAL, UrdfTree, check_runnable, with_shapes};
 use crate::params::Params;
 use crate::quadruped::Quadruped;
 use crate::quadruped::leg::Leg;
 use gains::Gains;
 use scaled::Scaled;
 use serde::Serialize;
+use srdf::{FromSrdf, Known};
 
 /// A first parameter file, and what a person should check in it.
 #[derive(Clone, Debug)]
@@ -74,6 +79,8 @@ pub struct Options<'a> {
     pub urdf_file: &'a str,
     /// Whether the parameter file is written into the folder of the URDF. A changed URDF then has another name.
     pub beside: bool,
+    /// Text of an SRDF, and its path for errors.
+    pub srdf: Option<(&'a str, &'a str)>,
     /// Name of the robot; by default the URDF's, in lower case.
     pub name: Option<&'a str>,
     /// Positions at which joints outside of the legs are fixed, rad or m; by default 0, or the limit closest to it.
@@ -88,10 +95,11 @@ pub struct Options<'a> {
 /// - `source`: path of the URDF, for errors.
 ///
 /// # Errors
-/// An invalid URDF; a robot without four legs of three revolute joints each; a leg that cannot reach the ground; a name with
+/// An invalid URDF or SRDF; a robot without four legs of three revolute joints each; a leg that cannot reach the ground; a name with
 /// characters that a file name should not have.
 pub fn propose(urdf: &str, source: &str, options: &Options) -> Result<Proposal, RobotInitError> {
     let mut tree = UrdfTree::parse(urdf, source)?;
+    let srdf = read_srdf(options, &tree)?;
     let mut changes = Vec::new();
     let name = options.name.map_or_else(|| file_name(&tree.name), str::to_owned);
     if name.is_empty() || !name.chars().all(|c| c.is_ascii_alphanumeric() || "_-".contains(c)) {
@@ -148,6 +156,15 @@ pub fn propose(urdf: &str, source: &str, options: &Options) -> Result<Proposal, 
         head.extend(changes.iter().map(|change| format!("- {change}")));
         (file, Some(tree.to_urdf(&head)))
     };
+    let known = Known {
+        tree: &tree,
+        model: &model,
+        base: Base::Floating,
+        groups: &Leg::ALL.map(Leg::name),
+        postures: &[NOMINAL, "lying"],
+        contacts: &feet,
+    };
+    let from_srdf = srdf.map(|srdf| FromSrdf::new(&srdf, &srdf::postures(&srdf), &known)).unwrap_or_default();
     let toml = toml_text::write(&toml_text::Parts {
         name: &name,
         urdf: &urdf_file,
@@ -158,6 +175,7 @@ pub fn propose(urdf: &str, source: &str, options: &Options) -> Result<Proposal, 
         lying: &lying,
         scaled: &scaled,
         gains: &gains,
+        srdf: &from_srdf,
     });
     // The controller checks posture, legs and stack.
     Quadruped::new(prepared.as_deref().unwrap_or(urdf), &toml)
@@ -169,11 +187,14 @@ pub fn propose(urdf: &str, source: &str, options: &Options) -> Result<Proposal, 
     }
     found.look_at.extend(changes);
     found.look_at.extend(model.warnings.iter().map(ToString::to_string));
+    found.look_at.extend(from_srdf.look_at);
+    let mut guesses = guesses(&params, &found, &stance, &scaled);
+    guesses.extend(from_srdf.guesses);
     let joint = |&j: &usize| (model.joints[j].name.clone(), stance.q[j]);
     let posture = Leg::ALL.into_iter().zip(&found.legs).map(|(leg, of)| (leg, of.joints.iter().map(joint).collect()));
     Ok(Proposal {
         posture: posture.collect(),
-        guesses: guesses(&params, &found, &stance, &scaled),
+        guesses,
         look_at: found.look_at,
         total_mass: model.total_mass(),
         hip_height: stance.hip_height + found.foot_radius,
@@ -183,6 +204,11 @@ pub fn propose(urdf: &str, source: &str, options: &Options) -> Result<Proposal, 
         name,
         toml,
     })
+}
+
+/// The SRDF of the options.
+fn read_srdf(options: &Options, tree: &UrdfTree) -> Result<Option<Srdf>, RobotInitError> {
+    Ok(options.srdf.map(|(text, source)| Srdf::parse(text, source, tree)).transpose()?)
 }
 
 /// Fixes the joints outside of the legs.

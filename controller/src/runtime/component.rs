@@ -10,6 +10,9 @@ use lcmtypes::channels::CONTROLLER_SNAPSHOT;
 use lcmtypes::{ComponentState, ControllerInput, Message, TickInput};
 use std::cell::RefCell;
 
+/// Memory by which the state of a controller may grow without an allocation in a tick, bytes: way-points, for example.
+const GROWTH: usize = 64 << 10;
+
 /// A controller, and what holds of the messages delivered to it.
 pub struct Component {
     controller: Box<dyn Controller>,
@@ -26,6 +29,7 @@ impl Component {
         let input = TickInput { state: empty_state(), ..TickInput::default() };
         let mut state = ComponentState { input, ..ComponentState::default() };
         controller.snapshot(&mut state.controller.data);
+        state.controller.data.reserve(GROWTH);
         let snapshots = (snapshot_ticks(1), 0);
         Component { controller, unpacked: Unpacked::default(), snapshots, snapshot_buffer: RefCell::new(state) }
     }

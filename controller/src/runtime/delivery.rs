@@ -4,8 +4,8 @@ use lcmtypes::{ControllerInput, Delivered, EncodeError, LateResult, Message};
 
 /// Largest number of messages of a tick. Further messages must wait for the next tick.
 pub const MAX_MESSAGES: usize = 64;
-/// Largest number of late results that a tick states.
-pub const MAX_LATE: usize = 32;
+/// Largest number of late results that a tick states: as many as it can have messages.
+pub const MAX_LATE: usize = MAX_MESSAGES;
 /// Bytes that are allocated for each message at the start; a larger message allocates once.
 const CAPACITY: usize = 4096;
 /// Bytes that are allocated for the name of each channel.

@@ -133,6 +133,18 @@ pub enum StackError {
         /// Error of the model.
         what: String,
     },
+    /// A chain with too few joints for the number of rows of its Jacobian.
+    #[error("stack.tasks.{task}: {found} joints move link {link}, expected at least {needed}")]
+    ShortChain {
+        /// The task.
+        task: String,
+        /// Link at the end of the chain.
+        link: String,
+        /// Joints of the chain.
+        found: usize,
+        /// Rows of the Jacobian.
+        needed: usize,
+    },
     /// A gain out of range.
     #[error("stack.tasks.{task}.{key}: found {found}, expected 0 to 10000")]
     Gain {

@@ -67,6 +67,22 @@ impl Rows {
         }
     }
 
+    /// Switches a block on with rows of 0 and no columns. [`Rows::add_column`] adds them: for tasks whose columns change with the state.
+    pub fn restart(&mut self, block: usize) {
+        self.switch(block, false);
+        let Block { cols, on, .. } = &mut self.blocks[block];
+        cols.clear();
+        *on = true;
+    }
+
+    /// Adds a column in which a block may be non-zero, and returns the entries of its rows. Does not allocate if the block was made with enough columns.
+    pub fn add_column(&mut self, block: usize, col: usize) -> &mut [f64] {
+        let height = self.A.nrows();
+        let Block { rows, cols, .. } = &mut self.blocks[block];
+        cols.push(col);
+        &mut self.A.as_mut_slice()[col * height + rows.start..col * height + rows.end]
+    }
+
     /// Whether a block is switched on.
     pub fn is_on(&self, block: usize) -> bool {
         self.blocks[block].on
@@ -118,6 +134,21 @@ mod tests {
         assert_eq!(g, DVector::from_row_slice(&[-38.0, 0.0, -6.0]));
         let (H, g) = normal([true, false, true]);
         assert_eq!((H[(0, 0)], H[(0, 2)], H[(2, 2)], g[0], g[2]), (2.0, 4.0, 8.0, -8.0, -16.0));
+    }
+
+    /// Columns of an earlier tick are neither read nor left non-zero.
+    #[test]
+    fn a_restarted_block_has_only_the_columns_that_are_added() {
+        let mut rows = Rows::new(3, [(1, vec![0]), (2, vec![0, 1, 2])]);
+        rows.restart(1);
+        rows.add_column(1, 0).copy_from_slice(&[7.0, 8.0]);
+        rows.restart(1);
+        rows.add_column(1, 2).copy_from_slice(&[1.0, 2.0]);
+        rows.b.copy_from_slice(&[0.0, 3.0, 4.0]);
+        assert_eq!(rows.A, DMatrix::from_row_slice(3, 3, &[0.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 2.0]));
+        let (mut H, mut g) = (DMatrix::zeros(3, 3), DVector::zeros(3));
+        rows.accumulate(1.0, &[true; 3], &mut H, &mut g);
+        assert_eq!((H.sum(), H[(2, 2)], g[0], g[2]), (5.0, 5.0, 0.0, -11.0));
     }
 
     #[test]

@@ -15,6 +15,10 @@ use std::path::PathBuf;
 const MAX_TICKS: i32 = 60_000;
 /// Largest number of components of a run.
 const MAX_COMPONENTS: usize = 32;
+/// Largest number of channels that a component listens to: with the commands of 31 others, the messages of a tick have room for them.
+const MAX_RECEIVES: usize = 24;
+/// Names that `hoof run` gives to its own processes and results.
+const RESERVED_NAMES: [&str; 4] = ["controller", "driver", "recorder", "log"];
 
 /// Where a component runs.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize)]
@@ -85,11 +89,17 @@ impl ComponentEntry {
         DriverError::Component { name: self.name.clone(), what: what.into() }
     }
 
-    /// Checks all keys that do not depend on the robot.
-    fn check(&self) -> Result<(), DriverError> {
+    /// Checks all keys that depend neither on the robot nor on the other components.
+    ///
+    /// # Errors
+    /// [`DriverError::Component`]
+    pub fn check(&self) -> Result<(), DriverError> {
         let is_name = !self.name.is_empty() && self.name.chars().all(|c| c.is_ascii_alphanumeric() || c == '_');
         if !is_name || self.name.len() > 32 {
             return Err(self.wrong("name: expected 1 to 32 letters, digits and _"));
+        }
+        if RESERVED_NAMES.contains(&&*self.name) {
+            return Err(self.wrong("name: used by hoof run for its own processes and results"));
         }
         if self.kind.starts_with(controller::sequence::NAME) {
             return Err(self.wrong("kind: a sequence can only be the first component ([[controller]] entries)"));
@@ -106,12 +116,23 @@ impl ComponentEntry {
         if self.pause_ms > 10_000 {
             return Err(self.wrong(format!("pause_ms is {}, expected at most 10000", self.pause_ms)));
         }
+        if self.pause_ms > 0 && (self.runs == Runs::Rt || self.kind == EXTERNAL) {
+            let what = "expected 0: only a worker or a process of this project can wait before a tick";
+            return Err(self.wrong(format!("pause_ms is {}, {what}", self.pause_ms)));
+        }
         if self.runs != Runs::Rt && self.latency_ticks == 0 && self.kind != EXTERNAL {
             let runs = self.runs.name();
             return Err(self.wrong(format!("latency_ticks is 0, expected at least 1 with runs = \"{runs}\"")));
         }
-        for channel in &self.receives {
+        if self.receives.len() > MAX_RECEIVES {
+            let count = self.receives.len();
+            return Err(self.wrong(format!("receives has {count} channels, expected at most {MAX_RECEIVES}")));
+        }
+        for (place, channel) in self.receives.iter().enumerate() {
             let (component, name) = channels::split(channel);
+            if self.receives[..place].contains(channel) {
+                return Err(self.wrong(format!("receives {channel:?}: listed twice")));
+            }
             if !is_channel_name(name) || !component.is_empty() && !is_channel_name(component) {
                 return Err(self.wrong(format!("receives {channel:?}: expected the name of a channel")));
             }
@@ -120,6 +141,16 @@ impl ComponentEntry {
             }
         }
         Ok(())
+    }
+
+    /// Its parameters, and the robot as they describe it.
+    fn read_params(&self, common: CommonParams) -> Result<(String, RobotDescription, UrdfTree), DriverError> {
+        let CommonParams { robot, preset, gaits, set } = common;
+        let changes: Vec<String> = set.iter().chain(&self.set).cloned().collect();
+        let (files, params) = RobotFiles::find_changed(robot, self.preset.as_deref().or(preset), gaits, &changes)?;
+        let tree = files.tree()?;
+        let description = Params::from_toml(&params, robot)?.robot.description(&tree)?;
+        Ok((params, description, tree))
     }
 
     /// Its joints, groups replaced by theirs.
@@ -139,23 +170,30 @@ impl ComponentEntry {
     }
 }
 
+/// What the components of a run have in common.
+#[derive(Clone, Copy, Debug)]
+pub struct CommonParams<'a> {
+    /// Name of the robot, or its TOML file.
+    pub robot: &'a str,
+    /// Preset of the robot's parameters, for a component without one of its own.
+    pub preset: Option<&'a str>,
+    /// Gait files.
+    pub gaits: &'a [PathBuf],
+    /// Parameters to change, each `KEY=VALUE`; before those of a component.
+    pub set: &'a [String],
+}
+
 /// Checks the components of a run beside the first one, and reads their parameters.
 ///
-/// - `robot`, `gaits`, `set`: robot, gait files and changed parameters of the run.
-/// - `first`: name of the first component.
+/// - `first`, `receives`: name of the first component, and the channels that it listens to.
 ///
 /// # Errors
 /// [`DriverError::Component`] with the name of the component; errors of its parameters.
 pub fn resolve(
     entries: &[ComponentEntry],
-    first: &str,
-    robot: &str,
-    gaits: &[PathBuf],
-    set: &[String],
+    (first, receives): (&str, &[String]),
+    common: CommonParams,
 ) -> Result<Vec<ComponentInfo>, DriverError> {
-    if entries.is_empty() {
-        return Ok(Vec::new());
-    }
     if entries.len() >= MAX_COMPONENTS {
         let what = format!("{} components, expected at most {MAX_COMPONENTS}", entries.len() + 1);
         return Err(entries[MAX_COMPONENTS - 1].wrong(what));
@@ -167,10 +205,8 @@ pub fn resolve(
         if !names.insert(&entry.name) {
             return Err(entry.wrong("name: used by another component"));
         }
-        let changes: Vec<String> = set.iter().chain(&entry.set).cloned().collect();
-        let (files, params) = RobotFiles::find_changed(robot, entry.preset.as_deref(), gaits, &changes)?;
-        let tree = files.tree()?;
-        let description = Params::from_toml(&params, robot)?.robot.description(&tree)?;
+        let read = entry.read_params(common);
+        let (params, description, tree) = read.map_err(|error| entry.wrong(error.to_string()))?;
         let joints = entry.joint_names(&description, &moving_joints(&tree))?;
         if let Some(joint) = joints.iter().find(|joint| !owned.insert((*joint).clone())) {
             return Err(entry.wrong(format!("joints: {joint} is commanded by another component or twice")));
@@ -188,13 +224,17 @@ pub fn resolve(
             ..ComponentInfo::default()
         });
     }
-    for entry in entries {
-        for channel in &entry.receives {
-            let (component, _) = channels::split(channel);
-            if !component.is_empty() && !names.contains(component) {
-                return Err(entry.wrong(format!("receives {channel:?}: the run has no component {component:?}")));
-            }
-        }
+    let listeners = std::iter::once((first, receives)).chain(entries.iter().map(|one| (&*one.name, &*one.receives)));
+    for (listener, channel) in listeners.flat_map(|(name, list)| list.iter().map(move |channel| (name, channel))) {
+        let (component, _) = channels::split(channel);
+        let what = match component {
+            "" => continue,
+            _ if component == first => "the first component has no listeners",
+            _ if names.contains(component) => continue,
+            _ => "the run has no such component",
+        };
+        let what = format!("receives {channel:?}: {what}");
+        return Err(DriverError::Component { name: listener.to_owned(), what });
     }
     Ok(infos)
 }
@@ -210,16 +250,26 @@ fn moving_joints(tree: &UrdfTree) -> Vec<String> {
 /// - `info`: the run; without components in it there is one slot, that of a first component without a name.
 /// - `receives`: channels that the first component listens to.
 pub fn slots(info: &lcmtypes::RunInfo, entries: &[ComponentEntry], receives: &[String]) -> Vec<Slot> {
-    let of_first: Vec<String> = info
+    let mut of_first: Vec<String> = info
         .components
         .iter()
         .skip(1)
         .filter(|component| !component.joints.is_empty())
         .map(|component| format!("{}/{}", component.name, channels::ROBOT_COMMAND))
-        .chain(receives.iter().cloned())
         .collect();
+    let further: Vec<String> = receives.iter().filter(|channel| !of_first.contains(channel)).cloned().collect();
+    of_first.extend(further);
     let lists = std::iter::once(of_first).chain(entries.iter().map(|entry| entry.receives.clone()));
     let unnamed = [ComponentInfo::default()];
     let components = if info.components.is_empty() { &unnamed[..] } else { &info.components[..] };
-    components.iter().zip(lists).map(|(component, receives)| Slot::new(component, info.run_id, receives)).collect()
+    let slot = |(component, mut receives): (&ComponentInfo, Vec<String>)| {
+        let of_kind = controller::listens_to(&component.kind).iter().map(ToString::to_string);
+        for channel in of_kind {
+            if !receives.contains(&channel) {
+                receives.push(channel);
+            }
+        }
+        Slot::new(component, info.run_id, receives)
+    };
+    components.iter().zip(lists).map(slot).collect()
 }

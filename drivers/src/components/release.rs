@@ -14,7 +14,7 @@ struct Waiting {
     data: Vec<u8>,
 }
 
-/// results in transit from the components that computed them to those that listen.
+/// Results in transit from the components that computed them to those that listen.
 pub struct Releases {
     /// In the order in which they were computed.
     waiting: Vec<Waiting>,

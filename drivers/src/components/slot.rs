@@ -47,12 +47,6 @@ impl Slot {
         }
     }
 
-    /// The same slot in a run with another identity.
-    #[must_use]
-    pub fn of_run(self, run_id: i64) -> Self {
-        Slot { inbox: Delivery::new(run_id), ..self }
-    }
-
     /// Whether it has a tick in a base tick.
     pub fn is_due(&self, base_tick: i64) -> bool {
         let since = base_tick - self.phase_ticks;

@@ -1,7 +1,6 @@
 //! Starts and ends the two threads of a controller process.
 
 use super::clock::{TickSchedule, now_ns};
-use super::others::{Others, Runner};
 use super::peers::{Finding, Peers};
 use super::publisher::{Publisher, PublisherReport};
 use super::realtime_loop::{End, EndCause, Ending, RealtimeLoop, RealtimeReport};
@@ -9,9 +8,8 @@ use super::worker;
 use super::{Granted, Hardware, Lateness, RealtimeParams, call_ring, message_ring};
 use crate::DriverError;
 use crate::command_mux::CommandMux;
-use crate::components::{self, ComponentEntry, EXTERNAL, Runs, Slot};
+use crate::components::{ComponentEntry, EXTERNAL, Others, Runner, Runs, Slot, build, slots};
 use crate::robot_info::of_run;
-use crate::stage_clock::StageClock;
 use controller::Component;
 use lcmtypes::bus::Bus;
 use lcmtypes::{Message, RobotInfo, RunInfo, channels, new_sender_id};
@@ -96,6 +94,7 @@ impl Executor {
     pub fn start(plan: Plan) -> Result<Self, DriverError> {
         let Plan { component, others, receives, controllers, mut hardware, mut bus, mut operators, .. } = plan;
         let Plan { mut info, schedule, ticks, realtime, .. } = plan;
+        info.run_id = new_sender_id();
         operators.start(now_ns());
         bus.subscribe(channels::EXECUTOR_COMMAND)?;
         bus.subscribe(channels::PARAMETER_REQUEST)?;
@@ -116,7 +115,6 @@ impl Executor {
         let ending = Arc::<Ending>::default();
         let (messages_in, messages_out) = message_ring(RING_BYTES);
         let (calls_in, calls_out) = call_ring();
-        info.run_id = new_sender_id();
         let peers = if hardware.is_on_bus() {
             let robot = of_run(&info);
             let mut peers = Peers::new(RobotInfo { t_start_ns: now_ns(), ..robot });
@@ -126,8 +124,7 @@ impl Executor {
             None
         };
         let (granted_in, granted_out) = mpsc::channel();
-        let others =
-            Others::new(slots.into_iter().map(|slot| slot.of_run(info.run_id)).collect(), runners, received_out);
+        let others = Others::new(slots, runners, received_out);
         let running = controllers.iter().enumerate().fold(0, |bits, (k, (_, starts))| bits | i64::from(*starts) << k);
         let mut realtime_loop =
             RealtimeLoop::new(component, others, (info.run_id, running), hardware, calls_out, messages_in, schedule);
@@ -203,34 +200,24 @@ fn start_others(
     realtime: &RealtimeParams,
     workers: &mut Vec<(String, JoinHandle<Option<String>>)>,
 ) -> Result<(Vec<Slot>, Vec<Runner>), DriverError> {
-    let slots = components::slots(info, entries, receives);
     let mut runners = Vec::with_capacity(entries.len());
     for (index, entry) in (1..).zip(entries) {
-        let build = || {
-            controller::load(&info.of_component(index)).map_err(|source| DriverError::Controller {
-                robot: format!("component {}", entry.name),
-                source: Box::new(source),
-            })
-        };
         runners.push(match entry.runs {
             _ if entry.kind == EXTERNAL => Runner::External,
             Runs::Process => Runner::Process,
-            Runs::Rt => {
-                let component = build()?;
-                let clock = StageClock::new(component.stages().len());
-                Runner::Rt(Box::new(component), clock)
-            }
+            Runs::Rt => Runner::in_place(build(info, index)?),
             Runs::Worker => {
                 // Below the real-time thread, above the publisher.
                 let priority = realtime.priority.saturating_sub(WORKER_BELOW).max(realtime.priority.min(1));
                 let settings = RealtimeParams { priority, ..RealtimeParams::none() };
-                let (end, thread) = worker::start(build()?, settings, Duration::from_millis(entry.pause_ms))?;
+                let (end, thread) =
+                    worker::start(build(info, index)?, settings, Duration::from_millis(entry.pause_ms))?;
                 workers.push((entry.name.clone(), thread));
                 Runner::Worker(end)
             }
         });
     }
-    Ok((slots, runners))
+    Ok((slots(info, entries, receives), runners))
 }
 
 /// Exchanges EXPECTED_ROBOT and ROBOT_INFO with the driver. Returns the driver of the run's robot; `None` if no driver answers in time.

@@ -42,7 +42,7 @@ impl MessageSender {
 impl MessageReceiver {
     /// Allocates the memory for all later messages of up to 64 KiB, so that taking them allocates nothing.
     pub fn reserve(&mut self) {
-        self.buffer.reserve(1 << 16);
+        self.buffer.reserve(HEADER + usize::from(u8::MAX) + (1 << 16));
     }
 
     /// Takes the next message, if there is one.

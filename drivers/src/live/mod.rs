@@ -11,7 +11,7 @@
 //!   and for the sockets of [`Hardware`]. Everything that may block is done by the publisher.
 //! - [`Hardware`]: the robot as the executor uses it. [`LcmRobot`] is any driver process that sends ROBOT_STATE and applies ROBOT_COMMAND.
 //! - [`Faulty`]: any hardware with the faults of a scenario.
-//! - [`Others`]: the components beside the first one; [`run_component`]: one in a process of its own.
+//! - [`run_component`]: a component in a process of its own; the others of a run: [`crate::components::Others`].
 //! - [`plant`]: the simulator as a driver process, in real time.
 //! - [`RealtimeParams`]: scheduler, core and memory of a thread. What the system refuses is reported and omitted.
 //! - [`clock`]: the monotonic clock, and sleep until a time on it.
@@ -32,7 +32,6 @@ mod joint_range;
 mod lateness;
 mod message_ring;
 mod operator_replies;
-mod others;
 mod outgoing;
 mod peers;
 pub mod plant;
@@ -53,10 +52,9 @@ pub use hardware::{Dummy, Hardware, LcmRobot};
 pub use joint_range::JointRange;
 pub use lateness::Lateness;
 pub use message_ring::{MessageReceiver, MessageSender, RingMessage, message_ring};
-pub use others::{Others, Runner};
 pub use process::{ProcessReport, run_component};
 pub use publisher::{PublisherReport, RUN_INFO_EVERY_NS};
 pub use realtime::{Granted, LIMITS_FIX, RealtimeParams, memory_limit};
 pub use realtime_loop::{End, EndCause, Ending, RealtimeLoop, RealtimeReport};
 pub use socket::{LcmReceiver, LcmSender, has_traffic};
-pub use worker::{WorkerEnd, start as start_worker};
+pub use worker::{END_OF_TICK, WorkerEnd, start as start_worker};

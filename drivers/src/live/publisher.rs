@@ -8,7 +8,7 @@ use super::realtime_loop::{End, EndCause, Ending};
 use super::requests::Requests;
 use super::{CallSender, Lateness};
 use crate::command_mux::CommandMux;
-use crate::watch::{FaultOfRun, ModeEvent, ModeWatch};
+use crate::watch::{ComponentEvent, ComponentWatch, FaultOfRun, ModeEvent, ModeWatch};
 use controller::Unpacked;
 use lcmtypes::bus::{Bus, Received};
 use lcmtypes::{
@@ -268,7 +268,7 @@ impl Publisher {
                         let is_passed =
                             message.data.len() <= MAX_REMOTE && ring.push(now_ns(), &message.channel, &message.data);
                         self.not_passed += u64::from(!is_passed);
-                        self.events.take_remote(&message, &mut self.out);
+                        self.events.take_other(&message.channel, &message.data, &mut self.out);
                         continue;
                     }
                     let decoded = match &*message.channel {
@@ -300,7 +300,7 @@ struct TickEvents {
     is_ending: bool,
     modes: ModeWatch,
     /// Those of the other components.
-    others: Vec<(String, ModeWatch)>,
+    others: ComponentWatch,
     lateness: Lateness,
     /// Decoded messages of the present tick, and what holds of them.
     input: ControllerInput,
@@ -316,12 +316,7 @@ impl TickEvents {
             ending,
             is_ending: false,
             modes: ModeWatch::new(info.joints.clone()).with_limits(info),
-            others: info
-                .components
-                .iter()
-                .skip(1)
-                .map(|component| (component.name.clone(), ModeWatch::new(info.joints.clone())))
-                .collect(),
+            others: ComponentWatch::new(info),
             lateness,
             input: ControllerInput::default(),
             unpacked: Unpacked::default(),
@@ -358,22 +353,10 @@ impl TickEvents {
         }
     }
 
-    /// Takes a message of a component in a process of its own.
-    fn take_remote(&mut self, message: &Received, out: &mut Outgoing) {
-        self.take_other(&message.channel, &message.data, out);
-    }
-
-    /// Reports modes and faults of a component beside the first one.
+    /// Reports modes and faults of a component beside the first one. It counts its own ticks, so the event has none.
     fn take_other(&mut self, channel: &str, data: &[u8], out: &mut Outgoing) {
-        let (component, name) = channels::split(channel);
-        if name != channels::CONTROLLER_TICK {
-            return;
-        }
-        let Some((source, modes)) = self.others.iter_mut().find(|(other, _)| other == component) else { return };
-        if let Ok(tick) = ControllerTick::decode(data)
-            && let Some(ModeEvent { level, text, .. }) = modes.update(&tick)
-        {
-            out.event(tick.t_ns, tick.tick, level, source, text);
+        if let Some(ComponentEvent { component, t_ns, event }) = self.others.update(channel, data) {
+            out.event(t_ns, -1, event.level, &component, event.text);
         }
     }
 

@@ -4,7 +4,7 @@ use super::Hardware;
 use super::call::{Call, CallReceiver, CallResult, Handover, HandoverError, Switch};
 use super::clock::{TickSchedule, now_ns, sleep_until};
 use super::message_ring::MessageSender;
-use super::others::Others;
+use crate::components::Others;
 use crate::stage_clock::StageClock;
 use controller::handover::take_over;
 use controller::runtime::empty_state;
@@ -19,7 +19,7 @@ pub const LAST_TICKS: i64 = 20;
 const SIT_NS: i64 = 15_000_000_000;
 /// Longest time until the robot begins to sit down, ns: it may have steps to finish. Some controllers cannot sit.
 const SIT_BEGINS_NS: i64 = 3_000_000_000;
-/// Messages of a tick that are left for the executor's own: its request, and changes of the running controllers.
+/// Messages of a tick that are left for the executor's own, beside those of other components: its request, changes of the running controllers.
 const RESERVED: usize = 4;
 /// Consecutive ticks that may take longer than a period.
 const OVERRUNS: u32 = 3;
@@ -265,7 +265,8 @@ impl RealtimeLoop {
             deliver(&mut others.first().inbox, channels::ROBOT_STATE, wake_ns, robot);
         }
         // Calls beyond that wait for the next tick.
-        while self.delivery().room() > RESERVED
+        let reserved = RESERVED + self.others.first().receives().len();
+        while self.delivery().room() > reserved
             && let Some(call) = self.calls.next()
         {
             match call {

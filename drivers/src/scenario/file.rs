@@ -11,6 +11,7 @@ use crate::operator_script::{OperatorKey, OperatorScript};
 use crate::parameter_requests::ParameterEntry;
 use crate::sensors::NoiseParams;
 use crate::start::StartParams;
+use crate::task_requests::TaskEntry;
 use crate::terrain::TerrainParams;
 use controller::params::exact::array;
 use controller::quadruped::params::GaitParams;
@@ -67,6 +68,11 @@ pub(super) fn parse(text: &str, source_name: &str, gaits: &GaitParams) -> Result
         parameters.push(place.check(parameter.resolve(index))?);
     }
     parameters.sort_by_key(|parameter| parameter.t_ns);
+    let mut tasks = Vec::with_capacity(file.task.len());
+    for (index, task) in file.task.into_iter().enumerate() {
+        tasks.push(at("task", index + 1).check(task.resolve(index))?);
+    }
+    tasks.sort_by_key(|task| task.t_ns);
     Ok(Scenario {
         name: file.name,
         duration_s: file.duration_s,
@@ -85,6 +91,7 @@ pub(super) fn parse(text: &str, source_name: &str, gaits: &GaitParams) -> Result
         welds,
         faults,
         parameters,
+        tasks,
     })
 }
 
@@ -121,6 +128,8 @@ struct ScenarioFile {
     fault: Vec<FaultEntry>,
     #[serde(default)]
     parameter: Vec<ParameterEntry>,
+    #[serde(default)]
+    task: Vec<TaskEntry>,
 }
 
 fn default_controller() -> String {

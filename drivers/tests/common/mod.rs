@@ -2,17 +2,27 @@
 #![allow(dead_code, reason = "no test file needs all of it")]
 
 use controller::params::{Params, apply_overrides};
-use drivers::lockstep::{self, Others, Outcome};
+use drivers::lockstep::{self, LockstepOthers, Outcome};
 use drivers::{MujocoSim, Scenario, SimParams, Terrain};
 use lcmtypes::{
     ComponentInfo, ControllerTick, Event, GroundTruth, Message, RobotCommand, RobotState, RunInfo, channels,
 };
 use replay::record::EventSink;
-use robot_model::UrdfTree;
+use robot_model::{BaseState, UrdfTree};
 use std::path::Path;
 
 /// Both robots of the project.
 pub const ROBOTS: [&str; 2] = ["hyq", "anymal_b"];
+
+/// Pose and twist of the base for kinematics, from the ground truth.
+pub fn base_state(truth: &GroundTruth) -> BaseState {
+    BaseState {
+        p_WB: truth.p_WB.into(),
+        R_WB: robot_model::math::quaternion::to_rotation(truth.q_WB_wxyz),
+        v_WB: truth.v_WB.into(),
+        w_WB_W: truth.w_WB_W.into(),
+    }
+}
 
 /// The messages of a run.
 #[derive(Default)]
@@ -87,7 +97,7 @@ pub fn run_with(mut info: RunInfo, scenario: &str) -> (Seen, Outcome) {
     let mut sim = MujocoSim::new(&tree, &params.robot, terrain, SimParams::of(&scenario)).unwrap();
     let mut controller = controller::load(&info).unwrap();
     let mut seen = Seen::default();
-    let others = Others::build(&info, &[], &[]).unwrap();
+    let others = LockstepOthers::build(&info, &[], &[]).unwrap();
     let outcome = lockstep::run(&scenario, &info, &mut sim, &mut controller, others, &mut seen, &mut |_| {}).unwrap();
     (seen, outcome)
 }

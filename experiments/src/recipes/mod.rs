@@ -7,6 +7,7 @@ mod base_position;
 mod equivalences;
 mod further_tasks;
 mod gait_speeds;
+mod ik_benchmark;
 mod limits;
 mod long_log;
 mod other_robot;
@@ -49,6 +50,7 @@ pub const ALL: &[Experiment] = &[
     walking_limits::ANYMAL_B,
     long_log::EXPERIMENT,
     robots::EXPERIMENT,
+    ik_benchmark::EXPERIMENT,
 ];
 
 /// The experiments with these identifiers; `all` selects every one, in the order of [`ALL`]. Case does not matter.

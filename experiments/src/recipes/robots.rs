@@ -124,6 +124,7 @@ fn candidate(bench: &Bench, name: &'static str, urdf: &Path) -> anyhow::Result<C
     let options = Options {
         urdf_file: "source.urdf",
         beside: false,
+        srdf: None,
         name: Some(name),
         fixed: &[],
         bounds: &|mesh| mesh::bounds(mesh, urdf),

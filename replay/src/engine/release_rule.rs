@@ -4,6 +4,7 @@
 //! A replay cannot find this: it computes a component from its recorded inputs, whatever they are. The base tick of an input is the one with the same
 //! time. A component that is not the first one runs in its order before the first one. Components of other programs are not checked.
 
+use super::published::{Published, PublishedTick, limit};
 use super::release_violation::{ReleaseFault, ReleaseViolation, ReleaseViolations};
 use super::run_messages::RunMessages;
 use super::ticks::{Beside, Tick, Ticks};
@@ -12,7 +13,7 @@ use lcmtypes::{ControllerInput, EXTERNAL, RunInfo, channels};
 use std::collections::{BTreeMap, VecDeque};
 use std::path::Path;
 
-/// Bytes of messages that are kept of a component until they are delivered.
+/// Bytes of messages that are kept of all components together until they are delivered.
 const MAX_BYTES: usize = 64 << 20;
 
 /// A component as sender and receiver.
@@ -24,24 +25,13 @@ struct Part {
     next: Option<Tick>,
     /// The last tick with an input.
     last_tick: Option<i64>,
-    /// What it published, by its time.
-    published: BTreeMap<i64, Published>,
-    bytes: usize,
-    /// All its messages from this time on are known.
-    known_from_ns: i64,
+    published: Published,
     /// Published, and not yet due: due base tick, and time.
     waiting: VecDeque<(i64, i64)>,
     /// Base tick in which the newest message that is due became due, by channel.
     due: BTreeMap<String, i64>,
     /// Base tick in which the newest message that it consumed was due, by channel.
     consumed: BTreeMap<String, i64>,
-}
-
-/// Messages of one tick.
-struct Published {
-    due_tick: i64,
-    /// With the channels as in the log.
-    messages: Vec<(String, Vec<u8>)>,
 }
 
 /// Checks the log of a run with several components. Reads it once for each of them.
@@ -61,9 +51,7 @@ pub(super) fn check(path: &Path, run: &RunInfo) -> Result<ReleaseViolations, Err
             ticks: Ticks::open(path, &messages, Beside::Nothing)?,
             next: None,
             last_tick: None,
-            published: BTreeMap::new(),
-            bytes: 0,
-            known_from_ns: i64::MAX,
+            published: Published::default(),
             waiting: VecDeque::new(),
             due: BTreeMap::new(),
             consumed: BTreeMap::new(),
@@ -77,13 +65,15 @@ pub(super) fn check(path: &Path, run: &RunInfo) -> Result<ReleaseViolations, Err
             while parts[at].next_ns().is_some_and(|t_ns| t_ns < input.t_ns) {
                 // Its base tick is not in the log.
                 parts[at].take()?;
-                (parts[at].known_from_ns, parts[at].last_tick) = (i64::MAX, None);
+                (parts[at].published.known_from_ns, parts[at].last_tick) = (i64::MAX, None);
             }
             if parts[at].next_ns() == Some(input.t_ns)
                 && let Some(tick) = parts[at].take()?
             {
                 tick.input.iter().for_each(|own| consume(&mut parts, at, own, base.tick, &mut found));
                 parts[at].publish(tick, input.t_ns, base.tick);
+                let mut all: Vec<&mut Published> = parts.iter_mut().map(|part| &mut part.published).collect();
+                limit(&mut all, MAX_BYTES);
             }
         }
         consume(&mut parts, 0, input, base.tick, &mut found);
@@ -114,8 +104,8 @@ fn consume(parts: &mut [Part], at: usize, input: &ControllerInput, base_tick: i6
     for message in &input.messages {
         let Some(sender) = sender(parts, &message.channel) else { continue };
         let t_ns = super::ticks::integer_at(&message.data, 8).unwrap_or(i64::MIN);
-        let Some(Published { due_tick, messages }) = parts[sender].published.get(&t_ns) else {
-            if t_ns >= parts[sender].known_from_ns {
+        let Some(PublishedTick { due_tick, messages }) = parts[sender].published.at(t_ns) else {
+            if t_ns >= parts[sender].published.known_from_ns {
                 violation(&message.channel, ReleaseFault::OtherBytes, None);
             }
             continue;
@@ -178,22 +168,14 @@ impl Part {
         let is_message = |(channel, _): &(std::sync::Arc<str>, Vec<u8>)| **channel != *channels::CONTROLLER_SNAPSHOT;
         let all = tick.recorded.into_iter().chain(tick.candidates).filter(is_message);
         let messages: Vec<_> = all.map(|(channel, data)| (format!("{}/{channel}", self.name), data)).collect();
-        self.bytes += messages.iter().map(|(_, data)| data.len()).sum::<usize>();
-        self.known_from_ns = self.known_from_ns.min(t_ns);
         self.waiting.push_back((due_tick, t_ns));
-        self.published.insert(t_ns, Published { due_tick, messages });
-        while self.bytes > MAX_BYTES
-            && let Some((old_ns, old)) = self.published.pop_first()
-        {
-            self.bytes -= old.messages.iter().map(|(_, data)| data.len()).sum::<usize>();
-            self.known_from_ns = self.known_from_ns.max(old_ns.saturating_add(1));
-        }
+        self.published.put(t_ns, PublishedTick { due_tick, messages });
     }
 
     /// Notes what is due in a base tick.
     fn advance(&mut self, base_tick: i64) {
         while let Some((due_tick, t_ns)) = self.waiting.pop_front_if(|(due_tick, _)| *due_tick <= base_tick) {
-            for (channel, _) in self.published.get(&t_ns).iter().flat_map(|published| &published.messages) {
+            for (channel, _) in self.published.at(t_ns).iter().flat_map(|published| &published.messages) {
                 match self.due.get_mut(channel) {
                     Some(due) => *due = due_tick,
                     None => drop(self.due.insert(channel.clone(), due_tick)),

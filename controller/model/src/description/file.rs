@@ -31,6 +31,9 @@ pub(super) struct RobotTable {
     pub(super) postures: BTreeMap<String, BTreeMap<String, f64>>,
     #[serde(default)]
     pub(super) joints: BTreeMap<String, JointTable>,
+    /// Link -> links with which it needs no check for collisions.
+    #[serde(default)]
+    pub(super) disabled_collisions: BTreeMap<String, Vec<String>>,
     pub(super) virtual_frame: Option<VirtualFrame>,
 
     /// The keys of a quadruped.

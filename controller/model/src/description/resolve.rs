@@ -38,6 +38,7 @@ pub(super) fn resolve(mut table: RobotTable, file: &str, tree: &UrdfTree) -> Res
         check.posture(&format!("robot.postures.{name}"), posture)?;
     }
     let joints = check.joints(&table.joints, &table.drives)?;
+    let disabled_collisions = check.disabled_collisions(&table.disabled_collisions)?;
     if let Some(frame) = &table.virtual_frame {
         check.link("robot.virtual_frame.link", &frame.link)?;
         if tree.links.iter().any(|link| link.name.starts_with(&frame.name)) || frame.name.is_empty() {
@@ -57,6 +58,7 @@ pub(super) fn resolve(mut table: RobotTable, file: &str, tree: &UrdfTree) -> Res
         groups,
         postures,
         joints,
+        disabled_collisions,
         virtual_frame,
     })
 }
@@ -83,20 +85,21 @@ impl Check<'_> {
                 None => Ok(()),
             };
         };
-        let own = [("robot.contact", !table.contact.is_empty()), ("robot.group", !table.group.is_empty())];
-        if let Some((key, _)) = own.into_iter().find(|(_, given)| *given) {
-            return Err(self.bad(key, "tables", "none beside robot.feet"));
+        if !table.contact.is_empty() {
+            return Err(self.bad("robot.contact", "tables", "none beside robot.feet"));
         }
         let (Some(radius), Some(link)) = (table.foot_radius, table.imu_link.take()) else {
             return Err(self.bad("robot", "robot.feet alone", "foot_radius and imu_link beside robot.feet"));
         };
         table.imu.push(SensorTable { name: "imu".to_owned(), link });
+        let further = std::mem::take(&mut table.group);
         for (name, link) in LEGS.into_iter().zip(feet) {
             let (name, tip) = (name.to_owned(), Some(link.clone()));
             let geometry = ContactGeometry::Point { radius };
             table.contact.push(ContactTable { name: name.clone(), link, geometry });
             table.group.push(GroupTable { name, kind: GroupKind::Leg, joints: None, root: None, tip });
         }
+        table.group.extend(further);
         for (key, name, posture) in
             [("robot.posture", "nominal", &mut table.posture), ("robot.lying", "lying", &mut table.lying)]
         {
@@ -266,6 +269,27 @@ impl Check<'_> {
             }
         }
         Ok(joints)
+    }
+
+    fn disabled_collisions(&self, tables: &BTreeMap<String, Vec<String>>) -> Result<BTreeSet<[String; 2]>> {
+        let mut pairs = BTreeSet::new();
+        for (link, others) in tables {
+            self.link("robot.disabled_collisions", link)?;
+            let key = format!("robot.disabled_collisions.{link}");
+            for other in others {
+                self.link(&key, other)?;
+                if other == link {
+                    return Err(self.bad(&key, other, "another link"));
+                }
+                let mut pair = [link.clone(), other.clone()];
+                pair.sort_unstable();
+                if !pairs.insert(pair) {
+                    let (file, name) = (self.file.to_owned(), other.clone());
+                    return Err(DescriptionError::Duplicate { file, key, name });
+                }
+            }
+        }
+        Ok(pairs)
     }
 
     fn link(&self, key: &str, name: &str) -> Result<usize> {

@@ -40,6 +40,20 @@ pub fn from_rotation_vector(v: [f64; 3]) -> [f64; 4] {
     [cos(angle / 2.0), scale * v[0], scale * v[1], scale * v[2]]
 }
 
+/// Rotation vector (axis times angle, rad) of a unit quaternion, with an angle from 0 to π. At π one of the two axes is returned, always the same.
+///
+/// ```text
+/// log(q) = 2 atan2(|ε|, |η|) sign(η) ε/|ε|      q = (η, ε)
+/// ```
+#[inline]
+pub fn to_rotation_vector([w, x, y, z]: [f64; 4]) -> [f64; 3] {
+    let sign = if w < 0.0 { -1.0 } else { 1.0 };
+    let eps = [sign * x, sign * y, sign * z];
+    let norm = (eps[0] * eps[0] + eps[1] * eps[1] + eps[2] * eps[2]).sqrt();
+    let scale = if norm > 1e-8 { 2.0 * atan2(norm, w.abs()) / norm } else { 2.0 };
+    eps.map(|x| x * scale)
+}
+
 /// Rotation matrix of a quaternion of any length above zero.
 #[inline]
 pub fn to_rotation([w, x, y, z]: [f64; 4]) -> Matrix3<f64> {
@@ -60,6 +74,19 @@ pub fn to_rpy([w, x, y, z]: [f64; 4]) -> [f64; 3] {
     let pitch = asin(2.0 * (w * y - z * x));
     let yaw = atan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z));
     [roll, pitch, yaw]
+}
+
+/// Quaternion of the inverse rotation, for a unit quaternion.
+#[inline]
+pub fn conjugate([w, x, y, z]: [f64; 4]) -> [f64; 4] {
+    [w, -x, -y, -z]
+}
+
+/// Unit quaternion in the direction of `q`, which is not zero.
+#[inline]
+pub fn normalized(q: [f64; 4]) -> [f64; 4] {
+    let norm = (q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3]).sqrt();
+    q.map(|x| x / norm)
 }
 
 /// Product `a b`: the quaternion of the rotation matrix `R(a) R(b)`.
@@ -88,16 +115,11 @@ mod tests {
         [1.0, 0.0, 0.0, 0.0],
     ];
 
-    fn unit(q: [f64; 4]) -> [f64; 4] {
-        let norm = q.iter().map(|x| x * x).sum::<f64>().sqrt();
-        q.map(|x| x / norm)
-    }
-
     #[test]
     fn rotation_round_trip_for_every_largest_component() {
         for q in SAMPLES {
             let back = from_rotation(&to_rotation(q));
-            for (found, expected) in back.into_iter().zip(unit(q)) {
+            for (found, expected) in back.into_iter().zip(normalized(q)) {
                 assert!((found - expected).abs() < 1e-15, "{q:?} came back as {back:?}");
             }
         }
@@ -122,6 +144,21 @@ mod tests {
         assert!((log - Vector3::new(0.1, 0.2, -0.3)).norm() < 1e-15);
     }
 
+    /// Angles up to π, both signs of the quaternion, and the inverse.
+    #[test]
+    fn rotation_vector_round_trip() {
+        for v in [[0.1, 0.2, -0.3], [0.0, 3.13, 0.0], [2.0, -2.0, 1.0], [1e-9, 0.0, 2e-9], [0.0; 3]] {
+            let q = from_rotation_vector(v);
+            let (back, negated, inverse) = (to_rotation_vector(q), q.map(|x| -x), product(conjugate(q), q));
+            for i in 0..3 {
+                assert!((back[i] - v[i]).abs() < 1e-15 * 4.0, "{v:?} came back as {back:?}");
+                assert!((to_rotation_vector(negated)[i] - v[i]).abs() < 1e-15 * 4.0, "{v:?}");
+                assert!(inverse[1 + i].abs() < 1e-15, "{inverse:?}");
+            }
+        }
+        assert_eq!(to_rotation_vector([0.0, 0.0, 0.0, -1.0]), [0.0, 0.0, -std::f64::consts::PI]);
+    }
+
     #[test]
     fn rpy_of_quarter_turns() {
         let h = 0.5_f64.sqrt();
@@ -139,7 +176,7 @@ mod tests {
     #[test]
     fn rpy_agrees_with_that_of_the_rotation() {
         // The first sample has pitch π/2, where roll and yaw are not unique.
-        for q in SAMPLES[1..].iter().map(|q| unit(*q)) {
+        for q in SAMPLES[1..].iter().map(|q| normalized(*q)) {
             for (found, expected) in to_rpy(q).into_iter().zip(rpy_of(&to_rotation(q))) {
                 assert!((found - expected).abs() < 1e-7, "{q:?}: {found}, expected {expected}");
             }

@@ -1,6 +1,6 @@
 //! Rotation matrices: elementary rotations, roll-pitch-yaw angles, rotation vectors.
 
-use super::{asin, atan2, cos, norm, quaternion, sin};
+use super::{asin, atan2, cos, quaternion, sin};
 use nalgebra::{Matrix3, Vector3};
 
 /// Rotation about x by `angle`, rad.
@@ -49,6 +49,21 @@ pub fn rpy_of(R: &Matrix3<f64>) -> [f64; 3] {
     [atan2(R[(2, 1)], R[(2, 2)]), pitch, atan2(R[(1, 0)], R[(0, 0)])]
 }
 
+/// A rotation whose third column is the unit vector `axis`; the identity for z.
+#[inline]
+pub fn z_onto(axis: &Vector3<f64>) -> Matrix3<f64> {
+    let mut least = 0;
+    for k in 1..3 {
+        if axis[k].abs() < axis[least].abs() {
+            least = k;
+        }
+    }
+    let mut x = -axis[least] * axis;
+    x[least] += 1.0;
+    x /= x.norm();
+    Matrix3::from_columns(&[x, axis.cross(&x), *axis])
+}
+
 /// Wraps an angle, such as the difference of two headings, to (-π, π].
 #[inline]
 pub fn wrap_angle(angle: f64) -> f64 {
@@ -63,10 +78,7 @@ pub fn wrap_angle(angle: f64) -> f64 {
 /// Source: Raiola et al. 2020, eq. (8). The sign of its cross product is changed so that the error is reduced, not increased.
 #[inline]
 pub fn log(R: &Matrix3<f64>) -> Vector3<f64> {
-    let [eta, x, y, z] = quaternion::from_rotation(R);
-    let eps = if eta < 0.0 { -Vector3::new(x, y, z) } else { Vector3::new(x, y, z) };
-    let norm = norm(&eps);
-    if norm > 1e-8 { eps * (2.0 * atan2(norm, eta.abs()) / norm) } else { eps * 2.0 }
+    Vector3::from(quaternion::to_rotation_vector(quaternion::from_rotation(R)))
 }
 
 #[cfg(test)]
@@ -87,6 +99,16 @@ mod tests {
         // A body at yaw 2 rad, tilted by 0.05 rad about its own x axis: in W, the tilt is about Rz(2) e_x.
         let error = log(&(Rz(2.0) * Rx(0.05) * Rz(-2.0)));
         assert!((error - Rz(2.0) * Vector3::x() * 0.05).norm() < 1e-12);
+    }
+
+    #[test]
+    fn z_is_turned_onto_the_axis() {
+        for axis in [Vector3::x(), -Vector3::y(), -Vector3::z(), Vector3::new(0.6, 0.0, -0.8)] {
+            let R = z_onto(&axis);
+            assert!((R * Vector3::z() - axis).norm() < 1e-15);
+            assert!((R.transpose() * R - Matrix3::identity()).abs().max() < 1e-15 && R.determinant() > 0.0);
+        }
+        assert_eq!(z_onto(&Vector3::z()), Matrix3::identity());
     }
 
     #[test]

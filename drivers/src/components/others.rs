@@ -1,21 +1,24 @@
-//! The components beside the first one in a live run: on the real-time thread, on threads of their own, in processes of their own.
+//! The components beside the first one: on the thread of the first one, on threads of their own, in processes of their own.
+//!
+//! A live run and a lockstep run use the same code; in lockstep every component computes in place, whatever its `runs`. This changes no bit of its results.
 //!
 //! | runs | its input | its results |
 //! |---|---|---|
-//! | rt | stepped in place | at once |
+//! | rt, and all in lockstep | stepped in place | at once |
 //! | worker | a ring to its thread | a ring back, relayed to the publisher |
 //! | process | CONTROLLER_INPUT on the bus | messages on the bus, through the publisher; they contain the time of the input that they belong to |
 //! | external | its own business | any message on a channel that a component listens to, when it arrives |
 //!
-//! The release rule is that of [`crate::components`]. A result that has not arrived when it is due is listed as late in the input of each component that
+//! The release rule is that of [`super::Releases`]. A result that has not arrived when it is due is listed as late in the input of each component that
 //! listens to it, in every tick until it arrives; the one before holds. A component that is far behind misses ticks: its messages wait for its next one.
 
-use super::message_ring::MessageReceiver;
-use super::worker::{END_OF_TICK, WorkerEnd};
-use crate::components::{Releases, Slot};
+use super::release::Releases;
+use super::slot::Slot;
+use crate::DriverError;
+use crate::live::{END_OF_TICK, MessageReceiver, WorkerEnd};
 use crate::stage_clock::StageClock;
 use controller::{Component, Outbox};
-use lcmtypes::{Message, OperatorCommand, RobotState, channels};
+use lcmtypes::{Message, OperatorCommand, RobotState, RunInfo, channels};
 use std::collections::VecDeque;
 use std::time::Duration;
 
@@ -27,9 +30,9 @@ const END_POLL: Duration = Duration::from_millis(1);
 /// Messages of other processes that a tick takes at most.
 const MAX_RECEIVED: usize = 64;
 
-/// Where a component of a live run computes.
+/// Where a component computes.
 pub enum Runner {
-    /// On the real-time thread.
+    /// On the thread of the first one.
     Rt(Box<Component>, StageClock),
     /// On a thread of its own.
     Worker(WorkerEnd),
@@ -37,6 +40,27 @@ pub enum Runner {
     Process,
     /// In a program that is not a component of this project.
     External,
+}
+
+impl Runner {
+    /// A component that computes on the thread of the first one.
+    pub fn in_place(component: Component) -> Self {
+        let clock = StageClock::new(component.stages().len());
+        Runner::Rt(Box::new(component), clock)
+    }
+}
+
+/// Builds a component of a run.
+///
+/// - `index`: its place in RUN_INFO.
+///
+/// # Errors
+/// [`DriverError::Controller`] with the name of the component.
+pub fn build(info: &RunInfo, index: usize) -> Result<Component, DriverError> {
+    controller::load(&info.of_component(index)).map_err(|source| DriverError::Controller {
+        robot: format!("component {}", info.components[index].name),
+        source: Box::new(source),
+    })
 }
 
 /// A component beside the first one.
@@ -49,7 +73,7 @@ struct Other {
     max_pending: usize,
 }
 
-/// The components of a live run, as the real-time thread has them.
+/// The components of a run, as the thread of the first one has them.
 pub struct Others {
     /// The first component, then the others.
     slots: Vec<Slot>,
@@ -129,9 +153,6 @@ impl Others {
         (measured, is_new): (&RobotState, bool),
         send: &mut dyn FnMut(i64, &str, &[u8]),
     ) {
-        if self.others.is_empty() {
-            return;
-        }
         self.take_received(base_tick);
         for k in 0..self.others.len() {
             self.take_results(k, t_ns, send);
@@ -187,9 +208,6 @@ impl Others {
                 clock.start();
                 component.step_probed(slot.inbox.input(), outbox, clock);
                 let due_tick = base_tick + slot.latency_ticks;
-                bytes.clear();
-                clock.timing(t_ns, slot.tick).encode(bytes).expect("one duration for each stage");
-                send(t_ns, slot.channel(channels::TIMING), bytes);
                 for (channel, data) in outbox.iter() {
                     let channel = slots[at].channel(channel);
                     send(t_ns, channel, data);
@@ -197,6 +215,10 @@ impl Others {
                         results.put(due_tick, channel, data);
                     }
                 }
+                let slot = &slots[at];
+                bytes.clear();
+                clock.timing(t_ns, slot.tick).encode(bytes).expect("one duration for each stage");
+                send(t_ns, slot.channel(channels::TIMING), bytes);
             }
             Runner::Worker(worker) => {
                 // A full ring is a worker that is behind, which `pending` finds first.
