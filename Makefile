@@ -20,7 +20,7 @@ build: setup ## build the command, TARGET_DIR/release/hoof
 	cargo build --release --locked
 
 # PREFIX=DIR: default /usr/local, or ~/.local for a user that may not write there.
-install: build ## install hoof, libmujoco, robots, gaits, scenarios, completions and manual pages (PREFIX=DIR)
+install: build ## install hoof, libmujoco, robots, gaits, scenarios, stacks, completions and manual pages (PREFIX=DIR)
 	scripts/install.sh $(TARGET_DIR)/release/hoof $(if $(PREFIX),"$(PREFIX)")
 
 demo: build ## simulate, log, replay bit for bit and report, with one command

@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
 # Installs the command and what it needs below PREFIX (default /usr/local, or ~/.local for a user that may not write there):
-#   bin/hoof, lib/hoofprint/libmujoco.so.*, share/hoofprint/{robots,gaits,scenarios,runs}, shell completions and manual pages.
+#   bin/hoof, lib/hoofprint/libmujoco.so.*, share/hoofprint/{robots,gaits,scenarios,runs,stacks}, shell completions and manual pages.
 # usage: scripts/install.sh HOOF [PREFIX]        HOOF: the built command, such as target/release/hoof
 # The installed command needs no checkout. Debian's liblcm stays where scripts/setup.sh has installed it.
 set -euo pipefail
@@ -15,7 +15,7 @@ for library in third_party/mujoco/lib/libmujoco.so.*; do
     install -D --mode 644 "$library" "$prefix/lib/hoofprint/$(basename "$library")"
 done
 # Only files under version control: a checkout may contain logs and drafts.
-git ls-files -z -- robots gaits scenarios runs | while IFS= read -r -d '' file; do
+git ls-files -z -- robots gaits scenarios runs stacks | while IFS= read -r -d '' file; do
     install -D --mode 644 "$file" "$prefix/share/hoofprint/$file"
 done
 "$prefix/bin/hoof" install-files --prefix "$prefix" >/dev/null

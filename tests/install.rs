@@ -39,6 +39,7 @@ fn the_installed_command_uses_the_installed_files() {
         "share/hoofprint/robots/hyq/hyq.urdf",
         "share/hoofprint/gaits/pace.toml",
         "share/hoofprint/runs/hyq_sim.toml",
+        "share/hoofprint/stacks/coman_hands.toml",
     ] {
         assert!(prefix.join(file).metadata().unwrap().len() > 0, "{file}");
     }
