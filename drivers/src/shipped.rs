@@ -1,4 +1,4 @@
-//! Where the files are that ship with the command: `robots/`, `gaits/`, `scenarios/`, `runs/`.
+//! Where the files are that ship with the command: `robots/`, `gaits/`, `scenarios/`, `runs/`, `stacks/`.
 //!
 //! Three folders are searched, in this order: the working directory, `../share/hoofprint` beside the executable (`make install`), and the
 //! source tree that the command was built in. So a local file takes precedence over an installed one.

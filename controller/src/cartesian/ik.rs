@@ -243,11 +243,6 @@ impl Ik {
         self.hierarchy.levels[level].residual(v)
     }
 
-    /// The hierarchy of the last problem.
-    pub fn hierarchy(&self) -> &Hierarchy {
-        &self.hierarchy
-    }
-
     /// The last reports of the levels of the formula, and the constraints that are active, with their level.
     pub fn reports(&self) -> (&[LevelReport], impl Iterator<Item = (usize, crate::qp::QpRow)>) {
         let (solver, first) = if self.is_relaxed { (&self.relaxed_solver, 1) } else { (&self.solver, 0) };

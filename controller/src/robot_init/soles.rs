@@ -72,7 +72,7 @@ pub(super) fn turns_freely(tree: &UrdfTree, link: usize) -> bool {
     limits.is_some_and(|limits| limits.lower == f64::NEG_INFINITY && limits.upper == f64::INFINITY)
 }
 
-/// A name that no link and, with `_joint` behind it, no joint has: `wanted`, or with a number behind it.
+/// An unused name for a link: `wanted`, or `wanted` and a number. The name followed by `_joint` is unused among the joints, too.
 fn new_name(tree: &UrdfTree, wanted: &str) -> String {
     let is_new = |name: &String| {
         let joint = format!("{name}_joint");
